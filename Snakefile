@@ -139,6 +139,8 @@ rule capture:  # section 2: a recording -> its poses
         f"{subject}/{{hand}}/{{recording}}/poses.parquet",
     log:
         f"{logs}/capture/sub-{{subject}}_hand-{{hand}}_{{recording}}.log",
+    resources:
+        **study.resources(1, 10),
     params:
         code=code_digest("shukotsu.stages.capture.import_recording"),
         layout=study.layout_digest,
@@ -159,6 +161,8 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
         f"{subject}/findings.parquet",
     log:
         f"{logs}/check_recordings/sub-{{subject}}.log",
+    resources:
+        **study.resources(1, 5),
     params:
         code=code_digest("shukotsu.stages.check_recordings"),
         plan=study.recordings_plan,
@@ -179,6 +183,8 @@ rule align_events:  # not in the paper: notes, markers and pulses, on each recor
         clocks=f"{subject}/clocks.parquet",
     log:
         f"{logs}/align_events/sub-{{subject}}.log",
+    resources:
+        **study.resources(1, 2),
     params:
         code=code_digest("shukotsu.stages.align_events"),
         files=study.event_digest,
@@ -199,6 +205,8 @@ rule check_calibration:  # not in the paper: which joints should have moved more
         f"{subject}/calibration_advice.parquet",
     log:
         f"{logs}/check_calibration/sub-{{subject}}.log",
+    resources:
+        **study.resources(1, 5),
     params:
         code=code_digest("shukotsu.stages.solve_joints.check_calibration"),
         plan=study.plan,
@@ -218,6 +226,8 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
         f"{subject}/joint_solutions.parquet",
     log:
         f"{logs}/solve_joints/sub-{{subject}}.log",
+    resources:
+        **study.resources(1, 5),
     params:
         code=code_digest("shukotsu.stages.solve_joints"),
         plan=study.plan,
@@ -255,6 +265,8 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
         [f"{fit}/{table}.parquet" for table in FIT_TABLES],
     log:
         f"{logs}/fit_hand/sub-{{subject}}_hand-{{hand}}_model-{{model}}.log",
+    resources:
+        **study.resources(3, 30),
     params:
         code=code_digest("shukotsu.stages.fit_hand"),
         plan=study.fit_plan,
@@ -280,6 +292,8 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
         metacarpals=f"{subject}/metacarpals.parquet",
     log:
         f"{logs}/estimate_metacarpals/sub-{{subject}}.log",
+    resources:
+        **study.resources(1, 10),
     params:
         code=code_digest("shukotsu.stages.estimate_metacarpals"),
         plan=study.plan,
@@ -304,6 +318,8 @@ rule evaluate_tips:  # section 6: replay and tip errors
         errors=f"{subject}/tip_errors.parquet",
     log:
         f"{logs}/evaluate_tips/sub-{{subject}}.log",
+    resources:
+        **study.resources(1, 10),
     params:
         code=code_digest("shukotsu.stages.evaluate_tips"),
         plan=study.plan,
@@ -333,6 +349,8 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
         errors=f"{subject}/joint_errors.parquet",
     log:
         f"{logs}/evaluate_skeletons/sub-{{subject}}.log",
+    resources:
+        **study.resources(2, 10),
     params:
         code=code_digest("shukotsu.stages.evaluate_skeletons"),
         plan=study.plan,
@@ -357,6 +375,8 @@ rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, wa
         [f"{subject}/{table}.parquet" for table in MEASURED_TABLES],
     log:
         f"{logs}/measure_movement/sub-{{subject}}.log",
+    resources:
+        **study.resources(1, 20),
     params:
         code=code_digest("shukotsu.stages.measure_movement"),
         plan=study.plan,
@@ -439,6 +459,8 @@ rule export:  # skeletons and their motion for other programs
         directory(f"{subject}/exports"),
     log:
         f"{logs}/export/sub-{{subject}}.log",
+    resources:
+        **study.resources(1, 60),
     params:
         code=code_digest("shukotsu.stages.export"),
         plan=study.plan,
@@ -528,6 +550,8 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
         directory(f"{results}/report/sub-{{subject}}"),
     log:
         f"{logs}/subject_pages/sub-{{subject}}.log",
+    resources:
+        **study.resources(2, 15),
     params:
         code=code_digest("shukotsu.stages.report.subject"),
         plan=study.plan,

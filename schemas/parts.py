@@ -215,13 +215,14 @@ class PartsReader:
         by : the column that names what there are rows of (segment, digit or joint). Gives (T, len(columns))
         by that name, in the order of the file, null as NaN. frames : rising numbers (T,) of those to read,
         NaN where there is no row; all rows if None. name : to read alone. Raises InputError as `part`, and
-        where n_frames is given and rows are missing.
+        where n_frames is given and there are not so many rows.
         """
         _check_part(self._parts, part, self._path)
         keys = _named_keys(self._table, part) | {"task": task, "trial": trial} | ({by: name} if name else {})
         ends = {} if frames is None or not len(frames) else {"frame": (int(frames[0]), int(frames[-1]))}
         pieces: dict[str, list[Array]] = {}
         aligned: dict[str, Array] = {}
+        count_of: dict[str, int] = {}
         for group, mixed in self._groups_with(keys, ends).items():  # one at a time, for memory
             needed = columns if frames is None else ["frame", *columns]
             for own, numbers in self._numbers(group, mixed, keys, by, needed).items():
@@ -230,12 +231,13 @@ class PartsReader:
                     continue
                 if own not in aligned:
                     aligned[own] = np.full((len(frames), len(columns)), np.nan)
-                _put(aligned[own], frames, numbers)
+                count_of[own] = count_of.get(own, 0) + _put(aligned[own], frames, numbers)
         found = aligned | {own: np.concatenate(rows) if rows[1:] else rows[0] for own, rows in pieces.items()}
         for own, rows in found.items():
-            if n_frames is not None and len(rows) != n_frames:
+            count = count_of.get(own, len(rows))
+            if n_frames is not None and count != n_frames:
                 raise TableError(
-                    f"{self._path}: {task}{trial and ', '}{trial}, {own}: has {len(rows)} frames and the "
+                    f"{self._path}: {task}{trial and ', '}{trial}, {own}: has {count} frames and the "
                     f"recording {n_frames}; remove it and run the study again"
                 )
         return found
@@ -288,9 +290,9 @@ class PartsReader:
 
     @cached_property
     def _place(self) -> dict[str, int]:
-        """Places of the columns in a row group."""
-        schema = self._file.schema
-        return {schema.column(index).path: index for index in range(len(schema))}
+        """Places of the columns in a row group; asked for its schema, a file's metadata stay in memory."""
+        group = self._file.metadata.row_group(0)
+        return {group.column(index).path_in_schema: index for index in range(group.num_columns)}
 
 
 @contextmanager
@@ -320,12 +322,14 @@ def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str
     return {name: numbers[codes == code] for code, name in enumerate(names.dictionary.to_pylist())}
 
 
-def _put(out: Array, frames: npt.NDArray[np.int64], rows: Array) -> None:
-    """Fill (T, C) at rising frames (T,) from rows (N, 1 + C) that begin with theirs."""
-    if len(frames):
-        place = np.minimum(np.searchsorted(frames, rows[:, 0]), len(frames) - 1)
-        wanted = frames[place] == rows[:, 0]
-        out[place[wanted]] = rows[wanted, 1:]
+def _put(out: Array, frames: npt.NDArray[np.int64], rows: Array) -> int:
+    """Fill (T, C) at rising frames (T,) from rows (N, 1 + C) that begin with theirs; give how many did."""
+    if not len(frames):
+        return 0
+    place = np.minimum(np.searchsorted(frames, rows[:, 0]), len(frames) - 1)
+    wanted = frames[place] == rows[:, 0]
+    out[place[wanted]] = rows[wanted, 1:]
+    return int(wanted.sum())
 
 
 def _numbers(rows: pa.Table, columns: Sequence[str]) -> Array:

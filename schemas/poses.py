@@ -20,6 +20,7 @@ import pyarrow.parquet as pq
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.files.limits import FARTHEST_MM, check_regular
+from shukotsu.files.long_arrays import empty
 from shukotsu.files.parquet_files import column_ends, naming_damage, open_parquet
 from shukotsu.files.text_files import reading
 from shukotsu.schemas.catalogue import POSES
@@ -90,19 +91,22 @@ class Poses:
 
 
 PosesReader = Callable[..., Iterator[Poses]]
-"""Called with names of segments: a hand's recordings in turn, each whole, with those segments at least."""
+"""Called with names of segments: a hand's recordings in turn, long ones in blocks, with those at least."""
 
 
 def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
     """Give a reader of recordings, of which `segments` are all; it raises InputError as `read_poses` does.
 
-    Short recordings are kept between calls, with all segments; of long ones only what is asked for is read.
+    Short recordings are kept between calls, with all segments; of long ones only what is asked for is read,
+    some frames at a time.
     """
 
     def read(*wanted: str) -> Iterator[Poses]:
         for path in paths:
-            short = frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4
-            yield read_poses(path, segments if short else wanted)
+            if _is_short(path, segments):
+                yield read_poses(path, segments)
+            else:
+                yield from pose_blocks(path, wanted)
 
     return read
 
@@ -146,12 +150,45 @@ def read_poses(path: Path, segments: Sequence[str]) -> Poses:
     return poses
 
 
+def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
+    """Read one frame in `every`, from the first on, as `read_poses` reads all."""
+    if every <= 1:
+        return read_poses(path, segments)
+    kept, start = [], 0
+    for block in pose_blocks(path, segments):
+        kept.append(block.take(np.arange(-start % every, len(block.frame), every)))  # copies
+        start += len(block.frame)
+    return Poses(tuple(segments), *(np.concatenate(own) for own in zip(*map(_arrays, kept), strict=True)))
+
+
+def held_poses(path: Path, segments: Sequence[str]) -> Poses:
+    """Read poses as `read_poses` does, a long recording's into arrays of `shukotsu.files.long_arrays`."""
+    if _is_short(path, segments):
+        return read_poses(path, segments)
+    count = frame_count(path)
+    shape = count, len(segments)
+    numbers = empty(*shape, 3), empty(*shape, 4)
+    valid = np.empty(shape, bool, order="F")
+    poses = Poses(tuple(segments), np.empty(count, np.int64), np.empty(count), *numbers, valid)
+    start = 0
+    for block in pose_blocks(path, segments):
+        for whole, part in zip(_arrays(poses), _arrays(block), strict=True):
+            whole[start : start + len(part)] = part
+        start += len(block.frame)
+    return poses
+
+
 _kept: OrderedDict[tuple[Path, int, int, tuple[str, ...]], Poses] = OrderedDict()
 """Recordings by their file's path, size and time, and by segments; last the one that was asked for last."""
 
 
 def _arrays(poses: Poses) -> tuple[npt.NDArray[Any], ...]:
     return poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid
+
+
+def _is_short(path: Path, segments: Sequence[str]) -> bool:
+    """Say whether a recording may be in memory as a whole."""
+    return frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4
 
 
 def _size_bytes(poses: Poses) -> int:

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.findings import NOTE, REFUSED, Finding, worded
 from shukotsu.schemas.study import Recording
-from shukotsu.schemas.tables import read_metadata, read_table
+from shukotsu.schemas.tables import read_metadata, read_row_groups
 
 Row = dict[str, Any]
 
@@ -35,7 +34,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
     if recording.exclude:
         return row | {"status": "excluded", "message": recording.exclude}, []
     try:
-        table = read_table(poses, POSES, ["segment", "time_s", "valid"])
+        n_rows, n_valid, times_s = _summed(poses)
     except InputError as error:
         failed = worded("recording", REFUSED, str(error))
         return row | {"status": "failed", "message": failed.message}, [failed]
@@ -46,18 +45,16 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
         raise TableError(
             f"{poses}: its metadata have no number of missing_frames; make it with shukotsu.stages.capture"
         )
-    by_segment = table.group_by("segment", use_threads=False).aggregate([("valid", "sum")])
-    n_valid = dict(zip(*(column.to_pylist() for column in by_segment.columns), strict=True))
     dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
     problems = [Finding("recording", NOTE, "no-pose", {"segments": [*dead]})] if dead else []
     problems += [worded("recording", NOTE, loss) for loss in losses]
     row["message"] = "; ".join(dict.fromkeys([*(one.message for one in problems), *notes]))
-    n_frames = table.num_rows // max(len(n_valid), 1)
+    n_frames = n_rows // max(len(n_valid), 1)
     expected = (n_frames + missing) * len({*n_valid, *absent})
     row["tracker"] = str(parameters.get("tracker", ""))
     row["n_frames"] = n_frames
     row["n_receivers"] = sum(1 for count in n_valid.values() if count)
-    row["duration_s"] = _duration_s(table)
+    row["duration_s"] = max(times_s) - min(times_s) if times_s else None
     row["valid_percent"] = 100.0 * sum(n_valid.values()) / expected if expected else None
     return row, problems
 
@@ -70,7 +67,14 @@ def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
     return texts
 
 
-def _duration_s(poses: pa.Table) -> float | None:
-    """Time from the first device time to the last; None where there is none."""
-    times = pc.min_max(poses["time_s"]).as_py()
-    return None if times["min"] is None else float(times["max"] - times["min"])
+def _summed(poses: Path) -> tuple[int, dict[str, int], list[float]]:
+    """Count rows, and valid ones by segment; give the first and last times of each row group that has any."""
+    n_rows, n_valid, times_s = 0, dict[str, int](), list[float]()
+    for rows in read_row_groups(poses, POSES, ["segment", "time_s", "valid"]):
+        n_rows += rows.num_rows
+        by_segment = rows.group_by("segment", use_threads=False).aggregate([("valid", "sum")])
+        for segment, count in zip(*(column.to_pylist() for column in by_segment.columns), strict=True):
+            n_valid[segment] = n_valid.get(segment, 0) + count
+        ends = pc.min_max(rows["time_s"]).as_py()
+        times_s += [] if ends["min"] is None else ends.values()
+    return n_rows, n_valid, times_s

@@ -178,6 +178,15 @@ def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -
         return read
 
 
+def read_row_groups(path: Path, table: Table, columns: Sequence[str]) -> Iterator[pa.Table]:
+    """Read some columns of a table one row group after another; raises InputError as `read_table` does."""
+    with open_table(path, table) as file, naming_damage(path):
+        for group in range(file.num_row_groups):
+            rows = file.read_row_group(group, list(columns), use_threads=False)
+            rows.validate(full=True)
+            yield rows
+
+
 def open_table(path: Path, table: Table) -> pq.ParquetFile:
     """Open a table for reading piece by piece, its schema checked as `read_table` does."""
     file = open_parquet(path, f"a {table.name} table")

@@ -11,8 +11,8 @@ from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_
 from shukotsu.checks.declared import Declared
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.poses import read_poses, recording_name
-from shukotsu.schemas.tables import read_metadata, read_table
+from shukotsu.schemas.poses import held_poses, recording_name
+from shukotsu.schemas.tables import read_metadata, read_row_groups
 
 
 def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> CheckedRecording:
@@ -22,11 +22,14 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     """
     parameters = read_metadata(path)["parameters"]
     declared = Declared.of(parameters.get("mapping"), parameters.get("orientation", ""))
-    flags = read_table(path, POSES, ["segment", "flags"])
-    flagged = {
-        flag: Counter(flags.filter(pc.match_substring(flags["flags"], flag))["segment"].to_pylist())
-        for flag in LEFT_OUT
-    }
-    left_out = {flag: counts for flag, counts in flagged.items() if counts}
-    poses, side = read_poses(path, layout.measured), hand or recording_name(path).hand
-    return check_recording(poses, layout, side, declared, left_out)
+    side = hand or recording_name(path).hand
+    return check_recording(held_poses(path, layout.measured), layout, side, declared, _left_out(path))
+
+
+def _left_out(path: Path) -> dict[str, Counter[str]]:
+    """By flag and segment, of those in LEFT_OUT that there are: how many poses have it."""
+    flagged: dict[str, Counter[str]] = {flag: Counter() for flag in LEFT_OUT}
+    for rows in read_row_groups(path, POSES, ["segment", "flags"]):
+        for flag, counts in flagged.items():
+            counts.update(rows.filter(pc.match_substring(rows["flags"], flag))["segment"].to_pylist())
+    return {flag: counts for flag, counts in flagged.items() if counts}

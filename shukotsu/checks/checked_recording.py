@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from shukotsu.checks.declared import TIDY, Declared
 from shukotsu.checks.expected_body import ExpectedBody, expected_body
@@ -16,6 +17,7 @@ from shukotsu.checks.mistake_effect import effect
 from shukotsu.checks.mistake_search import Mistake, Search, explained, find_mistakes
 from shukotsu.checks.sampled_motion import motion_of, receiver_axes
 from shukotsu.checks.timeline import (
+    BLOCK_ROWS,
     Timeline,
     alike,
     away,
@@ -28,11 +30,11 @@ from shukotsu.checks.timeline import (
     turning_speed,
     zeros,
 )
+from shukotsu.files.long_arrays import chosen_points
 from shukotsu.schemas.findings import NOTE, REFUSED, SUSPECT, Finding
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.sentences.finding_sentences import Values
-from shukotsu.skeleton.rotations import Array
 
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
 OPEN_GAP_MM = 15.0
@@ -70,8 +72,10 @@ def check_recording(
     left_out : by flag and segment, of those in LEFT_OUT: how many poses the import left out, or put back.
     """
     seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
-    worn = slice(None) if len(seen) == len(poses.segments) else seen  # a slice copies nothing
-    line = Timeline(poses.time_s, poses.position_mm[:, worn], poses.quaternion[:, worn], poses.valid[:, worn])
+    line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
+    if len(seen) < len(poses.segments):
+        numbers = chosen_points(line.position_mm, seen), chosen_points(line.quaternion, seen)
+        line = Timeline(poses.time_s, *numbers, poses.valid[:, seen])
     segments = tuple(poses.segments[place] for place in seen)
     body = expected_body(layout, segments)
     clock = true_clock(line)
@@ -102,7 +106,8 @@ def poses_digest(poses: Poses) -> str:
     digest = hashlib.sha256()
     for place in np.flatnonzero(poses.valid.any(0)):
         for numbers in (poses.position_mm, poses.quaternion):
-            digest.update(numbers[:, place].tobytes())
+            for start in range(0, len(poses.frame), BLOCK_ROWS):
+                digest.update(numbers[start : start + BLOCK_ROWS, place].tobytes())
     return digest.hexdigest()[:16]
 
 
@@ -118,9 +123,11 @@ def _explained(
     """Findings of flips, spikes and all that a hypothesis undoes."""
     declared_mm = line.position_mm
     jumping = jumping_share(line) > 0.5
-    sign = np.ones(line.valid.shape) if jumping else sides(line)
+    sign = np.ones(line.valid.shape, np.int8) if jumping else sides(line)
     if (sign < 0).any():
-        line = replace(line, position_mm=line.position_mm * sign[..., None], valid=line.valid & (sign != 0))
+        line = replace(line, position_mm=line.position_mm.copy(), valid=line.valid & (sign != 0))
+        for place in np.flatnonzero((sign < 0).any(0)):
+            line.position_mm[:, place] = line.position_mm[:, place] * sign[:, place, None]
     odd = spikes(line)
     usable = line.valid & ~odd & ~stuck(line) & ~zeros(line)
     axes = receiver_axes(layout, segments)
@@ -160,7 +167,7 @@ def _first(line: Timeline, row: int) -> Values:
     return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
 
 
-def _flips(line: Timeline, sign: Array, segments: Sequence[str]) -> list[Finding]:
+def _flips(line: Timeline, sign: npt.NDArray[np.int8], segments: Sequence[str]) -> list[Finding]:
     changes = away(sign)
     if not changes.any():
         return []

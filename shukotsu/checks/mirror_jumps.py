@@ -26,6 +26,9 @@ SURE = 8.0
 SMEARED_FRAMES = 12
 """After a jump, and before it, the filter's tail takes at most so many more frames."""
 
+_BLOCK_ROWS = 1 << 15
+"""Steps that are looked at at a time."""
+
 
 @dataclass(frozen=True)
 class OwnSides:
@@ -57,13 +60,13 @@ def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
     sign, run = np.ones(len(frame), np.int64), np.zeros(len(frame), np.int64)
     if len(frame) > 1:
         lasts, frame_s = _lasts(np.diff(frame), np.diff(time_s))
-        step_mm, mirrored_mm = _apart_mm(position_mm[:-1], position_mm[1:])
+        step_mm, mirrored_mm, along_mm2 = _steps(position_mm)
         nearer_mm = np.minimum(step_mm, mirrored_mm)
         usual_mm = float(np.quantile(nearer_mm / lasts, 0.8))
         fastest_mm = UNTIMED_STEP_MM if np.isnan(frame_s) else FASTEST_MM_S * frame_s
         reach_mm = max(LARGE_STEPS * usual_mm, fastest_mm)
         within_mm = _within_mm(reach_mm, lasts)
-        odds = 2 * np.einsum("ij,ij->i", position_mm[1:], position_mm[:-1]) / within_mm**2
+        odds = 2 * along_mm2 / within_mm**2
         jumps = (step_mm > _within_mm(fastest_mm, lasts)) & (mirrored_mm < MIRRORED * step_mm)
         breaks, way = np.abs(odds) < SURE, np.zeros(len(frame), bool)
         for before, after in _leaps(nearer_mm > within_mm, position_mm, usual_mm):
@@ -88,6 +91,18 @@ def _lasts(frames: Integers, seconds: Array) -> tuple[Array, float]:
         return frames.astype(float), np.nan
     frame_s = float(np.median(seconds[timed] / frames[timed]))
     return np.maximum(frames, np.where(timed, seconds, 0.0) / frame_s), frame_s
+
+
+def _steps(position_mm: Array) -> Array:
+    """Of the steps (3, N - 1) between positions their length, that to the mirror image, and the scalar
+    product; a block at a time.
+    """
+    parts = []
+    for start in range(0, len(position_mm) - 1, _BLOCK_ROWS):
+        here = position_mm[start : start + _BLOCK_ROWS + 1]
+        along = np.einsum("ij,ij->i", here[1:], here[:-1])
+        parts.append(np.stack([*_apart_mm(here[:-1], here[1:]), along]))
+    return np.concatenate(parts, 1)
 
 
 def _apart_mm(one: Array, other: Array) -> tuple[Array, Array]:

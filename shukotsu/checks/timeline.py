@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from shukotsu.checks.mirror_jumps import own_sides
 from shukotsu.skeleton.rotations import Array
 
 Bools = npt.NDArray[np.bool_]
+Rows = npt.NDArray[np.int64]
 
 SPIKE_MM, SPIKE_DEG, SPIKE_TIMES = 60.0, 60.0, 8.0
 STUCK_S, STUCK_FRAMES = 0.25, 20
@@ -23,10 +25,16 @@ CLOCKS = (1e-3, 1e-6, 1e3, 1e6)
 CLOCK_MARGIN = 8.0
 JUMP_MM, JUMP_DEG = 5.0, 30.0
 
+BLOCK_ROWS = 1 << 15
+"""Rows that are looked at at a time: of a long recording's numbers no more are in memory."""
+
 
 @dataclass(frozen=True)
 class Timeline:
-    """time_s (T,), NaN where unknown; position_mm (T, S, 3); quaternion (T, S, 4); valid (T, S)."""
+    """time_s (T,), NaN where unknown; position_mm (T, S, 3); quaternion (T, S, 4); valid (T, S).
+
+    Positions and quaternions may be on the disk (`shukotsu.files.long_arrays`).
+    """
 
     time_s: Array
     position_mm: Array
@@ -41,12 +49,22 @@ class Timeline:
         return float(np.median(steps)) if len(steps) else float("nan")
 
 
-def sides(line: Timeline) -> Array:
+def _windows(rows: Rows, more: int, function: Callable[[Rows], npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Apply a function to rows (N,) some at a time, each time to `more` beyond those that it gives (..., n)
+    of; give (..., N - more).
+    """
+    count = max(0, len(rows) - more)
+    starts = range(0, max(count, 1), BLOCK_ROWS)
+    parts = [function(rows[start : min(start + BLOCK_ROWS, count) + more]) for start in starts]
+    return np.concatenate(parts, -1)
+
+
+def sides(line: Timeline) -> npt.NDArray[np.int8]:
     """Give the side of the transmitter on which each pose (T, S) is, by its receiver's jumps.
 
     1 where it mostly is, -1 on the other, 0 on the way; where a pose is not valid, the side of those before.
     """
-    sign = np.ones(line.valid.shape)
+    sign = np.ones(line.valid.shape, np.int8)
     for place in range(line.valid.shape[1]):
         rows = np.flatnonzero(line.valid[:, place])
         found = own_sides(rows, line.time_s[rows], line.position_mm[rows, place])
@@ -56,10 +74,10 @@ def sides(line: Timeline) -> Array:
     return sign
 
 
-def away(sign: Array) -> npt.NDArray[np.int64]:
+def away(sign: npt.NDArray[Any]) -> Rows:
     """Count how often each receiver (S,) is on the other side, of sides (T, S): there and back is once."""
-    other = np.concatenate([np.zeros((1, sign.shape[1])), sign]) < 0
-    return np.asarray((np.diff(other.astype(int), axis=0) > 0).sum(0))
+    other = sign < 0
+    return np.asarray((other[1:] & ~other[:-1]).sum(0) + other[:1].sum(0))
 
 
 def spikes(line: Timeline) -> Bools:
@@ -71,14 +89,17 @@ def spikes(line: Timeline) -> Bools:
             rows = rows[~odd[rows, place]]
             if len(rows) <= 2 * far:
                 continue
-            here = line.position_mm[rows, place]
-            before, middle, after = here[: -2 * far], here[far:-far], here[2 * far :]
-            off = np.linalg.norm(middle - (before + after) / 2, axis=-1)
-            apart = np.linalg.norm(after - before, axis=-1)
+
+            def steps(part: Rows, place: int = place, far: int = far) -> Array:
+                here, turn = line.position_mm[part, place], line.quaternion[part, place]
+                before, middle, after = here[: -2 * far], here[far:-far], here[2 * far :]
+                off, apart = middle - (before + after) / 2, after - before
+                away = _between_deg(turn[far:-far], turn[: -2 * far])
+                around = _between_deg(turn[: -2 * far], turn[2 * far :])
+                return np.stack([*(np.linalg.norm(own, axis=-1) for own in (off, apart)), away, around])
+
+            off, apart, away, around = _windows(rows, 2 * far, steps)
             least = max(SPIKE_MM, SPIKE_TIMES * float(np.quantile(off, 0.9)))
-            turn = line.quaternion[rows, place]
-            away = _between_deg(turn[far:-far], turn[: -2 * far])
-            around = _between_deg(turn[: -2 * far], turn[2 * far :])
             most = max(SPIKE_DEG, SPIKE_TIMES * float(np.quantile(away, 0.9)))
             found = ((off > least) & (apart < 0.5 * off)) | ((away > most) & (around < 0.3 * away))
             odd[rows[far:-far][found], place] = True
@@ -98,22 +119,28 @@ def stuck(line: Timeline) -> Bools:
     interval = line.interval_s
     least = max(STUCK_FRAMES, int(STUCK_S / interval)) if interval > 0 else STUCK_FRAMES
     still = np.zeros(line.valid.shape, bool)
-    same = _same_as_before(line) & line.valid[1:] & line.valid[:-1]
-    for place in range(line.valid.shape[1]):
-        if not same[:, place].any() or same[line.valid[1:, place], place].mean() > ALL_ALONG:
+    for place, valid in enumerate(line.valid.T):
+        same = _same_as_before(line, place) & valid[1:] & valid[:-1]
+        if not same.any() or same[valid[1:]].mean() > ALL_ALONG:
             continue
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], same[:, place], [False]]).astype(int)))
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
         for start, end in zip(edges[::2], edges[1::2], strict=True):
             if end - start >= least and _others_move(line, place, start, end):
                 still[start : end + 1, place] = True
     return still
 
 
-def _same_as_before(line: Timeline) -> Bools:
-    """Say whether a pose (T - 1, S) is to the last bit that of the frame before."""
-    arrays = (line.position_mm, line.quaternion)
-    places, turns = ((array[1:] == array[:-1]).all(-1) for array in arrays)
-    return np.asarray(places & turns)
+def _same_as_before(line: Timeline, place: int) -> Bools:
+    """Say whether a receiver's poses (T - 1,) are to the last bit those of the frame before."""
+
+    def same(part: Rows) -> Bools:
+        places, turns = (
+            (own[1:] == own[:-1]).all(-1)
+            for own in (line.position_mm[part, place], line.quaternion[part, place])
+        )
+        return np.asarray(places & turns)
+
+    return _windows(np.arange(len(line.valid)), 1, same)
 
 
 def _others_move(line: Timeline, place: int, start: int, end: int) -> bool:
@@ -129,32 +156,49 @@ def zeros(line: Timeline) -> Bools:
 
     A receiver that is there all along may be what the others are measured against.
     """
-    there = (line.position_mm == 0).all(-1) & (line.quaternion[..., 1:] == 0).all(-1) & line.valid
-    return np.asarray(there & (line.valid & ~there).any(0))
+    empty = np.zeros(line.valid.shape, bool)
+    for place, valid in enumerate(line.valid.T):
+
+        def there(part: Rows, place: int = place) -> Bools:
+            here, turn = line.position_mm[part, place], line.quaternion[part, place, 1:]
+            return np.asarray((here == 0).all(-1) & (turn == 0).all(-1))
+
+        own = _windows(np.arange(len(valid)), 0, there) & valid
+        if (valid & ~own).any():
+            empty[:, place] = own
+    return empty
 
 
-def alike(line: Timeline) -> dict[tuple[int, int], npt.NDArray[np.int64]]:
+def alike(line: Timeline) -> dict[tuple[int, int], Rows]:
     """Rows in which two receivers, of which one moves, have one pose to the last bit, by their places."""
-    x = np.sort(np.where(line.valid, line.position_mm[..., 0], np.nan), axis=1)
-    rows = np.flatnonzero((np.diff(x, axis=1) == 0).any(1))
-    position, turn, valid = (array[rows] for array in (line.position_mm, line.quaternion, line.valid))
-    found = {}
-    for first, second in itertools.combinations(range(valid.shape[1]), 2):
-        same = (position[:, first] == position[:, second]).all(-1) & valid[:, [first, second]].all(1)
-        same &= (turn[:, first] == turn[:, second]).all(-1)
-        if same.any() and (_moves(line, first) or _moves(line, second)):
-            found[first, second] = rows[same]
-    return found
+    found: dict[tuple[int, int], list[Rows]] = {
+        pair: [] for pair in itertools.combinations(range(line.valid.shape[1]), 2)
+    }
+    for start in range(0, len(line.valid), BLOCK_ROWS):
+        part = slice(start, start + BLOCK_ROWS)
+        x = np.sort(np.where(line.valid[part], line.position_mm[part][..., 0], np.nan), axis=1)
+        rows = start + np.flatnonzero((np.diff(x, axis=1) == 0).any(1))
+        position, turn, valid = (array[rows] for array in (line.position_mm, line.quaternion, line.valid))
+        for (first, second), own in found.items() if len(rows) else ():
+            same = (position[:, first] == position[:, second]).all(-1) & valid[:, [first, second]].all(1)
+            same &= (turn[:, first] == turn[:, second]).all(-1)
+            own += [rows[same]] if same.any() else []
+    pairs = {pair: np.concatenate(own) for pair, own in found.items() if own}
+    moving = {place: _moves(line, place) for place in {place for pair in pairs for place in pair}}
+    return {pair: rows for pair, rows in pairs.items() if moving[pair[0]] or moving[pair[1]]}
 
 
 def _moves(line: Timeline, place: int) -> bool:
-    here = line.position_mm[line.valid[:, place], place]
-    return bool((here != here[:1]).any())
+    rows = np.flatnonzero(line.valid[:, place])
+    first = line.position_mm[rows[0], place]
+    return bool(_windows(rows, 0, lambda part: (line.position_mm[part, place] != first).any(-1)).any())
 
 
 def repeated_share(line: Timeline) -> float:
     """Share of frames in which every receiver stands as in the frame before."""
-    same = (_same_as_before(line) | ~line.valid[1:]).all(-1) & line.valid[1:].any(-1)
+    same = np.asarray(line.valid[1:].any(-1))
+    for place, valid in enumerate(line.valid.T):
+        same &= _same_as_before(line, place) | ~valid[1:]
     return float(same.mean()) if same.size else 0.0
 
 
@@ -180,10 +224,23 @@ def turning_speed(line: Timeline, most_frames: int = 12) -> float:
     """
     interval = line.interval_s
     stride = max(1, min(most_frames, len(line.valid) // 10))
-    both = line.valid[stride:] & line.valid[:-stride]
-    turned = np.radians(_between_deg(line.quaternion[stride:], line.quaternion[:-stride]))
-    speeds = [np.quantile(turned[own, place], 0.9) for place, own in enumerate(both.T) if own.any()]
+    speeds = []
+    for place, valid in enumerate(line.valid.T):
+        both = valid[stride:] & valid[:-stride]
+        if both.any():
+            turned = np.radians(_turned_deg(line, place, np.arange(len(valid)), stride))
+            speeds.append(np.quantile(turned[both], 0.9))
     return float(np.median(speeds) / (stride * interval)) if speeds else 0.0
+
+
+def _turned_deg(line: Timeline, place: int, rows: Rows, stride: int) -> Array:
+    """Angles (N - stride,) between a receiver's poses in rows (N,), so many of them apart."""
+
+    def turned(part: Rows) -> Array:
+        own = line.quaternion[part, place]
+        return _between_deg(own[stride:], own[:-stride])
+
+    return _windows(rows, stride, turned)
 
 
 def jumping_share(line: Timeline) -> float:
@@ -196,8 +253,15 @@ def _jumps(line: Timeline, place: int) -> bool:
     rows = np.flatnonzero(line.valid[:, place])
     if len(rows) < 5:
         return False
-    here = line.position_mm[rows, place]
-    bent = np.median(np.linalg.norm(here[2:] - 2 * here[1:-1] + here[:-2], axis=-1))
-    spread = np.median(np.linalg.norm(here - np.median(here, axis=0), axis=-1))
-    turned = np.median(_between_deg(line.quaternion[rows[1:], place], line.quaternion[rows[:-1], place]))
+    middle = np.array([np.median(line.position_mm[rows, place, axis]) for axis in range(3)])
+
+    def bends(part: Rows) -> Array:
+        here = line.position_mm[part, place]
+        return np.asarray(np.linalg.norm(here[2:] - 2 * here[1:-1] + here[:-2], axis=-1))
+
+    def away_mm(part: Rows) -> Array:
+        return np.asarray(np.linalg.norm(line.position_mm[part, place] - middle, axis=-1))
+
+    bent, spread = np.median(_windows(rows, 2, bends)), np.median(_windows(rows, 0, away_mm))
+    turned = np.median(_turned_deg(line, place, rows, 1))
     return bool((bent > JUMP_MM and bent > spread) or turned > JUMP_DEG)

@@ -6,9 +6,9 @@ the numbers of every table that has rows frame by frame (joint angles, tips, err
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.parts import Part, open_parts, read_part
 from shukotsu.schemas.plan import SubjectPlan
-from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_poses
+from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_every
 from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table, rows_of
@@ -110,16 +110,7 @@ class PosedRecording:
 
     def poses(self, every: int = 1) -> Poses:
         """Read the receivers' poses, of all frames or one in `every`."""
-        if every <= 1:
-            return read_poses(self.poses_file, self.layout.measured)
-        kept, start = [], 0
-        for block in self.pose_blocks():
-            kept.append(block.take(np.arange(-start % every, len(block.frame), every)))  # copies
-            start += len(block.frame)
-        names = ("frame", "time_s", "position_mm", "quaternion", "valid")
-        return Poses(
-            self.layout.measured, *(np.concatenate([getattr(own, name) for own in kept]) for name in names)
-        )
+        return read_every(self.poses_file, self.layout.measured, every)
 
     def pose_blocks(self) -> Iterator[Poses]:
         """Read the receivers' poses so many frames at a time, at least one block, which may be empty."""
@@ -147,6 +138,19 @@ class PosedRecording:
         count = self.n_frames if frames is None else None
         with open_parts(self.tables.path(table), table) as parts:
             return parts.recording(self.part, own.task, own.trial, by, columns, count, frames, name)
+
+    def series(self, table: Table, columns: Sequence[str]) -> dict[str, Callable[[], Array]]:
+        """Give readers of columns (T, C) of one segment, digit or joint each, as `numbers` of all frames.
+
+        Raises InputError where the table has no row of the recording.
+        """
+        names = self.numbers(table, (), next(self.pose_blocks()).frame[:1])
+        if not names:
+            raise InputError(f"the {table.name} table has no row of this recording")
+        return {name: partial(self._one, table, columns, name) for name in names}
+
+    def _one(self, table: Table, columns: Sequence[str], name: str) -> Array:
+        return self.numbers(table, columns, name=name)[name]
 
     def bone_motion(self, poses: Poses) -> BoneMotion:
         """Read what moves the bones beside the receivers, at the frames of poses."""

@@ -147,6 +147,21 @@ class StudyFiles:
         session = [f"--session={who.session}"] if who.session else []
         return shlex.join([f"--subject={who.subject}", *session])
 
+    def resources(self, minutes: int, minutes_a_gb: int) -> dict[str, Callable[[Wildcards], int]]:
+        """What a job of a subject asks for, by the size of its recordings' files; of recordings that are not
+        there yet, as simulated ones, the least. Memory grows up to what a job holds of one of any length.
+        """
+
+        def gb(wildcards: Wildcards) -> float:
+            recordings = self._plans[wildcards.subject].recordings
+            files = {Path(path) for own in recordings for path in self._files_of(own)}
+            return sum(file.stat().st_size for file in files if file.is_file()) / 1e9
+
+        return {
+            "mem_mb": lambda wildcards: round(500 + min(700, 1500 * gb(wildcards))),
+            "runtime": lambda wildcards: round(minutes + minutes_a_gb * gb(wildcards)),
+        }
+
     def plan(self, wildcards: Wildcards) -> str:
         """Digest of the subject's whole plan."""
         return plan_digest(self._contents[wildcards.subject])

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any
 from shukotsu.stages import command_line, subject_stage
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from shukotsu.schemas.parts import Part, PartsWriter
     from shukotsu.schemas.plan import SubjectPlan
     from shukotsu.schemas.study import Recording
     from shukotsu.schemas.tables import Table
     from shukotsu.skeleton.rotations import Array
-    from shukotsu.stages.estimate_metacarpals.hand import BuiltHand
+    from shukotsu.stages.estimate_metacarpals.hand import BuiltHand, Index
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -116,13 +114,15 @@ def _pose_recording(
     fits: _Fits,
     metacarpals: PartsWriter,
 ) -> None:
-    from shukotsu.schemas.poses import frame_count, poses_reader, usable_poses
+    from functools import partial
+
+    from shukotsu.schemas.poses import poses_reader, usable_poses
     from shukotsu.stages.estimate_metacarpals.hand import pose_metacarpals
 
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     for path in usable_poses([plan.poses(recording)])[0]:
         posed_by_fit = model.fitting is not None and hand.metacarpals  # none where the fit failed
-        fitted = fits.posed(part, recording, frame_count(path)) if posed_by_fit else None
+        fitted = partial(fits.posed, part, recording) if posed_by_fit else None
         for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
             keys = {**plan.who._asdict(), "task": recording.task, "trial": recording.trial}
             metacarpals.columns(part, {**keys, **columns})
@@ -151,15 +151,16 @@ class _Fits:
 
         return list(rows_of(read_part(self._file(part.hand, part.model, name), table, part)))
 
-    def posed(self, part: Part, recording: Recording, n_frames: int) -> Mapping[str, Array]:
-        """Quaternions (T, 4) of the bones in a recording, by segment."""
+    def posed(self, part: Part, recording: Recording, segment: str, frames: Index) -> Array | None:
+        """Quaternions (T, 4) of a bone at some frames of a recording; None of one that is not posed."""
         from shukotsu.schemas.catalogue import BONE_POSES
         from shukotsu.schemas.parts import open_parts
 
         path = self._file(part.hand, part.model, "bone_poses")
         columns = [f"q{name}" for name in "wxyz"]
+        keys = (recording.task, recording.trial, "segment")
         with open_parts(path, BONE_POSES) as parts:
-            return parts.recording(part, recording.task, recording.trial, "segment", columns, n_frames)
+            return parts.recording(part, *keys, columns, len(frames), frames, segment).get(segment)
 
     def _file(self, hand: str, model: str, name: str) -> Path:
         from shukotsu.errors import InputError

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from shukotsu.schemas.catalogue import DISTAL_RECEIVER
 from shukotsu.schemas.layout import Layout
@@ -19,10 +22,11 @@ from shukotsu.stages.estimate_metacarpals.bones import (
     metacarpal_mode,
     with_fitted_lengths,
 )
-from shukotsu.stages.estimate_metacarpals.metacarpals import metacarpal_columns
+from shukotsu.stages.estimate_metacarpals.metacarpals import metacarpal_columns, neutral_posture
 from shukotsu.stages.estimate_metacarpals.wrist_row import wrist_row
 
 Row = dict[str, Any]
+Index = npt.NDArray[np.int64]
 
 _OF_JOINT_ALONE = ("gap_rms_free_mm", "n_frames", "n_effective")
 """Columns that only the frames joint by joint say."""
@@ -79,17 +83,20 @@ def pose_metacarpals(
     layout: Layout,
     model: SkeletonModel,
     recording: PosesReader,
-    fitted: Mapping[str, Array] | None = None,
+    fitted: Callable[[str, Index], Array | None] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Give the columns of the metacarpals table of one recording from digit on, digit by digit.
+    """Give the columns of the metacarpals table of one recording from digit on, digit by digit, of a long one
+    block by block.
 
-    fitted : quaternions (T, 4) by segment as the fit of the whole hand poses them, where the model has one.
+    fitted : gives quaternions (T, 4) of a segment at some frames (T,) as the fit of the whole hand poses it,
+    where the model has one.
     """
     for metacarpal in hand.metacarpals:
-        (poses,) = recording(metacarpal.chain.digit.base, *metacarpal.chain.receivers)
-        posed = None if fitted is None else fitted.get(metacarpal.bone.segment)
-        columns = metacarpal_columns(metacarpal, layout, model, poses, posed)
-        yield {"digit": metacarpal.chain.digit.name, **columns}
+        neutral = neutral_posture(metacarpal, layout, model, recording)
+        for poses in recording(metacarpal.chain.digit.base, *metacarpal.chain.receivers):
+            posed = None if fitted is None else fitted(metacarpal.bone.segment, poses.frame)
+            columns = metacarpal_columns(metacarpal, layout, model, poses, neutral, posed)
+            yield {"digit": metacarpal.chain.digit.name, **columns}
 
 
 def merge_fitted(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pyarrow as pa
 
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel
-from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.poses import Poses, PosesReader
 from shukotsu.skeleton.digit_chain import DigitChain, all_valid, turned
 from shukotsu.skeleton.rotations import (
     Array,
@@ -28,18 +29,28 @@ Bools = npt.NDArray[np.bool_]
 
 
 def metacarpal_columns(
-    metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, poses: Poses, fitted: Array | None
+    metacarpal: MetacarpalBone,
+    layout: Layout,
+    model: SkeletonModel,
+    poses: Poses,
+    neutral: Neutral | None,
+    fitted: Array | None,
 ) -> dict[str, Any]:
-    """Give frame, quaternion (qw..qz), swing_deg, twist_deg, length_mm and flags of one recording, (T,) each.
+    """Give frame, quaternion (qw..qz), swing_deg, twist_deg, length_mm and flags at some frames, (T,) each.
 
-    fitted : (T, 4) the posture that the fit of the whole hand gives, NaN in gaps, where that is the mode.
+    neutral : of the recording (`neutral_posture`). fitted : (T, 4) the posture that the fit of the whole hand
+    gives, NaN in gaps, where that is the mode.
     """
     chain, mode = metacarpal.chain, metacarpal.mode
     vector_mm = metacarpal_vectors(chain, poses)
     usable = all_valid(poses, _needed(chain, mode))
     posture = None
     if mode == "estimated":
-        quaternion, posture = _estimated(chain, layout, model, poses, vector_mm)
+        quaternion = np.full((len(poses.frame), 4), np.nan)
+        if neutral is not None:
+            posture = _posture(chain, layout, model, poses, neutral.reference)
+            hand = turned(poses, chain.digit.base)
+            quaternion = multiply(hand, multiply(posture.change, neutral.bone))
     elif mode == "fitted":
         assert fitted is not None, "the fit of the whole hand poses this metacarpal"
         quaternion, usable = fitted, np.isfinite(fitted[:, 0])
@@ -78,31 +89,64 @@ def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, p
     return multiply(turned(poses, bone.driven_by), own)
 
 
-def _estimated(
-    chain: DigitChain, layout: Layout, model: SkeletonModel, poses: Poses, vector_mm: Array
-) -> tuple[Array, Posture | None]:
-    """Postures (T, 4) by Eq. 8-11, bone to transmitter frame, and their angles.
+@dataclass(frozen=True)
+class Neutral:
+    """Hold where the postures of a metacarpal in a recording start from by Eq. 8-11.
+
+    bone : (4,) its posture there, at the recording's mean twist, seen from the hand.
+    """
+
+    reference: Reference
+    bone: Array
+
+
+def neutral_posture(
+    metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, recording: PosesReader
+) -> Neutral | None:
+    """Give it of a metacarpal whose posture is estimated, else None.
 
     Frame 1 is the first that shows all of the digit's receivers and its base; without one nothing is known.
-    The posture is neutral at the recording's mean twist. vector_mm : (T, 3) v(k).
     """
-    whole = all_valid(poses, (chain.digit.base, *chain.receivers))
-    if not whole.any():
-        return np.full((len(poses.frame), 4), np.nan), None
-    first = slice(int(np.argmax(whole)), int(np.argmax(whole)) + 1)
-    metacarpal, proximal = chain.digit.segments[:2]
-    hand = turned(poses, chain.digit.base)
-    normal = _dorsal_seen_from(hand, proximal, layout, poses)
+    chain = metacarpal.chain
+    needed = (chain.digit.base, *chain.receivers)
+    frame = _first_frame(needed, recording) if metacarpal.mode == "estimated" else None
+    if frame is None:
+        return None
+    bone, proximal = chain.digit.segments[:2]
+    vector_mm, hand = metacarpal_vectors(chain, frame)[0], turned(frame, chain.digit.base)
     dorsal = np.array(layout.segments[chain.digit.base].dorsal)
-    if metacarpal in chain.receivers:
-        dorsal = _dorsal_seen_from(hand[first], metacarpal, layout, poses.take(first))[0]
-    start = bone_frame(vector_mm[first][0], dorsal)
-    reference = Reference.of(vector_mm[first][0], start[:, 2], normal[first][0])
-    posture = estimate_posture(vector_mm, normal, reference, model.metacarpals.twist_factor)
-    seen = all_valid(poses, (chain.digit.base, proximal))
-    mean_twist_rad = float(np.angle(np.mean(np.exp(1j * posture.twist_rad[seen]))))
-    bone = multiply(from_matrix(start), about_axis(np.eye(3)[0], -mean_twist_rad))
-    return multiply(hand, multiply(posture.change, bone)), posture
+    if bone in chain.receivers:
+        dorsal = _dorsal_seen_from(hand, bone, layout, frame)[0]
+    start = bone_frame(vector_mm, dorsal)
+    normal = _dorsal_seen_from(hand, proximal, layout, frame)[0]
+    reference = Reference.of(vector_mm, start[:, 2], normal)
+    twist_rad = np.concatenate(
+        [
+            _posture(chain, layout, model, poses, reference).twist_rad[
+                all_valid(poses, (chain.digit.base, proximal))
+            ]
+            for poses in recording(*needed)
+        ]
+    )
+    mean_twist_rad = float(np.angle(np.mean(np.exp(1j * twist_rad))))
+    return Neutral(reference, multiply(from_matrix(start), about_axis(np.eye(3)[0], -mean_twist_rad)))
+
+
+def _first_frame(segments: tuple[str, ...], recording: PosesReader) -> Poses | None:
+    """The first frame that shows all of those segments."""
+    for poses in recording(*segments):
+        whole = all_valid(poses, segments)
+        if whole.any():
+            return poses.take(slice(int(np.argmax(whole)), int(np.argmax(whole)) + 1))
+    return None
+
+
+def _posture(
+    chain: DigitChain, layout: Layout, model: SkeletonModel, poses: Poses, reference: Reference
+) -> Posture:
+    normal = _dorsal_seen_from(turned(poses, chain.digit.base), chain.digit.segments[1], layout, poses)
+    vector_mm = metacarpal_vectors(chain, poses)
+    return estimate_posture(vector_mm, normal, reference, model.metacarpals.twist_factor)
 
 
 def _dorsal_seen_from(hand: Array, segment: str, layout: Layout, poses: Poses) -> Array:

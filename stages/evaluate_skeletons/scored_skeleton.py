@@ -87,11 +87,12 @@ class PartTable:
         return readable(lambda: self._reader().rows(self.part), reasons) or []
 
     def columns(
-        self, name: RecordingName, by: str, columns: Sequence[str], reasons: list[str]
-    ) -> dict[str, Array]:
-        """Numbers (T, columns) of one recording by digit or segment."""
+        self, name: RecordingName, by: str, own: str, columns: Sequence[str], reasons: list[str]
+    ) -> Array | None:
+        """Numbers (T, columns) of one recording, of one digit or segment; None where there are none."""
         key = (self.part, name.task, name.trial, by, columns)
-        return readable(lambda: self._reader().recording(*key), reasons) or {}
+        found = readable(lambda: self._reader().recording(*key, name=own), reasons)
+        return None if found is None else found.get(own)
 
     def _reader(self) -> PartsReader:
         return self.tables.reader(self.path, self.table)

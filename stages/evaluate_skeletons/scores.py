@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.plan import SubjectPlan
-from shukotsu.schemas.poses import Poses, RecordingName, read_poses
+from shukotsu.schemas.poses import Poses, RecordingName, held_poses
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import vector_of
 from shukotsu.sentences.messages import joined
@@ -30,8 +30,9 @@ from shukotsu.stages.evaluate_skeletons.truth import TrueDigit, Truth, at_frames
 class EvaluatedRecording:
     """A recording that skeletons are scored in.
 
-    poses : of all receivers; None where it has none, message : why. truth : by digit, frames numbered as the
-    recording's, of a simulated one; stated_truth : the joints and bones that it goes with.
+    poses : of all receivers, as `held_poses` gives them; None where it has none, message : why. truth : by
+    digit, frames numbered as the recording's, of a simulated one; stated_truth : the joints and bones that
+    it goes with.
     """
 
     name: RecordingName
@@ -60,7 +61,7 @@ def evaluated_recording(plan: SubjectPlan, recording: Recording, truth: Truth | 
     name = RecordingName(**recording.key)
     layout = plan.layouts[recording.hand.hand]
     reasons: list[str] = []
-    poses = readable(lambda: read_poses(plan.poses(recording), layout.measured), reasons)
+    poses = readable(lambda: held_poses(plan.poses(recording), layout.measured), reasons)
     if poses is None:
         return EvaluatedRecording(name, layout, None, {}, None, *reasons)
     tip_of = {digit.name: digit.tip for digit in layout.digits.values()}
@@ -70,20 +71,20 @@ def evaluated_recording(plan: SubjectPlan, recording: Recording, truth: Truth | 
 
 def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> list[Row]:
     """Rows of one skeleton in one recording, a digit each; without numbers, and why, where it has none."""
-    reasons, name = [skeleton.message], recording.name
+    name, rows = recording.name, []
     columns = ("error_mm", "frame", *TIP)
-    own = replayed = {} if skeleton.tips is None else skeleton.tips.columns(name, "digit", columns, reasons)
-    if skeleton.posed_tips is not None:
-        own = skeleton.posed_tips.columns(name, "digit", (*columns, "error_left_out_mm"), reasons)
-    metacarpals: dict[str, Array] = {}
-    if recording.truth and skeleton.metacarpals is not None:
-        by = "segment" if skeleton.reference else "digit"
-        metacarpals = skeleton.metacarpals.columns(name, by, ("frame", *QUATERNION), reasons)
-    rows = []
-    for digit in recording.layout.digits.values():
+    for digit in recording.layout.digits.values():  # of a long recording one alone is in memory
+        reasons, here = [skeleton.message], (name, "digit", digit.name)
+        own = replayed = None if skeleton.tips is None else skeleton.tips.columns(*here, columns, reasons)
+        if skeleton.posed_tips is not None:
+            own = skeleton.posed_tips.columns(*here, (*columns, "error_left_out_mm"), reasons)
+        bone = None
+        if recording.truth and skeleton.metacarpals is not None:
+            at = (name, "segment", digit.segments[0]) if skeleton.reference else here
+            bone = skeleton.metacarpals.columns(*at, ("frame", *QUATERNION), reasons)
         message = skeleton.tip_messages.get((name.task, name.trial, digit.name), "")
         row = recording.row(digit.name, skeleton.part.model, joined([*reasons, message]))
-        tip = own.get(digit.name, np.empty((0, len(columns))))
+        tip = np.empty((0, len(columns))) if own is None else own
         frame, poses = tip[:, 1].astype(np.int64), recording.poses
         if skeleton.reference and poses is not None:
             poses = poses.take(np.flatnonzero(np.isin(poses.frame, frame)))
@@ -93,11 +94,10 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
             "reference": skeleton.reference,
             "wrist_mcp_sd_mm": wrist_mcp_sd(poses, digit, recording.layout, skeleton.stated.joints),
         }
-        row |= tip_numbers(replayed.get(digit.name), own.get(digit.name))
+        row |= tip_numbers(replayed, own)
         true = recording.truth.get(digit.name)
         if true is not None:
             row |= true_tip_numbers(tip[:, 2:5], frame, true)
-            bone = metacarpals.get(digit.segments[0] if skeleton.reference else digit.name)
             if bone is not None and digit.metacarpal:
                 direction = directions(bone[:, 1:])
                 row["metacarpal_deg"] = metacarpal_deg(direction, bone[:, 0].astype(np.int64), true)

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from shukotsu.schemas.plan import SubjectPlan
     from shukotsu.schemas.study import Recording
     from shukotsu.skeleton.posing import Skeleton
+    from shukotsu.skeleton.rotations import Array
+    from shukotsu.stages.evaluate_tips.tip_tables import Index
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -82,16 +84,19 @@ def _evaluate_recording(
     keys: dict[str, Any] = recording.key
     row_keys = {**keys, "held_out": recording not in calibrated}
     try:
-        n_frames = frame_count(plan.poses(recording))
+        frame_count(plan.poses(recording))
     except TableError:
         raise
     except InputError as error:
         for digit in skeleton.layout.digits:
             errors.rows(part, [{**row_keys, **row} for row in unavailable_rows(digit, str(error))])
         return
-    columns = [f"q{name}" for name in "wxyz"]
-    with open_parts(arguments.metacarpals, METACARPALS) as parts:
-        turns = parts.recording(part, recording.task, recording.trial, "digit", columns, n_frames)
+
+    def turns(digit: str, frames: Index) -> dict[str, Array]:
+        keys = (recording.task, recording.trial, "digit", [f"q{name}" for name in "wxyz"])
+        with open_parts(arguments.metacarpals, METACARPALS) as parts:
+            return parts.recording(part, *keys, len(frames), frames, digit)
+
     reader = poses_reader([plan.poses(recording)], skeleton.layout.measured)
     for replayed in replay_recording(skeleton, reader, turns):
         if replayed.columns is not None:

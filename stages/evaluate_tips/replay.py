@@ -19,6 +19,9 @@ from shukotsu.skeleton.digit_chain import DigitChain, all_valid, carried_mm, tur
 from shukotsu.skeleton.posing import PosedBones, rigid_positions
 from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
 
+FirstFrame = tuple[Poses, Array | None]
+"""A recording's first usable frame, and the metacarpal's posture (1, 4) in it."""
+
 
 def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> npt.NDArray[np.bool_]:
     """Frames, (T,), in which everything that the digit's replay needs is there.
@@ -40,26 +43,39 @@ def tips_least_squares(bones: PosedBones) -> dict[str, Array]:
     return {joint.digit: position_mm[:, index] for index, joint in enumerate(bones.joints) if joint.tip}
 
 
-def tip_first_frame(chain: DigitChain, poses: Poses, metacarpal: Array | None, *, at_rest: bool) -> Array:
-    """Tip positions (T, 3) mm in the transmitter frame, bones bound in the first usable frame; NaN in gaps.
-
-    In that frame the joints are where the child halves put them and the tip is the distal receiver, so
-    the error there is zero; except with a metacarpal `at_rest`, which was never bound to anything.
-    """
+def first_frame(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> FirstFrame | None:
+    """The first usable frame and the metacarpal's posture (1, 4) in it; None where no frame is usable."""
     usable = usable_frames(chain, poses, metacarpal)
     if not usable.any():
+        return None
+    first = slice(int(np.argmax(usable)), int(np.argmax(usable)) + 1)
+    return poses.take(first), None if metacarpal is None else metacarpal[first]
+
+
+def tip_first_frame(
+    chain: DigitChain, poses: Poses, metacarpal: Array | None, first: FirstFrame | None, *, at_rest: bool
+) -> Array:
+    """Tip positions (T, 3) mm in the transmitter frame, bones bound in the first frame; NaN in gaps.
+
+    first : of the recording (`first_frame`), which the poses may be some frames of. In that frame the joints
+    are where the child halves put them and the tip is the distal receiver, so the error there is zero; except
+    with a metacarpal `at_rest`, which was never bound to anything.
+    """
+    usable = usable_frames(chain, poses, metacarpal)
+    if first is None:
         return np.full((len(poses.frame), 3), np.nan)
-    first = int(np.argmax(usable))
-    frame = poses.take(slice(first, first + 1))
+    frame, posture = first
     points = [carried_mm(frame, chain.digit.base, chain.base_point_mm)[0], *_joints(chain, frame)]
     tip = carried_mm(poses, chain.digit.base, chain.base_point_mm)
     for index, (segment, (start, end)) in enumerate(zip(chain.digit.segments, pairwise(points), strict=True)):
         bone = end - start
-        turn = metacarpal if index == 0 and metacarpal is not None else turned(poses, segment)
+        turn, start = metacarpal, posture
+        if index or turn is None or start is None:
+            turn, start = turned(poses, segment), turned(frame, segment)
         if turn is metacarpal and at_rest:
             tip = tip + rotate(turn, np.array([np.linalg.norm(bone), 0.0, 0.0]))
         else:
-            tip = tip + rotate(multiply(turn, conjugate(turn[first])), bone)
+            tip = tip + rotate(multiply(turn, conjugate(start[0])), bone)
     return np.where(usable[:, None], tip, np.nan)
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from shukotsu.schemas.poses import Poses, PosesReader
 from shukotsu.sentences.messages import message_of
@@ -14,81 +15,107 @@ from shukotsu.skeleton.digit_chain import DigitChain, digit_chain
 from shukotsu.skeleton.posing import Skeleton, receiver_bones, root_names
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.evaluate_tips.replay import (
+    FirstFrame,
     error_statistics,
+    first_frame,
     tip_error_mm,
     tip_first_frame,
     tips_least_squares,
     usable_frames,
 )
 
+Index = npt.NDArray[np.int64]
+
 BINDINGS = ("first-frame", "least-squares")
 
 
 @dataclass(frozen=True)
 class DigitReplay:
-    """One digit replayed: its columns of tips, and its rows of tip_errors (keys of the recording left out).
-
-    columns is None for a digit that cannot be replayed; its rows say why.
+    """Hold columns of tips of one digit at some frames, or its rows of tip_errors (keys of the recording left
+    out).
     """
 
-    columns: dict[str, Any] | None
-    rows: list[dict[str, Any]]
+    columns: dict[str, Any] | None = None
+    rows: Sequence[dict[str, Any]] = ()
 
 
 def replay_recording(
-    skeleton: Skeleton, recording: PosesReader, metacarpals: Mapping[str, Array]
+    skeleton: Skeleton, recording: PosesReader, metacarpals: Callable[[str, Index], Mapping[str, Array]]
 ) -> Iterator[DigitReplay]:
-    """Replay every digit of the layout in a recording. metacarpals : quaternions (T, 4) by digit.
+    """Replay every digit of the layout in a recording, block by block; its rows come after its columns.
 
+    metacarpals : gives, by a digit's name, its quaternions (T, 4) at some frames (T,), or nothing.
     A digit at a time, for the bones of all take several times the memory of the recording.
     """
     for digit in skeleton.layout.digits.values():
         alone = replace(skeleton, layout=replace(skeleton.layout, digits={digit.name: digit}))
         chain = digit_chain(digit, skeleton.layout, skeleton.model, skeleton.joints)
         receivers = [own for own in digit.segments if skeleton.layout.segments[own].measured]
-        (poses,) = recording(*dict.fromkeys([root_names(skeleton.layout)[1], digit.base, *receivers]))
-        bones = receiver_bones(alone, poses, metacarpals)
-        reason = chain if isinstance(chain, str) else bones.left_out.get(digit.name)
+        replay, reason, n_frames = _Replay(skeleton), chain if isinstance(chain, str) else None, 0
+        for poses in recording(*dict.fromkeys([root_names(skeleton.layout)[1], digit.base, *receivers])):
+            n_frames += len(poses.frame)
+            turns = metacarpals(digit.name, poses.frame)
+            bones = receiver_bones(alone, poses, turns)
+            reason = reason or bones.left_out.get(digit.name)
+            if reason is None and not isinstance(chain, str):
+                metacarpal = turns.get(digit.name) if digit.metacarpal else None
+                tip_mm = tips_least_squares(bones)[digit.name]
+                del bones
+                yield DigitReplay(replay.columns(chain, poses, metacarpal, tip_mm))
         if isinstance(chain, str) or reason is not None:
-            yield DigitReplay(None, unavailable_rows(digit.name, reason or "", len(poses.frame)))
+            yield DigitReplay(rows=unavailable_rows(digit.name, reason or "", n_frames))
         else:
-            metacarpal = metacarpals.get(digit.name) if digit.metacarpal else None
-            tip_mm = tips_least_squares(bones)[digit.name]
-            del bones
-            yield _replay_digit(skeleton, chain, poses, metacarpal, tip_mm)
+            yield DigitReplay(rows=replay.rows(chain))
 
 
-def _replay_digit(
-    skeleton: Skeleton, chain: DigitChain, poses: Poses, metacarpal: Array | None, tip_mm: Array
-) -> DigitReplay:
-    measured = skeleton.layout.segments[chain.digit.segments[0]].measured
-    at_rest = not measured and skeleton.model.metacarpals.unmeasured == "rest"
-    tip_mm = np.where(usable_frames(chain, poses, metacarpal)[:, None], tip_mm, np.nan)
-    tips_mm = (tip_first_frame(chain, poses, metacarpal, at_rest=at_rest), tip_mm)
-    first_frame_mm, least_squares_mm = (tip_error_mm(tip, chain, poses) for tip in tips_mm)
-    columns = {
-        "digit": chain.digit.name,
-        "frame": poses.frame,
-        "time_s": poses.time_s,
-        **{f"tip_{axis}_mm": tip_mm[:, index] for index, axis in enumerate("xyz")},
-        "error_mm": least_squares_mm,
-        "error_first_frame_mm": first_frame_mm,
-    }
-    why = "" if np.isfinite(least_squares_mm).any() else _why_unscored(chain, poses)
-    rows = [
-        _row(chain.digit.name, binding, len(poses.frame), why) | error_statistics(error_mm)
-        for binding, error_mm in zip(BINDINGS, (first_frame_mm, least_squares_mm), strict=True)
-    ]
-    return DigitReplay(columns, rows)
+class _Replay:
+    """One digit's replay as far as it is; errors by binding, segments those seen."""
 
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._skeleton = skeleton
+        self._first: FirstFrame | None = None
+        self._errors_mm: dict[str, list[Array]] = {binding: [] for binding in BINDINGS}
+        self._seen: set[str] = set()
 
-def _why_unscored(chain: DigitChain, poses: Poses) -> str:
-    """Say why no frame of a recording can be replayed: receivers that were not worn, or never all at once."""
-    needed = (chain.digit.base, *chain.receivers)
-    absent = [name for name in needed if not poses.valid[:, poses.index(name)].any()]
-    if absent:
-        return message_of("no-pose-to-replay", segments=absent)
-    return message_of("never-together", segments=needed)
+    def columns(
+        self, chain: DigitChain, poses: Poses, metacarpal: Array | None, tip_mm: Array
+    ) -> dict[str, Any]:
+        """Columns of tips at the next frames; tip_mm : (T, 3) of the least-squares binding."""
+        measured = self._skeleton.layout.segments[chain.digit.segments[0]].measured
+        at_rest = not measured and self._skeleton.model.metacarpals.unmeasured == "rest"
+        tip_mm = np.where(usable_frames(chain, poses, metacarpal)[:, None], tip_mm, np.nan)
+        self._first = self._first or first_frame(chain, poses, metacarpal)
+        bound_mm = tip_first_frame(chain, poses, metacarpal, self._first, at_rest=at_rest)
+        errors_mm = [tip_error_mm(tip, chain, poses) for tip in (bound_mm, tip_mm)]
+        for own, error_mm in zip(self._errors_mm.values(), errors_mm, strict=True):
+            own.append(error_mm)
+        self._seen |= {name for name in poses.segments if poses.valid[:, poses.index(name)].any()}
+        return {
+            "digit": chain.digit.name,
+            "frame": poses.frame,
+            "time_s": poses.time_s,
+            **{f"tip_{axis}_mm": tip_mm[:, index] for index, axis in enumerate("xyz")},
+            "error_mm": errors_mm[1],
+            "error_first_frame_mm": errors_mm[0],
+        }
+
+    def rows(self, chain: DigitChain) -> list[dict[str, Any]]:
+        """Rows of tip_errors, all frames replayed."""
+        found = {binding: np.concatenate(own) for binding, own in self._errors_mm.items()}
+        least_squares_mm = found[BINDINGS[1]]
+        why = "" if np.isfinite(least_squares_mm).any() else self._why_unscored(chain)
+        return [
+            _row(chain.digit.name, binding, len(error_mm), why) | error_statistics(error_mm)
+            for binding, error_mm in found.items()
+        ]
+
+    def _why_unscored(self, chain: DigitChain) -> str:
+        """Say why no frame can be replayed: receivers that were not worn, or never all at once."""
+        needed = (chain.digit.base, *chain.receivers)
+        absent = [name for name in needed if name not in self._seen]
+        if absent:
+            return message_of("no-pose-to-replay", segments=absent)
+        return message_of("never-together", segments=needed)
 
 
 def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[dict[str, Any]]:

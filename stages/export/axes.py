@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.files.long_arrays import by_point
 from shukotsu.skeleton.rotations import Array, about_axis, multiply, rotate
-from shukotsu.stages.export.long_arrays import by_point
 from shukotsu.stages.export.motion import SkeletonMotion
 
 UNITS_PER_MM = {"m": 1e-3, "cm": 0.1, "mm": 1.0}

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shukotsu.errors import InputError
+from shukotsu.files.long_arrays import by_point
 from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
-from shukotsu.stages.export.long_arrays import by_point
 from shukotsu.stages.export.motion import Bools, SkeletonMotion, Whole, continuous
 from shukotsu.stages.export.resampling import FILLED_FRAMES, blended, bracketed, slerped
 

@@ -31,10 +31,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError
+from shukotsu.files.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.skeleton.posing import SkeletonJoint, rigid_positions
 from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
-from shukotsu.stages.export.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
 
 Bools = npt.NDArray[np.bool_]
 Whole = npt.NDArray[np.int64]
@@ -110,7 +110,7 @@ class SkeletonMotion:
     position_mm : (T, J, 3), quaternion : (T, J, 4) unit (w, x, y, z) of bone frame to transmitter frame
     (or that which `shukotsu.stages.export.axes` turned to), signs continuous over time; NaN in gaps.
     notes : sentences, in order, on what is left out and what was done to the motion since it was read.
-    Positions and quaternions, the receivers' too, may be on the disk (`shukotsu.stages.export.long_arrays`).
+    Positions and quaternions, the receivers' too, may be on the disk (`shukotsu.files.long_arrays`).
     """
 
     joints: tuple[SkeletonJoint, ...]

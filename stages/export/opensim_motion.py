@@ -13,10 +13,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
+from shukotsu.files.long_arrays import BLOCK_FRAMES
 from shukotsu.files.whole_files import replacing
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.export.long_arrays import BLOCK_FRAMES
 from shukotsu.stages.export.motion import Bools, Origin, SkeletonMotion, known_points, require_times
 from shukotsu.stages.export.opensim_joints import JointForm
 from shukotsu.stages.export.opensim_markers import Triad

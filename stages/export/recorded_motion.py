@@ -8,13 +8,13 @@ import numpy as np
 
 from shukotsu.anatomy.neutral_bones import neutral_rotations, to_nail_side
 from shukotsu.errors import InputError
+from shukotsu.files.long_arrays import chosen_points, empty
 from shukotsu.files.whole_files import file_sha256
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.posed_recording import PosedRecording
 from shukotsu.skeleton.posing import PosedBones, axes_turned_about
 from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
-from shukotsu.stages.export.long_arrays import chosen_points, empty
 from shukotsu.stages.export.motion import (
     BONE_TO_WEBXR,
     RECEIVER_TIP,

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from shukotsu.errors import InputError
+from shukotsu.files.long_arrays import by_point
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.export.long_arrays import by_point
 from shukotsu.stages.export.motion import Bools, SkeletonMotion, Whole, continuous_series, known_points
 
 FILLED_FRAMES = 1_000_000

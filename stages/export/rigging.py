@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from shukotsu.errors import InputError
+from shukotsu.files.long_arrays import chosen_points
 from shukotsu.skeleton.posing import SkeletonJoint
 from shukotsu.skeleton.rotations import Array, multiply, rotate
-from shukotsu.stages.export.long_arrays import chosen_points
 from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion, rest_pose
 from shukotsu.stages.export.rig_names import RIGS, Rig
 

@@ -26,13 +26,13 @@ from typing import Any
 
 import numpy as np
 
+from shukotsu.files.long_arrays import BLOCK_FRAMES
 from shukotsu.files.whole_files import replacing
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.skeleton.rotations import Array, matrix, multiply, rotate
 from shukotsu.stages.export.axes import UNITS_PER_MM, Target, upright
 from shukotsu.stages.export.bone_mesh import bone_mesh
 from shukotsu.stages.export.file_facts import facts, joint_facts
-from shukotsu.stages.export.long_arrays import BLOCK_FRAMES
 from shukotsu.stages.export.motion import (
     SkeletonMotion,
     Whole,

@@ -16,7 +16,14 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import HandFitting
 from shukotsu.schemas.parts import Part
 from shukotsu.schemas.plan import SubjectPlan
-from shukotsu.schemas.poses import Poses, RecordingName, read_poses, recording_name, usable_poses
+from shukotsu.schemas.poses import (
+    Poses,
+    RecordingName,
+    frame_count,
+    read_every,
+    recording_name,
+    usable_poses,
+)
 from shukotsu.schemas.sheets import Row
 from shukotsu.sentences.messages import joined, message_of
 from shukotsu.skeleton.rotations import Array
@@ -151,9 +158,7 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
 
 def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:
     """Read a recording's poses, evenly thinned to at most so many frames."""
-    poses = read_poses(path, segments)
-    step = -(-len(poses.frame) // most_frames)
-    return poses.take(np.arange(0, len(poses.frame), step)) if step > 1 else poses
+    return read_every(path, segments, -(-frame_count(path) // most_frames))
 
 
 def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurement]:

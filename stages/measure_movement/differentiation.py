@@ -8,6 +8,8 @@ no velocity.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from shukotsu.skeleton.rotations import Array
@@ -61,10 +63,13 @@ def velocity_noise_sd(values: Array, step_s: float) -> Array:
     return np.asarray(gain * _MAD_TO_SD * middle / np.sqrt(20.0))
 
 
-def speed(velocities: Array, noise_sd: Array) -> Array:
-    """Speeds (...) of velocities (..., D) in D dimensions, without what noise (D,) adds to their square.
+def speed(series: Iterable[Array], step_s: float) -> Array:
+    """Speeds (T,) of series (T, 1), one a dimension, without what noise adds to their square.
 
     A speed that noise explains is zero.
     """
-    squared = (velocities**2).sum(-1) - (noise_sd**2).sum()
-    return np.asarray(np.sqrt(np.maximum(squared, 0.0)))
+    squared, noise = np.zeros(1), 0.0
+    for values in series:
+        squared = squared + velocity(values, step_s)[:, 0] ** 2
+        noise += float(velocity_noise_sd(values, step_s)[0]) ** 2
+    return np.asarray(np.sqrt(np.maximum(squared - noise, 0.0)))

@@ -9,7 +9,7 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.schemas.movement_tables import EVENTS
 from shukotsu.schemas.plan import SubjectPlan
-from shukotsu.schemas.poses import read_poses
+from shukotsu.schemas.poses import pose_blocks
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import read_table, rows_of
 from shukotsu.stages.measure_movement.cycles import Cycle, cut_cycles, within_recording
@@ -39,7 +39,8 @@ def _cycles(
     if not events:
         return []
     try:
-        time_s = read_poses(plan.poses(recording), plan.layouts[recording.hand.hand].measured).time_s
+        blocks = pose_blocks(plan.poses(recording), plan.layouts[recording.hand.hand].measured)
+        time_s = np.concatenate([poses.time_s for poses in blocks])
     except InputError:
         return []  # its import failed: the recordings table says why
     if grid_of(time_s) is None:

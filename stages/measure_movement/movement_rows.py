@@ -13,9 +13,9 @@ import numpy.typing as npt
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
 from shukotsu.stages.measure_movement.cycles import PERCENT, Cycle, mean_curves, normalised
-from shukotsu.stages.measure_movement.differentiation import speed, velocity, velocity_noise_sd
+from shukotsu.stages.measure_movement.differentiation import speed
 from shukotsu.stages.measure_movement.fingertip_contacts import contact_count, contacts
-from shukotsu.stages.measure_movement.recorded_movement import ANGLES, FingertipPath, JointSeries
+from shukotsu.stages.measure_movement.recorded_movement import ERRORS, AngleSeries, FingertipPath
 from shukotsu.stages.measure_movement.sampling import Grid, bridged
 from shukotsu.stages.measure_movement.smoothness import median_smoothness
 
@@ -26,23 +26,24 @@ NO_SKIN = "a digit of this model ends at its distal receiver, which tells no con
 NO_TIMES = "the recording has no times, so there are no speeds"
 
 
-def range_rows(series: JointSeries, grid: Grid | None) -> Iterator[Row]:
-    """Give rows of ranges_of_motion of one joint.
+def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
+    """Give the row of ranges_of_motion of an angle.
 
     An angle that a joint lacks beside another that it has is none.
     """
-    speeds = _angle_speeds(series.angle_deg, grid)
-    for index, angle in enumerate(ANGLES):
-        known = ~np.isnan(series.angle_deg[:, index])
-        row: Row = {"joint": series.joint, "angle": angle} | _coverage(known)
-        if not known.any():
-            if angle == "flexion":
-                yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
-            continue
-        errors = AngleErrors(*series.errors_deg[known, index].T)
-        row |= angle_range(series.angle_deg[known, index], errors)
-        row |= _speed_columns(speeds[:, index], "deg_s")
-        yield row | _judged(row, "ok" if series.status == "failed" else series.status, series.message, grid)
+    known = ~np.isnan(series.angle_deg)
+    row: Row = {"joint": series.joint, "angle": series.angle} | _coverage(known)
+    if not known.any():
+        if series.angle == "flexion":
+            yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
+        return
+    errors_deg = [np.full(int(known.sum()), np.nan)] * len(ERRORS)
+    if series.errors_deg is not None:
+        errors_deg = [series.errors_deg[:, index, 0][known] for index in range(len(ERRORS))]
+    row |= angle_range(series.angle_deg[known], AngleErrors(*errors_deg))
+    if grid is not None:
+        row |= _speed_columns(_speeds(series.angle_deg[:, None, None], grid), "deg_s")
+    yield row | _judged(row, "ok" if series.status == "failed" else series.status, series.message, grid)
 
 
 @dataclass(frozen=True)
@@ -66,13 +67,13 @@ def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
 def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
     """Rows of fingertip_paths."""
     for digit, tip in tips.items():
-        known = np.asarray(np.isfinite(tip.place_mm).all(-1))
+        known = np.isfinite(_summed_squares(tip.place_mm))
         row: Row = {"digit": digit} | _coverage(known)
         if not known.any():
             yield row | {"status": "failed", "message": "no frame has this fingertip"}
             continue
         if grid is not None:
-            way, turn = (_speeds_of_points(own, grid) for own in (tip.place_mm, tip.pointing))
+            way, turn = (_speeds(own, grid) for own in (tip.place_mm, tip.pointing))
             moving = ~np.isnan(way)
             row |= {
                 "path_length_mm": float(np.nansum(way) * grid.step_s) if moving.any() else None,
@@ -90,13 +91,13 @@ def distance_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Itera
     A contact goes on over a short gap: a lost frame is not a release, nor the next one another contact.
     """
     for (digit, one), (other_digit, other) in combinations(tips.items(), 2):
-        distance_mm = np.linalg.norm(one.place_mm - other.place_mm, axis=-1)
+        distance_mm = np.sqrt(_summed_squares(one.place_mm, other.place_mm))
         known = np.isfinite(distance_mm)
         row: Row = {"digit": digit, "other_digit": other_digit, "n_frames": int(known.sum())}
         if not known.any():
             yield row | {"status": "failed", "message": "no frame has both fingertips"}
             continue
-        sd_mm = np.sqrt((one.sd_mm**2 + other.sd_mm**2) / 3.0)[known]
+        sd_mm = np.sqrt((_summed_squares(one.sd_mm) + _summed_squares(other.sd_mm)) / 3.0)[known]
         row |= {
             "min_mm": float(distance_mm[known].min()),
             "median_mm": float(np.median(distance_mm[known])),
@@ -115,13 +116,13 @@ def distance_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Itera
 
 
 def joint_curves(
-    series: JointSeries, grid: Grid, time_s: Array, events: Sequence[Sequence[Cycle]]
+    series: AngleSeries, grid: Grid, time_s: Array, events: Sequence[Sequence[Cycle]]
 ) -> tuple[list[Curve], set[tuple[str, int]]]:
-    """Give a joint's mean curves over the cycles of each event, and the cycles used, by event and number.
+    """Give an angle's mean curve over the cycles of each event, and the cycles used, by event and number.
 
-    time_s : (T,) of the frames. Angles of which no cycle is whole are left out.
+    time_s : (T,) of the frames. An event of which no cycle is whole is left out.
     """
-    values = bridged(grid.spread(series.angle_deg), grid.step_s)
+    values = bridged(grid.spread(series.angle_deg[:, None]), grid.step_s)
     at_s = grid.times(time_s)
     found: list[Curve] = []
     used: set[tuple[str, int]] = set()
@@ -131,9 +132,9 @@ def joint_curves(
             continue
         curves = np.stack([normalised(values, at_s, one) for one in usable])
         mean, sd, count = mean_curves(curves)
-        for index in np.flatnonzero(count):
-            name, own = cycles[0].event, ANGLES[index]
-            found.append(Curve(series.joint, own, name, mean[:, index], sd[:, index], int(count[index])))
+        if count[0]:
+            name, own = cycles[0].event, series.angle
+            found.append(Curve(series.joint, own, name, mean[:, 0], sd[:, 0], int(count[0])))
         whole = np.asarray(~np.isnan(curves).any(1))
         used |= {(one.event, one.number) for one, own in zip(usable, whole, strict=True) if own.any()}
     return found, used
@@ -179,19 +180,19 @@ def _speed_columns(speeds: Array, unit: str) -> Row:
     return {f"speed_median_{unit}": float(middle), f"speed_p95_{unit}": float(high)}
 
 
-def _angle_speeds(angle_deg: Array, grid: Grid | None) -> Array:
-    """Speeds (n, J) of angles (T, J)."""
-    if grid is None:
-        return np.full(angle_deg.shape, np.nan)
-    values = bridged(grid.spread(angle_deg), grid.step_s)
-    noise = velocity_noise_sd(values, grid.step_s)
-    return np.asarray(np.sqrt(np.maximum(velocity(values, grid.step_s) ** 2 - noise**2, 0.0)))
+def _summed_squares(one: Array, other: Array | None = None) -> Array:
+    """Squares of columns (T, D, 1), or of their distances from other ones, summed, (T,)."""
+    summed = np.zeros(len(one))
+    for index in range(one.shape[1]):
+        column = one[:, index, 0] if other is None else one[:, index, 0] - other[:, index, 0]
+        summed += column**2
+    return summed
 
 
-def _speeds_of_points(points: Array, grid: Grid) -> Array:
-    """Speeds (n,) of points (T, 3)."""
-    values = bridged(grid.spread(points), grid.step_s)
-    return speed(velocity(values, grid.step_s), velocity_noise_sd(values, grid.step_s))
+def _speeds(columns: Array, grid: Grid) -> Array:
+    """Speeds (n,) of columns (T, D, 1)."""
+    series = (bridged(grid.spread(columns[:, index]), grid.step_s) for index in range(columns.shape[1]))
+    return speed(series, grid.step_s)
 
 
 def _bridged_in(values: Array, grid: Grid) -> Array:
@@ -202,4 +203,4 @@ def _bridged_in(values: Array, grid: Grid) -> Array:
 def _path_sd_mm(tip: FingertipPath, turn_rad_s: Array, grid: Grid) -> float:
     """1-sigma error of a path's length: a tip that is off goes so much farther, or less far, as it turns."""
     turned_rad = float(np.nansum(turn_rad_s) * grid.step_s)
-    return float(np.nanmedian(tip.sd_mm) / np.sqrt(3.0) * turned_rad) if tip.skin else float("nan")
+    return float(np.nanmedian(tip.sd_mm[:, 0, 0]) / np.sqrt(3.0) * turned_rad) if tip.skin else float("nan")

@@ -1,6 +1,6 @@
 """Joint angles and fingertips of a recording under a model, joint by joint and block by block.
 
-Of a recording only what is measured is in memory: angles of one joint, and a few numbers a digit and frame.
+Of a long recording one column of one of these is in memory at a time (see `shukotsu.files.long_arrays`).
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from shukotsu.anatomy.neutral_bones import bone_angles_deg, to_nail_side
+from shukotsu.files.long_arrays import chosen_points, empty
 from shukotsu.schemas.catalogue import JOINT_ANGLES, POSED_TIPS
 from shukotsu.schemas.layout import Digit
 from shukotsu.schemas.poses import Poses
 from shukotsu.sentences.messages import message_of
-from shukotsu.skeleton.posed_recording import Index, PosedRecording
+from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, Index, PosedRecording
 from shukotsu.skeleton.posing import PosedBones
 from shukotsu.skeleton.rotations import Array, conjugate, rotate
 
@@ -29,25 +30,27 @@ _FACING_FRAMES = 512
 
 
 @dataclass(frozen=True)
-class JointSeries:
-    """The angles of a joint over T frames, in the order of `ANGLES`: angle_deg (T, 3), NaN in gaps.
+class AngleSeries:
+    """One angle of a joint over T frames: angle_deg (T,), NaN in gaps.
 
-    errors_deg : (T, 3, E) the errors in `ERRORS`, NaN where they are not known. status, message : of the
+    errors_deg : (T, E, 1) the errors in `ERRORS`; None where the model states none. status, message : of the
     joint's centre.
     """
 
     joint: str
+    angle: str
     angle_deg: Array
-    errors_deg: Array
+    errors_deg: Array | None
     status: str
     message: str
 
 
 @dataclass
 class FingertipPath:
-    """The end of a digit in the hand's frame, (T, 3) mm, and where its distal receiver points, (T, 3).
+    """The end of a digit in the hand's frame, place_mm (T, 3, 1), and where its distal receiver points,
+    pointing (T, 3, 1).
 
-    sd_mm : (T,) 1-sigma error in 3-D, NaN where none is stated. skin : whether it is the end of the skin.
+    sd_mm : (T, 1, 1) 1-sigma error in 3-D, NaN where none is stated. skin : whether it is the skin's end.
     """
 
     place_mm: Array
@@ -71,20 +74,29 @@ class RecordedMovement:
     left_out: Mapping[str, str]
     _angles_deg: Mapping[str, Array] = field(default_factory=dict)
 
-    def joints(self) -> Iterator[JointSeries]:
+    def joints(self) -> Iterator[AngleSeries]:
         """Read the angles of each joint in turn; of a fitted hand from its table, else from its bones."""
-        columns = [f"{angle}_{what}" for angle in ANGLES for what in ("deg", *ERRORS)]
         for joint in (own for digit in self.posed.layout.digits.values() for own in digit.joints):
-            if self.posed.is_fitted:
-                read = self.posed.numbers(JOINT_ANGLES, columns, self.frame, joint)
-                values = None if joint not in read else read[joint].reshape(-1, len(ANGLES), 1 + len(ERRORS))
-            else:
-                own_deg = self._angles_deg.get(joint)
-                unknown = np.full((len(self.time_s), len(ANGLES), len(ERRORS)), np.nan)
-                values = None if own_deg is None else np.concatenate([own_deg[..., None], unknown], -1)
-            if values is not None:
-                status = reliability(self.posed, joint)
-                yield JointSeries(joint, running_on(values[..., 0]), values[..., 1:], *status)
+            columns = self._of_table(joint) if self.posed.is_fitted else self._angles_deg.get(joint)
+            if columns is None:
+                continue
+            status, each = reliability(self.posed, joint), columns.shape[1] // len(ANGLES)
+            for index, angle in enumerate(ANGLES):
+                angle_deg = running_on(columns[:, index * each])[:, 0]
+                errors = chosen_points(columns, range(index * each + 1, (index + 1) * each))
+                yield AngleSeries(joint, angle, angle_deg, errors if each > 1 else None, *status)
+
+    def _of_table(self, joint: str) -> Array | None:
+        """Columns (T, 3 (1 + E), 1) of a joint, every angle with its errors; None where the fit has none."""
+        names = [f"{angle}_{what}" for angle in ANGLES for what in ("deg", *ERRORS)]
+        columns = empty(len(self.frame), len(names), 1)
+        for start in range(0, len(self.frame), BLOCK_FRAMES):
+            rows = slice(start, start + BLOCK_FRAMES)
+            read = self.posed.numbers(JOINT_ANGLES, names, self.frame[rows], joint)
+            if joint not in read:
+                return None
+            columns[rows] = read[joint][..., None]
+        return columns
 
 
 def reliability(posed: PosedRecording, joint: str) -> tuple[str, str]:
@@ -130,7 +142,9 @@ def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedM
             found.append((angles, bone_angles_deg(layout, hand, bones, facing)))
         for series, own in found:
             for name, values in own.items():
-                series.setdefault(name, np.full((count, values.shape[-1]), np.nan))[rows] = values
+                if name not in series:
+                    series[name] = _unknown(count, values.shape[-1])
+                series[name][rows] = values[..., None]
     return RecordedMovement(
         posed,
         frame,
@@ -164,11 +178,21 @@ def _fingertips(posed: PosedRecording, poses: Poses, bones: PosedBones) -> dict[
     return found
 
 
+def _unknown(count: int, width: int) -> Array:
+    """Columns (T, C, 1) of no number."""
+    columns = empty(count, width, 1)
+    for index in range(width):
+        columns[:, index] = np.nan
+    return columns
+
+
 def _fingertip_path(columns: Array) -> FingertipPath:
     """One digit's path, to the skin's end where any frame knows it, else to the bone's."""
-    skin = columns.shape[-1] > 7 and bool(np.isfinite(columns[:, 8:]).any())
-    end = columns[:, 7:] if skin else columns[:, 3:7]
-    return FingertipPath(end[:, 1:], columns[:, :3], end[:, 0], skin)
+    skin = any(np.isfinite(columns[:, index]).any() for index in range(8, columns.shape[1]))
+    sd, first = (7, 8) if skin else (3, 4)
+    parts = range(first, first + 3), range(3), [sd]
+    place_mm, pointing, sd_mm = (chosen_points(columns, part) for part in parts)
+    return FingertipPath(place_mm, pointing, sd_mm, skin)
 
 
 def _base(posed: PosedRecording, digit: Digit, poses: Poses, bones: PosedBones) -> tuple[Array, Array]:

@@ -261,14 +261,24 @@ def still_frame(valid: npt.NDArray[np.bool_], base: int) -> int:
     return int(best[np.argmin(np.abs(best - (len(counts) - 1) / 2))])
 
 
-def open_frame(valid: npt.NDArray[np.bool_], base: int, tips_mm: Array, base_mm: Array) -> int:
-    """Index of the frame with most valid receivers (T, R), the base among them, in which the fingertips' ones
-    (T, D, 3) are farthest from the base (T, 3) in sum: the hand is open, and no finger hides another.
+def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
+    """The frame with most valid receivers, the base among them, in which the fingertips' ones are farthest
+    from the base in sum: the hand is open, and no finger hides another. None where the base is never valid.
     """
-    counts = np.where(valid[:, base], valid.sum(1), 0)
-    best = np.flatnonzero(counts == counts.max())
-    reach = np.nan_to_num(np.linalg.norm(tips_mm[best] - base_mm[best, None], axis=-1)).sum(1)
-    return int(best[np.argmax(reach)])
+    found, best = None, (0, -np.inf)
+    for poses in blocks:
+        base = poses.index(view_base(layout))
+        counts = np.where(poses.valid[:, base], poses.valid.sum(1), 0)
+        rows = np.flatnonzero(counts == counts.max(initial=1))
+        if len(rows):
+            tips = poses.position_mm[rows][:, [poses.index(digit.tip) for digit in layout.digits.values()]]
+            apart = np.linalg.norm(tips - poses.position_mm[rows, None, base], axis=-1)
+            reach = np.nan_to_num(apart).sum(1)
+            own = int(counts[rows[0]]), float(reach.max())
+            if own > best:
+                row = int(rows[np.argmax(reach)])
+                found, best = poses.take(np.array([row])), own
+    return found
 
 
 def receivers_at(motion: HandMotion, frame: int) -> Array:

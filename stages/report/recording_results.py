@@ -4,7 +4,7 @@ model.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,11 +22,12 @@ from shukotsu.schemas.catalogue import (
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import the_papers
 from shukotsu.schemas.parts import Part, read_part
-from shukotsu.schemas.poses import Poses, read_poses
+from shukotsu.schemas.poses import Poses, pose_blocks
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table
 from shukotsu.sentences.translation import N_
-from shukotsu.skeleton.posed_recording import Index, PosedRecording, SkeletonTables
+from shukotsu.skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
+from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, Index, PosedRecording, SkeletonTables
 from shukotsu.skeleton.posing import Skeleton, pose_bones
 from shukotsu.stages.report.hand_motion import (
     MOST_FRAMES,
@@ -36,22 +37,36 @@ from shukotsu.stages.report.hand_motion import (
     hand_motion,
     open_frame,
     receiver_skeleton,
-    view_base,
 )
 from shukotsu.stages.report.study_results import Row, StudyResults, recording_key, row_key
 
 Array = npt.NDArray[np.float64]
 
 ANGLES = ("flexion", "abduction", "rotation")
+PERCENTILES = (0, LOW_PERCENT, 50, HIGH_PERCENT, 100)
+
+
+@dataclass(frozen=True)
+class AngleRange:
+    """Hold how far one angle of a joint went, degrees at PERCENTILES, and in how many frames it is known."""
+
+    joint: str
+    angle: str
+    at_deg: tuple[float, ...]
+    n_frames: int
 
 
 @dataclass(frozen=True)
 class JointAngles:
-    """Angles under one model at T frames: joints (J,) names, angle_deg (T, J, 3) as ANGLES."""
+    """Angles under one model at the T frames that are shown, and their ranges over all.
+
+    joints : (J,) names. angle_deg : (T, J, 3) as ANGLES.
+    """
 
     model: str
     joints: tuple[str, ...]
     angle_deg: Array
+    ranges: tuple[AngleRange, ...]
 
 
 @dataclass(frozen=True)
@@ -105,7 +120,7 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
         trouble = error.message
     for name, own in posed.items():
         try:
-            found[name] = _model_results(results, own)
+            found[name] = _model_results(results, own, max(1, every))
             if poses is not None:
                 skeletons.append(_skeleton(results, own, poses))
         except InputError as error:
@@ -132,28 +147,30 @@ def read_still(results: StudyResults, recording: Recording, models: Collection[s
     layout, path = results.layouts[recording.hand], results.poses(recording)
     place = path.relative_to(results.paths.folder).as_posix()
     try:
-        poses = read_poses(path, layout.measured)
+        shown = open_frame(pose_blocks(path, layout.measured, BLOCK_FRAMES), layout)
     except InputError as error:
         raise InputError(str(error).replace(str(path), place).rstrip(".")) from error
-    base = poses.index(view_base(layout))
-    if not poses.valid[:, base].any():
+    if shown is None:
         raise InputError(f"{place} has no frame with a valid base receiver")
-    tips = [poses.index(digit.tip) for digit in layout.digits.values()]
-    index = open_frame(poses.valid, base, poses.position_mm[:, tips], poses.position_mm[:, base])
-    shown = poses.take(slice(index, index + 1))
     skeletons = [_skeleton(results, _posed(results, recording, own), shown, still=True) for own in models]
     return hand_motion(recording.hand.hand, layout, shown, skeletons)
 
 
-def read_angles(results: StudyResults, recording: Recording, model: str) -> JointAngles:
-    """Read joint angles under a model that fits the whole hand; InputError where the recording has none."""
+def read_angles(results: StudyResults, recording: Recording, model: str) -> dict[str, Callable[[], Array]]:
+    """Give readers of the angles (T, 3) of each joint, as ANGLES, under a model that fits the whole hand.
+
+    Raises InputError where the recording has none.
+    """
     return _angles(_posed(results, recording, model))
 
 
-def read_tip_errors(results: StudyResults, recording: Recording, model: str) -> dict[str, Array]:
-    """Read the replay's tip error (T,) by digit, mm, NaN in gaps; InputError where there is none."""
-    found = _numbers(_posed(results, recording, model), TIPS, ["error_mm"])
-    return {digit: errors[:, 0] for digit, errors in found.items()}
+def read_tip_errors(
+    results: StudyResults, recording: Recording, model: str
+) -> dict[str, Callable[[], Array]]:
+    """Give readers of the replay's tip error (T, 1) of each digit, mm, NaN in gaps; InputError where there is
+    none.
+    """
+    return _posed(results, recording, model).series(TIPS, ["error_mm"])
 
 
 def _posed(results: StudyResults, recording: Recording, model: str) -> PosedRecording:
@@ -170,14 +187,30 @@ def _posed(results: StudyResults, recording: Recording, model: str) -> PosedReco
     )
 
 
-def _angles(posed: PosedRecording) -> JointAngles:
-    of_joint = _numbers(posed, JOINT_ANGLES, [f"{angle}_deg" for angle in ANGLES])
-    return JointAngles(posed.model.name, tuple(of_joint), np.stack(list(of_joint.values()), 1))
+def _angles(posed: PosedRecording) -> dict[str, Callable[[], Array]]:
+    return posed.series(JOINT_ANGLES, [f"{angle}_deg" for angle in ANGLES])
 
 
-def _numbers(
-    posed: PosedRecording, table: Table, columns: Sequence[str], frames: Index | None = None
-) -> dict[str, Array]:
+def _shown_angles(posed: PosedRecording, every: int) -> JointAngles:
+    shown: dict[str, Array] = {}
+    ranges: list[AngleRange] = []
+    for joint, read in _angles(posed).items():
+        angle_deg = read()
+        shown[joint] = angle_deg[::every].copy()  # lets go of the others
+        ranges += angle_ranges(joint, angle_deg)
+    return JointAngles(posed.model.name, tuple(shown), np.stack(list(shown.values()), 1), tuple(ranges))
+
+
+def angle_ranges(joint: str, angle_deg: Array) -> Iterator[AngleRange]:
+    """The range of every angle (T, 3) of a joint; one that is never known has none."""
+    for angle, values in zip(ANGLES, angle_deg.T, strict=True):
+        known = values[np.isfinite(values)]
+        if len(known):
+            at_deg = tuple(np.percentile(known, PERCENTILES).tolist())
+            yield AngleRange(joint, angle, at_deg, len(known))
+
+
+def _numbers(posed: PosedRecording, table: Table, columns: Sequence[str], frames: Index) -> dict[str, Array]:
     """Read columns (T, C) of the recording; InputError where the table has no row of it."""
     found = posed.numbers(table, columns, frames)
     if not found:
@@ -190,7 +223,7 @@ def angles_of(models: Iterable[ModelResults]) -> list[JointAngles]:
     return [model.angles for model in models if model.angles is not None]
 
 
-def _model_results(results: StudyResults, posed: PosedRecording) -> ModelResults:
+def _model_results(results: StudyResults, posed: PosedRecording, every: int) -> ModelResults:
     recording, name, part = posed.recording, posed.model.name, posed.part
     hand = recording.hand
     joints = results.joints_of.get((hand, name), [])
@@ -202,7 +235,8 @@ def _model_results(results: StudyResults, posed: PosedRecording) -> ModelResults
     errors = [
         row for row in results.tip_errors if row_key(row) == recording_key(recording) and row["model"] == name
     ]
-    return ModelResults(name, joints, solutions, errors, _angles(posed) if posed.is_fitted else None)
+    angles = _shown_angles(posed, every) if posed.is_fitted else None
+    return ModelResults(name, joints, solutions, errors, angles)
 
 
 def _skeleton(

@@ -6,6 +6,7 @@ the least that it gives. That study therefore runs beside the others.
 
 from __future__ import annotations
 
+import re
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -19,10 +20,14 @@ from studies.running import REPOSITORY, StudyRun, hashes, record, write_study
 pytestmark = pytest.mark.slurm
 
 Done = subprocess.CompletedProcess[str]
+SNAKEFILE = REPOSITORY / "Snakefile"
 PROFILE = ["--workflow-profile", str(REPOSITORY / "config" / "profiles" / "slurm")]
 FASTER = ["--seconds-between-status-checks", "1", "--latency-wait", "15"]
+ASKING = re.findall(r"^rule (\w+):(?:(?!^rule ).)*?resources:", SNAKEFILE.read_text("utf-8"), re.M | re.S)
+"""Rules that say themselves how long they take."""
 ONE_MINUTE = ["--default-resources", "mem_mb=500", "runtime=0"]
 ONE_MINUTE += ["--set-resources", "subject_pages:runtime=1", "gather:runtime=5"]
+ONE_MINUTE += [f"{rule}:runtime=0" for rule in ASKING if rule != "subject_pages"]
 SLOW = (
     'case "$BASH_EXECUTION_STRING" in *stages.solve_joints\\ *) [ ! -f slow ] || sleep "$(cat slow)";; esac\n'
 )

@@ -247,3 +247,17 @@ def test_the_plan_command_writes_the_subjects_plan(folder: Path, capsys: pytest.
     assert write_plan([*argv, "--subject", "nobody"]) == 2
     assert "has no subject 'nobody'; expected one of A&b, 02" in capsys.readouterr().err
     assert plan_text({"plan": 1}).endswith("\n")
+
+
+def test_a_job_asks_for_more_the_longer_the_recordings_are_and_for_so_much_memory_at_most(
+    folder: Path,
+) -> None:
+    study, asked = files(folder), []
+    path = Path(study.subjects[-1].recordings[0].file)
+    path.parent.mkdir(parents=True)
+    for size in (0, 10**8, 10**10, 10**11):
+        with path.open("wb") as file:
+            file.truncate(size)  # takes no room
+        asked.append({name: of(SimpleNamespace(subject="02")) for name, of in study.resources(2, 10).items()})
+    assert [own["runtime"] for own in asked] == [2, 3, 102, 1002]
+    assert asked[0]["mem_mb"] < asked[1]["mem_mb"] < asked[2]["mem_mb"] == asked[3]["mem_mb"]

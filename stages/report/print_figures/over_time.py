@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
+import numpy as np
+
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.poses import read_poses
+from shukotsu.schemas.poses import pose_blocks
 from shukotsu.schemas.study import Recording
 from shukotsu.sentences.translation import N_, listed, tr, word
 from shukotsu.stages.report.hand_motion import view_base
@@ -105,24 +107,24 @@ def _columns_for(n_lines: int) -> int:
 
 def _traces(results: StudyResults, recording: Recording) -> dict[str, dict[str, Trace]]:
     layout = results.layouts[recording.hand]
-    of_model: dict[str, dict[str, Array]] = {}
+    columns, times = _columns_for(len(layout.digits) * len(results.models)), _times(results, recording)
+    made: dict[str, dict[str, Trace]] = {digit: {} for digit in layout.digits}
+    replayed = False
     for model in results.models:
         with suppress(InputError):  # the caption names models without a tip error
-            of_model[model] = read_tip_errors(results, recording, model)
-    if not of_model:
-        return {}
-    poses = read_poses(results.poses(recording), [view_base(layout)])
-    columns, frame = _columns_for(len(layout.digits) * len(results.models)), poses.frame.astype(float)
-    made = {
-        digit: {
-            m: thin(frame, poses.time_s, own[digit], columns) for m, own in of_model.items() if digit in own
-        }
-        for digit in layout.digits
-    }
-    return {
-        digit: {model: trace for model, trace in of.items() if trace is not None}
-        for digit, of in made.items()
-    }
+            for digit, read in read_tip_errors(results, recording, model).items():
+                replayed, trace = True, thin(*times, read()[:, 0], columns)
+                if trace is not None and digit in made:
+                    made[digit][model] = trace
+    return made if replayed else {}
+
+
+def _times(results: StudyResults, recording: Recording) -> tuple[Array, Array]:
+    """Numbers and times (T,) of the frames."""
+    base = view_base(results.layouts[recording.hand])
+    blocks = [(poses.frame, poses.time_s) for poses in pose_blocks(results.poses(recording), [base])]
+    frame, time_s = map(np.concatenate, zip(*blocks, strict=True))
+    return frame.astype(float), time_s
 
 
 def _error_caption(results: StudyResults, recording: Recording, traces: Traces, models: list[str]) -> str:
@@ -220,17 +222,15 @@ def _angle_traces(
     results: StudyResults, recording: Recording, model: str
 ) -> tuple[dict[str, list[Trace]], int]:
     """The traces of every joint that has all angles, in the order of ANGLES, and the number of frames."""
-    poses = read_poses(results.poses(recording), [view_base(results.layouts[recording.hand])])
-    angles = read_angles(results, recording, model)
-    columns = _columns_for(len(angles.joints) * len(ANGLES))
+    times, readers = _times(results, recording), read_angles(results, recording, model)
+    columns = _columns_for(len(readers) * len(ANGLES))
     found = {}
-    for j, joint in enumerate(angles.joints):
-        series = angles.angle_deg[:, j].T
-        own = [thin(poses.frame.astype(float), poses.time_s, values, columns) for values in series]
+    for joint, read in readers.items():
+        own = [thin(*times, values, columns) for values in read().T]
         known = [trace for trace in own if trace is not None]
         if len(known) == len(ANGLES):
             found[joint] = known
-    return found, len(poses.frame)
+    return found, len(times[0])
 
 
 def _in_rows(layout: Layout, traces: dict[str, list[Trace]]) -> list[list[str]]:

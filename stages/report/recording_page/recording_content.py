@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from shukotsu.schemas.study import Recording
 from shukotsu.sentences.messages import translated
 from shukotsu.sentences.translation import N_, ngettext, tr, word
-from shukotsu.skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.stages.report.belief import belief
 from shukotsu.stages.report.hand_motion import HandMotion
 from shukotsu.stages.report.links import navigation
 from shukotsu.stages.report.measured_ranges import measured_ranges, measured_table, of_recording
 from shukotsu.stages.report.palette import MARK_PATHS
 from shukotsu.stages.report.recording_results import (
-    ANGLES,
+    AngleRange,
     JointAngles,
     ModelResults,
     RecordingResults,
@@ -41,7 +37,6 @@ from shukotsu.stages.report.viewer.view import View, view_of
 
 ANGLE_STEP_DEG = 0.1
 """As the page prints angles: rounded to it once, they show the table's own digits."""
-PERCENTILES = (0, LOW_PERCENT, 50, HIGH_PERCENT, 100)
 SENSES = {
     "flexion": N_("flexion is positive, extension negative"),
     "abduction": N_("ulnar deviation is positive, radial deviation negative"),
@@ -109,14 +104,14 @@ def _view(title: str, motion: HandMotion, angles: list[JointAngles]) -> View:
     header = {
         "angles": [{"model": own.model, "joints": [word(joint) for joint in own.joints]} for own in angles]
     }
-    return view_of(title, motion, angle_blocks(angles, motion.every), header)
+    return view_of(title, motion, angle_blocks(angles), header)
 
 
 def _range_part(results: RecordingResults, model: ModelResults) -> dict[str, Any]:
     """Give the range of motion under one model, in numbers."""
     assert model.angles is not None
     caption = tr("Range of motion in this recording, {name}.", name=model.name)
-    table = range_table(caption, angle_ranges(model.angles), model.joints)
+    table = range_table(caption, model.angles.ranges, model.joints)
     rows = of_recording(measured_ranges(results.study, results.recording.hand, model.name), results.recording)
     caption = tr("Range of motion, posture and speed with stated 1-sigma errors, {name}.", name=model.name)
     measured = measured_table(caption, rows, with_recording=False) if rows else None
@@ -131,32 +126,9 @@ def _evidence_part(model: ModelResults) -> dict[str, Any]:
     return {"summary": summary, "table": table}
 
 
-@dataclass(frozen=True)
-class AngleRange:
-    """Hold how far one angle of a joint went, degrees at PERCENTILES, and in how many frames it is known."""
-
-    joint: str
-    angle: str
-    at_deg: tuple[float, ...]
-    n_frames: int
-
-
-def angle_ranges(angles: JointAngles) -> list[AngleRange]:
-    """The range of every angle of every joint; one that is never known has none."""
-    ranges = []
-    for j, joint in enumerate(angles.joints):
-        for a, angle in enumerate(ANGLES):
-            values = angles.angle_deg[:, j, a]
-            known = values[np.isfinite(values)]
-            if len(known):
-                at_deg = tuple(np.percentile(known, PERCENTILES).tolist())
-                ranges.append(AngleRange(joint, angle, at_deg, len(known)))
-    return ranges
-
-
-def angle_blocks(angles: Sequence[JointAngles], every: int) -> list[Block]:
-    """One frame in `every`, packed with the motion as blocks angles0, angles1, ..., (T, J, 3)."""
-    return [Block(f"angles{i}", ANGLE_STEP_DEG, own.angle_deg[::every]) for i, own in enumerate(angles)]
+def angle_blocks(angles: Sequence[JointAngles]) -> list[Block]:
+    """Pack the angles with the motion as blocks angles0, angles1, ..., (T, J, 3)."""
+    return [Block(f"angles{i}", ANGLE_STEP_DEG, own.angle_deg) for i, own in enumerate(angles)]
 
 
 def tip_error_table(caption: str, models: Iterable[ModelResults]) -> DataTable:

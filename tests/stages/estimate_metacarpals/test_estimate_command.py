@@ -153,7 +153,7 @@ def fit(plan: SubjectPlan, tmp_path: Path) -> Path:
                 ("sd_mm", "turn_sd_deg"), np.ones(300)
             )
             keys = {"subject": "01", "task": "opposition", "trial": "", "segment": segment}
-            writer.columns(FITTED, {**keys, "frame": np.arange(300), **place, **turns})
+            writer.columns(FITTED, {**keys, "frame": 1 + np.arange(300), **place, **turns})
     return tmp_path
 
 

@@ -15,6 +15,7 @@ from shukotsu.skeleton.rotations import Array, matrix
 from shukotsu.stages.estimate_metacarpals.hand import build_hand
 from shukotsu.stages.evaluate_tips.replay import (
     error_statistics,
+    first_frame,
     tip_error_mm,
     tip_first_frame,
     tips_least_squares,
@@ -52,7 +53,11 @@ def replayed(chain: Chain, rows: dict[str, dict[str, Any]]) -> tuple[DigitChain,
     built = digit_chain(digit, layout, model, rows)
     assert isinstance(built, DigitChain)
     least_squares = tips_least_squares(receiver_bones(skeleton, poses, {}))[digit.name]
-    return built, least_squares, tip_first_frame(built, poses, None, at_rest=False)
+    return (
+        built,
+        least_squares,
+        tip_first_frame(built, poses, None, first_frame(built, poses, None), at_rest=False),
+    )
 
 
 def gaps(chain: Chain, rows: dict[str, dict[str, Any]]) -> Array:

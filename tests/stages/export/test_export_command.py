@@ -11,9 +11,9 @@ from export_samples.known_hands import FITTED, POSE, REPLAYED, KnownHand, make_h
 from export_samples.minimal_bvh import read_bvh
 from export_samples.minimal_glb import read_glb
 
+from shukotsu.files import long_arrays
 from shukotsu.schemas.catalogue import BONE_POSES
 from shukotsu.skeleton import posed_recording
-from shukotsu.stages.export import long_arrays
 from shukotsu.stages.export.__main__ import main
 from shukotsu.stages.export.registry import FORMATS
 

@@ -59,9 +59,8 @@ def test_the_noise_of_a_speed_is_told_from_the_recording(moving: float) -> None:
 
 def test_noise_at_rest_is_hardly_a_speed_and_leaves_a_movement_its_own() -> None:
     noise = np.random.default_rng(2).normal(0, 0.1, (5000, 1))
-    noise_sd = velocity_noise_sd(noise, STEP_S)
     at_rest = velocity(noise, STEP_S)
-    assert np.nanmedian(speed(at_rest, noise_sd)) < 0.3 * np.nanmedian(np.abs(at_rest))
+    assert np.nanmedian(speed([noise], STEP_S)) < 0.3 * np.nanmedian(np.abs(at_rest))
     angle, true = sine(1.0, STEP_S, 5000 * STEP_S)
-    found = speed(velocity(angle[:5000] + noise, STEP_S), noise_sd)
+    found = speed([angle[:5000] + noise], STEP_S)
     assert np.nanpercentile(found, 95) == pytest.approx(np.percentile(np.abs(true), 95), rel=0.02)

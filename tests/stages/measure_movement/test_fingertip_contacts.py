@@ -38,8 +38,8 @@ def test_lost_frames_make_no_contacts_and_long_gaps_end_them() -> None:
     distance_mm[200:440] = distance_mm[700:940] = CONTACT_MM - 2.0
     distance_mm[210:430:20] = np.nan
     distance_mm[800:824] = np.nan
-    here, there = np.zeros((n, 3)), np.column_stack([distance_mm, np.zeros((n, 2))])
-    unknown = np.full(n, np.nan)
+    here, there = np.zeros((n, 3, 1)), np.column_stack([distance_mm, np.zeros((n, 2))])[..., None]
+    unknown = np.full((n, 1, 1), np.nan)
     tips = {name: FingertipPath(place, here, unknown, True) for name, place in (("a", here), ("b", there))}
     (row,) = distance_rows(tips, grid_of(np.arange(n) / 240))
     assert row["n_contacts"] == 3

@@ -15,9 +15,9 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.skeleton.rotations import Array
+Array = npt.NDArray[np.float64]
 
-KEPT_BYTES = 400 * 10**6
+KEPT_BYTES = 100 * 10**6
 """Of all arrays that are in memory; the next is on the disk."""
 
 BLOCK_FRAMES = 4096
@@ -44,7 +44,11 @@ class OnDisk:
         return self.shape[0]
 
     def __getitem__(self, key: Any) -> Array:
-        return np.array(self._mapped()[key])
+        if isinstance(key, tuple):
+            return np.array(self._mapped()[key])
+        return np.stack(
+            [self[key, point] for point in range(self.shape[1])], -2
+        )  # what is near is mapped too
 
     def __setitem__(self, key: Any, values: Any) -> None:
         self._mapped()[key] = values

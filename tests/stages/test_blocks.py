@@ -1,0 +1,49 @@
+"""A recording that is read a few frames at a time has the numbers of one that is read as a whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from planned_subject import PlannedSubject, planned_subject
+from small_study import run_stages
+
+from shukotsu.checks import checked_recording, mirror_jumps, timeline
+from shukotsu.files import long_arrays
+from shukotsu.schemas import poses
+from shukotsu.skeleton import posed_recording
+from shukotsu.stages.check_recordings.__main__ import main as check_recordings
+from shukotsu.stages.measure_movement import recorded_movement
+from shukotsu.stages.measure_movement.__main__ import main as measure_movement
+
+FEW = 37
+
+
+def tables(subject: PlannedSubject, out: Path) -> dict[str, pa.Table]:
+    plan = f"--plan={subject.plan_file}"
+    run_stages(subject.plan_file)
+    assert check_recordings([plan, f"--out={out / 'findings.parquet'}"]) == 0
+    assert measure_movement([plan, f"--out={out}"]) == 0
+    files = [*subject.plan_file.parent.glob("*.parquet"), *out.glob("*.parquet")]
+    return {file.name: pq.read_table(file) for file in files}
+
+
+def test_blocks_leave_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    subject = planned_subject(tmp_path, [("right", "rom", "both")], ["paper-fig4", "rigid"], n_frames=120)
+    out = tmp_path / "out"
+    whole = tables(subject, out)
+    monkeypatch.setattr(long_arrays, "KEPT_BYTES", 0)
+    monkeypatch.setattr(poses, "KEPT_BYTES", 0)
+    monkeypatch.setattr(poses.pose_blocks, "__defaults__", (FEW,))
+    for module in (posed_recording, recorded_movement):
+        monkeypatch.setattr(module, "BLOCK_FRAMES", FEW)
+    for module in (checked_recording, timeline):
+        monkeypatch.setattr(module, "BLOCK_ROWS", FEW)
+    monkeypatch.setattr(mirror_jumps, "_BLOCK_ROWS", FEW)
+    in_blocks = tables(subject, out)
+    assert in_blocks.keys() == whole.keys()
+    for name, table in whole.items():
+        assert in_blocks[name].equals(table), name
+    assert pq.ParquetFile(subject.plan_file.parent / "tips.parquet").num_row_groups > len(whole)
