@@ -53,6 +53,7 @@ onstart:
         raise WorkflowError(str(error)) from None
     for note in filter(None, (study.what_changed(), study.remove_former())):
         print(f"note: {note}", file=sys.stderr)
+    study.write_changed_plans()
     write_cache()
     warm_process.start()
 
@@ -85,16 +86,12 @@ rule plan:  # what the stages need to know of the study about a subject
         f"{subject}/plan.json",
     log:
         f"{logs}/plan/sub-{{subject}}.log",
-    params:
-        code=code_digest("shukotsu.workflow.write_plan"),
-        plan=study.plan,
-        study=study.options,
-        subject=study.subject_options,
+    params:  # a function of `output` is no reason to run again: changed plans are written when a run begins
+        options=lambda wildcards, output: f"{study.options} {study.subject_options(wildcards)}",
     message:
         "plan: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.workflow.write_plan {{params.study}}"
-        " {params.subject} --out {output:q} 2> {log:q}"
+        f"{run} shukotsu.workflow.write_plan {{params.options}} --out {{output:q}} 2> {{log:q}}"
 
 
 rule simulate:  # only for a study with `simulation`: recordings, and the truth beside them

@@ -27,6 +27,7 @@ from shukotsu.schemas.plan import (
     fit_part,
     plan_digest,
     plan_from_content,
+    plan_text,
     recordings_part,
     truth_folder,
 )
@@ -124,6 +125,17 @@ class StudyFiles:
         present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders}
         former = remove_former_results(self.results, present)
         return f"removed results of what the study has no longer: {listed(former)}" if former else ""
+
+    def write_changed_plans(self) -> None:
+        """Write the plans anew that are there and say something else than the study.
+
+        Not a job does that: jobs that only an `ancient` input ties to one that runs are not asked by
+        Snakemake whether their own parameters changed.
+        """
+        for token, plan in self._plans.items():
+            path, text = plan.folder / "plan.json", plan_text(self._contents[token])
+            if path.is_file() and path.read_bytes() != text.encode():
+                write_text(path, text)
 
     @property
     def subjects(self) -> list[SubjectPlan]:

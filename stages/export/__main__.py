@@ -80,15 +80,15 @@ def export(arguments: argparse.Namespace) -> None:
     if "bids" in formats:
         _describe_dataset(list(plans.values()), arguments)
     failures: list[tuple[str, str]] = []
-    with suppress(OSError):  # where something is to be written, its writer says so
-        arguments.out.mkdir(parents=True, exist_ok=True)  # also of a subject that has nothing to export
     _forget_failures(arguments.out, _failure_name(arguments))
     for plan, model, hands in chosen:
         failures += _export_recording(plan, hands, model, formats, settings, arguments)
     for stem, message in failures if arguments.record_failure else ():
         print(f"error: {message}", file=sys.stderr)
         write_text(arguments.out / f"{stem}.failed.txt", f"{message}\n")
-    if failures and not arguments.record_failure:
+    if arguments.record_failure:  # also of a subject that has nothing to export
+        arguments.out.mkdir(parents=True, exist_ok=True)
+    elif failures:
         raise InputError("; ".join(dict.fromkeys(message for _, message in failures)))
 
 

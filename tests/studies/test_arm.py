@@ -61,4 +61,4 @@ def test_a_study_of_that_model_alone_is_refused_before_anything_runs(study: Stud
     file.write_text(study.file.read_text("utf-8").replace(", ".join(MODELS), WHOLE), "utf-8")
     done = StudyRun(file, study.folder).snakemake("--dry-run")
     assert done.returncode == 1
-    assert "model whole-hand fits a whole hand, and layout arm is none" in done.stderr
+    assert "model whole-hand fits a whole hand, and layout arm is none" in done.stdout + done.stderr
