@@ -457,7 +457,7 @@ rule export:  # skeletons and their motion for other programs
     log:
         f"{logs}/export/sub-{{subject}}.log",
     resources:
-        **study.resources(1, 60),
+        **study.resources(1, 60, 2000),
     params:
         code=code_digest("shukotsu.stages.export"),
         plan=study.plan,

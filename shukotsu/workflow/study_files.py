@@ -159,9 +159,11 @@ class StudyFiles:
         session = [f"--session={who.session}"] if who.session else []
         return shlex.join([f"--subject={who.subject}", *session])
 
-    def resources(self, minutes: int, minutes_a_gb: int) -> dict[str, Callable[[Wildcards], int]]:
-        """What a job of a subject asks for, by the size of its recordings' files; of recordings that are not
-        there yet, as simulated ones, the least. Memory grows up to what a job holds of one of any length.
+    def resources(
+        self, minutes: int, minutes_a_gb: int, most_mb: int = 1200
+    ) -> dict[str, Callable[[Wildcards], int]]:
+        """Give what a job of a subject asks for, by the size of its recordings' files; of recordings that are
+        not there yet, as simulated ones, the least. most_mb : of memory, for recordings of any length.
         """
 
         def gb(wildcards: Wildcards) -> float:
@@ -170,7 +172,7 @@ class StudyFiles:
             return sum(file.stat().st_size for file in files if file.is_file()) / 1e9
 
         return {
-            "mem_mb": lambda wildcards: round(500 + min(700, 1500 * gb(wildcards))),
+            "mem_mb": lambda wildcards: round(500 + min(1.0, 2 * gb(wildcards)) * (most_mb - 500)),
             "runtime": lambda wildcards: round(minutes + minutes_a_gb * gb(wildcards)),
         }
 

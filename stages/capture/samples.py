@@ -112,8 +112,8 @@ def segments_of_stations(
         first = int(np.argmax(segment < 0))
         known = ", ".join(str(number) for number in sorted(filter(None, index_of))) or "none"
         why = (
-            f"sits on no segment of layout {layout.name}, which knows {known}; leave its rows out or name the "
-            "receiver in the layout"
+            f"sits on no segment of layout {layout.name}, which knows {known}; leave its rows out or name "
+            "the receiver in the layout"
         )
         if stations[first] in [own.left_receiver for own in layout.segments.values()]:
             why = f"sits on the other hand in layout {layout.name}; leave that hand's rows out"

@@ -155,7 +155,7 @@ def names(module: str) -> set[str]:
 
 
 REPORTS = {"report", "report.subject", "report.print_figures"}
-STUDY = {"shukotsu.workflow.write_plan", "gather", "compare_models", "compare_movement"}
+STUDY = {"gather", "compare_models", "compare_movement"}
 PLANTED = {
     "a threshold of the checks": (
         ("checks/timeline.py", "STUCK_S, STUCK_FRAMES = 0.25", "STUCK_S, STUCK_FRAMES = 0.5"),
