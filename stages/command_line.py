@@ -191,7 +191,7 @@ def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
 
 
 def _same_file(first: Path, second: Path) -> bool:
-    """Whether two paths are of one file, be it by a link; a folder takes several."""
+    """Tell whether two paths are of one file, be it by a link; a folder takes several."""
     try:
         if first.is_dir() or second.is_dir():
             return False

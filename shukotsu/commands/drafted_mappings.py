@@ -63,7 +63,7 @@ def _join(groups: list[tuple[str, Any, list[Path]]], text: str, recording: Path)
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Whether two drafts say the same, but for what either leaves open."""
+    """Tell whether two drafts say the same, but for what either leaves open."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(_alike(one[key], other[key]) for key in one)
     return one == other or CHECK in (one, other)

@@ -239,7 +239,7 @@ def _check_chunk(path: Path, chunk: Chunk, stream: Stream) -> None:
 
 
 def _samples_fill(content: bytes, stream: Stream) -> bool:
-    """Whether the samples, each with 8 bytes of time stamp or none, end where the chunk does."""
+    """Tell whether the samples, each with 8 bytes of time stamp or none, end where the chunk does."""
     if not content or content[0] not in (1, 4, 8) or len(content) <= content[0]:
         return False
     at = 1 + content[0]

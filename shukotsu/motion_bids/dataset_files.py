@@ -51,7 +51,7 @@ def check_folder(folder: Path) -> None:
 
 
 def _others(folder: Path) -> bool:
-    """Whether a folder holds what is not written before the description; a kill leaves only that."""
+    """Tell whether a folder holds what is not written before the description; a kill leaves only that."""
     return any(path.name not in BEFORE_DESCRIPTION for path in folder.glob("[!.]*"))
 
 

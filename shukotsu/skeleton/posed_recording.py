@@ -94,7 +94,7 @@ class PosedRecording:
 
     @property
     def is_fitted(self) -> bool:
-        """Whether the model fits the whole hand, so that tables have its bones' poses."""
+        """Tell whether the model fits the whole hand, so that tables have its bones' poses."""
         return self.model.fitting is not None
 
     @cached_property

@@ -359,7 +359,7 @@ def _piece(batch: pa.RecordBatch, lost: int, next_row: int) -> tuple[Piece, int]
 
 
 def _is_compressed(metadata: bytes) -> bool:
-    """Whether the buffers of a record batch's message are compressed; struct.error where it is damaged.
+    """Tell whether the buffers of a record batch's message are compressed; struct.error where it is damaged.
 
     Arrow's own reader would unpack them, however large they get. In the message's flatbuffer the batch is
     the third field, its compression the batch's fourth; a table starts with how far before it its list of

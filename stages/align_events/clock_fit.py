@@ -260,7 +260,7 @@ def _supported(r: Array, o: Array, stretches: list[Stretch], within_s: float) ->
 
 
 def _keeps(r: Array, o: Array, stretch: Stretch, within_s: float) -> npt.NDArray[np.bool_]:
-    """Whether pulses (N,) of the other clock keep to the line of a stretch."""
+    """Tell whether pulses (N,) of the other clock keep to the line of a stretch."""
     expected_s = Line.through(o[stretch.other], r[stretch.reference])(o)
     return np.abs(r[nearest(r, expected_s)] - expected_s) <= within_s
 
@@ -475,7 +475,7 @@ def _judgement(
 
 
 def _regular(time_s: Array) -> bool:
-    """Whether most intervals between pulses are the same, to a twentieth."""
+    """Tell whether most intervals between pulses are the same, to a twentieth."""
     intervals = np.diff(time_s)
     usual = float(np.median(intervals))
     return bool(np.mean(np.abs(intervals - usual) < 0.05 * usual) > 0.5)

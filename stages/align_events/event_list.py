@@ -56,7 +56,7 @@ class Events:
         return len(self.names)
 
     def named(self, name: str) -> npt.NDArray[np.bool_]:
-        """Whether an event has that name, shape (N,)."""
+        """Tell whether an event has that name, shape (N,)."""
         return np.array([own == name for own in self.names], bool)
 
 

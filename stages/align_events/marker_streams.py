@@ -49,7 +49,7 @@ def read_markers(path: Path) -> Events:
 
 
 def is_marker_stream(stream: Stream) -> bool:
-    """Whether a stream's samples are markers."""
+    """Tell whether a stream's samples are markers."""
     return stream.format == TEXT or (stream.format in _WHOLE and not stream.rate_hz)
 
 

@@ -160,7 +160,7 @@ def _text(path: Path, layout: Layout) -> Description:
 
 
 def _like_matrices(path: Path) -> bool:
-    """Whether the first line that is not empty is four numbers, or sixteen that end as a pose does."""
+    """Tell whether the first line that is not empty is four numbers, or sixteen that end as a pose does."""
     with path.open("rb") as stream:
         cells = next((line.split() for line in stream if line.strip()), [])
     try:

@@ -369,12 +369,12 @@ def _normalise(rows: Rows) -> tuple[Array, Bools]:
 
 
 def _complete(rows: Rows) -> Bools:
-    """Which of rows that are checked have a pose: of the others all numbers are NaN."""
+    """Tell which of rows that are checked have a pose: of the others all numbers are NaN."""
     return np.asarray(np.isfinite(rows["numbers"][:, 0]))
 
 
 def _unusable(rows: Rows) -> Bools:
-    """Whether the reader marked the pose as unusable, shape (N,)."""
+    """Tell whether the reader marked the pose as unusable, shape (N,)."""
     return np.asarray((rows["flags"] & _INVALIDATING) != 0)
 
 

@@ -120,11 +120,11 @@ class ScoredSkeleton:
     reference: bool = False
 
     def evaluates(self, name: RecordingName) -> bool:
-        """Whether the skeleton's tables are meant to hold this recording."""
+        """Tell whether the skeleton's tables are meant to hold this recording."""
         return self.part.made_without in ("", name.task)
 
     def held_out(self, name: RecordingName) -> bool:
-        """Whether the skeleton was made without this recording's task."""
+        """Tell whether the skeleton was made without this recording's task."""
         return self.reference or name.task not in self.tasks
 
 

@@ -138,7 +138,7 @@ def _depth_first(motion: SkeletonMotion) -> list[int]:
 
 
 def _is_end(motion: SkeletonMotion, index: int) -> bool:
-    """Whether a joint is a digit's last tip, which may be an End Site."""
+    """Tell whether a joint is a digit's last tip, which may be an End Site."""
     return motion.joints[index].tip and index not in motion.parents
 
 

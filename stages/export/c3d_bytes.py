@@ -61,7 +61,7 @@ class Content:
 
 
 def can_hold_rotations(content: Content) -> bool:
-    """Whether rotations would begin at a block that their start can name, and 16 bits count the frames.
+    """Tell whether rotations would begin at a block that their start can name, and 16 bits count the frames.
 
     Of more frames ezc3d reads 65535 where there are rotations, and all where there are none.
     """

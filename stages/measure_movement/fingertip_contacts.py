@@ -14,7 +14,7 @@ RELEASE_MM = 18.0
 
 
 def contacts(distance_mm: Array) -> Array:
-    """Whether two tips touch (T,), from their distance (T,); in a gap they do not, and after it anew."""
+    """Tell whether two tips touch (T,), from their distance (T,); in a gap they do not, and after it anew."""
     known = ~np.isnan(distance_mm)
     decides = ~known | (distance_mm < CONTACT_MM) | (distance_mm > RELEASE_MM)
     last = np.maximum.accumulate(np.where(decides, np.arange(len(distance_mm)), -1))

@@ -95,7 +95,7 @@ def _recorded(results: StudyResults) -> str:
 
 
 def _left_out(results: StudyResults) -> str:
-    """Which hands are in no statistic, and why; empty where all are."""
+    """Tell which hands are in no statistic, and why; empty where all are."""
     hands = sorted(tr("{hand}", hand=hand) for hand in results.suspect)
     if not hands:
         return ""

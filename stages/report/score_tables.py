@@ -44,7 +44,7 @@ class Skeleton(NamedTuple):
 
     @property
     def seen(self) -> str:
-        """Whether it was made without the task that it is scored on."""
+        """Tell whether it was made without the task that it is scored on."""
         return DASH if self.reference else tr("yes") if self.held_out else tr(IN_SAMPLE)
 
     @property
@@ -218,7 +218,7 @@ def mean(values: Iterable[float | None]) -> float | None:
 def _shortfalls(
     results: StudyResults, trial: Trial, found: dict[Skeleton, list[Row]], scores: list[Score]
 ) -> tuple[str, ...]:
-    """Which skeletons' means are over fewer digits than the task has, and why; the same reason once."""
+    """Tell which skeletons' means are over fewer digits than the task has, and why; the same reason once."""
     total = sum(len(results.layouts[r.hand].digits) for r in trial.recordings.values())
     titles_of: dict[str, list[str]] = defaultdict(list)
     for skeleton, rows in found.items():

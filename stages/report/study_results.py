@@ -123,7 +123,7 @@ class StudyResults:
 
     @property
     def has_sessions(self) -> bool:
-        """Whether the sheet names any session."""
+        """Tell whether the sheet names any session."""
         return any(who.session for who in self.sessions)
 
     @cached_property
@@ -171,7 +171,7 @@ class StudyResults:
 
     @property
     def of_hands(self) -> bool:
-        """Whether all layouts are of hands; else what the tables call a hand is a side of a body."""
+        """Tell whether all layouts are of hands; else what the tables call a hand is a side of a body."""
         return all(layout.is_hand for layout in self.layouts.values())
 
     @cached_property

@@ -105,5 +105,5 @@ def _slope_below(x: Array, y: Array) -> float:
 
 
 def _above(x: Array, y: Array, a: int, b: int, c: int) -> bool:
-    """Whether point b lies on or above the line from a to c."""
+    """Tell whether point b lies on or above the line from a to c."""
     return bool((y[b] - y[a]) * (x[c] - x[a]) >= (y[c] - y[a]) * (x[b] - x[a]))

@@ -120,7 +120,7 @@ class Counter:
         return found
 
     def _was_due(self, frame: Wholes, station: Wholes, rows: Wholes) -> Bools:
-        """Whether the station is the active one after that of the record before, or a frame's first."""
+        """Tell whether the station is the active one after that of the record before, or a frame's first."""
         before = np.maximum(rows - 1, 0)
         same = (frame[before] == frame[rows]) & (rows > 0)
         due = np.where(same, self._rank[station[before]] + 1, 0)

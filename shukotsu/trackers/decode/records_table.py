@@ -45,7 +45,7 @@ class FlaggedRecords:
     flags: npt.NDArray[np.uint16]
 
     def flagged(self, *names: str) -> Bools:
-        """Whether a record has any of the flags, shape (N,)."""
+        """Tell whether a record has any of the flags, shape (N,)."""
         mask = np.bitwise_or.reduce([BIT[name] for name in names])
         return np.asarray((self.flags & mask) != 0)
 

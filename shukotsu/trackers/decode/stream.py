@@ -40,7 +40,7 @@ class Block:
 
     @property
     def good(self) -> npt.NDArray[np.bool_]:
-        """Whether a record's frame, station and numbers can be right, shape (N,)."""
+        """Tell whether a record's frame, station and numbers can be right, shape (N,)."""
         return np.asarray(~(self.records.doubtful | self.out_of_order))
 
     @property

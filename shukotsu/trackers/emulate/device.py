@@ -130,12 +130,12 @@ class EmulatedDevice(ABC):
         self.start_stream()
 
     def turns(self, cycles: Wholes, taking_part: Bools) -> Bools:
-        """Which of the stations that take part (T, S) send a record in which cycle: all in each."""
+        """Tell which of the stations that take part (T, S) send a record in which cycle: all in each."""
         del cycles
         return taking_part
 
     def pose_counts(self, cycles: Wholes, taking_part: Bools) -> Wholes:
-        """Which step of the motion each cycle since its beginning (T,) measures."""
+        """Tell which step of the motion each cycle since its beginning (T,) measures."""
         del taking_part
         return cycles
 
@@ -203,7 +203,7 @@ class EmulatedDevice(ABC):
         self._ahead = None
 
     def _plugged(self, cycles: Wholes) -> Bools:
-        """Which stations of the device are plugged in, (T, S)."""
+        """Tell which stations of the device are plugged in, (T, S)."""
         since = cycles - (WRAP if self.first_stream is None else self.first_stream)
         plugged = np.tile(np.isin(list(self.stations), list(self.world.plugged)), (len(cycles), 1))
         rate_hz = float(self.rate)

@@ -54,13 +54,13 @@ class Emulator:
 
     @property
     def due_ns(self) -> int:
-        """When the next cycle is to be measured."""
+        """Tell when the next cycle is to be measured."""
         passed = self.device.cycle - self._from_cycle
         return self._from_ns + passed * SECOND_NS * self._rate.denominator // self._rate.numerator
 
     @property
     def is_busy(self) -> bool:
-        """Whether cycles are sent, or wait for the line."""
+        """Tell whether cycles are sent, or wait for the line."""
         return self.device.streaming or bool(self._waiting)
 
     def receive(self, data: bytes, now_ns: int) -> None:

@@ -96,7 +96,7 @@ class LineFault:
         return [(0, 0, rng.randbytes(len(places)))] if places else []
 
     def _places(self, count: int, since: int, rate_hz: float, rng: random.Random) -> list[int]:
-        """Which of that many places are hit in the cycle, in ascending order."""
+        """Tell which of that many places are hit in the cycle, in ascending order."""
         if self.time is None:
             return list(_scattered(count, self.rate, rng))
         now = since == self.time.cycle(rate_hz)

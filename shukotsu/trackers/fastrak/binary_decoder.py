@@ -52,7 +52,7 @@ class BinaryDecoder(PiecewiseDecoder):
         return Decoded(records.take(accepted), skipped), decided.position
 
     def _are_guarded(self, b: Bytes, at: Wholes) -> Bools:
-        """Whether blanks and line ends of the records at `at` are in place, (N,)."""
+        """Tell whether blanks and line ends of the records at `at` are in place, (N,)."""
         guarded = np.ones(len(at), bool)
         for place, byte in self._guards:
             guarded &= b[at + place] == byte
@@ -68,7 +68,7 @@ def _guards(items: tuple[int, ...]) -> Iterator[tuple[int, int]]:
 
 
 def _third_in_a_row(starts: Starts) -> Verdicts:
-    """Whether each start and the one behind it are both linked, shape (N,)."""
+    """Tell whether each start and the one behind it are both linked, shape (N,)."""
     second = starts.link_verdicts
     ends = (starts.end == starts.length) & starts.final
     alone = ends | starts.cut | (starts.following < 0)

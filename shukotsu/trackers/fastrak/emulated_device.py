@@ -61,7 +61,7 @@ class EmulatedFastrak(EmulatedDevice):
         return _FRAMING
 
     def turns(self, cycles: Wholes, taking_part: Bools) -> Bools:
-        """Which station sends in each cycle."""
+        """Tell which station sends in each cycle."""
         rank = np.cumsum(taking_part, 1) - 1
         return np.asarray(taking_part & (rank == (cycles % _shared_by(taking_part))[:, None]))
 

@@ -61,7 +61,7 @@ class BinaryDecoder(PiecewiseDecoder):
         return Starts(at, self._kind.itemsize, len(b), HEADER_BYTES, final)
 
     def _believed(self, b: Bytes, starts: Starts) -> Verdicts:
-        """Whether starts are believed on their own, (N,): linked, or with a unit quaternion."""
+        """Tell whether starts are believed on their own, (N,): linked, or with a unit quaternion."""
         believed = starts.link_verdicts.copy()
         if self._has_quaternion:
             others = np.flatnonzero(believed == NO)
@@ -69,7 +69,7 @@ class BinaryDecoder(PiecewiseDecoder):
         return believed
 
     def _are_good(self, b: Bytes, starts: Starts, indices: Wholes) -> Bools:
-        """Whether those starts are all there and their numbers can be right, (M,) both."""
+        """Tell whether those starts are all there and their numbers can be right, (M,) both."""
         good = starts.end[indices] <= len(b)
         good[good] = ~self._records(b, starts.at[indices[good]]).doubtful
         return good

@@ -74,7 +74,7 @@ def text_whoami(data: bytes) -> str | None:
 
 
 def answers(reply: Reply, setting: Setting, station: int) -> bool:
-    """Whether a reply tells that setting, of that station (0: of none)."""
+    """Tell whether a reply tells that setting, of that station (0: of none)."""
     expected = station if setting.per_station else 0
     return reply.command == setting.command[0] and reply.station == expected
 

@@ -49,7 +49,7 @@ def fill_in(records: Records, numbers: Mapping[str, np.ndarray], mm_per_unit: fl
 def doubtful_poses(
     records: Records, *, position: bool = True, orientation: bool = True
 ) -> npt.NDArray[np.bool_]:
-    """Which poses cannot be right, (N,): not finite, no unit quaternion, farther than FARTHEST_MM.
+    """Tell which poses cannot be right, (N,): not finite, no unit quaternion, farther than FARTHEST_MM.
 
     position, orientation : whether the stream has them; what it does not have is no reason.
     """

@@ -49,17 +49,17 @@ class Starts:
 
     @cached_property
     def linked(self) -> Bools:
-        """Whether right at a start's end stands another one, or the stream ends, shape (N,)."""
+        """Tell whether right at a start's end stands another one, or the stream ends, shape (N,)."""
         return np.asarray((self.following >= 0) | ((self.end == self.length) & self.final))
 
     @cached_property
     def cut(self) -> Bools:
-        """Whether the piece is too short to say what stands at a start's end, shape (N,)."""
+        """Tell whether the piece is too short to say what stands at a start's end, shape (N,)."""
         return np.asarray((self.end + self.header_bytes > self.length) & (not self.final))
 
     @cached_property
     def link_verdicts(self) -> Verdicts:
-        """Whether a start is linked, shape (N,) of YES, UNKNOWN and NO."""
+        """Tell whether a start is linked, shape (N,) of YES, UNKNOWN and NO."""
         return np.where(self.linked, YES, np.where(self.cut, UNKNOWN, NO)).astype(np.int8)
 
 

@@ -124,7 +124,7 @@ def driver_of(conversation: Conversation, request: RecordingRequest) -> Driver:
 
 
 def same_value(reported: Any, sent: Any) -> bool:
-    """Whether a value that was read is the one that was sent, numbers to 0.01."""
+    """Tell whether a value that was read is the one that was sent, numbers to 0.01."""
     if isinstance(reported, tuple) and isinstance(sent, tuple):
         return len(reported) == len(sent) and all(
             abs(a - b) < 0.01 for a, b in zip(reported, sent, strict=True)
@@ -140,18 +140,18 @@ def shown(value: Any) -> str:
 
 
 def same_direction(a: Sequence[float], b: Sequence[float]) -> bool:
-    """Whether two vectors point the same way, to 0.8 degrees; never where one has no length."""
+    """Tell whether two vectors point the same way, to 0.8 degrees; never where one has no length."""
     lengths = math.hypot(*a) * math.hypot(*b)
     return lengths > 0 and sum(x * y for x, y in zip(a, b, strict=True)) / lengths > LEAST_COSINE
 
 
 def is_zero(values: Sequence[float]) -> bool:
-    """Whether an offset or a rotation is none."""
+    """Tell whether an offset or a rotation is none."""
     return all(abs(value) < 1e-4 for value in values)
 
 
 def is_default_alignment(values: Sequence[float]) -> bool:
-    """Whether an alignment (origin, a point on x, one on y: 9 numbers) is the transmitter's own frame.
+    """Tell whether an alignment (origin, a point on x, one on y: 9 numbers) is the transmitter's own frame.
 
     The points may be at any distance: it differs between trackers and with the unit.
     """

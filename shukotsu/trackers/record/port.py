@@ -47,7 +47,7 @@ class Port:
 
     @property
     def tries_other_bauds(self) -> bool:
-        """Whether another line rate can make a difference."""
+        """Tell whether another line rate can make a difference."""
         return self.line_baud is not None and self.baud is not None
 
     def set_baud(self, baud: int) -> None:

@@ -101,7 +101,7 @@ def _foreground_terminal(keyboard: TextIO) -> int | None:
 
 
 class StopRequest:
-    """Whether somebody asked for the end.
+    """Tell whether somebody asked for the end.
 
     reason : who, the first time; "" while nobody did.
     """

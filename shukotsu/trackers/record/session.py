@@ -203,7 +203,7 @@ class _Session:
         self._archive.event("started", self._start_ns, **details)
 
     def _over(self) -> bool:
-        """Whether to end; the failure that made it so is kept."""
+        """Tell whether to end; the failure that made it so is kept."""
         duration_s = self._plan.duration_s
         if duration_s is not None and self._elapsed_s() >= duration_s:
             self._stop.ask(f"--duration {duration_s:g}")

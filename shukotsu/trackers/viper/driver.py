@@ -164,7 +164,7 @@ def _replies(data: bytes) -> tuple[Reply, ...]:
 
 
 def _same(key: Key, read: bytes, sent: bytes) -> bool:
-    """Whether a setting is what was sent; of a filter that is off only the level counts."""
+    """Tell whether a setting is what was sent; of a filter that is off only the level counts."""
     if key[0] == FILTER:
         return read[:4] == sent[:4]
     if key[0] == HEMISPHERE and sent[0]:  # it follows the sensor: its vector is of the moment

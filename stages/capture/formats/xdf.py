@@ -49,7 +49,7 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
 
 
 def is_mocap(stream: Stream) -> bool:
-    """Whether a stream says that it is motion capture."""
+    """Tell whether a stream says that it is motion capture."""
     return stream.type.lower() == "mocap"
 
 

@@ -115,7 +115,7 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
 
 
 def _first_is_time(left: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, object]) -> bool:
-    """Whether the first column grows with every row and no other does that no name puts in a group."""
+    """Tell whether the first column grows with every row and no other does that no name puts in a group."""
     free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
     growing = [title for title in free if (np.diff(numbers[title]) > 0).all()]
     return bool(growing) and growing == [left[0]]
@@ -147,7 +147,7 @@ def _sort(
 
 
 def _keeps(titles: Sequence[str], named: Mapping[str, list[str]]) -> bool:
-    """Whether the titles have every named group whole or not at all."""
+    """Tell whether the titles have every named group whole or not at all."""
     return all(set(named.get(title, ())) <= set(titles) for title in titles)
 
 
@@ -186,7 +186,7 @@ def _is_receiver(title: str, values: Array | None) -> bool:
 
 
 def _is_rotation(free: Sequence[str], numbers: Mapping[str, Array], size: int) -> bool:
-    """Whether the next columns are a rotation, and more nearly so than those that begin a little later.
+    """Tell whether the next columns are a rotation, and more nearly so than those that begin a little later.
 
     A small z in metres before a quaternion whose last number is small has norm 1 with its first three, too.
     """

@@ -37,7 +37,7 @@ def of_text(of: str) -> str:
 
 
 def moved_most(movement: Movement) -> str:
-    """Which joint angles moved most over subjects."""
+    """Tell which joint angles moved most over subjects."""
     found = movement.moved_most
     if found.empty:
         return tr("Which joint moved most is not known: no recording of this study has joint angles.")
@@ -176,7 +176,7 @@ def repeats(movement: Movement) -> str:
 
 
 def model_matters(movement: Movement) -> str:
-    """Whether another skeleton model would give another answer."""
+    """Tell whether another skeleton model would give another answer."""
     rows = movement.believable(movement.dependence)
     rows = rows[rows["agree"].notna()]
     if rows.empty:
@@ -200,7 +200,7 @@ def model_matters(movement: Movement) -> str:
 
 
 def _ranges_matter(rows: pd.DataFrame, models: str) -> str:
-    """Which answers about ranges of motion another model changes."""
+    """Tell which answers about ranges of motion another model changes."""
     apart = rows[~rows["agree"].astype(bool)]
     if apart.empty:
         return tr(

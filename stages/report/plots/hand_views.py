@@ -43,7 +43,7 @@ class Window:
         return float(self.size_mm[0] + GUTTER_MM + self.size_mm[2])
 
     def holds(self, point: DrawnPoint) -> bool:
-        """Whether the point is inside."""
+        """Tell whether the point is inside."""
         return bool((point.position_mm >= self.low_mm).all() and (point.position_mm <= self.high_mm).all())
 
 

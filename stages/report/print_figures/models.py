@@ -37,7 +37,7 @@ def judgements(results: StudyResults, baseline: str = "") -> list[Answer]:
 
 
 def missing_text_of(own: Answer) -> str:
-    """Which numbers of the models are not there and why; empty where all are."""
+    """Tell which numbers of the models are not there and why; empty where all are."""
     sentences = missing_sentences(own)
     return tr("Without a number: {sentences}", sentences=" ".join(sentences)) if sentences else ""
 
