@@ -22,12 +22,13 @@ $(python):
 	done; \
 	echo "error: needs Python 3.11 or newer with venv, or uv; found neither" >&2; exit 2
 
-# What a lock names, each by its hash, and this folder itself; anew only when the lock has changed.
+# What a lock names, each by its hash, and no newer release that another asks for with an extra; and this folder
+# itself; anew only when the lock has changed.
 .venv/%.lock: %.lock | $(python)
 	@echo "Installing $<, and compiling what fits hands"
 	@if command -v uv >/dev/null; then install="uv pip install --python $(python)"; \
 	else install="$(python) -m pip install --disable-pip-version-check"; fi; \
-	$$install --quiet --require-hashes -r $< && $$install --quiet --no-deps --no-build-isolation --editable .
+	$$install --quiet --require-hashes --no-deps -r $< && $$install --quiet --no-deps --no-build-isolation --editable .
 	@$(python) -m shukotsu.stages.fit_hand.compile_kernel
 	@cp $< $@
 

@@ -115,7 +115,9 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
 @pytest.mark.slow
 def test_the_wheel_runs_a_study_outside_the_checkout(wheel: Path, tmp_path: Path) -> None:
     """In an environment with the users' lock, which has all that the wheel asks for."""
-    programs = environment(tmp_path / "own", "--require-hashes", "-r", REPOSITORY / "requirements.lock")
+    programs = environment(
+        tmp_path / "own", "--require-hashes", "--no-deps", "-r", REPOSITORY / "requirements.lock"
+    )
     pip = (programs / "python", "-m", "pip", "--quiet")
     run(*pip, "install", "--no-index", wheel, folder=tmp_path)
     study = tmp_path / "study"
