@@ -11,20 +11,26 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.benchmark_table import Cell, TextTable
-from shukotsu.statistics.curve_statistics import CurveTest, curves_between, curves_within
-from shukotsu.statistics.group_statistics import permutation_p, two_groups
-from shukotsu.statistics.multiple_comparisons import LEVEL, holm
+from benchmarks.benchmark_table import Cell, TextTable, workers
+from shukotsu.statistics.least_favourable import drawn
+from shukotsu.statistics.multiple_comparisons import LEVEL
 from shukotsu.statistics.paired_statistics import MOST_ENUMERATED, paired
 from shukotsu.statistics.reliability_statistics import bland_altman, reliability
+from shukotsu.statistics.verdicts import (
+    SHOWN,
+    UNDECIDED,
+    FamilyVerdicts,
+    between_family,
+    interaction_family,
+    slope_family,
+    within_family,
+)
 
 Array = npt.NDArray[np.float64]
-Draw = Callable[[np.random.Generator, tuple[int, ...]], Array]
 
 WRITTEN_TO = "statistics.md", "tables"
 STUDIES = 2000
 SEED = 7100
-N_JOINTS = 20
 POINTS = 101
 
 
@@ -51,12 +57,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(studies: int = STUDIES) -> Iterator[TextTable]:
     """Give the tables over that many studies a row."""
-    for make in (same_subjects, two_groups_of, over_joints, over_curves, repeated):
+    for make in (same_subjects, over_families, within_families, over_curves, over_designs, repeated):
         yield make(studies)
 
 
 def same_subjects(studies: int) -> TextTable:
-    """Within subjects: a test of n differences, and the interval of their mean."""
+    """Skeleton models within subjects: a test of n differences, and the interval of their mean."""
     rows: list[tuple[Cell, ...]] = []
     for n in (6, 8, 12, 20):
         for name, draw in (("normal", normal), ("exponential", skewed)):
@@ -72,7 +78,7 @@ def same_subjects(studies: int) -> TextTable:
             shown = percent(power) if draw is normal else None
             rows.append((n, name, percent(np.array(p) <= LEVEL), exact, percent(held), shown))
     return TextTable(
-        f"The same subjects twice, {studies} studies a row",
+        f"Two skeleton models of the same subjects, {studies} studies a row",
         ("subjects:d", "differences", "false positives, %:.1f", "possible, %:.1f", "interval holds, %:.1f",
          "power, %:.1f"),
         rows,
@@ -82,137 +88,190 @@ def same_subjects(studies: int) -> TextTable:
     )  # fmt: skip
 
 
-def two_groups_of(studies: int) -> TextTable:
-    """Between groups: false positives of the permutation test and coverage of Welch's interval."""
-    rows: list[tuple[Cell, ...]] = []
-    for n, m in ((4, 4), (5, 5), (6, 6), (5, 15), (8, 12), (10, 10), (20, 20)):
-        for name, draw, ratio in (
-            ("normal", normal, 1.0),
-            ("exponential", skewed, 1.0),
-            ("spread 3 : 1", normal, 3.0),
-        ):
-            rng = np.random.default_rng((SEED, n, m))
-            counts = np.zeros((studies, 3), bool)
-            for study in range(studies):
-                a, b = ratio * draw(rng, (n,)), draw(rng, (m,))
-                found = two_groups(a, b)
-                assert found.p is not None
-                assert found.interval is not None
-                shift = 1.5 * math.sqrt((ratio**2 + 1) / 2)
-                counts[study] = (
-                    found.p <= LEVEL,
-                    found.interval[0] <= 0 <= found.interval[1],
-                    permutation_p(a + shift, b) <= LEVEL,
-                )
-            rows.append((f"{n}, {m}", name, *(percent(column) for column in counts.T)))
+SIZES = ((5, 5), (6, 6), (5, 15), (8, 12), (10, 10), (7, 20), (20, 20))
+FAMILIES = (1, 15, 51)
+MIXTURES = {
+    "normal": ("normal", 1.0),
+    "normal, 3 : 1": ("normal", 3.0),
+    "normal, 1 : 3": ("normal", 1 / 3),
+    "exponential": ("exponential", 1.0),
+    "exponential, 3 : 1": ("exponential", 3.0),
+    "lognormal, 3 : 1": ("lognormal", 3.0),
+    "lognormal, 1 : 3": ("lognormal", 1 / 3),
+    "Student 3, 3 : 1": ("student", 3.0),
+}
+"""How numbers are distributed, and how many times as much the first group scatters."""
+
+SHAPES = ("normal", "exponential", "lognormal", "student")
+
+SHIFT = 2.0
+"""Of one number of a family, in standard deviations: what power is of."""
+
+
+def numbers(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Array:
+    """Numbers of mean 0 and standard deviation 1."""
+    if shape == "exponential":
+        return skewed(rng, size)
+    if shape == "student":
+        return np.asarray(rng.standard_t(3, size) / math.sqrt(3.0))
+    return drawn(shape, rng, size)
+
+
+def related(shape: str, rng: np.random.Generator, size: tuple[int, ...], shared: float) -> Array:
+    """The same, columns correlated by what is common to a subject."""
+    common, own = numbers(shape, rng, (size[0], 1)), numbers(shape, rng, size)
+    return np.asarray(math.sqrt(shared) * common + math.sqrt(1.0 - shared) * own)
+
+
+def over_families(studies: int) -> TextTable:
+    """Two groups: studies in which nothing differs that show something in a family of numbers."""
+    rows = over_cores(_family_of_groups, [(*sizes, k, studies) for sizes in SIZES for k in FAMILIES])
     return TextTable(
-        f"Two groups, {studies} studies a row",
-        (
-            "subjects",
-            "values",
-            "false positives, %:.1f",
-            "interval holds, %:.1f",
-            "power, %:.1f",
-        ),
+        f"Two groups, {studies} studies a number",
+        ("subjects", "family:d", *(f"{name}:.1f" for name in MIXTURES), "2 sd found:.1f", "undecided:.1f"),
         rows,
-        "Subjects who change groups, Welch's t; Welch's interval. Spread 3 : 1: the first group scatters "
-        "three times as much. Power: of an effect of 1.5 standard deviations (root mean square of both).",
+        "Percent of studies in which nothing differs and something is shown, by how numbers are distributed "
+        "(3 : 1, the first group scatters three times as much); columns of a family are independent. Found: "
+        "studies in which one number differs by 2 standard deviations (normal, equal spread) that show it. "
+        "Undecided: numbers of that family of which the verdict is that such groups decide nothing.",
     )
 
 
-def over_joints(studies: int) -> TextTable:
-    """Many joints at once: how often any is called different, as they are and corrected."""
-    rows: list[tuple[Cell, ...]] = []
-    for design, shared in (("within, 12", 0.0), ("within, 12", 0.5), ("between, 6 and 6", 0.0)):
-        rng = np.random.default_rng((SEED, round(10 * shared), len(design)))
-        groups = (12, 0) if design.startswith("within") else (6, 6)
-        counts = []
-        for _ in range(studies):
-            common = math.sqrt(shared) * rng.normal(size=(12, 1))
-            values = common + math.sqrt(1 - shared) * rng.normal(size=(12, N_JOINTS))
-            p = _p_of_joints(values, design)
-            wrong = min(p) <= LEVEL, _any_shown(p), bool(_curve_test(values, *groups).significant.any())
-            values[:, 0] += 1.5 if design.startswith("within") else 3.0 * (np.arange(12) < 6)
-            shown = _first_shown(_p_of_joints(values, design)), _curve_test(values, *groups).significant[0]
-            counts.append((*wrong, *shown))
-        rows.append((design, shared, *map(percent, zip(*counts, strict=True))))
+def _family_of_groups(n: int, m: int, columns: int, studies: int) -> tuple[Cell, ...]:
+    rng = np.random.default_rng((SEED, n, m, columns))
+    shares: list[Cell] = []
+    for shape, ratio in MIXTURES.values():
+        found = [
+            between_family(ratio * numbers(shape, rng, (n, columns)), numbers(shape, rng, (m, columns)))
+            for _ in range(studies)
+        ]
+        shares.append(percent([SHOWN in own.verdict for own in found]))
+    shift = SHIFT * (np.arange(columns) == 0)
+    found = [
+        between_family(rng.normal(size=(n, columns)) + shift, rng.normal(size=(m, columns)))
+        for _ in range(studies)
+    ]
+    power = percent([own.verdict[0] == SHOWN for own in found])
+    undecided = percent([own.verdict[-1] == UNDECIDED for own in found])
+    return (f"{n}, {m}", columns, *shares, power, undecided)
+
+
+def within_families(studies: int) -> TextTable:
+    """The same subjects twice: families of differences, independent and correlated."""
+    asked = [
+        (n, k, r, studies) for n in (6, 8, 12, 20) for k, r in ((1, 0.0), (15, 0.0), (51, 0.0), (51, 0.5))
+    ]
     return TextTable(
-        f"{N_JOINTS} joints, {studies} studies a row",
-        (
-            "subjects",
-            "correlation:.1f",
-            "any p below 5 %, %:.1f",
-            "any Holm-corrected, %:.1f",
-            "any by the largest t, %:.1f",
-            "power, Holm, %:.1f",
-            "power, largest t, %:.1f",
-        ),
-        rows,
-        "Nothing differs; then one joint does, by 1.5 standard deviations of the differences, or 3 of the "
-        "groups, and is found after correction.",
-    )
+        f"The same subjects twice, families, {studies} studies a number",
+        ("subjects:d", "family:d", "correlation:.1f", *(f"{shape}:.1f" for shape in SHAPES), "2 sd found:.1f",
+         "undecided:.1f"),
+        over_cores(_family_of_differences, asked),
+        "Percent of studies in which nothing differs and something is shown, by how differences are "
+        "distributed. Found: one number differs by 2 standard deviations of normal differences.",
+    )  # fmt: skip
 
 
-def _p_of_joints(values: Array, design: str) -> list[float]:
-    if design.startswith("within"):
-        return [paired(column).p for column in values.T]
-    return [permutation_p(column[:6], column[6:]) for column in values.T]
-
-
-def _any_shown(p: Sequence[float]) -> bool:
-    return any(one is not None and one <= LEVEL for one in holm(p))
-
-
-def _first_shown(p: Sequence[float]) -> bool:
-    first = holm(p)[0]
-    return first is not None and first <= LEVEL
+def _family_of_differences(n: int, columns: int, shared: float, studies: int) -> tuple[Cell, ...]:
+    rng = np.random.default_rng((SEED, n, columns, round(10 * shared)))
+    shares: list[Cell] = []
+    for shape in SHAPES:
+        found = [within_family(related(shape, rng, (n, columns), shared)) for _ in range(studies)]
+        shares.append(percent([SHOWN in own.verdict for own in found]))
+    shift = SHIFT * (np.arange(columns) == 0)
+    found = [within_family(related("normal", rng, (n, columns), shared) + shift) for _ in range(studies)]
+    power = percent([own.verdict[0] == SHOWN for own in found])
+    return (n, columns, shared, *shares, power, percent([own.verdict[-1] == UNDECIDED for own in found]))
 
 
 def over_curves(studies: int) -> TextTable:
     """Curves: how often any point is called different, and what share of points a band holds."""
-    rows: list[tuple[Cell, ...]] = []
-    bump = np.exp(-(((np.arange(POINTS) - 50) / 10.0) ** 2))
-    for design, n, m, missing in (
-        ("within", 8, 0, False), ("within", 12, 0, False), ("within", 12, 0, True),
-        ("between", 6, 6, False), ("between", 6, 8, True),
-    ):  # fmt: skip
-        rng = np.random.default_rng((SEED, n, m, missing))
-        wrong, held, found = [], [], []
-        for _ in range(studies):
-            curves = smooth(rng, (n + m, POINTS))
-            if missing:  # every third subject lacks a stretch
-                for row in range(0, n + m, 3):
-                    start = rng.integers(0, POINTS - 30)
-                    curves[row, start : start + 30] = np.nan
-            null = _curve_test(curves, n, m)
-            wrong.append(bool(null.significant.any()))
-            known = np.isfinite(null.low)
-            held.append(((null.low <= 0) & (null.high >= 0))[known].mean())
-            curves[:n] += (1.5 if m == 0 else 2.5) * bump
-            found.append(bool(_curve_test(curves, n, m).significant[45:56].any()))
-        subjects = f"{design}, {n}" + (f" and {m}" if m else "")
-        rows.append(
-            (subjects, "yes" if missing else "no", percent(wrong), 100 * np.mean(held), percent(found))
-        )
+    asked = [
+        ("within", 8, 0, False), ("within", 12, 0, False), ("within", 12, 0, True), ("within", 20, 0, False),
+        ("between", 6, 6, False), ("between", 6, 8, True), ("between", 5, 15, False),
+        ("between", 20, 20, False),
+    ]  # fmt: skip
     return TextTable(
-        f"Curves of {POINTS} points, {studies} studies a row",
+        f"Curves of {POINTS} points, {studies} studies a number",
+        ("subjects", "stretches missing", "normal:.1f", "lognormal, 3 : 1:.1f", "band holds, % of points:.1f",
+         "bump found:.1f"),
+        over_cores(_curves, [(*own, studies) for own in asked]),
+        "Smooth over a tenth of the cycle. Percent of studies in which nothing differs and some point is "
+        "shown. Bands are pointwise. Found: a bump of 2 standard deviations (of differences; of each group).",
+    )  # fmt: skip
+
+
+def _curves(design: str, n: int, m: int, missing: bool, studies: int) -> tuple[Cell, ...]:
+    rng = np.random.default_rng((SEED, n, m, missing))
+    bump = np.exp(-(((np.arange(POINTS) - 50) / 10.0) ** 2))
+    wrong, skew, held, found = [], [], [], []
+    for _ in range(studies):
+        curves = smooth(rng, (n + m, POINTS))
+        if missing:  # every third subject lacks a stretch
+            for row in range(0, n + m, 3):
+                start = rng.integers(0, POINTS - 30)
+                curves[row, start : start + 30] = np.nan
+        null = _curve_verdicts(curves, n)
+        wrong.append(SHOWN in null.verdict)
+        known = np.isfinite(null.low)
+        held.append(((null.low <= 0) & (null.high >= 0))[known].mean())
+        spread = np.where(np.arange(n + m) < n, 3.0, 1.0)[:, None]
+        skew.append(SHOWN in _curve_verdicts(spread * (np.exp(curves) - math.exp(0.5)), n).verdict)
+        curves[:n] += SHIFT * bump
+        found.append(SHOWN in _curve_verdicts(curves, n).verdict[45:56])
+    subjects = f"{design}, {n}" + (f" and {m}" if m else "")
+    missed = "yes" if missing else "no"
+    return (subjects, missed, percent(wrong), percent(skew), 100 * float(np.mean(held)), percent(found))
+
+
+def _curve_verdicts(curves: Array, n: int) -> FamilyVerdicts:
+    return between_family(curves[:n], curves[n:]) if len(curves) > n else within_family(curves)
+
+
+def over_designs(studies: int) -> TextTable:
+    """Two factors crossed, and a covariate: one number, four groups or one sample."""
+    asked = [(design, n, studies) for design in ("crossed", "slope") for n in (6, 12, 20)]
+    return TextTable(
+        f"Differences of differences, and slopes, {studies} studies a number",
         (
+            "design",
             "subjects",
-            "stretches missing",
-            "any point wrong, %:.1f",
-            "band holds, % of points:.1f",
-            "power, %:.1f",
+            "normal:.1f",
+            "normal, 3 : 1:.1f",
+            "lognormal, 3 : 1:.1f",
+            "interval holds:.1f",
         ),
-        rows,
-        "Smooth over a tenth of the cycle. Any point wrong: false positives of the whole curve. Bands are "
-        "pointwise. Power: of a bump of 1.5 standard deviations of the differences, or 2.5 of the groups.",
+        over_cores(_designs, asked),
+        "Percent of studies of one number in which nothing differs and it is shown. Crossed: four groups, "
+        "the first scattering three times as much; slope: over a covariate, numbers scattering up to three times "
+        "as much towards its end. The interval is of the normal, unequal ones.",
     )
 
 
-def _curve_test(curves: Array, n: int, m: int) -> CurveTest:
-    found = curves_between(curves[:n], curves[n:]) if m else curves_within(curves)
-    assert found is not None
-    return found
+def _designs(design: str, n: int, studies: int) -> tuple[Cell, ...]:
+    rng = np.random.default_rng((SEED, n, len(design)))
+    covariate = np.linspace(0.0, 1.0, n)
+
+    def one(shape: str, ratio: float) -> FamilyVerdicts:
+        if design == "crossed":
+            first, *others = (numbers(shape, rng, (n, 1)) for _ in range(4))
+            return interaction_family([ratio * first, *others])
+        spread = 1.0 + (ratio - 1.0) * covariate
+        return slope_family(covariate, spread[:, None] * numbers(shape, rng, (n, 1)))
+
+    found = [
+        [one(*own) for _ in range(studies)] for own in (("normal", 1.0), ("normal", 3.0), ("lognormal", 3.0))
+    ]
+    held = percent([bool(own.low[0] <= 0 <= own.high[0]) for own in found[1]])
+    shares = [percent([own.verdict == [SHOWN] for own in studied]) for studied in found]
+    return (design, f"{n}, {n}, {n}, {n}" if design == "crossed" else f"{n}", *shares, held)
+
+
+def over_cores(
+    row: Callable[..., tuple[Cell, ...]], asked: Sequence[tuple[object, ...]]
+) -> list[tuple[Cell, ...]]:
+    """Make the rows in two processes."""
+    with workers() as pool:
+        return list(pool.map(row, *zip(*asked, strict=True)))
 
 
 def repeated(studies: int) -> TextTable:

@@ -23,7 +23,7 @@ def drawn(seed: int, *shape: int) -> np.ndarray:
 
 
 def test_a_mean_of_differences_is_students() -> None:
-    d = drawn(1, 9, 4) + [0.0, 1.0, 2.0, 4.0]
+    d = drawn(1, 9, 4) + np.array([0.0, 1.0, 2.0, 4.0])
     found, theirs = within_family(d), stats.ttest_1samp(d, 0.0)
     assert found.t == pytest.approx(theirs.statistic)
     assert found.p_alone == pytest.approx(theirs.pvalue)
@@ -93,7 +93,7 @@ def test_copies_count_as_one_comparison_and_strangers_as_many() -> None:
 
 
 def test_order_units_and_sides_change_no_verdict() -> None:
-    a, b = drawn(8, 7, 6) + [0, 0, 0, 2, 3, 5], drawn(9, 8, 6)
+    a, b = drawn(8, 7, 6) + np.array([0, 0, 0, 2, 3, 5]), drawn(9, 8, 6)
     found = between_family(a, b)
     order = [4, 2, 0, 5, 1, 3]
     for other, p in (
