@@ -242,7 +242,7 @@ def over_designs(studies: int) -> TextTable:
         ),
         over_cores(_designs, asked),
         "Percent of studies of one number in which nothing differs and it is shown. Crossed: four groups, "
-        "the first scattering three times as much; slope: over a covariate, numbers scattering up to three times "
+        "the first scattering three times as much; slope: over a covariate, scattering up to three times "
         "as much towards its end. The interval is of the normal, unequal ones.",
     )
 
