@@ -46,7 +46,8 @@ class FamilyVerdicts:
     low, high, p_alone : 95 % interval and two-sided p of one difference alone, Student's or Welch's. p :
     corrected over the family, under the worst null; t_threshold : |t| from which it is at most LEVEL.
     detectable : the true difference that is shown in 80 % of such studies. n_comparisons : as how many
-    independent comparisons the family counts.
+    independent comparisons the family counts. Of a family that is one among several, all of this but p is
+    at their share of LEVEL.
     """
 
     difference: Array
@@ -80,24 +81,24 @@ class _Columns:
     huge_freedom: Array
 
 
-def within_family(differences: Array) -> FamilyVerdicts:
+def within_family(differences: Array, among: int = 1) -> FamilyVerdicts:
     """Give verdicts on the means of columns (n, K) of differences; NaN is a number that is missing."""
-    return _verdicts(_groups([differences], FEWEST_SUBJECTS))
+    return _verdicts(_groups([differences], FEWEST_SUBJECTS), among)
 
 
-def between_family(values: Array, others: Array) -> FamilyVerdicts:
+def between_family(values: Array, others: Array, among: int = 1) -> FamilyVerdicts:
     """Give verdicts on the difference of the means of groups (n, K) and (m, K)."""
-    return _verdicts(_groups([values, others], FEWEST_IN_GROUP))
+    return _verdicts(_groups([values, others], FEWEST_IN_GROUP), among)
 
 
-def interaction_family(cells: Sequence[Array]) -> FamilyVerdicts:
+def interaction_family(cells: Sequence[Array], among: int = 1) -> FamilyVerdicts:
     """Give verdicts on (a - b) - (c - d), the means of four groups (n_i, K)."""
-    return _verdicts(_groups(cells, FEWEST_IN_GROUP))
+    return _verdicts(_groups(cells, FEWEST_IN_GROUP), among)
 
 
-def slope_family(covariate: Array, values: Array) -> FamilyVerdicts:
+def slope_family(covariate: Array, values: Array, among: int = 1) -> FamilyVerdicts:
     """Give verdicts on the change of columns (n, K) per unit of a covariate (n,), both of n subjects."""
-    return _verdicts(_slope(covariate, values))
+    return _verdicts(_slope(covariate, values), among)
 
 
 def _groups(groups: Sequence[Array], fewest: int) -> _Columns:
@@ -150,7 +151,7 @@ def _slope(covariate: Array, values: Array) -> _Columns:
     return _Columns(difference, error, freedom, largest, turned, dimensions, huge, freedom)
 
 
-def _verdicts(columns: _Columns) -> FamilyVerdicts:
+def _verdicts(columns: _Columns, among: int) -> FamilyVerdicts:
     from scipy.special import nctdtr, nctdtrinc, stdtr, stdtrit
 
     tested = [k for k, own in enumerate(columns.largest) if own is not None]
@@ -159,8 +160,9 @@ def _verdicts(columns: _Columns) -> FamilyVerdicts:
     verdict, count = [""] * len(t), np.nan
     smallest = _largest_turns(columns) if tested else np.zeros(0)
     if tested:
-        level = min(LEVEL, float(np.quantile(smallest, LEVEL)))
-        count = float(np.log1p(-LEVEL) / np.log1p(-level))
+        share = LEVEL / among
+        level = min(share, float(np.quantile(smallest, share)))
+        count = float(np.log1p(-share) / np.log1p(-level))
     for k in tested:
         largest = columns.largest[k]
         assert largest is not None
@@ -170,7 +172,7 @@ def _verdicts(columns: _Columns) -> FamilyVerdicts:
         threshold[k] = critical_t(level, largest)
         detectable[k] = columns.error[k] * nctdtrinc(columns.freedom[k], 1.0 - POWER, threshold[k])
         power = 1.0 - nctdtr(columns.huge_freedom[k], columns.huge[k], threshold[k])
-        verdict[k] = SHOWN if p[k] <= LEVEL else NOT_SHOWN if power >= LEAST_POWER else UNDECIDED
+        verdict[k] = SHOWN if p[k] <= share else NOT_SHOWN if power >= LEAST_POWER else UNDECIDED
     low, high = columns.difference - half, columns.difference + half
     p_alone = 2.0 * stdtr(columns.freedom, -np.abs(t))
     return FamilyVerdicts(columns.difference, low, high, t, p_alone, threshold, p, detectable, verdict, count)
