@@ -168,6 +168,7 @@ def _keys(schema: dict[str, Any], prefix: str) -> Iterator[str]:
     for name, part in schema.get("properties", {}).items():
         yield _key_row(f"{prefix}{name}", part, name in required)
         yield from _keys(part, f"{prefix}{name}.")
+        yield from _keys(part.get("items", {}), f"{prefix}{name}[].")
     others = schema.get("additionalProperties")
     if isinstance(others, dict):
         yield from _keys(others, f"{prefix}<name>.")

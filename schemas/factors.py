@@ -2,27 +2,38 @@
 
 from __future__ import annotations
 
+from shukotsu.schemas.questions import is_number
 from shukotsu.schemas.sheets import PARTICIPANTS, read_sheet
-from shukotsu.schemas.study import OWN_FACTORS, Study
+from shukotsu.schemas.study import OWN_FACTORS, Study, levels_of
+from shukotsu.sentences.messages import Message, message_of
 
-MISSING = ("", "n/a")
-"""Cells that give no level."""
+MOST_LEVELS = 8
+"""A factor with more levels than this is not compared pair by pair."""
+MOST_NUMBERS = 4
+"""Nor is one whose levels are more numbers than this: they were measured, and have an order."""
 
 
 def factor_levels(study: Study) -> list[dict[str, str]]:
     """Give a row for every evaluated recording: subject, session, hand, task, trial, and a level a factor.
 
-    Factors are named in the study file: session, hand, task, or a further column of the participants or the
-    recordings sheet. A level is text; it is empty where the recording or the participant has none. Raises
-    InputError where the participants sheet cannot be read.
+    Factors are named in the study file, under `factors` or by a question: session, hand, task, or a further
+    column of the participants or the recordings sheet. A level is text; it is empty where the recording or
+    the participant has none. Raises InputError where the participants sheet cannot be read.
     """
-    participants = {
-        row["subject"]: row.values for row in read_sheet(study.sheets.get("participants"), PARTICIPANTS)
-    }
-    rows = []
-    for recording in study.shown:
-        known = {**participants.get(recording.hand.subject, {}), **dict(recording.factors)}
-        levels = {name: str(known.get(name, "")) for name in study.factors if name not in OWN_FACTORS}
-        levels = {name: "" if level in MISSING else level for name, level in levels.items()}
-        rows.append(recording.key | levels)
-    return rows
+    participants = read_sheet(study.sheets.get("participants"), PARTICIPANTS)
+    return levels_of(study.shown, participants, study.columns)
+
+
+def not_compared(study: Study) -> dict[str, Message]:
+    """Say of each factor whose levels are not compared pair by pair why they are not."""
+    rows = factor_levels(study)
+    found = {}
+    for factor in study.factors:
+        levels = {row[factor] for row in rows} - {""}
+        if len(levels) < 2:
+            found[factor] = message_of("few-levels", n=len(levels))
+        elif factor not in OWN_FACTORS and all(map(is_number, levels)) and len(levels) > MOST_NUMBERS:
+            found[factor] = message_of("is-covariate", count=len(levels), factor=factor)
+        elif len(levels) > MOST_LEVELS:
+            found[factor] = message_of("many-levels", count=len(levels), most=MOST_LEVELS)
+    return found

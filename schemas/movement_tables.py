@@ -38,6 +38,23 @@ LEFT_OUT_REASON = Column("left_out_reason", TEXT, "", "why they are not, and whi
 N_FRAMES = Column("n_frames", WHOLE, "", "frames with a value")
 
 
+VERDICT = (
+    Column(
+        "verdict",
+        TEXT,
+        "",
+        "shown, not-shown, or undecided where no test holds its level with these groups and shows anything "
+        "(docs/statistics.md); empty: too few subjects",
+    ),
+    real("detectable", "the true difference that would be shown in 80 % of such studies"),
+)
+P_FAMILY = real(
+    "p_family",
+    "two-sided p-value corrected over all that is said of these levels under this model: every quantity, "
+    "`of`, hand and task",
+)
+
+
 def _count(name: str, description: str) -> Column:
     return Column(name, WHOLE, "", description)
 
@@ -200,7 +217,7 @@ MOVEMENT_CURVES = Table(
 
 MOVEMENT_DIFFERENCES = Table(
     "movement_differences",
-    1,
+    2,
     "how two levels of a factor differ in a quantity, subjects as the unit",
     (
         *LEVELS,
@@ -227,9 +244,10 @@ MOVEMENT_DIFFERENCES = Table(
         real("p_holm", "the same after Holm's correction over all `of` of the quantity"),
         real(
             "p_max_t",
-            "two-sided p-value corrected over all `of` of the quantity by the largest |t| among them; "
-            "by it a difference counts as shown",
+            "two-sided p-value corrected over all `of` of the quantity by the largest |t| among them",
         ),
+        P_FAMILY,
+        *VERDICT,
         Column("test", TEXT, "", "exact sign-flip, sign-flip, exact permutation or permutation; empty: none"),
         UNIT,
         *MESSAGE,
@@ -239,7 +257,7 @@ MOVEMENT_DIFFERENCES = Table(
 
 MOVEMENT_RELIABILITY = Table(
     "movement_reliability",
-    1,
+    2,
     "how well a quantity repeats across sessions or trials",
     (
         Column("across", TEXT, "", "session or trial"),
@@ -250,6 +268,13 @@ MOVEMENT_RELIABILITY = Table(
         OF,
         _count("n", "subjects with a value in each of the k"),
         _count("k", "sessions or trials that at least half of the subjects have"),
+        Column(
+            "contains",
+            TEXT,
+            "",
+            "factors whose levels change from one to the next, joined by ';': their effect is in all that "
+            "follows, which is then no measurement error",
+        ),
         LEFT_OUT,
         LEFT_OUT_REASON,
         *_with_interval("icc_2_1", "ICC(2,1), absolute agreement"),
@@ -274,7 +299,7 @@ MOVEMENT_RELIABILITY = Table(
 
 CURVE_DIFFERENCES = Table(
     "curve_differences",
-    1,
+    2,
     "how two levels of a factor differ in an angle's course, at a percent of the cycle",
     (
         *LEVELS,
@@ -293,6 +318,8 @@ CURVE_DIFFERENCES = Table(
         Column("significant", YES_NO, "", "whether |t| exceeds the threshold there"),
         real("p", "family-wise p-value there, from the largest |t| of permuted curves"),
         real("p_holm", "the curve's smallest p after Holm's correction over joints and angles"),
+        real("p_family", "the same over every joint, angle, event, hand and task, by the verdict's test"),
+        VERDICT[0],
         _count("n", "subjects with a curve at the level"),
         _count("n_other", "subjects with a curve at the other level"),
         *MESSAGE,
@@ -316,7 +343,7 @@ MODEL_DEPENDENCE = Table(
             "agree",
             YES_NO,
             "",
-            "difference: whether all are on one side of p_max_t = 0.05 and, where one is shown, of one sign; "
+            "difference: whether all have one verdict and, where one is shown, one sign; "
             "reliability: whether the intervals of ICC(2,1) overlap; null where no two models can be held "
             "against each other",
             True,
@@ -329,7 +356,60 @@ MODEL_DEPENDENCE = Table(
     _key("question", *LEVELS, HAND, TASK, QUANTITY, OF),
 )
 
+QUESTIONS = Table(
+    "questions",
+    1,
+    "a question of the study file and its answer, subjects as the unit",
+    (
+        Column("question", TEXT, "", "its name"),
+        HAND,
+        TASK,
+        MODEL,
+        QUANTITY,
+        OF,
+        Column("event", TEXT, "", "of a curve, the event that begins its cycles; else empty"),
+        Column("percent", WHOLE, "", "of a curve, where in the cycle the levels part most", nullable=True),
+        Column("factor", TEXT, "", "what tells the levels apart, or the covariate"),
+        Column("level", TEXT, "", "the level that is compared; empty of a covariate"),
+        OTHER_LEVEL,
+        Column("crossed_with", TEXT, "", "the second factor; empty where nothing is crossed"),
+        Column("crossed_level", TEXT, "", "its level"),
+        Column("crossed_other_level", TEXT, "", "its other level"),
+        Column("design", TEXT, "", "within (the same subjects), between (groups), both or neither crossed"),
+        _count("n", "subjects at the level, or of a covariate; within: at both"),
+        _count("n_other", "subjects at the other level; within: at both; 0 of a covariate"),
+        LEFT_OUT,
+        LEFT_OUT_REASON,
+        real(
+            "difference",
+            "level minus other_level; crossed: how much more that is at crossed_level than at "
+            "crossed_other_level; of a covariate: change for one more of it",
+        ),
+        real("low", "lower end of its 95 % interval, of this question alone"),
+        real("high", "upper end"),
+        real("effect_size", "standardised difference; null of a covariate and of four groups"),
+        real("effect_low", "lower end of its 95 % interval"),
+        real("effect_high", "upper end"),
+        Column("effect_size_name", TEXT, "", "d_z (within) or hedges_g (between); empty without one"),
+        real("p", "two-sided p-value, of a curve over its whole cycle"),
+        real("p_corrected", "the same after Holm's correction over all questions"),
+        *VERDICT,
+        UNIT,
+        Column("first_asked", TEXT, "", "date and time (UTC) of the first run with it; empty: not recorded"),
+        Column(
+            "asked_after_results",
+            YES_NO,
+            "",
+            "whether the study had results of movement by then; null: not recorded",
+            True,
+        ),
+        *MESSAGE,
+    ),
+    ("question",),
+)
+
 MOVEMENT_TABLES = (
+    QUESTIONS,
     EVENTS,
     CLOCKS,
     RANGES_OF_MOTION,

@@ -28,12 +28,11 @@ from shukotsu.schemas.parts import Part
 from shukotsu.schemas.poses import one_hand, recording_name
 from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
-from shukotsu.schemas.study import Hand, Recording, Study, SubjectSession, path_token
+from shukotsu.schemas.study import SIZES, Hand, Recording, Study, SubjectSession, path_token
 from shukotsu.schemas.tables import read_table, rows_of
 from shukotsu.sentences.messages import message_of
 
 VERSION = 2
-SIZES = ("hand_length_mm", "hand_breadth_mm")
 
 
 @dataclass(frozen=True)
@@ -320,7 +319,7 @@ def _recording(recording: Recording, study: Study, results: Path) -> dict[str, A
         "accept": recording.accept,
         "events": None if recording.events is None else _relative(recording.events),
         "pulses": recording.pulses,
-        "factors": dict(recording.factors),
+        "factors": {name: level for name, level in recording.factors if name in study.factors},
         "poses": (results / recording.hand.folder / recording.name / "poses.parquet").as_posix(),
         "truth": _relative(truth_folder(recording.file)) if simulated else None,
     }

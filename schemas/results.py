@@ -71,6 +71,7 @@ MODEL_COMPARISONS = ("model_values", "model_pairs", "model_differences")
 """How the study's models compare over its subjects, made from its tables."""
 
 MOVEMENT_COMPARISONS = (
+    "questions",
     "movement_differences",
     "movement_reliability",
     "curve_differences",
@@ -120,6 +121,11 @@ class Results:
     def figures(self) -> Path:
         """Folder of the study's figures for print."""
         return self.folder / "figures"
+
+    @property
+    def questions_asked(self) -> Path:
+        """The record of when each of the study's questions was first run."""
+        return self.folder / "questions_asked.json"
 
     @property
     def resolved(self) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,11 +13,18 @@ from shukotsu.files.limits import FILE_NAME_BYTES, NAMES_BYTES
 from shukotsu.schemas.config_files import REFERENCE, check_config, config_path, read_config
 from shukotsu.schemas.layout import Layout, read_layout
 from shukotsu.schemas.model import SkeletonModel, read_model
+from shukotsu.schemas.questions import Question, checked_questions, columns_asked
 from shukotsu.schemas.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
 from shukotsu.sentences.translation import tr
 
 OWN_FACTORS = ("session", "hand", "task")
 """Columns that every recording has and that may be factors."""
+
+SIZES = ("hand_length_mm", "hand_breadth_mm")
+"""What the participants sheet knows of a hand; as covariates they may be asked about."""
+
+NO_LEVEL = ("", "n/a")
+"""Cells that give no level."""
 
 REPETITIONS = 20
 """Snakemake takes a name that ends in so many repetitions for a rule that feeds itself."""
@@ -134,6 +141,7 @@ class Study:
     sheets: dict[str, Path]
     config: dict[str, Any]
     unusable: tuple[UnusableRow, ...] = ()
+    questions: tuple[Question, ...] = ()
 
     @property
     def hands(self) -> tuple[Hand, ...]:
@@ -180,9 +188,14 @@ class Study:
         return tuple(self.config["factors"])
 
     @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the factors, then of other columns that questions speak of."""
+        return tuple(dict.fromkeys([*self.factors, *columns_asked(self.config["questions"])]))
+
+    @property
     def shown(self) -> tuple[Recording, ...]:
         """Every recording that tips are evaluated on, and so has a page in the report."""
-        return tuple(r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude)
+        return shown(self.recordings)
 
     def layout_of(self, hand: Hand) -> Path:
         """The layout of the hand's recordings; of several that which wears most receivers."""
@@ -215,6 +228,25 @@ def _percent(letter: str) -> str:
     return "".join(f"%{byte:02X}" for byte in letter.encode())
 
 
+def shown(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
+    """Those that tips are evaluated on."""
+    return tuple(r for r in recordings if r.role in ("evaluation", "both") and not r.exclude)
+
+
+def levels_of(
+    recordings: Iterable[Recording], participants: Iterable[Row], names: Iterable[str]
+) -> list[dict[str, str]]:
+    """Give a row for every recording: its key, and its level of each factor, empty where it has none."""
+    people = {row["subject"]: row.values for row in participants}
+    further = [name for name in names if name not in OWN_FACTORS]
+    rows = []
+    for recording in recordings:
+        known = {**people.get(recording.hand.subject, {}), **dict(recording.factors)}
+        texts = {name: "" if known.get(name) is None else str(known[name]) for name in further}
+        rows.append(recording.key | {name: "" if t in NO_LEVEL else t for name, t in texts.items()})
+    return rows
+
+
 def read_study(path: Path) -> Study:
     """Read a study file and everything it names. Raises InputError where any of it is wrong."""
     return study_from_config(read_config(path, "study"), path.parent, str(path))
@@ -227,13 +259,24 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
     models = _models(config["models"], folder, where)
     sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
     mapping = folder / config["mapping"] if "mapping" in config else None
-    recordings, unusable = _recordings(sheets["recordings"], folder, layout, mapping, config["factors"])
+    asked = columns_asked(config["questions"])
+    names = list(dict.fromkeys([*config["factors"], *asked]))
+    recordings, unusable = _recordings(sheets["recordings"], folder, layout, mapping, names)
     for path in {r.layout for r in recordings} | {layout}:
         read_layout(path.absolute())
     read = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
-    _check_factors(config["factors"], recordings, read["participants"], where)
+    places = dict.fromkeys(config["factors"], "factors") | asked
+    _check_factors({name: places[name] for name in names}, recordings, read["participants"], where)
     if "events" in sheets:
         _check_events(sheets["events"], read["events"], recordings, unusable)
+    questions = checked_questions(
+        config["questions"],
+        levels_of(shown(recordings), read["participants"], names),
+        list(models),
+        [read_layout(path.absolute()) for path in dict.fromkeys(r.layout for r in recordings)],
+        None if any(r.events for r in recordings) else {row["name"] for row in read["events"]},
+        where,
+    )
     simulation = None
     if "simulation" in config:
         part = config["simulation"]
@@ -249,6 +292,7 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
         sheets,
         config,
         unusable,
+        questions,
     )
 
 
@@ -311,15 +355,18 @@ def unmatched_rows(study: Study) -> list[str]:
 
 
 def _check_factors(
-    names: Sequence[str], recordings: Sequence[Recording], participants: Sequence[Row], where: str
+    names: Mapping[str, str], recordings: Sequence[Recording], participants: Sequence[Row], where: str
 ) -> None:
-    """Raise InputError where a factor is no further column of one sheet, participants' or recordings'."""
+    """Raise InputError where a factor is no further column of one sheet, participants' or recordings'.
+
+    names : the factors, and the key of the study file that names each.
+    """
     read_otherwise = {cell.name for sheet in (PARTICIPANTS, RECORDINGS) for cell in sheet.cells}
     further = dict.fromkeys(name for row in participants for name in row.values)
     known = [*OWN_FACTORS, *(name for name in further if name not in read_otherwise)]
     of_recordings = {name for recording in recordings for name, _ in recording.factors}
-    for name in names:
-        if name in OWN_FACTORS:
+    for name, key in names.items():
+        if name in OWN_FACTORS or (name in SIZES and key.endswith("covariate")):
             continue
         if name in read_otherwise:
             reason = f"tells no levels apart; expected one of {', '.join(known)}"
@@ -329,7 +376,7 @@ def _check_factors(
             reason = f"is no column of the sheets of participants and recordings; {guess(name, known)}"
         else:
             continue
-        raise InputError(f"{where}: factors: {name!r} {reason}")
+        raise InputError(f"{where}: {key}: {name!r} {reason}")
 
 
 def _check_events(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from shukotsu.anatomy.average_hand import DIGITS, DigitAnatomy
 from shukotsu.schemas.layout import Digit, Layout
+from shukotsu.schemas.model import SkeletonModel
 from shukotsu.sentences.messages import message_of
 from shukotsu.skeleton.joint_angles import mirrored
 from shukotsu.skeleton.rotations import Array, from_matrix
@@ -27,6 +28,19 @@ def known_digits(layout: Layout) -> list[Digit]:
         and digit.base == root_of(layout)
         and len(digit.segments) == len(DIGITS[digit.name].lengths_mm)
     ]
+
+
+def leading_model(models: Mapping[str, SkeletonModel], layouts: Iterable[Layout]) -> str:
+    """Name the model of a study that is recommended: one that fits the whole hand, else the last that nobody
+    corrected.
+
+    A study of corrected models alone has its last, and one without a hand none that fits a whole one.
+    """
+    whole = [name for name, model in models.items() if model.fitting is not None]
+    fitted = whole[:1] if any(map(known_digits, layouts)) else []
+    uncorrected = [name for name, model in models.items() if not model.planes.corrections]
+    possible = [name for name in uncorrected if fitted or name not in whole]
+    return [*models, *uncorrected, *possible, *fitted][-1]
 
 
 def no_whole_hand(layout: Layout, model: str) -> str:

@@ -1,19 +1,21 @@
 """Compare two levels in every number, a subject at a time, corrected over what is compared together.
 
-A family, of which p_holm and p_max_t are: all joints and angles, digits or pairs of digits of one quantity,
-for one pair of levels, hand, task and model.
+p_holm and p_max_t are of all joints and angles, digits or pairs of digits of one quantity, for one pair of
+levels, hand, task and model. A verdict is of all that is said of a pair of levels under a model at once:
+every quantity in every hand and task.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from shukotsu.schemas.quantities import Quantity
 from shukotsu.sentences.messages import message_of
-from shukotsu.stages.compare_movement.level_pairs import MOST_LEVELS, WITHIN, LevelPair, level_pairs, places
-from shukotsu.stages.compare_movement.movement_values import Quantity, Recorded, subject_means
+from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
+from shukotsu.stages.compare_movement.movement_values import Recorded, subject_means
 from shukotsu.statistics.curve_statistics import curves_between, curves_within
 from shukotsu.statistics.group_statistics import FEWEST_IN_GROUP, two_groups
 from shukotsu.statistics.multiple_comparisons import holm
@@ -24,15 +26,26 @@ from shukotsu.statistics.paired_statistics import (
     effect_interval,
     paired,
 )
+from shukotsu.statistics.verdicts import (
+    NOT_SHOWN,
+    SHOWN,
+    UNDECIDED,
+    FamilyVerdicts,
+    between_family,
+    within_family,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Row = dict[str, Any]
 
+VALUES = "values"
+"""Of a row that is not judged yet: its subjects' numbers at the level, and at the other."""
+
 
 def difference_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
-    """Rows of movement_differences for one quantity, over every factor.
+    """Rows of movement_differences for one quantity, over every factor; and VALUES, which `judge` takes off.
 
     numbers : as `numbers_of` gives them.
     """
@@ -48,15 +61,39 @@ def difference_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recor
                         yield from _family(quantity, family, pair, {**place, "model": key[-1]})
 
 
-def too_many_levels(everything: Recorded) -> list[str]:
-    """A sentence on every factor that is not compared because it has too many levels."""
-    counts = {factor: everything.rows[factor].nunique() for factor in everything.factors}
-    return [
-        f"factor {factor}: has {count} levels; at most {MOST_LEVELS} are compared pair by pair; put groups "
-        "of them into the sheet's column"
-        for factor, count in counts.items()
-        if count > MOST_LEVELS
-    ]
+def judge(rows: Sequence[Row]) -> None:
+    """Say of every row whether a difference is shown, corrected over all of its pair of levels and model."""
+    families: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        key = tuple(row[name] for name in ("factor", "level", "other_level", "model"))
+        families.setdefault(key, []).append(row)
+    for family in families.values():
+        first, other = (_stacked([row[VALUES][side] for row in family]) for side in (0, 1))
+        is_within = family[0]["design"] == WITHIN
+        found = within_family(first - other) if is_within else between_family(first, other)
+        for place, row in enumerate(family):
+            del row[VALUES]
+            row |= verdict_columns(found, place)
+
+
+def verdict_columns(found: FamilyVerdicts, place: int) -> Row:
+    """The verdict on one number of a family."""
+    numbers = {"p_family": float(found.p[place]), "detectable": float(found.detectable[place])}
+    return {"verdict": found.verdict[place], **numbers}
+
+
+def verdict_at_once(found: FamilyVerdicts) -> tuple[str, float | None]:
+    """The verdict on a whole family, whether it differs anywhere, and its p; None where it has no test."""
+    given = set(found.verdict)
+    verdict = next((one for one in (SHOWN, NOT_SHOWN, UNDECIDED) if one in given), "")
+    return verdict, None if np.isnan(found.p).all() else float(np.nanmin(found.p))
+
+
+def _stacked(numbers: Sequence[pd.Series[float]]) -> Array:
+    """Subjects by numbers, NaN where one lacks one."""
+    import pandas as pd
+
+    return np.asarray(pd.concat(numbers, axis=1, sort=False), float)
 
 
 def _family(quantity: Quantity, family: pd.DataFrame, pair: LevelPair, where: Row) -> list[Row]:
@@ -103,15 +140,16 @@ def _row(values: pd.DataFrame, pair: LevelPair) -> Row:
         both = first.index.intersection(other.index, sort=False)
         first, other = first[both], other[both]
     n_left_out, reason = pair.left_out({*first.index, *other.index})
-    compare = _within if pair.design == WITHIN else _between
+    compare: Callable[[Array, Array], Row] = within_row if pair.design == WITHIN else between_row
     counts = {"n": len(first), "n_other": len(other), "left_out": n_left_out, "left_out_reason": reason}
-    return counts | compare(first.to_numpy(), other.to_numpy())
+    return counts | compare(first.to_numpy(), other.to_numpy()) | {VALUES: (first, other)}
 
 
 _NOTHING: Row = {"p": None, "test": "", "effect_size_name": ""}
 
 
-def _within(first: Array, other: Array) -> Row:
+def within_row(first: Array, other: Array) -> Row:
+    """Means, difference, effect size and test of numbers at both levels of the same subjects."""
     n = len(first)
     if n == 0:
         return _NOTHING | {"message": message_of("none-at-both")}
@@ -128,7 +166,8 @@ def _within(first: Array, other: Array) -> Row:
     return row | {"low": found.interval[0], "high": found.interval[1]}
 
 
-def _between(first: Array, other: Array) -> Row:
+def between_row(first: Array, other: Array) -> Row:
+    """The same of two groups."""
     if min(len(first), len(other)) == 0:
         return _NOTHING | {"message": message_of("none-at-one")}
     found = two_groups(first, other)

@@ -9,38 +9,32 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 from shukotsu.errors import listed
-from shukotsu.stages.compare_movement.movement_values import Recorded, in_order
+from shukotsu.stages.compare_movement.movement_values import Recorded, in_order, level_column
 
 if TYPE_CHECKING:
     import pandas as pd
 
 WITHIN, BETWEEN = "within", "between"
-MOST_LEVELS = 8
-"""A factor with more levels than this is a measured quantity, and is not compared pair by pair."""
 
 
 @dataclass(frozen=True)
 class LevelPair:
     """Two levels of a factor in one place (a hand and a task, less the factor itself).
 
-    levels_of : each subject's levels among the two, recordings that count or not. in_part : subjects of whom
-    some recordings do not count, by the reason. wholly : those of whom none does. without : subjects who were
-    recorded there and have no level.
+    design : within where at least as many of the study's subjects have both levels as have one, else between.
+    levels_of : each subject's levels among the two, recordings that count or not; between groups those that
+    they have in any place. in_part : subjects of whom some recordings do not count, by the reason. wholly :
+    those of whom none does. without : subjects who were recorded there and have no level.
     """
 
     factor: str
     level: str
     other: str
+    design: str
     levels_of: Mapping[str, frozenset[str]]
     in_part: Mapping[str, str]
     wholly: Mapping[str, str]
     without: Sequence[str] = ()
-
-    @property
-    def design(self) -> str:
-        """Within where at least as many subjects have both levels as have one, else between."""
-        n_both = sum(len(levels) == 2 for levels in self.levels_of.values())
-        return WITHIN if 2 * n_both >= len(self.levels_of) else BETWEEN
 
     def candidates(self, level: str) -> frozenset[str]:
         """Subjects that may stand for the level: within those with both, between those with it alone."""
@@ -73,30 +67,49 @@ class LevelPair:
 
 
 def level_pairs(everything: Recorded, factor: str, place: Mapping[str, str]) -> Iterator[LevelPair]:
-    """Pairs of the factor's levels in a place, in the sheet's order; none of a factor with too many."""
-    rows = everything.rows
-    for column, value in place.items():
-        rows = rows[rows[column] == value]
-    recorded = rows["subject"]
-    rows = rows[rows[factor] != ""]
-    having = set(rows["subject"])
-    without = [subject for subject in dict.fromkeys(recorded) if subject not in having]
-    levels = in_order(rows, factor)
-    if len(levels) > MOST_LEVELS:
-        return
-    for level, other in combinations(levels, 2):
-        yield _pair(rows[rows[factor].isin([level, other])], factor, level, other, without)
+    """Pairs of the factor's levels in a place, in the sheet's order, which is one for all places."""
+    known = in_order(_having(everything.rows, factor), level_column(factor))
+    present = set(_in(everything.rows, place)[level_column(factor)])
+    for level, other in combinations([level for level in known if level in present], 2):
+        yield level_pair(everything, factor, (level, other), place)
 
 
-def _pair(rows: pd.DataFrame, factor: str, level: str, other: str, without: Sequence[str]) -> LevelPair:
-    levels_of = {str(subject): frozenset(own) for subject, own in rows.groupby("subject", sort=False)[factor]}
+def level_pair(
+    everything: Recorded, factor: str, levels: tuple[str, str], place: Mapping[str, str], design: str = ""
+) -> LevelPair:
+    """Two levels in a place; design : as it is to be, empty for that of most of the study's subjects."""
+    column = level_column(factor)
+    here, study = (_having(rows, factor) for rows in (_in(everything.rows, place), everything.rows))
+    missing = dict.fromkeys(_in(everything.rows, place)["subject"])
+    without = [subject for subject in missing if subject not in set(here["subject"])]
+    rows = here[here[column].isin(levels)]
+    anywhere = _levels_of(study[study[column].isin(levels)], column)
+    n_both = sum(len(own) == 2 for own in anywhere.values())
+    design = design or (WITHIN if 2 * n_both >= len(anywhere) else BETWEEN)
+    levels_of = _levels_of(rows, column)
+    if design == BETWEEN:
+        levels_of = {subject: anywhere[subject] for subject in levels_of}
     in_part: dict[str, str] = {}
     wholly: dict[str, str] = {}
     for subject, reasons in rows.groupby("subject", sort=False)["left_out"]:
         dropped = [reason for reason in reasons if reason]
         if dropped:
             (wholly if len(dropped) == len(reasons) else in_part)[str(subject)] = dropped[0]
-    return LevelPair(factor, level, other, levels_of, in_part, wholly, without)
+    return LevelPair(factor, *levels, design, levels_of, in_part, wholly, without)
+
+
+def _levels_of(rows: pd.DataFrame, column: str) -> dict[str, frozenset[str]]:
+    return {str(subject): frozenset(own) for subject, own in rows.groupby("subject", sort=False)[column]}
+
+
+def _having(rows: pd.DataFrame, factor: str) -> pd.DataFrame:
+    return rows[rows[level_column(factor)] != ""]
+
+
+def _in(rows: pd.DataFrame, place: Mapping[str, str]) -> pd.DataFrame:
+    for column, value in place.items():
+        rows = rows[rows[column] == value]
+    return rows
 
 
 def places(everything: Recorded, factor: str) -> Iterator[dict[str, str]]:

@@ -7,7 +7,7 @@ from itertools import combinations
 from typing import Any
 
 from shukotsu.sentences.messages import joined, message_of
-from shukotsu.statistics.multiple_comparisons import LEVEL
+from shukotsu.statistics.verdicts import NOT_SHOWN, SHOWN
 
 Row = dict[str, Any]
 
@@ -54,13 +54,13 @@ def _row(question: str, where: Row, rows: list[Row], of: str, agree: bool | None
 
 
 def _same_conclusion(rows: Sequence[Row]) -> tuple[bool | None, str]:
-    """Say whether all models are on one side of LEVEL and, where they show a difference, of one sign."""
-    tested = [row for row in rows if row["p_max_t"] is not None]
+    """Say whether all models have one verdict and, where they show a difference, one sign."""
+    tested = [row for row in rows if row["verdict"] in (SHOWN, NOT_SHOWN)]
     if len(tested) < 2:
         return None, message_of("untested")
-    up = [row["model"] for row in tested if row["p_max_t"] <= LEVEL and row["difference"] > 0]
-    down = [row["model"] for row in tested if row["p_max_t"] <= LEVEL and row["difference"] <= 0]
-    none = [row["model"] for row in tested if row["p_max_t"] > LEVEL]
+    up = [row["model"] for row in tested if row["verdict"] == SHOWN and row["difference"] > 0]
+    down = [row["model"] for row in tested if row["verdict"] == SHOWN and row["difference"] <= 0]
+    none = [row["model"] for row in tested if row["verdict"] == NOT_SHOWN]
     groups = {"more-at": up, "less-at": down, "no-difference": none}
     level = tested[0]["level"]
     found = [message_of(kind, level=level, models=", ".join(own)) for kind, own in groups.items() if own]

@@ -6,12 +6,14 @@ count more often. Recordings of a hand with a suspect finding are left out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shukotsu.schemas.movement_tables import FINGERTIP_DISTANCES, FINGERTIP_PATHS, RANGES_OF_MOTION
+from shukotsu.schemas.quantities import Quantity
+from shukotsu.schemas.study import OWN_FACTORS
 from shukotsu.schemas.tables import Table, open_table
 
 if TYPE_CHECKING:
@@ -20,71 +22,72 @@ if TYPE_CHECKING:
 
 RECORDING = ["subject", "session", "hand", "task", "trial"]
 SUSPECT = "suspect"
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A column that is compared. of : the columns that say whose it is. sd : its 1-sigma error
-    as stated, where it can be of what differs between sessions alone.
-    """
-
-    table: Table
-    name: str
-    of: tuple[str, ...]
-    sd: str = ""
-    joined_by: str = ""
-
-    @property
-    def unit(self) -> str:
-        """Unit of its values."""
-        return self.table.column(self.name).unit
-
-
-_ANGLE, _TIP, _TIPS = ("joint", "angle"), ("digit",), ("digit", "other_digit")
-
-QUANTITIES = (
-    Quantity(RANGES_OF_MOTION, "range_deg", _ANGLE, "range_session_sd_deg", " "),
-    Quantity(RANGES_OF_MOTION, "full_range_deg", _ANGLE, "", " "),
-    Quantity(RANGES_OF_MOTION, "median_deg", _ANGLE, "median_session_sd_deg", " "),
-    Quantity(RANGES_OF_MOTION, "speed_median_deg_s", _ANGLE, "", " "),
-    Quantity(RANGES_OF_MOTION, "speed_p95_deg_s", _ANGLE, "", " "),
-    Quantity(FINGERTIP_PATHS, "path_length_mm", _TIP, "path_sd_mm"),
-    Quantity(FINGERTIP_PATHS, "speed_median_mm_s", _TIP),
-    Quantity(FINGERTIP_PATHS, "speed_p95_mm_s", _TIP),
-    Quantity(FINGERTIP_PATHS, "sparc", _TIP),
-    Quantity(FINGERTIP_DISTANCES, "min_mm", _TIPS, "distance_sd_mm", "-"),
-    Quantity(FINGERTIP_DISTANCES, "median_mm", _TIPS, "distance_sd_mm", "-"),
-    Quantity(FINGERTIP_DISTANCES, "contact_percent", _TIPS, "", "-"),
-    Quantity(FINGERTIP_DISTANCES, "n_contacts", _TIPS, "", "-"),
-)
+SESSION, TRIAL = "session", "trial"
 
 
 @dataclass(frozen=True)
 class Recorded:
     """The study's recordings with their levels.
 
-    rows : RECORDING, a column a factor (empty where a recording has no level), and `left_out`: why a
-    recording is in no statistic, empty where it counts. factors : names of the columns.
+    rows : RECORDING, a column a factor (`level_column`; empty where a recording has no level), and
+    `left_out`: why a recording is in no statistic, empty where it counts. factors : those that are compared.
+    asked : those that the study speaks of, in questions too.
     """
 
     rows: pd.DataFrame
     factors: tuple[str, ...]
+    asked: frozenset[str] = frozenset()
 
     @property
     def counted(self) -> pd.DataFrame:
         """The recordings that count."""
         return self.rows[self.rows["left_out"] == ""]
 
+    @cached_property
+    def contained(self) -> dict[str, dict[tuple[str, str], str]]:
+        """By session and trial, then hand and task: factors of which a subject has other levels in another.
 
-def recorded(levels: pd.DataFrame, factors: Sequence[str], problems: pd.DataFrame) -> Recorded:
+        What such a factor does is in the numbers' change, which then is no measurement error alone.
+        """
+        prefix = level_column("")
+        session = {prefix + SESSION: self.rows[SESSION]} if SESSION in self.asked else {}
+        recordings = self.rows.assign(**session)
+        names = [name for name in recordings if name.startswith(prefix)]
+        found: dict[str, dict[tuple[str, str], str]] = {SESSION: {}, TRIAL: {}}
+        for across, whose in ((SESSION, ["subject"]), (TRIAL, ["subject", SESSION])) if names else ():
+            for (hand, task), rows in recordings.groupby(["hand", "task"], sort=False):
+                levels = rows.groupby([*whose, across], sort=False)[names].agg(frozenset)
+                n = levels.groupby(whose, sort=False).nunique()
+                changed = n.columns[(n > 1).any()].str.removeprefix(prefix)
+                found[across][str(hand), str(task)] = ";".join(changed)
+        return found
+
+
+def level_column(factor: str) -> str:
+    """Name the column of a factor's levels: a sheet's column may be called as any column of a table."""
+    return factor if factor in OWN_FACTORS else f"level of {factor}"
+
+
+def recorded(
+    rows: Sequence[Mapping[str, str]],
+    factors: Collection[str],
+    problems: pd.DataFrame,
+    asked: Collection[str] = (),
+) -> Recorded:
     """Mark in the recordings with their levels those of hands that a problem calls suspect.
 
-    levels : RECORDING and a column a factor. problems : as the table has them.
+    rows : as `schemas.factors.factor_levels` gives them. factors, asked : of `Recorded`. problems : as the
+    table has them.
     """
+    import pandas as pd
+
+    names = [*RECORDING, *factors, *asked]
+    levels = pd.DataFrame(rows, columns=list(dict.fromkeys(names)), dtype=str)
+    levels = levels.rename(columns={name: level_column(name) for name in names if name not in RECORDING})
     hand = ["subject", "session", "hand"]
     suspect = set(problems.loc[problems["severity"] == SUSPECT, hand].itertuples(index=False, name=None))
     reasons = [SUSPECT if key in suspect else "" for key in levels[hand].itertuples(index=False, name=None)]
-    return Recorded(levels.assign(left_out=reasons), tuple(factors))
+    return Recorded(levels.assign(left_out=reasons), tuple(factors), frozenset((*factors, *asked)))
 
 
 def read_frame(path: Path, table: Table, columns: Sequence[str]) -> pd.DataFrame:
@@ -146,7 +149,7 @@ def subject_means(
     frame: pd.DataFrame, factor: str, cell: Sequence[str], value: Sequence[str] = ("value",)
 ) -> pd.DataFrame:
     """Means over trials, then over sessions: rows by the columns of `cell`, subject and level."""
-    levels = frame.assign(level=frame[factor])
+    levels = frame.assign(level=frame[level_column(factor)])
     levels = levels[levels["level"] != ""]
     whose = [*cell, "subject", "session", "level"]
     by_session = levels.groupby(whose, sort=False, observed=True)[list(value)].mean()

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shukotsu.errors import listed
+from shukotsu.schemas.quantities import Quantity
 from shukotsu.sentences.messages import message_of
-from shukotsu.stages.compare_movement.movement_values import Quantity, Recorded
+from shukotsu.stages.compare_movement.movement_values import SESSION, TRIAL, Recorded
 from shukotsu.statistics.paired_statistics import Array
 from shukotsu.statistics.reliability_statistics import (
     FEWEST_REPEATED,
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 
 CELL = ["hand", "task", "model", "of"]
-SESSION, TRIAL = "session", "trial"
 
 
 def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
@@ -48,7 +48,9 @@ def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Reco
             absent = {subject: reason for subject, reason in expected if subject not in present}
             row = _row(cell["value"], cell["sd"], absent)
             if row:
-                yield where | {"quantity": quantity.name, "unit": quantity.unit} | row
+                contains = everything.contained[across].get((where["hand"], where["task"]), "")
+                named = {"quantity": quantity.name, "unit": quantity.unit, "contains": contains}
+                yield where | named | row
 
 
 def _first_sessions(numbers: pd.DataFrame, everything: Recorded) -> pd.DataFrame:

@@ -24,10 +24,12 @@ STUDY: dict[str, bytes] = {
     "study.yaml": b"study: a\nrecordings: recordings.tsv\nparticipants: participants.tsv\n"
     b"corrections: corrections.tsv\nmeasurements: measurements.tsv\ntouches: touches.tsv\n"
     b"events: events.tsv\nfactors: [group, hand]\n"
+    b"questions:\n- {name: q, quantity: min_mm, digit: index, other_digit: thumb, factor: group, task: rom,"
+    b" levels: [b, a]}\n- {name: c, curve: tap, joint: index_pip, angle: flexion, factor: hand}\n"
     b"layout: liberty16\nmodels: [paper-fig4, whole-hand]\nexports: [bvh, glb]\n",
     "recordings.tsv": b"subject\thand\ttask\trole\tfile\ttrial\tlayout\tformat\tmapping\themisphere\texclude"
     b"\taccept\n01\tright\trom\tboth\ta.csv\t\t\t\t\t\t\t\n01\tright\tgrasp\tevaluation\tb.csv\t2\tliberty16"
-    b"\tauto\tm.yaml\trepair\tlost\tseen\n02\tleft\trom\tcalibration\tc.csv\n",
+    b"\tauto\tm.yaml\trepair\tlost\tseen\n02\tleft\trom\tboth\tc.csv\n",
     "participants.tsv": b"subject\thand_length_mm\thand_breadth_mm\tgroup\n01\t180\t80\ta\n02\t\t\tb\n",
     "corrections.tsv": b"subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\tnote\n"
     b"01\tright\tindex_pip\t1\t-2\t3e0\tx\n",

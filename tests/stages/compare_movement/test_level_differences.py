@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from shukotsu.schemas.quantities import QUANTITIES
 from shukotsu.stages.compare_movement.level_differences import difference_rows
-from shukotsu.stages.compare_movement.movement_values import QUANTITIES, Recorded
+from shukotsu.stages.compare_movement.movement_values import Recorded, level_column
 
 SUBJECTS = [f"P{number}" for number in range(12)]
 ANGLES = [f"joint{number} flexion" for number in range(51)]
@@ -19,7 +20,11 @@ HAND = {"hand": "right", "task": "rom", "session": "", "trial": ""}
 def rows_of(values: np.ndarray, levels: dict[str, list[str]]) -> dict[str, dict[str, Any]]:
     """Rows by angle; values (subjects and levels, angles), NaN where there is none."""
     recordings = pd.DataFrame(
-        [HAND | {"subject": s, "group": level, "left_out": ""} for level, own in levels.items() for s in own]
+        [
+            HAND | {"subject": s, level_column("group"): level, "left_out": ""}
+            for level, own in levels.items()
+            for s in own
+        ]
     )
     numbers = pd.concat(
         recordings.assign(model="m", of=of, value=values[:, index], sd=1.0) for index, of in enumerate(ANGLES)

@@ -12,8 +12,12 @@ WHERE = {"hand": "right", "task": "play", "quantity": "range_deg", "of": "thumb_
 LEVELS = {"factor": "group", "level": "A", "other_level": "B"}
 
 
+def verdict_of(p: float | None) -> str:
+    return "undecided" if p is None else "shown" if p <= 0.05 else "not-shown"
+
+
 def difference(model: str, value: float, p: float | None) -> dict[str, Any]:
-    return WHERE | LEVELS | {"model": model, "difference": value, "p_max_t": p}
+    return WHERE | LEVELS | {"model": model, "difference": value, "verdict": verdict_of(p)}
 
 
 def icc(model: str, low: float, high: float) -> dict[str, Any]:

@@ -18,13 +18,14 @@ from shukotsu.schemas.movement_tables import (
     MODEL_DEPENDENCE,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
+    QUESTIONS,
 )
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.tables import read_table
 from shukotsu.stages.compare_movement.study_comparison import compare_study
 
 Row = dict[str, Any]
-FOUR = (MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, CURVE_DIFFERENCES, MODEL_DEPENDENCE)
+TABLES = (QUESTIONS, MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, CURVE_DIFFERENCES, MODEL_DEPENDENCE)
 
 
 def compared(
@@ -42,7 +43,7 @@ def compared(
     found = Finding("units", SUSPECT, "radians")
     drawn.write(results, PROBLEMS, [problem_row(STAGE, found, **row) for row in suspect])
     compare_study(recordings, factors, results)
-    return {table.name: read_table(results.study_table(table.name), table).to_pandas() for table in FOUR}
+    return {table.name: read_table(results.study_table(table.name), table).to_pandas() for table in TABLES}
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +113,7 @@ def test_the_same_tables_give_the_same_bytes(tmp_path: Path) -> None:
     recordings = drawn.recordings(8, ("1", "2"))
     for name in ("one", "other"):
         compared(tmp_path / name, recordings, drawn.ranges(recordings), drawn.curves(recordings))
-    for table in FOUR:
+    for table in TABLES:
         one, other = (Results(tmp_path / name).study_table(table.name) for name in ("one", "other"))
         assert one.read_bytes() == other.read_bytes()
 
@@ -146,3 +147,64 @@ def test_who_has_no_level_is_left_out_and_said(tmp_path: Path) -> None:
 def test_a_study_without_factors_or_movement_has_empty_tables(tmp_path: Path) -> None:
     tables = compared(tmp_path, drawn.recordings(3, ("",)), [], factors=[])
     assert all(table.empty for table in tables.values())
+
+
+NAMES = ("model", "value", "of", "sd", "level", "left_out", "joint", "angle", "percent", "mean_deg", "unit")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_factor_may_be_called_as_any_column_is(tmp_path: Path, name: str) -> None:
+    recordings = drawn.recordings(8, ("",))
+    named = [row | {name: row["group"]} for row in recordings]
+    table = compared(tmp_path, named, drawn.ranges(recordings), drawn.curves(recordings), factors=[name])
+    for comparisons in ("movement_differences", "curve_differences"):
+        assert set(table[comparisons]["factor"]) == {name}
+        assert set(table[comparisons]["level"]) == {"A"}
+
+
+def test_levels_have_one_order_in_every_hand_and_a_pair_one_design(tmp_path: Path) -> None:
+    """The first subject has no left hand at the first level, and on the left few have both."""
+    right = drawn.recordings(8, ("pre", "post"))
+    left = [
+        row | {"hand": "left"}
+        for row in right
+        if row["session"] == "post" or row["subject"] in ("P03", "P05")
+    ]
+    rows = [*right, *left]
+    table = compared(tmp_path, rows, drawn.ranges(rows), factors=["session"])["movement_differences"]
+    assert set(zip(table["hand"], table["level"], table["other_level"], table["design"], strict=True)) == {
+        (hand, "pre", "post", "within") for hand in ("right", "left")
+    }
+    assert set(table.loc[table["hand"] == "left", "n"]) == {2}
+
+
+def test_a_verdict_is_of_all_that_is_said_of_two_levels_at_once(tmp_path: Path) -> None:
+    """Over hands, tasks and quantities: it costs more among twenty tasks than in one."""
+    rows = [row | {"task": f"t{task}"} for task in range(20) for row in drawn.recordings(12, ("",))]
+    made = [drawn.ranges(rows[start : start + 12], start, ["rigid"]) for start in range(0, 240, 12)]
+    ranges = [row | {"full_range_deg": None} for own in made for row in own]
+    one = compared(tmp_path / "one", rows[:12], ranges[:24], factors=["group"])["movement_differences"]
+    all_of_them = compared(tmp_path / "all", rows, ranges, factors=["group"])["movement_differences"]
+    both = one.merge(all_of_them, on=["task", "of", "quantity"], suffixes=("", "_all"))
+    assert len(both) == len(one) == 2
+    assert (both["p_family_all"] > np.minimum(4 * both["p_family"], 0.9)).all()
+    assert both["p_max_t"].equals(both["p_max_t_all"])
+    assert (both["detectable_all"] > both["detectable"]).all()
+
+
+def test_what_changes_between_sessions_is_in_their_repeatability(tmp_path: Path) -> None:
+    rows = drawn.recordings(6, ("1", "2"), trials=2)
+    rows = [row | {"drug": "yes" if row["session"] == "2" else "no", "tempo": row["trial"]} for row in rows]
+    tables = {
+        name: compared(tmp_path / name, rows, drawn.ranges(rows), factors=[name])["movement_reliability"]
+        for name in ("group", "session", "drug", "tempo")
+    }
+    contained = {
+        name: dict(zip(table["across"], table["contains"], strict=True)) for name, table in tables.items()
+    }
+    assert contained == {
+        "group": {"session": "", "trial": ""},
+        "session": {"session": "session", "trial": ""},
+        "drug": {"session": "drug", "trial": ""},
+        "tempo": {"session": "", "trial": "tempo"},
+    }
