@@ -16,6 +16,7 @@ from shukotsu.schemas.model import SkeletonModel
 from shukotsu.sentences.messages import translated
 from shukotsu.sentences.translation import listed, ngettext, tr
 from shukotsu.stages.report.movement_page.movement_results import Movement
+from shukotsu.stages.report.movement_page.movement_text import why_nothing
 from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.stages.report.table_cells import number
 from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
@@ -193,7 +194,7 @@ def _judged(results: StudyResults) -> str:
 def movement_paragraph(movement: Movement) -> str:
     """Describe how movement was measured and compared: filters, statistics, n."""
     if movement.ranges.empty:
-        return tr("No movement was measured: no recording has joint angles.")
+        return tr("No movement was compared: {why}.", why=why_nothing(movement))
     subjects = movement.ranges["subject"].nunique()
     text = tr(
         "Movement was measured in {subjects} by joint angles under {model}. The range of motion "
@@ -212,7 +213,9 @@ def movement_paragraph(movement: Movement) -> str:
         tests = sorted(translated(test) for test in movement.differences["test"].unique() if test)
         text += tr(
             " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
-            "{tests}; two-sided, corrected over all joint angles of a quantity by the largest |t|; "
+            "{tests}; two-sided. A difference counts as shown where p is at most 5 % under the least "
+            "favourable of normal and skewed numbers whose spread differs up to threefold, corrected over "
+            "all quantities, joint angles, hands and tasks of two levels; "
             "95 % intervals; effect sizes are d_z within subjects and Hedges' g between groups, both "
             "corrected for few subjects.",
             tests=listed(tests) or tr("none, for want of subjects"),

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
-from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.anatomy.known_digits import leading_model
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import FINDINGS, RECORDINGS, TABLES, TIP_ERRORS
+from shukotsu.schemas.factors import not_compared
 from shukotsu.schemas.findings import NOTE, REFUSED, STAGE, problem_of, problem_row, worded
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel, read_model
@@ -110,6 +111,8 @@ class StudyResults:
     model_values: list[Row]
     model_pairs: list[Row]
     model_differences: list[Row]
+    factors: Mapping[str, str] = field(default_factory=dict)
+    """Every factor of the study, and why its levels are not compared; empty where they are."""
 
     @cached_property
     def subjects(self) -> list[str]:
@@ -198,14 +201,8 @@ class StudyResults:
 
     @property
     def leading(self) -> str:
-        """The model that pages show first: one that fits the whole hand, else the last that nobody corrected.
-
-        A study of corrected models alone has its last, and one without a hand none that fits a whole one.
-        """
-        fitted = self.fitted[:1] if any(map(known_digits, self.layouts.values())) else []
-        uncorrected = [name for name, model in self.models.items() if not model.planes.corrections]
-        possible = [name for name in uncorrected if fitted or name not in self.fitted]
-        return [*self.models, *uncorrected, *possible, *fitted][-1]
+        """The model that pages show first."""
+        return leading_model(self.models, self.layouts.values())
 
     @cached_property
     def tip_error_of(self) -> dict[tuple[str, ...], Row]:
@@ -276,7 +273,9 @@ def read_results(study: Study, folder: Path) -> StudyResults:
     """
     paths = Results(folder)
     failures: list[Row] = []
-    rows = {name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in _ROWS_OF}
+    rows: dict[str, Any] = {
+        name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in _ROWS_OF
+    }
     rows["problems"] += [*failures, *_failed_exports(study, paths), *_failed_pages(study, paths)]
     return StudyResults(
         name=study.name,
@@ -285,6 +284,7 @@ def read_results(study: Study, folder: Path) -> StudyResults:
         paths=paths,
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
         layouts={hand: study.judged_layout(hand) for hand in study.hands},
+        factors=dict.fromkeys(study.factors, "") | not_compared(study),
         **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
     )
 
@@ -295,7 +295,7 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
     A table that is absent or another one, and a part that failed, count as empty, and the reason joins the
     problems.
     """
-    rows: dict[str, list[Row]] = {"recordings": [], "problems": []}
+    rows: dict[str, Any] = {"recordings": [], "problems": []}
     for recording in plan.recordings:
         row, problems = recording_row(recording, plan.poses(recording))
         rows["recordings"].append(row)

@@ -16,6 +16,7 @@ from shukotsu.stages.report.movement_page.movement_numbers import (
     reliability_tables,
 )
 from shukotsu.stages.report.movement_page.movement_panels import (
+    MOST_CONTRASTS,
     agreement_plots,
     contrasts,
     curve_difference_plots,
@@ -24,11 +25,14 @@ from shukotsu.stages.report.movement_page.movement_panels import (
 )
 from shukotsu.stages.report.movement_page.movement_results import Movement
 from shukotsu.stages.report.movement_page.movement_text import (
+    PAIR,
     groups_differ,
     model_matters,
     moved_most,
     repeats,
+    why_nothing,
 )
+from shukotsu.stages.report.movement_page.question_text import asked_and_answered
 from shukotsu.stages.report.plots.description import Panel
 from shukotsu.stages.report.plots.page_pictures import page_picture
 from shukotsu.stages.report.study_results import StudyResults
@@ -44,13 +48,16 @@ def render_movement(results: StudyResults, movement: Movement) -> str:
         study=results.name,
         model=movement.model,
         to_study=link(results.name, page, results.paths.report),
+        questions=asked_and_answered(movement),
         moved=moved_most(movement),
         differ=groups_differ(movement),
         repeats=repeats(movement),
         matters=model_matters(movement),
         ranges=_drawn(range_panels(movement, digits)),
+        why_nothing=why_nothing(movement),
         range_table=range_table(movement) if len(movement.ranges) else None,
         contrasts=_contrasts(movement, digits),
+        undrawn=max(0, len(movement.differences.drop_duplicates(PAIR)) - MOST_CONTRASTS),
         difference_tables=difference_tables(movement),
         curves=_drawn(curve_plots(movement, digits)),
         curve_differences=_drawn(curve_difference_plots(movement)),

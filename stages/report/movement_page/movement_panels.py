@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,8 @@ from shukotsu.sentences.translation import tr, word
 from shukotsu.stages.report.comparison.comparison_text import p_text
 from shukotsu.stages.report.models_compared.model_panels import SCALES
 from shukotsu.stages.report.movement_page.movement_results import OF_ANGLE, PLACE, RANGE, Movement
-from shukotsu.stages.report.movement_page.movement_text import LEVEL, PAIR, angle_text, of_text
+from shukotsu.stages.report.movement_page.movement_text import PAIR
+from shukotsu.stages.report.movement_page.question_text import angle_text, of_text, place_text
 from shukotsu.stages.report.palette import INK, RULE, Look, digit_looks
 from shukotsu.stages.report.plots.description import (
     Array,
@@ -35,13 +37,9 @@ if TYPE_CHECKING:
 
 MOST_PANELS = 6
 """The most joints of which curves and agreement are drawn: those that moved most."""
+MOST_CONTRASTS = 3
+"""The most pairs of levels that are drawn."""
 _CYCLE, _HEIGHT_MM = Scale(0.0, 100.0), 36.0
-
-
-def place_text(place: Sequence[str]) -> str:
-    """Hand and task in words."""
-    hand, task = place
-    return tr("{hand} hand, {task}", hand=hand, task=task)
 
 
 def looks_of_joints(joints: Sequence[str], digits: Sequence[str]) -> dict[str, Look]:
@@ -106,17 +104,19 @@ class Contrast:
 
 def contrasts(movement: Movement, digits: Sequence[str]) -> list[Contrast]:
     """Describe the difference in range of motion of each two levels, with its interval, by joint; marks of
-    those that are shown are filled.
+    those that are shown are filled. Of many pairs the first are drawn that could be judged.
     """
     rows = movement.differences
     rows = rows[(rows["quantity"] == RANGE) & rows["difference"].notna()]
+    if (rows["verdict"] != "").any():
+        rows = rows[rows["verdict"] != ""]
     rows = rows.assign(
         joint=[str(of).partition(" ")[0] for of in rows["of"]],
         angle=[str(of).partition(" ")[2] for of in rows["of"]],
     )
     looks = looks_of_joints(list(dict.fromkeys(rows["joint"])), digits)
     found = []
-    for levels, of_pair in rows.groupby(PAIR, sort=False):
+    for levels, of_pair in islice(rows.groupby(PAIR, sort=False), MOST_CONTRASTS):
         factor, level, other = map(str, levels)
         own = Contrast((factor, level, other), ())
         sides = (tr("{other} more ←", other=other), tr("→ {level} more", level=level))
@@ -141,7 +141,7 @@ def _difference_row(row: pd.Series[float], looks: dict[str, Look]) -> Row:
         looks[joint],
         mean=float(row["difference"]),
         interval=interval if np.isfinite(interval).all() else None,
-        filled=float(row["p_max_t"]) <= LEVEL,
+        filled=row["verdict"] == "shown",
     )
 
 
@@ -198,7 +198,7 @@ def curve_difference_plots(movement: Movement) -> list[CurvesPanel]:
             event=event,
             max=int(own["n"].max()),
             max_2=int(own["n_other"].max()),
-            corrected=_corrected_text(_column(own, "p_holm")[0]),
+            corrected=_corrected_text(_column(own, "p_family")[0]),
         )
         low, high, difference = (_column(own, name) for name in ("low", "high", "difference"))
         found.append(
@@ -220,8 +220,8 @@ def curve_difference_plots(movement: Movement) -> list[CurvesPanel]:
 
 
 def _corrected_text(p: float) -> str:
-    """The p of a curve, corrected over joints and angles; NaN is no test."""
-    return tr(", not tested") if np.isnan(p) else tr(", {p_text} over all joint angles", p_text=p_text(p))
+    """The p of a curve, corrected over all of these levels; NaN is no test."""
+    return tr(", not tested") if np.isnan(p) else tr(", {p_text} over all curves", p_text=p_text(p))
 
 
 def _stretches(x: Array, chosen: Array) -> tuple[tuple[float, float], ...]:

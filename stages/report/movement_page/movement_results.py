@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -15,6 +15,7 @@ from shukotsu.schemas.movement_tables import (
     MOVEMENT_CURVES,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
+    QUESTIONS,
     RANGES_OF_MOTION,
 )
 from shukotsu.schemas.tables import Table, open_table
@@ -39,7 +40,9 @@ class Movement:
 
     ranges : a row a recording and angle. curves : the mean course over subjects, with its standard deviation
     between them. differences, reliability, curve_differences : of that model; dependence : of all models.
-    believed : one of BELIEFS by joint. A frame without rows is that of a table that is empty or not there.
+    questions : what the study asks, with answers. believed : one of BELIEFS by joint. factors : as
+    `StudyResults` has them. measured : whether any recording has joint angles, counted or not. A frame
+    without rows is that of a table that is empty or not there.
     """
 
     model: str
@@ -49,7 +52,10 @@ class Movement:
     reliability: pd.DataFrame
     curve_differences: pd.DataFrame
     dependence: pd.DataFrame
+    questions: pd.DataFrame
     believed: dict[str, str]
+    factors: Mapping[str, str]
+    measured: bool
 
     @cached_property
     def subject_means(self) -> pd.DataFrame:
@@ -93,7 +99,8 @@ class Movement:
 def read_movement(results: StudyResults) -> Movement:
     """Read the study's tables of movement under the leading model; InputError where one is another table."""
     model = results.leading
-    ranges = _evaluated(_judged(_frame(results, RANGES_OF_MOTION, model), results), results)
+    measured = _evaluated(_frame(results, RANGES_OF_MOTION, model), results)
+    ranges = _judged(measured, results)
     return Movement(
         model=model,
         ranges=ranges[ranges[RANGE].notna()],
@@ -102,6 +109,9 @@ def read_movement(results: StudyResults) -> Movement:
         reliability=_frame(results, MOVEMENT_RELIABILITY, model),
         curve_differences=_frame(results, CURVE_DIFFERENCES, model),
         dependence=_frame(results, MODEL_DEPENDENCE),
+        questions=_frame(results, QUESTIONS),
+        factors=results.factors,
+        measured=bool(measured[RANGE].notna().any()),
         believed=study_beliefs(results.judging, model),
     )
 

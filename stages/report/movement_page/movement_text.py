@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from shukotsu.sentences.messages import translated
@@ -9,12 +10,19 @@ from shukotsu.sentences.translation import listed, ngettext, tr
 from shukotsu.stages.report.belief import BELIEVED
 from shukotsu.stages.report.comparison.comparison_text import p_text
 from shukotsu.stages.report.movement_page.movement_results import RANGE, Movement
+from shukotsu.stages.report.movement_page.question_text import (
+    amount,
+    angle_text,
+    of_text,
+    place_text,
+    quantity_text,
+    who_text,
+)
 from shukotsu.stages.report.table_cells import number
 
 if TYPE_CHECKING:
     import pandas as pd
 
-LEVEL = 0.05
 MOST_NAMED = 3
 PAIR = ["factor", "level", "other_level"]
 
@@ -24,23 +32,19 @@ def answers(movement: Movement) -> list[str]:
     return [moved_most(movement), *groups_differ(movement), repeats(movement), model_matters(movement)]
 
 
-def angle_text(joint: str, angle: str) -> str:
-    """A joint's angle in words: index MCP flexion."""
-    digit, _, kind = joint.rpartition("_")
-    return tr("{joint} {angle}", joint=f"{digit} {kind.upper()}" if digit else joint, angle=angle)
-
-
-def of_text(of: str) -> str:
-    """The same of a column `of`; digits as they are."""
-    joint, _, angle = of.partition(" ")
-    return angle_text(joint, angle) if angle else of
+def why_nothing(movement: Movement) -> str:
+    """Why no joint angle counts: none was measured, or all hands are left out."""
+    if movement.measured:
+        return tr("every hand that has joint angles has a suspect finding, and counts in nothing")
+    return tr("no recording of this study has joint angles")
 
 
 def moved_most(movement: Movement) -> str:
     """Tell which joint angles moved most over subjects."""
     found = movement.moved_most
     if found.empty:
-        return tr("Which joint moved most is not known: no recording of this study has joint angles.")
+        why = why_nothing(movement) if movement.ranges.empty else tr("no joint is to be believed")
+        return tr("Which joint moved most is not known: {why}.", why=why)
     first = found.iloc[0]
     care = movement.believed.get(first["joint"], BELIEVED) != BELIEVED
     spread = "" if first["count"] < 2 else tr(", standard deviation {std}", std=number(first["std"], 1))
@@ -59,76 +63,95 @@ def moved_most(movement: Movement) -> str:
 
 
 def groups_differ(movement: Movement) -> list[str]:
-    """For each two levels of a factor, which ranges of motion differ."""
+    """For each two levels of a factor, which numbers differ: what nobody asked about is exploratory."""
     rows = movement.believable(movement.differences)
-    rows = rows[rows["quantity"] == RANGE]
-    if rows.empty:
-        return [
-            tr(
-                "No groups, sessions or tasks are compared: the study file names no factor with two "
-                "levels (factors: [group])."
-            )
-        ]
-    return [
-        _pair_text(str(factor), str(level), str(other), own)
-        for (factor, level, other), own in rows.groupby(PAIR, sort=False)
+    said = [
+        tr("{factor}: {why}.", factor=factor.capitalize(), why=translated(why))
+        for factor, why in movement.factors.items()
+        if why
     ]
+    why = ""
+    if rows.empty and not movement.factors:
+        why = tr("the study file names no factor (factors: [group])")
+    elif rows.empty and not said:
+        why = why_nothing(movement) if movement.ranges.empty else tr("no two levels have a number")
+    if why:
+        said = [tr("No groups, sessions or tasks are compared: {why}.", why=why)]
+    for factor, of_factor in rows.groupby("factor", sort=False):
+        pairs = [
+            (str(level), str(other), own) for (level, other), own in of_factor.groupby(PAIR[1:], sort=False)
+        ]
+        judged = [pair for pair in pairs if (pair[2]["verdict"] != "").any()]
+        said += [_pair_text(str(factor), *pair) for pair in judged]
+        if len(judged) < len(pairs):
+            rest = [own for own in pairs if not (own[2]["verdict"] != "").any()]
+            said.append(_untested_text(str(factor), rest))
+    return said
+
+
+def _untested_text(factor: str, pairs: Sequence[tuple[str, str, pd.DataFrame]]) -> str:
+    """Say once of all pairs of levels that have too few subjects that they have, and how few one has."""
+    level, other, rows = pairs[0]
+    start = tr("{factor}, {level} against {other}:", factor=factor.capitalize(), level=level, other=other)
+    if len(pairs) > 1:
+        start = tr("{factor}, {n} pairs of levels:", factor=factor.capitalize(), n=len(pairs))
+    why = next((translated(message) for message in rows["message"] if message), tr("not tested"))
+    return tr("{start} {message}.", start=start, message=why)
 
 
 def _pair_text(factor: str, level: str, other: str, rows: pd.DataFrame) -> str:
-    start = tr("{factor}, {level} against {other}:", factor=factor.capitalize(), level=level, other=other)
-    tested = rows[rows["p_max_t"].notna()]
-    if tested.empty:
-        messages = [message for message in rows["message"].unique() if message]
-        if messages:
-            return tr("{start} {message}.", start=start, message=translated(messages[0]))
-        return tr("{start} not tested, there are too few subjects.", start=start)
-    shown = tested[tested["p_max_t"] <= LEVEL].sort_values("p_max_t", kind="stable")
-    n, n_other = int(tested["n"].max()), int(tested["n_other"].max())
-    paired = (tested["design"] == "within").all()
-    who = (
-        ngettext("{n} subject", "{n} subjects", n)
-        if paired
-        else tr("{n} and {n_other} subjects", n=n, n_other=n_other)
-    )
-    if shown.empty:
+    start = tr("Exploratory, {factor}, {level} against {other}:", factor=factor, level=level, other=other)
+    judged = rows[rows["verdict"] != ""]
+    decided = judged[judged["verdict"] != "undecided"]
+    values = {"start": start, "who": who_text(judged.loc[judged["n"].idxmax()])}
+    of_all = ngettext("{n} number", "{n} numbers", len(judged))
+    if decided.empty:
         return tr(
-            "{start} no difference is shown in {ranges} of motion ({who}).",
-            start=start,
-            ranges=ngettext("{n} range", "{n} ranges", len(tested)),
-            who=who,
+            "{start} not to be decided of {of_all} at once with these groups ({who}); ask beforehand about "
+            "what matters, as a question.",
+            of_all=of_all,
+            **values,
         )
+    shown = decided[decided["verdict"] == "shown"].sort_values("p_family", kind="stable")
+    rest = ""
+    if len(decided) < len(judged):
+        rest = tr(" {n} more are not to be decided with these groups.", n=len(judged) - len(decided))
+        of_all = ngettext("{n} number", "{n} numbers", len(decided))
+    if shown.empty:
+        seen = decided.loc[decided["quantity"] == RANGE, "detectable"].median()
+        text = tr("{start} no difference is shown in {of_all} ({who}).", of_all=of_all, **values)
+        if seen == seen:
+            text += tr(
+                " In half of the ranges of motion {seen} deg would have been shown in 80 % of such studies.",
+                seen=number(seen, 1),
+            )
+        return text + rest
     parts = [_difference_text(row) for _, row in shown.head(MOST_NAMED).iterrows()]
-    more = (
-        tr("; {n_shown} more in the table", n_shown=len(shown) - MOST_NAMED)
-        if len(shown) > MOST_NAMED
-        else ""
-    )
-    return tr(
-        "{start} a difference is shown in {n_shown} of {ranges} of motion ({who}): {parts}{more}.",
-        start=start,
+    n_more = len(shown) - MOST_NAMED
+    more = tr("; {n_shown} more in the table", n_shown=n_more) if n_more > 0 else ""
+    text = tr(
+        "{start} a difference is shown in {n_shown} of {of_all} ({who}): {parts}{more}.",
         n_shown=len(shown),
-        ranges=ngettext("{n} range", "{n} ranges", len(tested)),
-        who=who,
+        of_all=of_all,
         parts="; ".join(parts),
         more=more,
+        **values,
     )
+    return text + rest
 
 
 def _difference_text(row: Any) -> str:
     more, sign = (tr("less"), -1) if row["difference"] < 0 else (tr("more"), 1)
     ends = sorted((sign * row["low"], sign * row["high"]))
     return tr(
-        "{of_text} {difference} deg {more} with {level} ({interval_text}, {p_text} corrected; "
-        "{hand} hand, {task})",
-        of_text=of_text(row["of"]),
-        difference=number(abs(row["difference"]), 1),
+        "{quantity}, {difference} {more} with {level} ({interval_text}, {p_text} corrected; {place})",
+        quantity=quantity_text(row["quantity"], row["of"]),
+        difference=amount(abs(row["difference"]), abs(row["difference"]), row["unit"]),
         more=more,
         level=row["level"],
         interval_text=interval_text(*ends),
-        p_text=p_text(row["p_max_t"]),
-        hand=row["hand"],
-        task=row["task"],
+        p_text=p_text(row["p_family"]),
+        place=place_text((row["hand"], row["task"])),
     )
 
 
@@ -146,33 +169,41 @@ def repeats(movement: Movement) -> str:
             "How well the numbers repeat is not known: no hand was recorded in two sessions or two "
             "trials of one task by enough subjects."
         )
-    texts = []
-    for across, own in rows.groupby("across", sort=False):
-        sem, mdc, most = own["sem"].median(), own["mdc"].median(), own["mdc"].max()
-        n, k = int(own["n"].max()), int(own["k"].max())
-        held = own["held_percent"].median()
-        stated = (
-            ""
-            if held != held
-            else tr("; 1.96 of the stated error hold {held} % of differences", held=number(held, 0))
+    return " ".join(
+        _repeats_across(str(across), str(contains), own)
+        for (across, contains), own in rows.groupby(["across", "contains"], sort=False)
+    )
+
+
+def _repeats_across(across: str, contains: str, rows: pd.DataFrame) -> str:
+    """Say it of sessions or of trials; what changed from one to the next on purpose is no error."""
+    values = {
+        "across": across,
+        "sem": number(rows["sem"].median(), 1),
+        "joint_angles": ngettext("{n} joint angle", "{n} joint angles", len(rows)),
+        "k": int(rows["k"].max()),
+        "subjects": ngettext("{n} subject", "{n} subjects", int(rows["n"].max())),
+    }
+    if contains:
+        return tr(
+            "From {across} to {across} a range of motion differs by {sem} deg within a person (standard "
+            "deviation, median of {joint_angles}; {k} {across}s of {subjects}). That contains what {factors} "
+            "changed, so it is no measurement error.",
+            factors=listed(contains.split(";")),
+            **values,
         )
-        texts.append(
-            tr(
-                "From {across} to {across} a range of motion repeats to {sem} deg (standard error of "
-                "measurement, median of {joint_angles}; {k} {across}s of {subjects}), so a change of "
-                "one person below {mdc} deg in half of the angles, and below {most} deg in the worst, "
-                "cannot be told from measurement error{stated}.",
-                across=across,
-                sem=number(sem, 1),
-                joint_angles=ngettext("{n} joint angle", "{n} joint angles", len(own)),
-                k=k,
-                subjects=ngettext("{n} subject", "{n} subjects", n),
-                mdc=number(mdc, 1),
-                most=number(most, 1),
-                stated=stated,
-            )
-        )
-    return " ".join(texts)
+    held = rows["held_percent"].median()
+    stated = tr("; 1.96 of the stated error hold {held} % of differences", held=number(held, 0))
+    return tr(
+        "From {across} to {across} a range of motion repeats to {sem} deg (standard error of "
+        "measurement, median of {joint_angles}; {k} {across}s of {subjects}), so a change of "
+        "one person below {mdc} deg in half of the angles, and below {most} deg in the worst, "
+        "cannot be told from measurement error{stated}.",
+        mdc=number(rows["mdc"].median(), 1),
+        most=number(rows["mdc"].max(), 1),
+        stated=stated if held == held else "",
+        **values,
+    )
 
 
 def model_matters(movement: Movement) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from shukotsu.sentences.messages import translated
 from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.movement_page.movement_panels import (
     agreement_plots,
@@ -14,6 +13,7 @@ from shukotsu.stages.report.movement_page.movement_panels import (
     range_panels,
 )
 from shukotsu.stages.report.movement_page.movement_results import RANGE, Movement
+from shukotsu.stages.report.movement_page.movement_text import why_nothing
 from shukotsu.stages.report.plots.description import CurvesPanel, Plot, in_rows
 from shukotsu.stages.report.plots.style import TWO_COLUMNS_MM
 from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, study_text
@@ -26,7 +26,7 @@ def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Plot, s
     """Describe a panel an angle. Raises NoDataError without joint angles."""
     panels = range_panels(movement, _digits(results))
     if not panels:
-        raise NoDataError(tr("no recording of this study has joint angles"))
+        raise NoDataError(why_nothing(movement))
     n = count_range(len(row.numbers) for panel in panels for row in panel.rows)
     return Plot(in_rows(panels, _ACROSS), TWO_COLUMNS_MM), (
         tr(
@@ -45,25 +45,21 @@ def group_differences(results: StudyResults, movement: Movement) -> tuple[Plot, 
     """Describe the first factor's first two levels. Raises NoDataError where nothing is compared."""
     found = contrasts(movement, _digits(results))
     if not found:
-        raise NoDataError(tr("the study names no factor with two levels, so nothing is compared"))
+        raise NoDataError(tr("no two levels of a factor are compared; the movement page says why"))
     first = found[0]
     rows = movement.differences
     rows = rows[(rows["quantity"] == RANGE) & (rows["factor"] == first.levels[0])]
     rows = rows[(rows["level"] == first.levels[1]) & (rows["other_level"] == first.levels[2])]
-    tests = ", ".join(sorted(translated(test) for test in rows["test"].unique() if test)) or tr(
-        "none, for want of subjects"
-    )
     others = "; ".join(each.words for each in found[1:])
     return Plot(in_rows(first.panels, _ACROSS), TWO_COLUMNS_MM), (
         tr(
             "Difference in range of motion, {words}, by joint [deg]. {study_text} Model {model}. "
-            "Mark: mean difference, filled where it is shown at 5 % over all joint angles "
-            "(max-t permutation); bar: 95 % interval. Test: {tests}. n = {n} and {n_other} subjects; "
+            "Mark: mean difference, filled where it is shown at 5 % over every number of these levels; "
+            "bar: 95 % interval. n = {n} and {n_other} subjects; "
             "left out: {left_out}.",
             words=first.words,
             study_text=study_text(results),
             model=movement.model,
-            tests=tests,
             n=count_range(rows["n"].astype(int)),
             n_other=count_range(rows["n_other"].astype(int)),
             left_out=count_range(rows["left_out"].astype(int)),
@@ -114,7 +110,7 @@ def _curve_differences_text(count: int) -> str:
     return tr(
         "Last {count}: difference between two levels, shade its pointwise 95 % interval; bar at "
         "the foot: where it is shown at 5 % for this curve alone, by permutation of the largest "
-        "|t|; p: corrected over all joint angles (Holm). ",
+        "|t|; p: corrected over all curves (Holm). ",
         count=count,
     )
 

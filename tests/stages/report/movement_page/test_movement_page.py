@@ -6,16 +6,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from report_samples.made_movement import JOINTS, write_movement
 from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.read_page import read_page, table_called
 
 from shukotsu.schemas.study import read_study
+from shukotsu.sentences.messages import message_of
 from shukotsu.stages.report.belief import NOT
 from shukotsu.stages.report.methods_text import methods_text
 from shukotsu.stages.report.movement_page.movement_page import render_movement
 from shukotsu.stages.report.movement_page.movement_panels import (
+    MOST_CONTRASTS,
     agreement_plots,
     contrasts,
     curve_difference_plots,
@@ -28,6 +31,7 @@ from shukotsu.stages.report.movement_page.movement_text import (
     model_matters,
     repeats,
 )
+from shukotsu.stages.report.movement_page.question_text import asked_and_answered
 from shukotsu.stages.report.print_figures.study_figures import of_study
 from shukotsu.stages.report.study_results import StudyResults, read_results
 
@@ -85,8 +89,13 @@ def test_the_page_answers_each_question(results: StudyResults, movement: Movemen
     text = _text(page)
     for sentence in answers(movement):
         assert sentence in text
-    assert "Group, A against B: a difference is shown in 1 of 21 ranges of motion (3 and 3 subjects)" in text
-    assert "12.1 deg more with A (95 % 8.1 to 16.1, p = 0.0021 corrected; right hand, opposition)" in text
+    assert (
+        "Exploratory, group, A against B: a difference is shown in 1 of 21 numbers (3 and 3 subjects)" in text
+    )
+    assert (
+        "range of motion, index PIP flexion, 12.1 deg more with A (95 % 8.1 to 16.1, p = 0.0042 corrected; "
+        in text
+    )
     assert (
         "Another skeleton model (rigid and whole-hand) changes 1 of 21 answers about ranges of motion: "
         "index MCP flexion (group: A less B); see below" in text
@@ -105,15 +114,71 @@ def test_joints_that_are_not_to_be_believed_are_in_no_answer(movement: Movement)
     doubted = replace(movement, believed={"index_pip": NOT, "index_mcp": NOT})
     said = answers(doubted)
     assert not any("index" in sentence for sentence in said)
-    assert said[1].startswith("Group, A against B: no difference is shown in 15 ranges of motion")
+    assert said[1] == (
+        "Exploratory, group, A against B: no difference is shown in 15 numbers (3 and 3 subjects). In half "
+        "of the ranges of motion 9.4 deg would have been shown in 80 % of such studies."
+    )
     assert "median of 15 joint angles" in said[2]
     assert "changes none of 15 answers" in said[3]
 
 
 def test_what_was_not_tested_is_said_once(movement: Movement) -> None:
     message = "not tested: groups of 3 and 3 subjects, a test needs 4 in each"
-    rows = movement.differences.assign(p_max_t=np.nan, message=message)
+    rows = movement.differences.assign(verdict="", message=message)
     assert groups_differ(replace(movement, differences=rows)) == [f"Group, A against B: {message}."]
+    levels = [rows.assign(level=level) for level in "CDEF"]
+    many = replace(movement, differences=pd.concat([rows, *levels]))
+    assert groups_differ(many) == [f"Group, 5 pairs of levels: {message}."]
+    assert len(contrasts(many, DIGITS)) == MOST_CONTRASTS
+
+
+def test_each_question_has_an_answer_in_a_sentence(movement: Movement) -> None:
+    """With its interval and n; where none is shown, with what could have been seen; and when it was asked."""
+    asked = asked_and_answered(movement)
+    assert [question for question, _ in asked] == [
+        "PIP: range of motion, index PIP flexion; group: A less B; right hand; opposition",
+        "training: range of motion, index PIP flexion; group: A less B, at post less at pre (session); right "
+        "hand; opposition",
+        "practice: time in contact, thumb-index; change with years; right hand; opposition",
+        "stroke: course of index PIP flexion over key; group: A less B; right hand; opposition",
+        "few: range of motion, index PIP flexion; group: A less B; right hand; opposition",
+    ]
+    before = "First asked on 2026-11-24, before there were results."
+    assert [answer for _, answer in asked] == [
+        "Shown: 12.1 deg (95 % 8.0 to 16.2); p = 0.0028, corrected for 5 questions; 6 and 6 subjects. "
+        f"{before}",
+        "Not shown: 0.2 deg (95 % -3.0 to 3.4); 6 and 6 subjects; 5.2 deg would have been shown in 80 % of "
+        "such studies. First asked on 2026-11-24, after results were there: take it as exploratory.",
+        "Shown: 0.034 % for one more of years (95 % 0.012 to 0.056); p = 0.0028, corrected for 5 questions; "
+        f"12 subjects. {before}",
+        "Not to be decided: 0.2 deg at 48 % of the cycle (95 % -3.0 to 3.4); with groups of 4, 12 subjects "
+        "no test that holds however differently they spread would show even a difference of 3 standard "
+        f"deviations. {before}",
+        f"Not tested: groups of 3, 3 subjects, a test needs 4 in each. {before}",
+    ]
+
+
+def test_what_was_done_to_people_between_sessions_is_no_measurement_error(movement: Movement) -> None:
+    rows = movement.reliability.assign(contains="session;drug")
+    said = repeats(replace(movement, reliability=rows))
+    assert "That contains what session and drug changed, so it is no measurement error." in said
+    assert "cannot be told" not in said
+
+
+def test_why_nothing_is_compared_is_said_as_it_is(results: StudyResults, movement: Movement) -> None:
+    """All hands left out; a factor of many numbers; no factor."""
+    keys = [{"subject": own, "session": session, "hand": "right"} for own in SUBJECTS for session in "12"]
+    findings = [key | {"severity": "suspect", "stage": "x"} for key in keys]
+    none = read_movement(replace(results, problems=findings, factors={"group": ""}))
+    none = replace(none, differences=none.differences.iloc[:0])
+    why = "every hand that has joint angles has a suspect finding, and counts in nothing"
+    assert answers(none)[0] == f"Which joint moved most is not known: {why}."
+    assert groups_differ(none) == [f"No groups, sessions or tasks are compared: {why}."]
+    many = message_of("is-covariate", count=8, factor="years")
+    assert groups_differ(replace(movement, factors={"years": many}))[0] == (
+        "Years: has 8 numbers as levels, which are not compared pair by pair; ask a question with "
+        "`covariate: years`."
+    )
 
 
 def test_what_is_drawn_is_what_the_tables_say(movement: Movement) -> None:
@@ -169,7 +234,7 @@ def test_figures_are_drawn_with_their_captions(results: StudyResults) -> None:
     names = ("ranges-of-motion", "group-differences", "movement-curves", "bland-altman")
     assert not any(found[name].missing for name in names)
     assert "(n = 6)" in found["ranges-of-motion"].caption
-    assert "exact permutation. n = 3 and 3 subjects; left out: 1." in found["group-differences"].caption
+    assert "bar: 95 % interval. n = 3 and 3 subjects; left out: 1." in found["group-differences"].caption
     assert "index PIP flexion, A less B" in found["movement-curves"].caption
     limits = found["bland-altman"].figure.axes[0].lines
     assert len(limits) >= 3
@@ -178,9 +243,6 @@ def test_figures_are_drawn_with_their_captions(results: StudyResults) -> None:
 def test_methods_say_what_was_done(results: StudyResults, movement: Movement) -> None:
     text = " ".join(methods_text(results, movement))
     assert "Movement was measured in 6 subjects by joint angles under whole-hand." in text
-    assert (
-        "exact permutation; two-sided, corrected over all joint angles of a quantity by the largest |t|"
-        in text
-    )
+    assert "corrected over all quantities, joint angles, hands and tasks of two levels" in text
     assert "Bland-Altman" in text
     assert "Movement was measured" not in " ".join(methods_text(results))
