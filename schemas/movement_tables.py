@@ -48,11 +48,6 @@ VERDICT = (
     ),
     real("detectable", "the true difference that would be shown in 80 % of such studies"),
 )
-P_FAMILY = real(
-    "p_family",
-    "two-sided p-value corrected over all that is said of these levels under this model: every quantity, "
-    "`of`, hand and task",
-)
 
 
 def _count(name: str, description: str) -> Column:
@@ -240,15 +235,19 @@ MOVEMENT_DIFFERENCES = Table(
         real("effect_low", "lower end of its 95 % interval"),
         real("effect_high", "upper end"),
         Column("effect_size_name", TEXT, "", "d_z (within) or hedges_g (between); empty without one"),
-        real("p", "two-sided p-value of the test"),
-        real("p_holm", "the same after Holm's correction over all `of` of the quantity"),
+        real("p", "two-sided p-value of the test, of this number alone"),
+        real(
+            "p_holm",
+            "the same after Holm's correction over all that is said of these levels under this model: every "
+            "quantity, `of`, hand and task",
+        ),
         real(
             "p_max_t",
-            "two-sided p-value corrected over all `of` of the quantity by the largest |t| among them",
+            "two-sided p-value under the worst null (docs/statistics.md), corrected over the same by the "
+            "largest |t| among them; by it a difference counts as shown",
         ),
-        P_FAMILY,
         *VERDICT,
-        Column("test", TEXT, "", "exact sign-flip, sign-flip, exact permutation or permutation; empty: none"),
+        Column("test", TEXT, "", "Student's t or Welch's t; empty: none"),
         UNIT,
         *MESSAGE,
     ),
@@ -314,12 +313,11 @@ CURVE_DIFFERENCES = Table(
         real("low", "lower end of its pointwise 95 % interval, in degrees"),
         real("high", "upper end"),
         real("t", "the difference over its standard error"),
-        real("t_threshold", "what the largest |t| of a curve exceeds in 5 % of permutations"),
-        Column("significant", YES_NO, "", "whether |t| exceeds the threshold there"),
-        real("p", "family-wise p-value there, from the largest |t| of permuted curves"),
-        real("p_holm", "the curve's smallest p after Holm's correction over joints and angles"),
-        real("p_family", "the same over every joint, angle, event, hand and task, by the verdict's test"),
-        VERDICT[0],
+        real("t_threshold", "the |t| from which a difference is shown there"),
+        Column("significant", YES_NO, "", "whether a difference is shown there"),
+        real("p", "corrected over every point, joint, angle, event, hand and task of these levels and model"),
+        real("p_holm", "the smallest p of the curve"),
+        *VERDICT,
         _count("n", "subjects with a curve at the level"),
         _count("n_other", "subjects with a curve at the other level"),
         *MESSAGE,

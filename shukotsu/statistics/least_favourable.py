@@ -15,8 +15,11 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
+import numpy.typing as npt
 
 from shukotsu.statistics.paired_statistics import EQUAL, Array
+
+Singles = npt.NDArray[np.float32]
 
 N_DRAWN = 100_000
 MOST_SPREAD = 3.0
@@ -34,8 +37,8 @@ def drawn(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Array:
     return np.asarray((np.exp(numbers) - mean) / (mean * np.sqrt(np.expm1(1.0))))
 
 
-@lru_cache(maxsize=64)
-def largest_t_of_groups(sizes: tuple[int, ...]) -> Array:
+@lru_cache(maxsize=256)
+def largest_t_of_groups(sizes: tuple[int, ...]) -> Singles:
     """|t| of a sum and difference of group means, (N_DRAWN,) descending: at each rank that of the worst null.
 
     sizes : of each group. One: t of its mean; two: Welch's t; four: that of a difference of differences.
@@ -44,20 +47,24 @@ def largest_t_of_groups(sizes: tuple[int, ...]) -> Array:
     spreads = [own for own in product((1.0, MOST_SPREAD), repeat=len(sizes)) if min(own) == 1.0]
 
     def of_nulls() -> Iterator[Array]:
-        for number, shape in enumerate(SHAPES):
-            rng = np.random.default_rng((*sizes, number))
-            means, errors = np.empty((2, len(sizes), N_DRAWN))
-            for group, size in enumerate(sizes):
-                values = drawn(shape, rng, (N_DRAWN, size))
-                means[group], errors[group] = values.mean(1), values.var(1, ddof=1) / size
+        for shape in SHAPES:
+            groups = [_means_and_errors(shape, group, size) for group, size in enumerate(sizes)]
+            means, errors = (np.array(part) for part in zip(*groups, strict=True))
             for spread in np.array(spreads):
                 yield (spread * signs) @ means / np.sqrt(spread**2 @ errors)
 
     return _worst(of_nulls())
 
 
+@lru_cache(maxsize=32)
+def _means_and_errors(shape: str, group: int, size: int) -> tuple[Array, Array]:
+    """Mean and its squared standard error of so many numbers, drawn N_DRAWN times."""
+    values = drawn(shape, np.random.default_rng((SHAPES.index(shape), group, size)), (N_DRAWN, size))
+    return values.mean(axis=1), values.var(axis=1, ddof=1) / size
+
+
 @lru_cache(maxsize=64)
-def largest_t_of_slope(covariate: tuple[float, ...]) -> Array:
+def largest_t_of_slope(covariate: tuple[float, ...]) -> Singles:
     """The same of the slope over a covariate (n,): numbers spread alike, or more towards either end."""
     x = np.array(covariate)
     place = (x - x.min()) / np.ptp(x)
@@ -87,20 +94,20 @@ def slopes(covariate: Array, values: Array) -> tuple[Array, Array]:
     return slope, np.sqrt(np.maximum(error, EQUAL**2)) / square
 
 
-def p_of_t(t: float, largest: Array) -> float:
+def p_of_t(t: float, largest: Singles) -> float:
     """Two-sided p of a t under the worst null, whose |t| are `largest`; the data count as one of them."""
     beyond = len(largest) - np.searchsorted(largest[::-1], abs(t) * (1.0 - EQUAL), side="left")
     return float((1 + beyond) / (1 + len(largest)))
 
 
-def critical_t(p: float, largest: Array) -> float:
+def critical_t(p: float, largest: Singles) -> float:
     """The |t| from which `p_of_t` is at most p; infinite where so few draws have none."""
     allowed = int(p * (1 + len(largest)) + EQUAL) - 1
     return float(largest[allowed]) if allowed >= 0 else np.inf
 
 
-def _worst(nulls: Iterator[Array]) -> Array:
-    worst = np.zeros(N_DRAWN)
+def _worst(nulls: Iterator[Array]) -> Singles:
+    worst = np.zeros(N_DRAWN, np.float32)
     for t in nulls:
-        np.maximum(worst, np.sort(np.abs(t)), out=worst)
+        np.maximum(worst, np.sort(np.abs(t.astype(np.float32))), out=worst)
     return worst[::-1]

@@ -10,13 +10,13 @@ however few subjects and however many columns there are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.statistics.group_statistics import FEWEST_IN_GROUP
 from shukotsu.statistics.least_favourable import (
     SIGNS,
+    Singles,
     critical_t,
     largest_t_of_groups,
     largest_t_of_slope,
@@ -24,7 +24,7 @@ from shukotsu.statistics.least_favourable import (
     slopes,
 )
 from shukotsu.statistics.multiple_comparisons import LEVEL
-from shukotsu.statistics.paired_statistics import EQUAL, FEWEST_SUBJECTS, Array
+from shukotsu.statistics.paired_statistics import EQUAL, Array
 
 SHOWN, NOT_SHOWN, UNDECIDED = "shown", "not-shown", "undecided"
 
@@ -36,7 +36,8 @@ POWER = 0.8
 HUGE, LEAST_POWER = 3.0, 0.5
 """Groups that would miss a difference of HUGE standard deviations more often than not decide nothing."""
 
-FEWEST_ON_SLOPE = 6
+FEWEST_WITHIN, FEWEST_IN_GROUP, FEWEST_ON_SLOPE = 6, 4, 6
+"""Subjects: fewer say too little of how they spread."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,11 @@ class FamilyVerdicts:
     verdict: list[str]
     n_comparisons: float
 
+    def part(self, columns: slice) -> FamilyVerdicts:
+        """Give the verdicts on some columns, as the whole family has them."""
+        parts = {name: value[columns] for name, value in vars(self).items() if name != "n_comparisons"}
+        return replace(self, **parts)
+
 
 @dataclass(frozen=True)
 class _Columns:
@@ -74,7 +80,7 @@ class _Columns:
     difference: Array
     error: Array
     freedom: Array
-    largest: list[Array | None]
+    largest: list[Singles | None]
     turned: Array
     dimensions: int
     huge: Array
@@ -83,7 +89,7 @@ class _Columns:
 
 def within_family(differences: Array, among: int = 1) -> FamilyVerdicts:
     """Give verdicts on the means of columns (n, K) of differences; NaN is a number that is missing."""
-    return _verdicts(_groups([differences], FEWEST_SUBJECTS), among)
+    return _verdicts(_groups([differences], FEWEST_WITHIN), among)
 
 
 def between_family(values: Array, others: Array, among: int = 1) -> FamilyVerdicts:
@@ -133,7 +139,7 @@ def _groups(groups: Sequence[Array], fewest: int) -> _Columns:
 def _slope(covariate: Array, values: Array) -> _Columns:
     known = np.isfinite(values) & np.isfinite(covariate)[:, None]
     difference, error, freedom, huge = np.full((4, values.shape[1]), np.nan)
-    largest: list[Array | None] = [None] * values.shape[1]
+    largest: list[Singles | None] = [None] * values.shape[1]
     turned = np.zeros(values.shape)
     for mask in np.unique(known, axis=1).T:
         place = covariate[mask] - covariate[mask].min(initial=np.inf)

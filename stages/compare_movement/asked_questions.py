@@ -10,14 +10,15 @@ import numpy as np
 
 from shukotsu.schemas.questions import Question
 from shukotsu.sentences.messages import message_of
-from shukotsu.stages.compare_movement.level_differences import between_row, verdict_at_once, within_row
+from shukotsu.stages.compare_movement.level_differences import effect_columns, verdict_at_once
 from shukotsu.stages.compare_movement.level_pairs import BETWEEN, WITHIN, LevelPair, level_pair
 from shukotsu.stages.compare_movement.movement_values import RECORDING, Recorded, level_column
-from shukotsu.statistics.group_statistics import FEWEST_IN_GROUP
 from shukotsu.statistics.least_favourable import SIGNS
 from shukotsu.statistics.multiple_comparisons import LEVEL, holm
-from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS, Array
+from shukotsu.statistics.paired_statistics import Array
 from shukotsu.statistics.verdicts import (
+    FEWEST_IN_GROUP,
+    FEWEST_WITHIN,
     NOT_SHOWN,
     SHOWN,
     UNDECIDED,
@@ -246,8 +247,9 @@ def _effect(own: Asked, column: Any) -> Row:
         return {}
     numbers = [group[column].dropna().to_numpy(float) for group in own.groups]
     first = numbers[0]
-    row = within_row(first, np.zeros_like(first)) if len(numbers) == 1 else between_row(first, numbers[1])
-    return {name: value for name, value in row.items() if name.startswith("effect_")}
+    if len(numbers) == 1:
+        return effect_columns(WITHIN, first, np.zeros_like(first))
+    return effect_columns(BETWEEN, first, numbers[1])
 
 
 def _why(verdict: str, own: Asked, counts: Sequence[int]) -> str:
@@ -256,6 +258,6 @@ def _why(verdict: str, own: Asked, counts: Sequence[int]) -> str:
         return ""
     if len(counts) == 1:
         kind = "undecided-within" if verdict == UNDECIDED else "few-at-both" if own.pair else "few-for-slope"
-        return message_of(kind, n=counts[0], least=FEWEST_SUBJECTS)
+        return message_of(kind, n=counts[0], least=FEWEST_WITHIN)
     kind = "undecided-between" if verdict == UNDECIDED else "few-in-cells"
     return message_of(kind, counts=", ".join(map(str, counts)), least=FEWEST_IN_GROUP)

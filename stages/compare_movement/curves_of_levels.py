@@ -1,23 +1,17 @@
-"""Find where in the cycle two levels differ: a subject's mean curve at each, tested over the whole curve at
-once.
-"""
+"""Find where in the cycle two levels differ: a subject's mean curve at each, all curves tested together."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from shukotsu.sentences.messages import message_of
-from shukotsu.stages.compare_movement.level_differences import verdict_at_once
+from shukotsu.stages.compare_movement.level_differences import untested_reason, verdict_at_once
 from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
 from shukotsu.stages.compare_movement.movement_values import RECORDING, Recorded, subject_means
-from shukotsu.statistics.curve_statistics import CurveTest, curves_between, curves_within
-from shukotsu.statistics.group_statistics import FEWEST_IN_GROUP
-from shukotsu.statistics.multiple_comparisons import LEVEL, holm
-from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS, Array
-from shukotsu.statistics.verdicts import NOT_SHOWN, SHOWN, FamilyVerdicts, between_family, within_family
+from shukotsu.statistics.verdicts import SHOWN, FamilyVerdicts, between_family, within_family
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,13 +25,13 @@ COLUMNS = [*RECORDING, "model", *CURVE, "percent", "mean_deg"]
 
 
 def curve_parts(curves: pd.DataFrame, everything: Recorded) -> Iterator[Columns]:
-    """Parts of the columns of curve_differences, a part for all curves of a pair of levels, place and model.
+    """Parts of the columns of curve_differences, a part for every curve of a pair of levels, place and model.
 
     curves : COLUMNS of movement_curves.
     """
     numbers = curves.astype(dict.fromkeys([*RECORDING, "model"], str)).merge(everything.counted, on=RECORDING)
     for factor in everything.factors:
-        compared: dict[tuple[str, ...], list[tuple[Columns, FamilyVerdicts]]] = {}
+        compared: dict[tuple[str, ...], list[_Curve]] = {}
         for place in places(everything, factor):
             own = numbers
             for column, value in place.items():
@@ -46,55 +40,31 @@ def curve_parts(curves: pd.DataFrame, everything: Recorded) -> Iterator[Columns]
                 means = subject_means(of_model, factor, [*CURVE, "percent"], ("mean_deg",))["mean_deg"]
                 for pair in level_pairs(everything, factor, place):
                     where = {"hand": "", "task": "", **place, "model": model}
-                    together = compared.setdefault((pair.level, pair.other, str(model)), [])
-                    together += _family(means, pair, where)
-        for together in compared.values():
-            yield from _judged(together)
+                    family = compared.setdefault((pair.level, pair.other, str(model)), [])
+                    family += _curves(means.unstack("percent"), pair, where)
+        for family in compared.values():
+            yield from _judged(family)
 
 
-def _judged(compared: Sequence[tuple[Columns, FamilyVerdicts]]) -> Iterator[Columns]:
-    """Say of every curve of a pair of levels under a model whether it differs, Holm over all of them."""
-    found = [verdict_at_once(verdicts) for _, verdicts in compared]
-    for (columns, _), (verdict, _), p in zip(compared, found, holm([p for _, p in found]), strict=True):
-        size = len(columns["percent"])
-        shown = NOT_SHOWN if verdict == SHOWN and p is not None and p > LEVEL else verdict
-        yield columns | {"p_family": [p] * size, "verdict": [shown] * size}
+@dataclass(frozen=True)
+class _Curve:
+    """Subjects' curves at two levels, a column a percent, of the joint, angle, event and place named."""
+
+    first: pd.DataFrame
+    other: pd.DataFrame
+    design: str
+    named: Row
 
 
-def _family(means: pd.Series[float], pair: LevelPair, where: Row) -> Iterator[tuple[Columns, FamilyVerdicts]]:
-    """All curves of a pair of levels in one place under one model, Holm over joints and angles."""
-    wide = means.unstack("percent")
-    percents = wide.columns.to_numpy()
-    shared = where | {"factor": pair.factor, "level": pair.level, "other_level": pair.other}
-    for event, of_event in wide.groupby("event", sort=False, observed=True):
-        tests = [
-            (joint, angle, *_tested(own, pair))
-            for (joint, angle), own in of_event.groupby(["joint", "angle"], sort=False, observed=True)
-        ]
-        smallest = [_smallest(test.p) for _, _, test, _, _ in tests]
-        for (joint, angle, test, verdicts, why), p in zip(tests, holm(smallest), strict=True):
-            named = shared | {"joint": joint, "angle": angle, "event": event, "message": why, "p_holm": p}
-            every = {name: [value] * len(percents) for name, value in named.items()}
-            yield _columns(test, percents) | every, verdicts
-
-
-def _tested(own: pd.DataFrame, pair: LevelPair) -> tuple[CurveTest, FamilyVerdicts, str]:
-    """Test one curve, (subject, level) by percent; without a test the difference of the means, and why."""
-    curves = own.droplevel(CURVE)
-    first, other = (_of_level(curves, pair, level) for level in (pair.level, pair.other))
-    if pair.design == WITHIN:
-        both = first.index.intersection(other.index, sort=False)
-        differences = (first.loc[both] - other.loc[both]).to_numpy()
-        n = int(np.isfinite(differences).any(axis=1).sum())
-        why = message_of("few-at-both", n=n, least=FEWEST_SUBJECTS)
-        test, verdicts = curves_within(differences), within_family(differences)
-        return (test, verdicts, "") if test else (_untested(_means(differences), n, n), verdicts, why)
-    counts = len(first), len(other)
-    why = message_of("few-in-group", count=counts[0], count_2=counts[1], least=FEWEST_IN_GROUP)
-    test = curves_between(first.to_numpy(), other.to_numpy())
-    verdicts = between_family(first.to_numpy(), other.to_numpy())
-    difference = _means(first.to_numpy()) - _means(other.to_numpy())
-    return (test, verdicts, "") if test else (_untested(difference, *counts), verdicts, why)
+def _curves(wide: pd.DataFrame, pair: LevelPair, where: Row) -> Iterator[_Curve]:
+    named = where | {"factor": pair.factor, "level": pair.level, "other_level": pair.other}
+    for (event, joint, angle), own in wide.groupby(["event", "joint", "angle"], sort=False, observed=True):
+        curves = own.droplevel(CURVE)
+        first, other = (_of_level(curves, pair, level) for level in (pair.level, pair.other))
+        if pair.design == WITHIN:
+            both = first.index.intersection(other.index, sort=False)
+            first, other = first.loc[both], other.loc[both]
+        yield _Curve(first, other, pair.design, named | {"joint": joint, "angle": angle, "event": event})
 
 
 def _of_level(curves: pd.DataFrame, pair: LevelPair, level: str) -> pd.DataFrame:
@@ -102,31 +72,39 @@ def _of_level(curves: pd.DataFrame, pair: LevelPair, level: str) -> pd.DataFrame
     return own[own.index.isin(pair.candidates(level))].dropna(how="all")
 
 
-def _means(curves: Array) -> Array:
-    counts = np.isfinite(curves).sum(axis=0)
-    return np.asarray(np.where(counts, np.nan_to_num(curves).sum(axis=0) / np.maximum(counts, 1), np.nan))
+def _judged(family: Sequence[_Curve]) -> Iterator[Columns]:
+    """Test every point of every curve of a pair of levels under a model together."""
+    import pandas as pd
+
+    first, other = (
+        np.asarray(pd.concat([getattr(one, side) for one in family], axis=1, sort=False), float)
+        for side in ("first", "other")
+    )
+    found = within_family(first - other) if family[0].design == WITHIN else between_family(first, other)
+    start = 0
+    for one in family:
+        points = slice(start, start + one.first.shape[1])
+        start = points.stop
+        yield _columns(one, found.part(points))
 
 
-def _untested(difference: Array, n: int, n_other: int) -> CurveTest:
-    none = np.full(len(difference), np.nan)
-    return CurveTest(difference, none, none, none, none, None, none, n, n_other)
-
-
-def _smallest(p: Array) -> float | None:
-    return None if np.isnan(p).all() else float(np.nanmin(p))
-
-
-def _columns(test: CurveTest, percents: Array) -> Columns:
-    size = len(percents)
+def _columns(one: _Curve, found: FamilyVerdicts) -> Columns:
+    percents = one.first.columns.to_numpy()
+    n, n_other = len(one.first), len(one.other)
+    verdict, p = verdict_at_once(found)
+    message = untested_reason(one.design, n, n_other) if p is None else ""
+    of_means = (one.first.mean() - one.other.mean()).to_numpy(float)  # known also where nothing is tested
+    whole = one.named | {"n": n, "n_other": n_other, "verdict": verdict, "p_holm": p, "message": message}
     return {
         "percent": percents,
-        "difference": test.difference,
-        "low": test.low,
-        "high": test.high,
-        "t": test.t,
-        "t_threshold": [test.threshold] * size,
-        "significant": test.significant,
-        "p": test.p,
-        "n": [test.n] * size,
-        "n_other": [test.n_other] * size,
-    }
+        "difference": found.difference
+        if p is not None
+        else (one.first.mean() - one.other.mean()).to_numpy(float),
+        "low": found.low,
+        "high": found.high,
+        "t": found.t,
+        "t_threshold": found.t_threshold,
+        "significant": [verdict == SHOWN for verdict in found.verdict],
+        "p": found.p,
+        "detectable": found.detectable,
+    } | {name: [value] * len(percents) for name, value in whole.items()}

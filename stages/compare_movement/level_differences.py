@@ -1,13 +1,12 @@
-"""Compare two levels in every number, a subject at a time, corrected over what is compared together.
+"""Compare two levels in every number, a subject at a time, and judge together what is said at once.
 
-p_holm and p_max_t are of all joints and angles, digits or pairs of digits of one quantity, for one pair of
-levels, hand, task and model. A verdict is of all that is said of a pair of levels under a model at once:
-every quantity in every hand and task.
+A family, of which p_holm, p_max_t and the verdicts are: every quantity, joint and angle, digit or pair of
+digits in every hand and task, for one pair of levels under one model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,17 +15,12 @@ from shukotsu.schemas.quantities import Quantity
 from shukotsu.sentences.messages import message_of
 from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
 from shukotsu.stages.compare_movement.movement_values import Recorded, subject_means
-from shukotsu.statistics.curve_statistics import curves_between, curves_within
-from shukotsu.statistics.group_statistics import FEWEST_IN_GROUP, two_groups
+from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
 from shukotsu.statistics.multiple_comparisons import holm
-from shukotsu.statistics.paired_statistics import (
-    FEWEST_SUBJECTS,
-    MOST_ENUMERATED,
-    Array,
-    effect_interval,
-    paired,
-)
+from shukotsu.statistics.paired_statistics import Array
 from shukotsu.statistics.verdicts import (
+    FEWEST_IN_GROUP,
+    FEWEST_WITHIN,
     NOT_SHOWN,
     SHOWN,
     UNDECIDED,
@@ -62,7 +56,7 @@ def difference_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recor
 
 
 def judge(rows: Sequence[Row]) -> None:
-    """Say of every row whether a difference is shown, corrected over all of its pair of levels and model."""
+    """Test every row, corrected over all of its pair of levels and model."""
     families: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         key = tuple(row[name] for name in ("factor", "level", "other_level", "model"))
@@ -71,15 +65,17 @@ def judge(rows: Sequence[Row]) -> None:
         first, other = (_stacked([row[VALUES][side] for row in family]) for side in (0, 1))
         is_within = family[0]["design"] == WITHIN
         found = within_family(first - other) if is_within else between_family(first, other)
+        corrected = holm([_number(p) for p in found.p_alone])
         for place, row in enumerate(family):
             del row[VALUES]
-            row |= verdict_columns(found, place)
+            row |= {"p_holm": corrected[place], "p_max_t": _number(found.p[place])}
+            row |= {"p": _number(found.p_alone[place]), "verdict": found.verdict[place]}
+            row |= {name: _number(getattr(found, name)[place]) for name in ("low", "high", "detectable")}
+            row["test"] = "" if row["p"] is None else "Student's t" if is_within else "Welch's t"
 
 
-def verdict_columns(found: FamilyVerdicts, place: int) -> Row:
-    """The verdict on one number of a family."""
-    numbers = {"p_family": float(found.p[place]), "detectable": float(found.detectable[place])}
-    return {"verdict": found.verdict[place], **numbers}
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def verdict_at_once(found: FamilyVerdicts) -> tuple[str, float | None]:
@@ -96,92 +92,47 @@ def _stacked(numbers: Sequence[pd.Series[float]]) -> Array:
     return np.asarray(pd.concat(numbers, axis=1, sort=False), float)
 
 
-def _family(quantity: Quantity, family: pd.DataFrame, pair: LevelPair, where: Row) -> list[Row]:
-    rows, wanted = [], family.reindex(columns=[pair.level, pair.other])
-    for of, own in wanted.groupby("of", sort=False):
-        by_subject = own.droplevel([name for name in own.index.names if name != "subject"])
-        rows.append(_row(by_subject, pair) | {"of": of})
+def _family(quantity: Quantity, family: pd.DataFrame, pair: LevelPair, where: Row) -> Iterator[Row]:
     shared = {
         "hand": "", "task": "", **where, "quantity": quantity.name, "unit": quantity.unit,
         "factor": pair.factor, "level": pair.level, "other_level": pair.other, "design": pair.design,
     }  # fmt: skip
-    together = _tested_together(wanted, pair)
-    corrected = holm([row["p"] for row in rows])
-    return [
-        shared | row | {"p_holm": p, "p_max_t": None if row["p"] is None else together[row["of"]]}
-        for row, p in zip(rows, corrected, strict=True)
-    ]
-
-
-def _tested_together(family: pd.DataFrame, pair: LevelPair) -> dict[str, float]:
-    """Each number's p against the largest |t| of the family, subjects flipping or changing groups whole.
-
-    Unlike Holm's correction it stays within reach of few subjects: with 6 and 6 the smallest p is 2 / 924,
-    which no difference among 51 angles survives 51 times. It has no p for what has too few subjects.
-    """
-    wide = family.unstack("of", sort=False)
-    first, other = (
-        wide.loc[wide.index.get_level_values("subject").isin(pair.candidates(level)), level]
-        for level in (pair.level, pair.other)
-    )
-    if pair.design == WITHIN:
-        tested = curves_within((first - other).to_numpy())
-    else:
-        tested = curves_between(first.to_numpy(), other.to_numpy())
-    p = np.full(len(first.columns), np.nan) if tested is None else tested.p
-    return dict(zip(first.columns, p.tolist(), strict=True))
+    for of, own in family.reindex(columns=[pair.level, pair.other]).groupby("of", sort=False):
+        by_subject = own.droplevel([name for name in own.index.names if name != "subject"])
+        yield shared | _row(by_subject, pair) | {"of": of}
 
 
 def _row(values: pd.DataFrame, pair: LevelPair) -> Row:
-    """One comparison. values : a row a subject, a column a level, NaN where there is none."""
+    """One comparison, not judged yet. values : a row a subject, a column a level, NaN where there is none."""
     first = values.loc[values.index.isin(pair.candidates(pair.level)), pair.level].dropna()
     other = values.loc[values.index.isin(pair.candidates(pair.other)), pair.other].dropna()
     if pair.design == WITHIN:
         both = first.index.intersection(other.index, sort=False)
         first, other = first[both], other[both]
     n_left_out, reason = pair.left_out({*first.index, *other.index})
-    compare: Callable[[Array, Array], Row] = within_row if pair.design == WITHIN else between_row
-    counts = {"n": len(first), "n_other": len(other), "left_out": n_left_out, "left_out_reason": reason}
-    return counts | compare(first.to_numpy(), other.to_numpy()) | {VALUES: (first, other)}
+    row: Row = {"n": len(first), "n_other": len(other), "left_out": n_left_out, "left_out_reason": reason}
+    if len(first) and len(other):
+        row |= {"mean": float(first.mean()), "other_mean": float(other.mean())}
+        row["difference"] = row["mean"] - row["other_mean"]
+    row |= effect_columns(pair.design, first.to_numpy(), other.to_numpy())
+    return row | {"message": untested_reason(pair.design, len(first), len(other)), VALUES: (first, other)}
 
 
-_NOTHING: Row = {"p": None, "test": "", "effect_size_name": ""}
+def untested_reason(design: str, n: int, n_other: int) -> str:
+    """Say why there is no test; empty where there is one."""
+    if min(n, n_other) == 0:
+        return message_of("none-at-both" if design == WITHIN else "none-at-one")
+    if design == WITHIN:
+        return "" if n >= FEWEST_WITHIN else message_of("few-at-both", n=n, least=FEWEST_WITHIN)
+    few = min(n, n_other) < FEWEST_IN_GROUP
+    return message_of("few-in-group", count=n, count_2=n_other, least=FEWEST_IN_GROUP) if few else ""
 
 
-def within_row(first: Array, other: Array) -> Row:
-    """Means, difference, effect size and test of numbers at both levels of the same subjects."""
-    n = len(first)
-    if n == 0:
-        return _NOTHING | {"message": message_of("none-at-both")}
-    found = paired(first - other)
-    row: Row = {"mean": float(first.mean()), "other_mean": float(other.mean()), "difference": found.mean}
-    row |= _NOTHING | {"message": ""}
-    if found.effect is not None:
-        d = first - other
-        low, high = effect_interval(float(d.mean() / d.std(ddof=1)) * np.sqrt(n), n - 1, n)
-        row |= _effect("d_z", found.effect, (low, high))
-    if found.interval is None:
-        return row | {"message": message_of("few-at-both", n=n, least=FEWEST_SUBJECTS)}
-    row |= {"p": found.p, "test": "exact sign-flip" if n <= MOST_ENUMERATED else "sign-flip"}
-    return row | {"low": found.interval[0], "high": found.interval[1]}
-
-
-def between_row(first: Array, other: Array) -> Row:
-    """The same of two groups."""
-    if min(len(first), len(other)) == 0:
-        return _NOTHING | {"message": message_of("none-at-one")}
-    found = two_groups(first, other)
-    row: Row = {"mean": found.mean, "other_mean": found.other_mean, "difference": found.difference}
-    row |= _NOTHING | {"message": ""}
-    if found.effect is not None and found.effect_interval is not None:
-        row |= _effect("hedges_g", found.effect, found.effect_interval)
-    if found.p is None or found.interval is None:
-        counts = {"count": len(first), "count_2": len(other)}
-        return row | {"message": message_of("few-in-group", least=FEWEST_IN_GROUP, **counts)}
-    row |= {"p": found.p, "test": "exact permutation" if found.exact else "permutation"}
-    return row | {"low": found.interval[0], "high": found.interval[1]}
-
-
-def _effect(name: str, size: float, interval: Sequence[float]) -> Row:
-    low, high = interval
+def effect_columns(design: str, first: Array, other: Array) -> Row:
+    """Standardised difference of numbers at two levels, of the same subjects or of groups."""
+    name, effect = ("d_z", paired_effect) if design == WITHIN else ("hedges_g", two_group_effect)
+    found = effect(first, other)
+    if found is None:
+        return {"effect_size_name": ""}
+    size, (low, high) = found
     return {"effect_size": size, "effect_size_name": name, "effect_low": low, "effect_high": high}

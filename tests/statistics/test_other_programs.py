@@ -1,4 +1,4 @@
-"""pingouin and spm1d have the same numbers, to rounding, of drawn values and of spm1d's own data sets.
+"""pingouin, statsmodels and spm1d have the same numbers, to rounding, of drawn values and of spm1d's own.
 
 Skipped where .tools, or the folder that SHUKOTSU_TOOLS names, lacks them; CONTRIBUTING.md says how to get
 them.
@@ -7,7 +7,6 @@ them.
 from __future__ import annotations
 
 import json
-import math
 import os
 import subprocess
 from pathlib import Path
@@ -16,10 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shukotsu.statistics.curve_statistics import CurveTest, curves_between, curves_within
-from shukotsu.statistics.group_statistics import two_groups
-from shukotsu.statistics.paired_statistics import effect_size, small_sample_correction
+from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
+from shukotsu.statistics.least_favourable import slopes
+from shukotsu.statistics.paired_statistics import small_sample_correction
 from shukotsu.statistics.reliability_statistics import reliability
+from shukotsu.statistics.verdicts import between_family, within_family
 
 TESTS = Path(__file__).resolve().parents[1]
 SCRIPT = TESTS / "export_tools" / "statistics_of_others.py"
@@ -50,33 +50,25 @@ def test_pingouin_has_the_same_iccs_and_sizes(n: int, k: int, shift: float) -> N
     ours = reliability(values)
     for name, icc in (("ICC(A,1)", ours.agreement), ("ICC(C,1)", ours.consistency)):
         assert [icc.value, *icc.interval] == pytest.approx(theirs["icc"][name], abs=ROUNDING)
-    groups = two_groups(first, other)
-    assert groups.effect is not None
-    assert groups.effect / small_sample_correction(2 * n + 1) == pytest.approx(theirs["cohen"], abs=ROUNDING)
-    assert groups.interval == pytest.approx(theirs["welch"], abs=ROUNDING)
-    paired = effect_size(first - other[:n])
+    two = two_group_effect(first, other)
+    assert two is not None
+    assert two[0] / small_sample_correction(2 * n + 1) == pytest.approx(theirs["cohen"], abs=ROUNDING)
+    welch = between_family(first[:, None], other[:, None])
+    ends = [welch.low[0], welch.high[0], welch.p_alone[0]]
+    assert ends == pytest.approx(theirs["welch"], abs=ROUNDING)
+    paired = paired_effect(first, other[:n])
     assert paired is not None
-    assert paired / small_sample_correction(n - 1) == pytest.approx(theirs["d_z"], abs=ROUNDING)
+    assert paired[0] / small_sample_correction(n - 1) == pytest.approx(theirs["d_z"], abs=ROUNDING)
+    slope, error = slopes(other[:n], first[:, None])
+    assert [slope[0], error[0]] == pytest.approx(theirs["slope"], abs=ROUNDING)
 
 
-def test_spm1d_has_the_same_curves_and_permutations() -> None:
-    """Of its data sets: t, the largest |t| of every permutation, the threshold, and p from them."""
+def test_spm1d_has_the_same_t_along_its_curves() -> None:
     data_sets = of_others("spm1d")
-    assert len(data_sets) == 5
+    assert len(data_sets) == 6
     for theirs in data_sets:
-        ours = _tested(theirs)
-        assert ours is not None
-        assert ours.t == pytest.approx(np.array(theirs["t"]), abs=ROUNDING)
-        largest = np.sort(theirs["largest"])
-        mirrored = len(ours.largest) // len(largest)  # of groups every assignment has its mirror image
-        assert np.sort(ours.largest)[::mirrored] == pytest.approx(largest, abs=ROUNDING)
-        expected = [(largest >= abs(t) - ROUNDING).mean() for t in theirs["t"]]
-        assert ours.p == pytest.approx(np.array(expected), abs=ROUNDING)
-        if ours.threshold is not None:  # theirs interpolates between two permutations
-            rank = math.floor(0.95 * (len(largest) - 1))
-            assert largest[rank] <= theirs["threshold"] <= ours.threshold + ROUNDING
-
-
-def _tested(theirs: dict[str, Any]) -> CurveTest | None:
-    one = np.array(theirs["one"])
-    return curves_within(one) if theirs["other"] is None else curves_between(one, np.array(theirs["other"]))
+        one = np.array(theirs["one"])
+        family = (
+            within_family(one) if theirs["other"] is None else between_family(one, np.array(theirs["other"]))
+        )
+        assert family.t == pytest.approx(np.array(theirs["t"]), abs=ROUNDING)

@@ -66,7 +66,7 @@ def difference_tables(movement: Movement) -> list[Folded]:
         Column(tr("95 % interval"), lambda r: _interval(r["low"], r["high"])),
         Column(tr("Effect size"), lambda r: f"{number(r['effect_size'])} {r['effect_size_name']}".strip()),
         Column("p", lambda r: _p(r["p"])),
-        Column(tr("p, corrected"), lambda r: _p(r["p_family"])),
+        Column(tr("p, corrected"), lambda r: _p(r["p_max_t"])),
         text_column(tr("Verdict"), "verdict"),
         Column(tr("Would be shown"), lambda r: number(r["detectable"])),
         text_column(tr("Test"), "test"),

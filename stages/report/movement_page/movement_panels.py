@@ -198,7 +198,7 @@ def curve_difference_plots(movement: Movement) -> list[CurvesPanel]:
             event=event,
             max=int(own["n"].max()),
             max_2=int(own["n_other"].max()),
-            corrected=_corrected_text(_column(own, "p_family")[0]),
+            corrected=_corrected_text(_column(own, "p_holm")[0]),
         )
         low, high, difference = (_column(own, name) for name in ("low", "high", "difference"))
         found.append(

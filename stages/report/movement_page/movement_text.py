@@ -112,7 +112,7 @@ def _pair_text(factor: str, level: str, other: str, rows: pd.DataFrame) -> str:
             of_all=of_all,
             **values,
         )
-    shown = decided[decided["verdict"] == "shown"].sort_values("p_family", kind="stable")
+    shown = decided[decided["verdict"] == "shown"].sort_values("p_max_t", kind="stable")
     rest = ""
     if len(decided) < len(judged):
         rest = tr(" {n} more are not to be decided with these groups.", n=len(judged) - len(decided))
@@ -150,7 +150,7 @@ def _difference_text(row: Any) -> str:
         more=more,
         level=row["level"],
         interval_text=interval_text(*ends),
-        p_text=p_text(row["p_family"]),
+        p_text=p_text(row["p_max_t"]),
         place=place_text((row["hand"], row["task"])),
     )
 
