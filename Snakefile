@@ -368,6 +368,7 @@ rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, wa
         bones=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
         events=f"{subject}/events.parquet",
+        clocks=f"{subject}/clocks.parquet",
     output:
         [f"{subject}/{table}.parquet" for table in MEASURED_TABLES],
     log:
@@ -382,7 +383,7 @@ rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, wa
         "measure_movement: subject {wildcards.subject}"
     shell:
         f"{run} shukotsu.stages.measure_movement --record-failure --plan {{input.plan:q}} --inputs {{input:q}}"
-        " --events {input.events:q} {params.out:q} 2> {log:q}"
+        " --events {input.events:q} --clocks {input.clocks:q} {params.out:q} 2> {log:q}"
 
 
 rule gather:  # the study's short tables, and what went wrong
