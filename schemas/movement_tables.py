@@ -124,7 +124,7 @@ RANGES_OF_MOTION = Table(
 
 FINGERTIP_PATHS = Table(
     "fingertip_paths",
-    1,
+    2,
     "the way of a fingertip in the frame of the hand in a recording",
     (
         *_OF_MODEL,
@@ -133,7 +133,10 @@ FINGERTIP_PATHS = Table(
         real("duration_s", "time that the path has, gaps left out"),
         real("speed_median_mm_s", "median of the tip's speed"),
         real("speed_p95_mm_s", "95th percentile of the tip's speed"),
-        real("sparc", "smoothness: spectral arc length of the speed; 0 would be smoothest"),
+        real(
+            "sparc",
+            "smoothness: spectral arc length of a movement's speed, median of all; 0 would be smoothest",
+        ),
         real("path_sd_mm", "1-sigma error of path_length_mm"),
         N_FRAMES,
         real("valid_percent", "frames with a tip, of those of the recording"),
