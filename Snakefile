@@ -493,6 +493,24 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
         " {params.participants} --out {output:q} > /dev/null 2> {log:q}"
 
 
+rule export_tables:  # the study's tables for R and others, with a data dictionary
+    input:
+        study.study_tables,
+        study.model_comparisons,
+        study.movement_comparisons,
+    output:
+        directory(f"{results}/tidy"),
+    log:
+        f"{logs}/export_tables.log",
+    params:
+        code=code_digest("shukotsu.stages.export.tables"),
+        name=study.study.name,
+    message:
+        "export_tables: the study's tables as CSV, with what their columns mean"
+    shell:
+        f"{run} shukotsu.stages.export.tables --tables {{input:q}} --study {{params.name:q}} --out {{output:q}} 2> {{log:q}}"
+
+
 rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice
     input:
         study.export_folders,

@@ -149,6 +149,11 @@ class Results:
         return self.folder / "dataset"
 
     @property
+    def tidy_tables(self) -> Path:
+        """Folder that the study's tables are made in as CSV, as `tables`."""
+        return self.folder / "tidy"
+
+    @property
     def dataset(self) -> Path:
         """Folder of the Motion-BIDS dataset of all exported recordings."""
         return self.exports / "bids"
