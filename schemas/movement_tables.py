@@ -201,6 +201,44 @@ MOVEMENT_CURVES = Table(
     _key(*_OF_MODEL, JOINT, ANGLE, EVENT, PERCENT),
 )
 
+COMPONENT = Column("component", WHOLE, "", "number of the principal component, from 1, by its variance")
+
+COORDINATION = Table(
+    "coordination",
+    1,
+    "a principal component of the joint angles in a recording",
+    (
+        *_OF_MODEL,
+        COMPONENT,
+        real("variance_deg2", "variance of the angles along it"),
+        real("noise_deg2", "what noise of single frames adds to it; null where the model states no errors"),
+        Column("counted", YES_NO, "", "whether its variance exceeds what the stated errors would make alone"),
+        real(
+            "share_percent", "its variance without noise, of that of all that are counted; null: not counted"
+        ),
+        real("cumulative_percent", "share of it and of those before it"),
+        _count("n_angles", "angles that it is made of"),
+        Column("n_frames", WHOLE, "", "frames that have all of them, of 20 000 at most, evenly spaced"),
+        STATUS,
+        *MESSAGE,
+    ),
+    _key(*_OF_MODEL, COMPONENT),
+)
+
+COORDINATION_LOADINGS = Table(
+    "coordination_loadings",
+    1,
+    "part that an angle has in a principal component, of those that make 90 % of the variance",
+    (
+        *_OF_MODEL,
+        COMPONENT,
+        JOINT,
+        ANGLE,
+        real("loading", "part of the unit vector; the largest of a component is positive"),
+    ),
+    _key(*_OF_MODEL, COMPONENT, JOINT, ANGLE),
+)
+
 MOVEMENT_DIFFERENCES = Table(
     "movement_differences",
     1,
@@ -340,6 +378,8 @@ MOVEMENT_TABLES = (
     FINGERTIP_DISTANCES,
     MOVEMENT_CYCLES,
     MOVEMENT_CURVES,
+    COORDINATION,
+    COORDINATION_LOADINGS,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
     CURVE_DIFFERENCES,

@@ -13,6 +13,8 @@ MEASURED_TABLES = (
     "fingertip_distances",
     "movement_cycles",
     "movement_curves",
+    "coordination",
+    "coordination_loadings",
 )
 """Tables of a subject's movement."""
 
