@@ -26,6 +26,9 @@ LEAST_KNOWN = 0.5
 ENOUGH_PERCENT = 90.0
 """Of the variance, what the components make whose loadings are given."""
 
+NOISE_QUANTILE = 3.27
+"""What the largest component of mere noise, as Johnstone (2001, Ann Stat 29:295) scales it, exceeds in 0.1 %."""
+
 
 @dataclass(frozen=True)
 class Components:
@@ -53,8 +56,7 @@ def principal_components(angle_deg: Array, frame_sd_deg: Array, error_sd_deg: Ar
     """Find the components of angles (T, A) in frames that have them all, two at least.
 
     frame_sd_deg : (A,) 1-sigma of a single frame. error_sd_deg : (A,) of an angle's change from the mean
-    posture, that of the frame and of the hand. Noise alone exceeds its variance by (1 + sqrt(A / T))^2 in the
-    largest of its components (Marchenko & Pastur 1967).
+    posture, that of the frame and of the hand.
     """
     known = angle_deg[~np.isnan(angle_deg).any(1)]
     count, width = known.shape
@@ -63,16 +65,15 @@ def principal_components(angle_deg: Array, frame_sd_deg: Array, error_sd_deg: Ar
     largest = np.take_along_axis(loadings, np.abs(loadings).argmax(1)[:, None], 1)
     loadings = loadings * np.where(largest < 0, -1.0, 1.0)
     noise, error = (loadings**2 @ sd**2 for sd in (frame_sd_deg, error_sd_deg))
-    counts = variance > np.maximum(error * (1 + np.sqrt(width / count)) ** 2, 1e-9)
+    counts = variance > np.maximum(error * _most_of_noise(count, width), 1e-9)
     signal = np.where(counts, np.maximum(variance - noise, 0.0), np.nan)
     return Components(variance, noise, signal / max(np.nansum(signal), 1e-12), loadings, count)
 
 
-def subspace_angles_deg(one: Array, other: Array) -> Array:
-    """Principal angles (k,) between the spaces that rows of two arrays, (n, A) and (m, A), span; rising."""
-    bases = [np.linalg.qr(rows.T)[0] for rows in (one, other)]
-    cosines = np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)
-    return np.asarray(np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0))))
+def _most_of_noise(count: int, width: int) -> float:
+    """Give what the largest component of noise of variance 1 alone exceeds in one recording of a thousand."""
+    roots = np.sqrt([count - 1, width])
+    return float((roots.sum() ** 2 + NOISE_QUANTILE * roots.sum() * (1 / roots).sum() ** (1 / 3)) / count)
 
 
 @dataclass
