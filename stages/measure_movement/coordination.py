@@ -27,7 +27,7 @@ ENOUGH_PERCENT = 90.0
 """Of the variance, what the components make whose loadings are given."""
 
 NOISE_QUANTILE = 3.27
-"""What the largest component of mere noise, as Johnstone (2001, Ann Stat 29:295) scales it, exceeds in 0.1 %."""
+"""What the largest component of noise, scaled as by Johnstone (2001, Ann Stat 29:295), exceeds in 0.1 %."""
 
 
 @dataclass(frozen=True)
