@@ -368,6 +368,7 @@ rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, wa
         bones=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
         events=f"{subject}/events.parquet",
+        clocks=f"{subject}/clocks.parquet",
     output:
         [f"{subject}/{table}.parquet" for table in MEASURED_TABLES],
     log:
@@ -382,7 +383,7 @@ rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, wa
         "measure_movement: subject {wildcards.subject}"
     shell:
         f"{run} shukotsu.stages.measure_movement --record-failure --plan {{input.plan:q}} --inputs {{input:q}}"
-        " --events {input.events:q} {params.out:q} 2> {log:q}"
+        " --events {input.events:q} --clocks {input.clocks:q} {params.out:q} 2> {log:q}"
 
 
 rule gather:  # the study's short tables, and what went wrong
@@ -508,6 +509,24 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
     shell:
         f"{run} shukotsu.stages.export --record-failure --plan {{input.plans:q}} --formats bids {{params.options}}"
         " {params.participants} --out {output:q} > /dev/null 2> {log:q}"
+
+
+rule export_tables:  # the study's tables for R and others, with a data dictionary
+    input:
+        study.study_tables,
+        study.model_comparisons,
+        study.movement_comparisons,
+    output:
+        directory(f"{results}/tidy"),
+    log:
+        f"{logs}/export_tables.log",
+    params:
+        code=code_digest("shukotsu.stages.export.tables"),
+        name=study.study.name,
+    message:
+        "export_tables: the study's tables as CSV, with what their columns mean"
+    shell:
+        f"{run} shukotsu.stages.export.tables --tables {{input:q}} --study {{params.name:q}} --out {{output:q}} 2> {{log:q}}"
 
 
 rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice

@@ -136,7 +136,7 @@ RANGES_OF_MOTION = Table(
 
 FINGERTIP_PATHS = Table(
     "fingertip_paths",
-    1,
+    2,
     "the way of a fingertip in the frame of the hand in a recording",
     (
         *_OF_MODEL,
@@ -145,7 +145,10 @@ FINGERTIP_PATHS = Table(
         real("duration_s", "time that the path has, gaps left out"),
         real("speed_median_mm_s", "median of the tip's speed"),
         real("speed_p95_mm_s", "95th percentile of the tip's speed"),
-        real("sparc", "smoothness: spectral arc length of the speed; 0 would be smoothest"),
+        real(
+            "sparc",
+            "smoothness: spectral arc length of a movement's speed, median of all; 0 would be smoothest",
+        ),
         real("path_sd_mm", "1-sigma error of path_length_mm"),
         N_FRAMES,
         real("valid_percent", "frames with a tip, of those of the recording"),
@@ -208,6 +211,44 @@ MOVEMENT_CURVES = Table(
         _count("n_cycles", "cycles used"),
     ),
     _key(*_OF_MODEL, JOINT, ANGLE, EVENT, PERCENT),
+)
+
+COMPONENT = Column("component", WHOLE, "", "number of the principal component, from 1, by its variance")
+
+COORDINATION = Table(
+    "coordination",
+    1,
+    "a principal component of the joint angles in a recording",
+    (
+        *_OF_MODEL,
+        COMPONENT,
+        real("variance_deg2", "variance of the angles along it"),
+        real("noise_deg2", "what noise of single frames adds to it; null where the model states no errors"),
+        Column("counted", YES_NO, "", "whether its variance exceeds what the stated errors would make alone"),
+        real(
+            "share_percent", "its variance without noise, of that of all that are counted; null: not counted"
+        ),
+        real("cumulative_percent", "share of it and of those before it"),
+        _count("n_angles", "angles that it is made of"),
+        Column("n_frames", WHOLE, "", "frames that have all of them, of 20 000 at most, evenly spaced"),
+        STATUS,
+        *MESSAGE,
+    ),
+    _key(*_OF_MODEL, COMPONENT),
+)
+
+COORDINATION_LOADINGS = Table(
+    "coordination_loadings",
+    1,
+    "part that an angle has in a principal component, of those that make 90 % of the variance",
+    (
+        *_OF_MODEL,
+        COMPONENT,
+        JOINT,
+        ANGLE,
+        real("loading", "part of the unit vector; the largest of a component is positive"),
+    ),
+    _key(*_OF_MODEL, COMPONENT, JOINT, ANGLE),
 )
 
 MOVEMENT_DIFFERENCES = Table(
@@ -415,6 +456,8 @@ MOVEMENT_TABLES = (
     FINGERTIP_DISTANCES,
     MOVEMENT_CYCLES,
     MOVEMENT_CURVES,
+    COORDINATION,
+    COORDINATION_LOADINGS,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
     CURVE_DIFFERENCES,

@@ -13,6 +13,8 @@ MEASURED_TABLES = (
     "fingertip_distances",
     "movement_cycles",
     "movement_curves",
+    "coordination",
+    "coordination_loadings",
 )
 """Tables of a subject's movement."""
 
@@ -153,6 +155,11 @@ class Results:
     def new_dataset(self) -> Path:
         """Folder that the Motion-BIDS dataset is made in, as `bids`."""
         return self.folder / "dataset"
+
+    @property
+    def tidy_tables(self) -> Path:
+        """Folder that the study's tables are made in as CSV, as `tables`."""
+        return self.folder / "tidy"
 
     @property
     def dataset(self) -> Path:

@@ -49,6 +49,7 @@ OF_SKELETON_IN_RECORDING = (*OF_RECORDING, MODEL, MADE_WITHOUT)
 _UNITS = {
     "_mm": "mm",
     "_deg": "deg",
+    "_deg2": "deg^2",
     "_s": "s",
     "_percent": "%",
     "_ms": "ms",

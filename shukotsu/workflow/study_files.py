@@ -453,10 +453,11 @@ class StudyFiles:
 
     @property
     def export_folders(self) -> list[str]:
-        """Folders that exports are made in: of each subject, and of the dataset of all."""
+        """Folders that exports are made in: of each subject, of the dataset of all, of the study's tables."""
         folders = [str(self.results.subject_exports(*who)) for who in self.study.sessions]
         dataset = [str(self.results.new_dataset)] if "bids" in self.study.exports else []
-        return (folders if self.export_formats else []) + dataset
+        tables = [str(self.results.tidy_tables)] if "csv" in self.study.exports else []
+        return (folders if self.export_formats else []) + dataset + tables
 
     figure_names = STUDY_FIGURES
 

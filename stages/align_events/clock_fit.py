@@ -14,15 +14,16 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.stages.align_events.period_shifts import as_well, best_shift
 from shukotsu.stages.align_events.pulse_matching import (
     CHANCE,
+    NEARLY,
     RATE_SD,
     USUAL_JITTER_S,
     Array,
     Integers,
     Line,
     Stretch,
-    coincidences,
     match_pulses,
     nearest,
     nearest_pairs,
@@ -38,18 +39,6 @@ LEAST_STEP_S = 0.005
 STEP_GAIN = 25.0
 """How much the sum of squared residuals, in units of their variance, must fall for a step to be believed,
 besides twice the logarithm of the places at which it may be: five sigma."""
-
-DECIDED = float(np.log(100))
-"""Log odds above which one way to lay the pulses over each other counts as decided."""
-
-_MOST_ANCHORS = 5
-"""Shifts that all others are held against, each the best of the last round."""
-
-SHIFTS = 200
-"""So many pulses to either side are tried for another way to lay them over each other."""
-
-_SHIFTED = 8
-"""Pulses from which shifts are tried, at least."""
 
 AHEAD_S = 1000.0
 FEWEST_GAINED = 3
@@ -146,102 +135,60 @@ def fit_clock(reference_s: Array, other_s: Array, ahead_s: Array | None = None) 
             f"the {len(other_s)} pulses of the file fit the {len(reference_s)} of the recording nowhere; "
             "are they the same pulses?"
         )
+    stretches = _in_one(reference_s, other_s, stretches, within_s)
     stretches = _supported(reference_s, other_s, stretches, within_s)
-    stretches, ambiguity_s, odds = _best_shifts(reference_s, other_s, stretches, within_s)
+    stretches, ambiguity_s = _best_shifts(reference_s, other_s, stretches, within_s)
     fit = _fitted(reference_s, other_s, _refined(reference_s, other_s, stretches, within_s))
     ahead_s = np.zeros(len(other_s)) if ahead_s is None else ahead_s
     before_s, after_s = ahead_s[np.searchsorted(other_s, fit.steps_between_s)].T
     fit = replace(fit, steps_s=fit.steps_s - (after_s - before_s))
     by_chance = max(stretch.by_chance for stretch in stretches)
     set_at_s = fit.steps_between_s[:, 0] - before_s
-    status, message = _judgement(fit, set_at_s, other_s, ambiguity_s, odds, by_chance)
-    return replace(fit, ambiguity_s=ambiguity_s, status=status, message=message)
+    status, message = _judgement(fit, set_at_s, ambiguity_s, by_chance)
+    clock_sd_s = float(np.hypot(fit.clock_sd_s, ambiguity_s))
+    return replace(fit, ambiguity_s=ambiguity_s, clock_sd_s=clock_sd_s, status=status, message=message)
 
 
 def _best_shifts(
     r: Array, o: Array, stretches: list[Stretch], within_s: float
-) -> tuple[list[Stretch], float, float]:
-    """Shift each stretch to where its pulses coincide best.
-
-    Gives the 1-sigma of the shifts that are as good, and the least log odds against another.
-    """
-    moved, variance, least = [], 0.0, np.inf
+) -> tuple[list[Stretch], float]:
+    """Shift each stretch to where its pulses fit best; give the 1-sigma of the shifts that are as good."""
+    moved, open_s = [], 0.0
     for number, stretch in enumerate(stretches):
         before = stretches[number - 1] if number else None
         after = stretches[number + 1] if number + 1 < len(stretches) else None
         first, start = (0, 0) if before is None else (before.reference[-1] + 1, before.other[-1] + 1)
         last, end = (len(r), len(o)) if after is None else (after.reference[0], after.other[0])
-        own = Stretch(stretch.reference - first, stretch.other - start, stretch.by_chance)
-        own, shift_variance, odds = _best_shift(r[first:last], o[start:end], own, within_s)
-        moved.append(Stretch(own.reference + first, own.other + start, own.by_chance))
-        variance, least = max(variance, shift_variance), min(least, odds)
-    return moved, float(np.sqrt(variance)), least
+        expected_s = Line.through(o[stretch.other], r[stretch.reference])(o[start:end])
+        shift_s, own_open_s = best_shift(r[first:last], expected_s, within_s)
+        if abs(shift_s) > within_s:
+            i, j = nearest_pairs(r[first:last], expected_s + shift_s, within_s)
+            stretch = Stretch(first + i, start + j, stretch.by_chance)
+        moved.append(stretch)
+        open_s = max(open_s, own_open_s)
+    return moved, open_s
 
 
-def _best_shift(r: Array, o: Array, stretch: Stretch, within_s: float) -> tuple[Stretch, float, float]:
-    """The stretch where pulses coincide best, the variance of shifts as good, the log odds for it.
-
-    Pulses at regular intervals coincide at every shift by a whole period. If losses on the two clocks have
-    nothing to do with each other, where they are says nothing; gaps that both have do, and so do pulses
-    beyond the other clock's first and last, each of which must be lost there.
+def _in_one(r: Array, o: Array, stretches: list[Stretch], within_s: float) -> list[Stretch]:
+    """Put one stretch in the place of several where, shifted by whole periods, it alone is right or has
+    nearly all.
     """
-    expected_s = Line.through(o[stretch.other], r[stretch.reference])(o)
-    shifts = _shifts_s(r, stretch, within_s)
-    some = expected_s[stretch.other][:: max(1, len(stretch.other) // 64)]
-    likely = [0.0] + [
-        shift
-        for shift in shifts[np.abs(shifts) > 2 * within_s].tolist()
-        if coincidences(r, some + shift, within_s) >= len(some) / 2
-    ]
-    hits = np.array([coincidences(r, expected_s + shift, within_s) for shift in likely])
-    beyond = np.array([_beyond(r, expected_s + shift, within_s) for shift in likely])
-    best, score = 0, np.zeros(len(likely))
-    for _ in range(_MOST_ANCHORS):
-        score = _shift_scores((len(r), len(o)), hits, beyond, best)
-        if score.argmax() == best:
-            break
-        best = int(score.argmax())
-    odds = np.delete(score[best] - score, best)
-    weight = np.exp(-odds)
-    variance = float(weight @ (np.delete(likely, best) - likely[best]) ** 2 / (1 + weight.sum()))
-    if best:
-        i, j = nearest_pairs(r, expected_s + likely[best], within_s)
-        stretch = Stretch(i, j, stretch.by_chance)
-    decided = -float(np.logaddexp.reduce(-odds, initial=-np.inf))  # against all others together
-    return stretch, variance if decided < DECIDED else 0.0, decided
-
-
-def _shifts_s(r: Array, stretch: Stretch, within_s: float) -> Array:
-    """Shifts (S,) that take a pulse of the reference to another; of several, as any may lack a neighbour."""
-    few = stretch.reference[:: max(1, len(stretch.reference) // _SHIFTED)]
-    apart = np.sort(np.concatenate([r[max(0, k - SHIFTS) : k + SHIFTS + 1] - r[k] for k in few]))
-    return np.asarray(apart[np.diff(apart, prepend=-np.inf) > within_s])
-
-
-def _shift_scores(counts: tuple[int, int], hits: Integers, beyond: Integers, anchor: int) -> Array:
-    """Log odds (S,) of shifts against one of them; counts : pulses of both clocks.
-
-    More hits count by what they are beyond the most that so many shifts have by chance: among few that are
-    alike, the largest says nothing.
-    """
-    lost = [max(0, n - hits[anchor] - beyond[anchor] / 2) / n for n in counts]
-    scatter = 2 * max(counts) * lost[0] * lost[1] + 1
-    each = -np.log(max(np.mean(lost), 1 / sum(counts)))
-    more = hits - hits[anchor]
-    by_hits = np.maximum(more**2 / (2 * scatter) - np.log(len(hits)), 0.0)
-    return np.asarray(np.sign(more) * by_hits - each * (beyond - beyond[anchor]))
-
-
-def _beyond(reference_s: Array, expected_s: Array, within_s: float) -> int:
-    """Pulses of either clock before the other's first or after its last."""
-    count = 0
-    for one, other in ((reference_s, expected_s), (expected_s, reference_s)):
-        count += int(((one < other[0] - within_s) | (one > other[-1] + within_s)).sum())
-    return count
+    if len(stretches) == 1:
+        return stretches
+    longest = max(stretches, key=lambda stretch: len(stretch.other))
+    expected_s = Line.through(o[longest.other], r[longest.reference])(o)
+    shift_s, open_s = best_shift(r, expected_s, within_s)
+    i, j = nearest_pairs(r, expected_s + shift_s, within_s)
+    is_right = abs(shift_s) > within_s and not open_s
+    has_all = open_s > 0 and len(j) >= NEARLY * sum(len(stretch.other) for stretch in stretches)
+    return [Stretch(i, j, longest.by_chance)] if is_right or has_all else stretches
 
 
 def _supported(r: Array, o: Array, stretches: list[Stretch], within_s: float) -> list[Stretch]:
-    """Leave out stretches without which the line before or after, of all pulses, has nearly as many."""
+    """Leave out stretches without which the line before or after, of all pulses, has nearly as many.
+
+    So are those that only keep to the beat: a step of whole periods cannot be told from lost pulses.
+    """
     kept = list(stretches)
     for own in sorted(stretches, key=lambda stretch: len(stretch.other)):
         place = kept.index(own)
@@ -254,7 +201,13 @@ def _supported(r: Array, o: Array, stretches: list[Stretch], within_s: float) ->
         )
         gained = [_gained(before, hits, before)] if before is not None else []
         gained += [_gained(hits, after, after)] if after is not None else []
-        if min(gained, default=FEWEST_GAINED) < FEWEST_GAINED:
+        here = slice(own.other[0] - first, own.other[-1] + 1 - first)
+        again = any(
+            as_well(int(line[here].sum()), len(own.other), r, within_s)
+            for line in (before, after)
+            if line is not None
+        )
+        if again or min(gained, default=FEWEST_GAINED) < FEWEST_GAINED:
             kept.remove(own)
     return kept
 
@@ -444,19 +397,17 @@ def _wander_s(error: Array) -> float:
     return float(np.sqrt(most))
 
 
-def _judgement(
-    fit: ClockFit, set_at_s: Array, other_s: Array, ambiguity_s: float, odds: float, by_chance: float
-) -> tuple[str, str]:
+def _judgement(fit: ClockFit, set_at_s: Array, ambiguity_s: float, by_chance: float) -> tuple[str, str]:
     """Status and message."""
     steps = ", ".join(
         f"{step:+.3f} s after {at_s:.1f} s" for at_s, step in zip(set_at_s[:3], fit.steps_s, strict=False)
     )
     more = f" and {len(fit.steps_s) - 3} more" if len(fit.steps_s) > 3 else ""
     message = f"a clock was set or a recorder paused: {steps}{more}" if steps else ""
-    if odds < DECIDED:
+    if ambiguity_s > 0:
         return "weak", (
-            "pulses at regular intervals can be laid over each other in several ways, a whole period apart, "
-            f"and lost pulses leave open which (1-sigma {ambiguity_s:.2f} s); pulse at irregular intervals"
+            "pulses at regular intervals can be laid over each other in several ways, whole periods apart "
+            f"(1-sigma {ambiguity_s:.2f} s); give one more mark on both clocks, as a clap off the beat"
         )
     if by_chance > CHANCE:
         return "weak", f"{fit.n_pulses} pulses may fit so by chance; give more of them"
@@ -467,15 +418,4 @@ def _judgement(
         )
     if fit.n_pulses < (fit.n_pulses + min(fit.n_missing, fit.n_extra)) / 2:
         return "weak", "fewer than half of the pulses are common to both clocks; are they the same pulses?"
-    if odds < np.inf and ambiguity_s == 0.0 and _regular(other_s):
-        message = "; ".join(
-            filter(None, (message, "pulses at regular intervals, laid so that the fewest are unmatched"))
-        )
     return "ok", message
-
-
-def _regular(time_s: Array) -> bool:
-    """Tell whether most intervals between pulses are the same, to a twentieth."""
-    intervals = np.diff(time_s)
-    usual = float(np.median(intervals))
-    return bool(np.mean(np.abs(intervals - usual) < 0.05 * usual) > 0.5)

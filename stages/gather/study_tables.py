@@ -219,7 +219,7 @@ def _field_values(rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _clock_problems(clocks: pa.Table) -> list[Row]:
-    """Recordings whose events were not read, or stand on a clock that is not sure to be theirs."""
+    """Recordings whose events were not read, stand on a clock not sure to be theirs, or that was set."""
     return [
         problem_row(
             "align_events",
@@ -228,7 +228,7 @@ def _clock_problems(clocks: pa.Table) -> list[Row]:
             task=", ".join(filter(None, (row["task"], row["trial"]))),
         )
         for row in rows_of(clocks)
-        if row["status"] in ("weak", "failed")
+        if row["status"] in ("weak", "failed") or (row["n_steps"] and row["message"])
     ]
 
 

@@ -30,6 +30,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     subject_stage.add_plan(parser, "the subject's plan, whose folder holds its tables", required=True)
     parser.add_argument("--events", type=Path, help="the subject's events table (default: no cycles)")
+    parser.add_argument("--clocks", type=Path, help="the subject's clocks table (default: all are trusted)")
     parser.add_argument("--out", type=Path, required=True, help="folder of the tables to write")
     return parser
 
@@ -45,7 +46,7 @@ def measure(arguments: argparse.Namespace) -> None:
     from shukotsu.stages.measure_movement.events import cycles_of
 
     plan = read_plan(arguments.plan, arguments.inputs)
-    events = [] if arguments.events is None else [arguments.events]
+    events = [path for path in (arguments.events, arguments.clocks) if path is not None]
     own = [plan.table(name) for name in ("joint_centres", "bone_lengths", "metacarpals")]
     fits = [file for name in ("joint_angles", "posed_tips", "bone_poses") for file in plan.files_of(name)]
     provenance = subject_stage.provenance_of(plan, [*own, *fits], [*subject_stage.poses_files(plan), *events])
@@ -59,7 +60,7 @@ def measure(arguments: argparse.Namespace) -> None:
         for hand in plan.hands:
             cycles: Cycles = {}
             with subject_stage.recording_failure(arguments, plan.part(hand), tables["movement_cycles"]):
-                cycles = cycles_of(plan, hand, arguments.events)
+                cycles = cycles_of(plan, hand, arguments.events, arguments.clocks)
             used: set[tuple[Recording, str, int]] = set()
             for part in plan.parts():
                 if part.hand == hand and not part.made_without:
@@ -114,6 +115,7 @@ def _measure_recording(
     from itertools import groupby
 
     from shukotsu.skeleton.posed_recording import posed_recording
+    from shukotsu.stages.measure_movement.coordination import Postures, coordination_rows
     from shukotsu.stages.measure_movement.movement_rows import (
         Curve,
         curve_columns,
@@ -139,7 +141,9 @@ def _measure_recording(
     used: set[tuple[Recording, str, int]] = set()
     ranges: list[dict[str, Any]] = []
     curves: list[Curve] = []
+    postures = Postures()
     for series in movement.joints():
+        postures.add(series)
         ranges += range_rows(series, grid)
         if cycles:
             assert grid is not None  # without times there are no cycles
@@ -151,6 +155,10 @@ def _measure_recording(
         write("ranges_of_motion", ranges)
         return set(), []
     write("ranges_of_motion", [*left_out_rows(movement.left_out), *ranges])
+    for name, rows in zip(
+        ("coordination", "coordination_loadings"), coordination_rows(postures), strict=True
+    ):
+        write(name, rows)
     write("fingertip_paths", path_rows(movement.fingertips, grid))
     write("fingertip_distances", distance_rows(movement.fingertips, grid))
     events = [own[0].event for own in cycles]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.movement_tables import EVENTS
+from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import pose_blocks
 from shukotsu.schemas.study import Recording
@@ -16,25 +18,37 @@ from shukotsu.stages.measure_movement.cycles import Cycle, cut_cycles, within_re
 from shukotsu.stages.measure_movement.sampling import grid_of
 
 
-def cycles_of(plan: SubjectPlan, hand: str, events: Path | None) -> dict[Recording, list[list[Cycle]]]:
+def cycles_of(
+    plan: SubjectPlan, hand: str, events: Path | None, clocks: Path | None = None
+) -> dict[Recording, list[list[Cycle]]]:
     """Cycles of each evaluated recording, by its events' names in turn; none without events or times.
 
-    events : the subject's events table. Raises InputError where it is none.
+    events, clocks : the subject's tables; without clocks every event's is trusted. Raises InputError where
+    they are none.
     """
-    by_recording: dict[tuple[str, str], dict[str, list[tuple[float, float]]]] = {}
+    rows = [] if clocks is None else rows_of(read_table(clocks, CLOCKS))
+    weak = {_place(row) for row in rows if row["status"] == "weak"}
+    by_recording: dict[tuple[str, str], dict[str, list[tuple[float, float, float]]]] = {}
     for row in [] if events is None else rows_of(read_table(events, EVENTS)):
         if (row["session"], row["hand"]) == (plan.session, hand) and row["onset_s"] is not None:
             own = by_recording.setdefault((row["task"], row["trial"]), {})
-            duration = np.nan if row["duration_s"] is None else row["duration_s"]
-            own.setdefault(row["name"], []).append((row["onset_s"], duration))
+            duration_s, sd_ms = (
+                np.nan if row[name] is None else row[name] for name in ("duration_s", "onset_sd_ms")
+            )
+            sd_s = np.inf if _place(row) in weak else sd_ms / 1e3
+            own.setdefault(row["name"], []).append((row["onset_s"], duration_s, sd_s))
     return {
         recording: _cycles(plan, recording, by_recording.get((recording.task, recording.trial), {}))
         for recording in plan.evaluated(hand)
     }
 
 
+def _place(row: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(row[name] for name in CLOCKS.key)
+
+
 def _cycles(
-    plan: SubjectPlan, recording: Recording, events: dict[str, list[tuple[float, float]]]
+    plan: SubjectPlan, recording: Recording, events: dict[str, list[tuple[float, float, float]]]
 ) -> list[list[Cycle]]:
     if not events:
         return []

@@ -82,7 +82,7 @@ def test_units_are_in_names_and_metadata(tmp_path: Path, table: Table) -> None:
     path = tmp_path / "table.parquet"
     write_table(path, table, columns_from_rows(table, []), Provenance())
     endings = {"_mm": "mm", "_s": "s", "_ms": "ms", "_ns": "ns", "_deg": "deg"}
-    endings |= {"_percent": "%", "_mm2": "mm^2", "_ppm": "ppm"}
+    endings |= {"_percent": "%", "_mm2": "mm^2", "_deg2": "deg^2", "_ppm": "ppm"}
     endings = {"_mm_s": "mm/s", "_deg_s": "deg/s"} | endings  # the longer ending first
     metadata, schema = read_metadata(path), pq.read_schema(path)
     for column in table.columns:

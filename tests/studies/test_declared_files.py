@@ -85,7 +85,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     )
     sheets = {name: f"{name}.tsv" for name in ("corrections", "participants", "events")}
     models = ["paper-fig4", "paper-fig4-corrected", "fitted.yaml"]
-    return write_study(folder, "open", rows, models, exports="[bvh, bids]", factors="[group]", **sheets)
+    return write_study(folder, "open", rows, models, exports="[bvh, bids, csv]", factors="[group]", **sheets)
 
 
 @pytest.fixture(scope="module")

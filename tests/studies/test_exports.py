@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -82,8 +83,10 @@ def test_the_dataset_is_valid(study: StudyRun) -> None:
 
 def test_all_subjects_are_in_one_folder_that_takes_no_room(study: StudyRun) -> None:
     """Files of one folder, links to those that the subjects' jobs wrote."""
-    (dataset,) = (path for path in study.results.exports.iterdir() if path.is_dir())
-    assert dataset == study.results.dataset
+    folders = {path for path in study.results.exports.iterdir() if path.is_dir()}
+    assert folders == {study.results.dataset, study.results.exports / "tables"}
+    package = json.loads((study.results.exports / "tables" / "datapackage.json").read_text("utf-8"))
+    assert {own["name"] for own in package["resources"]} >= {"recordings", "ranges_of_motion", "problems"}
     for subject in ("01", "02"):
         for file in study.results.subject_exports(subject).glob("sub-*"):
             assert (study.results.exports / file.name).samefile(file)

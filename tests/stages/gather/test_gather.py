@@ -12,6 +12,7 @@ from small_study import write_plans, write_study
 from shukotsu.errors import TableError
 from shukotsu.schemas.catalogue import FINDINGS, POSES, TABLES
 from shukotsu.schemas.findings import REFUSED, Finding
+from shukotsu.schemas.movement_tables import CLOCKS
 from shukotsu.schemas.parts import Part, parts_writer
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
@@ -135,6 +136,29 @@ def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
     statuses = {(row["subject"], row["task"], row["hand"]): row["status"] for row in found["recordings"]}
     assert statuses["01", "pinch", "right"] == "refused"
     assert statuses["02", "pinch", "right"] == "used"
+
+
+def test_what_is_said_of_a_clock_is_a_problem(plans: list[SubjectPlan], tmp_path: Path) -> None:
+    rows = [
+        row_of(
+            CLOCKS,
+            **vars(plans[0].hand("right")),
+            task="pinch",
+            trial=trial,
+            status=status,
+            message=status,
+            n_steps=steps,
+        )
+        for trial, status, steps in (("1", "weak", 0), ("2", "failed", 0), ("3", "ok", 1), ("4", "ok", 0))
+    ]
+    with parts_writer(plans[0].table("clocks"), CLOCKS, Provenance()) as writer:
+        writer.rows(plans[0].part("right"), rows)
+    found = [row for row in gathered(tmp_path)["problems"] if row["kind"] == "events"]
+    assert [(row["task"], row["severity"]) for row in found] == [
+        ("pinch, 1", "note"),
+        ("pinch, 2", "note"),
+        ("pinch, 3", "note"),
+    ]
 
 
 @pytest.mark.usefixtures("plans")

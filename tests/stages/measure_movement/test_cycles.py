@@ -28,6 +28,15 @@ def test_cycles_of_another_length_are_refused() -> None:
     assert [one.refusal.partition(":")[0] for one in cycles] == ["", "", "", "too short", "", "too long"]
 
 
+def test_cycles_whose_ends_are_not_known_are_refused() -> None:
+    """By its own onset, by the next one that ends it, and by a weak clock; what nothing says is no error."""
+    cycles = cut_cycles("tap", [0, 1, 2, 3, 4, 5], [NAN] * 6, [NAN, 0.04, 0.06, 0.0, 0.0, np.inf])
+    reasons = ["", "known to 60 ms", "known to 60 ms", "", "clock of its events is weak"]
+    for own, reason in zip(cycles, reasons, strict=True):
+        assert reason in own.refusal
+        assert bool(reason) == bool(own.refusal)
+
+
 def test_cycles_beyond_the_recording_are_refused() -> None:
     cycles = within_recording(cut_cycles("tap", [0.0, 1.0, 2.0], [0.9] * 3), np.array([0.5, 2.5]))
     assert [bool(one.refusal) for one in cycles] == [True, False, True]

@@ -14,7 +14,7 @@ from simulated_poses import recorded
 from shukotsu.anatomy.neutral_bones import neutral_rotations
 from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.movement_tables import EVENTS
+from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
 from shukotsu.schemas.parts import part_metadata, read_part
 from shukotsu.schemas.results import MEASURED_TABLES
 from shukotsu.schemas.tables import (
@@ -177,6 +177,19 @@ def test_curves_are_the_mean_of_the_cycles(out: Path) -> None:
     found, sd = (np.array([row[name] for row in rows]) for name in ("mean_deg", "sd_deg"))
     assert np.corrcoef(found, np.mean(true, 0))[0, 1] > 0.99
     np.testing.assert_allclose(sd, np.std(true, axis=0, ddof=1), atol=0.1 * np.ptp(truth))
+
+
+def test_a_weak_clock_cuts_nothing(subject: PlannedSubject, tmp_path: Path) -> None:
+    events = subject.plan_file.with_name("events.parquet")
+    own = {"subject": "01", "session": "", "hand": "right", "task": "opposition", "trial": ""}
+    row = {**own, "source": "sheet", "status": "weak", "message": "said"}
+    row |= dict.fromkeys(("n_pulses", "n_missing", "n_extra", "n_steps"), 0)
+    clocks = tmp_path / "clocks.parquet"
+    write_table(clocks, CLOCKS, columns_from_rows(CLOCKS, [row]), Provenance())
+    assert run(subject, tmp_path, f"--events={events}", f"--clocks={clocks}") == 0
+    cycles = rows_in(tmp_path, "movement_cycles")
+    assert {(row["used"], row["message"]) for row in cycles} == {(False, "the clock of its events is weak")}
+    assert not rows_in(tmp_path, "movement_curves")
 
 
 def test_without_events_there_are_no_cycles_and_the_same_bytes_again(

@@ -7,8 +7,8 @@ import pytest
 
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.smoothness import (
-    STRETCH_S,
     median_smoothness,
+    movements,
     spectral_arc_length,
 )
 
@@ -58,10 +58,32 @@ def test_size_and_duration_do_not_count_and_stops_do() -> None:
     assert spectral_arc_length(twice, STEP_S) < reach - 0.5
 
 
-def test_stretches_are_cut_between_gaps() -> None:
-    length = round(STRETCH_S / STEP_S)
-    speeds = 1 + np.sin(np.arange(3 * length) * STEP_S * 7)
-    speeds[length // 2] = np.nan
-    expected = spectral_arc_length(speeds[length // 2 + 1 : length // 2 + 1 + length], STEP_S)
-    assert median_smoothness(speeds[: 2 * length], STEP_S) == pytest.approx(expected)
-    assert np.isnan(median_smoothness(speeds[:length], STEP_S))
+@pytest.mark.parametrize("rest_s", [0.0, 0.05, 0.237, 1.0])
+def test_identical_strokes_are_as_smooth_however_many_and_at_any_tempo(rest_s: float) -> None:
+    """There and back, with rests; noise that is no movement changes little."""
+    there = minimum_jerk(40)
+    rest = np.zeros(round(rest_s / STEP_S))
+    alone = spectral_arc_length(there[there > 0.05 * there.max()], STEP_S)
+    for count in (1, 2, 8):
+        speeds = np.concatenate([[0.0], *[np.concatenate([there, rest, there, rest])] * count, [0.0]])
+        assert len(movements(speeds)) == 2 * count
+        assert median_smoothness(speeds, STEP_S) == pytest.approx(alone, rel=1e-9)
+        noisy = speeds + np.abs(np.random.default_rng(count).normal(0, 0.005, len(speeds)))
+        assert median_smoothness(noisy, STEP_S) == pytest.approx(alone, rel=0.03)
+
+
+def test_a_stroke_in_jerks_is_less_smooth() -> None:
+    share = np.linspace(0, 1, 60)
+    jerky = minimum_jerk(60) * (1 + 0.5 * np.sin(2 * np.pi * 3 * share))
+    one, other = (np.concatenate([[0.0], *[own] * 5, [0.0]]) for own in (minimum_jerk(60), jerky))
+    assert median_smoothness(other, STEP_S) < median_smoothness(one, STEP_S) - 0.05
+
+
+def test_movements_that_are_cut_off_are_none() -> None:
+    speeds = np.concatenate(
+        [minimum_jerk(40)[20:], minimum_jerk(40), minimum_jerk(40), minimum_jerk(40)[:20]]
+    )
+    speeds[80] = np.nan
+    assert [(first > 20, end < 65) for first, end in movements(speeds)] == [(True, True)]
+    for nothing in (np.zeros(100), np.full(100, np.nan), np.zeros(0), np.ones(100)):
+        assert np.isnan(median_smoothness(nothing, STEP_S))
