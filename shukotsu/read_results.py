@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.anatomy.neutral_bones import neutral_rotations, to_nail_side
+from shukotsu.anatomy.neutral_bones import neutral_rotations, to_nail_side, zeros_facing
 from shukotsu.errors import InputError, TableError, guess, listed
 from shukotsu.posed_hand import PosedHand
 from shukotsu.schemas.catalogue import TABLES
@@ -80,10 +80,11 @@ def pose(
     posed = posed_recording(plan, recording, model)
     poses = posed.poses()
     bones = posed.bones(poses)
-    for index, change in to_nail_side(posed.layout, hand, bones.joints, bones.quaternion).items():
+    facing = to_nail_side(posed.layout, hand, bones.joints, bones.quaternion)
+    for index, change in facing.items():
         bones.quaternion[:, index] = multiply(bones.quaternion[:, index], change)
     offset, rest = bones.constant_part()
-    neutral = neutral_rotations(posed.layout, hand, bones.joints)
+    neutral = neutral_rotations(posed.layout, hand, zeros_facing(bones.joints, facing, hand))
     return PosedHand(
         hand=hand,
         joints=bones.names,

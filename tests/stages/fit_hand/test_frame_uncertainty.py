@@ -8,14 +8,12 @@ from simulated_poses import recorded
 
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.joint_angles import angles_of_hand
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.evaluate_skeletons.truth_errors import RADIUS_SD
-from shukotsu.stages.fit_hand.angle_bones import angle_bones
 from shukotsu.stages.fit_hand.compiled_equations import back_substitute, reduce
 from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
 from shukotsu.stages.fit_hand.fit import Settings, fit_hand
-from shukotsu.stages.fit_hand.fitted_motion import PosedHand, pose_hand
+from shukotsu.stages.fit_hand.fitted_motion import PosedHand, joint_angles_of, pose_hand
 from shukotsu.stages.fit_hand.frame_uncertainty import (
     PosedErrors,
     Postures,
@@ -85,7 +83,7 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
 def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) -> None:
     """Nearly all centres, PIP angles and tips are within the 95 % that is stated, and not far within."""
     poses, posed = task_of(tips, worn)
-    errors, layout = stated(tips, poses, posed), tips.fit.evidence.layout
+    errors = stated(tips, poses, posed)
     side = "left" if tips.fit.evidence.convention.left else "right"
     truth = recorded(side, "opposition", seed=4, n_frames=1600)[0].truth
     rows, places = slice(0, None, 80), [BONES.index(name) for name in posed.bones]
@@ -93,10 +91,7 @@ def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) 
     assert np.mean(off_mm < RADIUS_SD * errors.centre_mm) > 0.9
     assert np.sqrt((errors.centre_mm**2).mean()) < 2.5 * np.sqrt((off_mm**2).mean())
     true = replace(posed, bone_quaternion=truth.bone_quaternion[rows][:, places])
-    angles = []
-    for own in (posed, true):
-        bones, rests = angle_bones(tips.fit, own)
-        angles.append(angles_of_hand(posed.bones, bones, bones[:, 0], layout, side, rests))
+    angles = [joint_angles_of(tips.fit, own) for own in (posed, true)]
     off, sd = (
         np.stack([values[f"{digit}_pip"][:, 0] for digit in FINGERS])
         for values in (
