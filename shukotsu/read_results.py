@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.anatomy.neutral_bones import neutral_rotations, to_nail_side, zeros_facing
+from shukotsu.anatomy.neutral_bones import angle_axes, neutral_rotations, to_nail_side, zeros_facing
 from shukotsu.errors import InputError, TableError, guess, listed
 from shukotsu.posed_hand import PosedHand
 from shukotsu.schemas.catalogue import TABLES
@@ -84,7 +84,8 @@ def pose(
     for index, change in facing.items():
         bones.quaternion[:, index] = multiply(bones.quaternion[:, index], change)
     offset, rest = bones.constant_part()
-    neutral = neutral_rotations(posed.layout, hand, zeros_facing(bones.joints, facing, hand))
+    joints = zeros_facing(bones.joints, facing, hand)
+    neutral = neutral_rotations(posed.layout, hand, joints)
     return PosedHand(
         hand=hand,
         joints=bones.names,
@@ -96,6 +97,7 @@ def pose(
         quaternion=bones.quaternion,
         offset_mm=offset,
         rest=np.where(np.isfinite(neutral), neutral, rest),
+        axes=np.stack([angle_axes(joint, hand) for joint in joints]),
     )
 
 

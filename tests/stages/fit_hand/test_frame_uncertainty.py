@@ -8,7 +8,7 @@ from simulated_poses import recorded
 
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array, from_matrix
 from shukotsu.stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from shukotsu.stages.fit_hand.compiled_equations import back_substitute, reduce
 from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
@@ -17,6 +17,7 @@ from shukotsu.stages.fit_hand.fitted_motion import PosedHand, joint_angles_of, p
 from shukotsu.stages.fit_hand.frame_uncertainty import (
     PosedErrors,
     Postures,
+    _angle_errors_deg,
     _point,
     _spread_of,
     posed_errors,
@@ -57,26 +58,36 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
     poses, posed = task_of(tips, worn)
     evidence = tips.fit.evidence
     frames = evidence.convention.frames(poses)
-    spread = _spread_of(Postures.of(tips, posed), frames)
+    postures = Postures.of(tips, posed)
+    spread = _spread_of(postures, frames)
     problem = replace(
         evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
     )
     number = len(spread.unknowns) - 3  # one of the most uncertain directions
     step = 1e-5 * spread.unknowns[: len(evidence.posterior.x), number]
 
-    def bones_mm(x: Array) -> Array:
+    def moved_hand(x: Array) -> tuple[Array, Array]:
         moved = replace(evidence, posterior=replace(evidence.posterior, x=x), problem=problem)
         again = replace(tips, fit=replace(tips.fit, evidence=moved))
         point = replace(_point(again, posed), x=x)
         solved = back_substitute(problem, point, reduce(problem, point), np.zeros(len(x)))
-        places = {posed.bones[0]: solved.root_mm}
+        places = {f"bone {posed.bones[0]}": (solved.root, solved.root_mm)}
         for branch in problem.branches:
             reached = branch.reach(x, solved.y, solved.root, solved.root_mm)
-            places |= dict(zip(branch.marks, reached.position_mm, strict=True))
-        return np.stack([places.get(f"bone {name}", places[posed.bones[0]]) for name in posed.bones], 1)
+            reached_poses = zip(reached.rotation, reached.position_mm, strict=True)
+            places |= dict(zip(branch.marks, reached_poses, strict=True))
+        bones = [places[f"bone {name}"] for name in posed.bones]
+        turns = [from_matrix(evidence.convention.world(*own)[0]) for own in bones]
+        fit = tips.fit.moved_to(x, evidence.posterior.covariance)
+        angles = joint_angles_of(fit, replace(posed, bone_quaternion=np.stack(turns, 1)))
+        return np.stack([place for _, place in bones], 1), np.stack([*angles.values()], 1)
 
-    slope = (bones_mm(evidence.posterior.x + step) - bones_mm(evidence.posterior.x - step)) / 2e-5
-    np.testing.assert_allclose(spread.shift_mm[..., number], slope, atol=0.05 * np.abs(slope).max())
+    ahead, behind = (moved_hand(evidence.posterior.x + sign * step) for sign in (1, -1))
+    maps = dict(_angle_errors_deg(postures, spread))
+    angle_map = np.stack([maps[joint] for joint in tips.fit.summary.angle_axes], 1)
+    for found, one, other in zip((spread.shift_mm, angle_map), ahead, behind, strict=True):
+        slope = (one - other) / 2e-5
+        np.testing.assert_allclose(found[..., number], slope, atol=0.05 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("worn", [(), SIX])
