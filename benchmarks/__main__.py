@@ -14,6 +14,7 @@ BENCHMARKS = {
     "hand_cost": "a whole hand fitted, posed and judged: time, start-up, memory",
     "accuracy": "every estimator on simulated hands against their truth",
     "two_drawings": "whole hands drawn by us and by others: errors, those all share, what is believed, sd",
+    "measured_movement": "joint angles of whole hands drawn by us and by others: ranges, medians, their sd",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
     "null_studies": "studies in which nothing differs: false positives, coverage of intervals, power",
 }

@@ -101,6 +101,8 @@ FINDINGS = Table(
 
 AS_IT_RODE = "where it was on average over the recording, as the receiver rode on the skin"
 
+AT_ZERO = "where the joint's angles are zero"
+
 JOINT_SOLUTIONS = Table(
     "joint_solutions",
     4,
@@ -183,6 +185,13 @@ JOINT_CENTRES = Table(
         _real("gap_rms_free_mm", "rms gap of the unconstrained six-unknown fit"),
         _real("range_deg", "range of motion about the axis"),
         _real("axis_sd_deg", "1-sigma direction error of the axis"),
+        _real("rest_flexion_deg", f"flexion of the child bone's frame in its parent's {AT_ZERO}"),
+        _real("rest_abduction_deg", f"abduction of the child bone's frame in its parent's {AT_ZERO}"),
+        _real("rest_rotation_deg", f"axial rotation of the child bone's frame in its parent's {AT_ZERO}"),
+        _real(
+            "axes_turn_deg", "pronation about the child bone from its frame to the axes of the joint's angles"
+        ),
+        _real("axes_turn_sd_deg", "1-sigma error of that"),
         _real("axis_plane_deg", "angle between the axis and the plane that cuts it"),
         _real("slide_mm", "how far the plane moved the centre along the axis"),
         _real("correction_mm", "length of the manual correction; null where there is none"),

@@ -26,7 +26,7 @@ class PosedHand:
     unit (w, x, y, z) of the bones that start there, in the transmitter's frame, x distal and z dorsal, NaN in
     gaps; a thumb's metacarpal faces its nail's side. offset_mm : (J, 3) each joint in its parent's bone.
     rest : (J, 4) each bone against its parent where its joint angles are zero (docs/joint-angles.md); of a
-    joint without angles its mean.
+    joint without angles its mean. axes : (J, 4) how the axes of its angles stand in its bone.
     """
 
     hand: str
@@ -39,6 +39,7 @@ class PosedHand:
     quaternion: Array
     offset_mm: Array
     rest: Array
+    axes: Array
 
     def index(self, joint: str) -> int:
         """Place of a joint in the second dimension; InputError where there is none of that name."""
@@ -74,7 +75,7 @@ def bend(posed: PosedHand, angles_deg: Mapping[str, Angles]) -> PosedHand:
             continue
         turn = posed.rest[index]
         if index in turns:
-            turn = joint_rotation(turns[index], posed.hand, turn)
+            turn = joint_rotation(turns[index], posed.hand, turn, posed.axes[index])
         quaternion[:, index] = multiply(quaternion[:, parent], turn)
         position[:, index] = position[:, parent] + rotate(quaternion[:, parent], posed.offset_mm[index])
     frame, time_s = np.arange(count), np.full(count, np.nan)

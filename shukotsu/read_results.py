@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.anatomy.neutral_bones import neutral_rotations, to_nail_side
+from shukotsu.anatomy.neutral_bones import angle_axes, neutral_rotations, to_nail_side, zeros_facing
 from shukotsu.errors import InputError, TableError, guess, listed
 from shukotsu.posed_hand import PosedHand
 from shukotsu.schemas.catalogue import TABLES
@@ -80,10 +80,12 @@ def pose(
     posed = posed_recording(plan, recording, model)
     poses = posed.poses()
     bones = posed.bones(poses)
-    for index, change in to_nail_side(posed.layout, hand, bones.joints, bones.quaternion).items():
+    facing = to_nail_side(posed.layout, hand, bones.joints, bones.quaternion)
+    for index, change in facing.items():
         bones.quaternion[:, index] = multiply(bones.quaternion[:, index], change)
     offset, rest = bones.constant_part()
-    neutral = neutral_rotations(posed.layout, hand, bones.joints)
+    joints = zeros_facing(bones.joints, facing, hand)
+    neutral = neutral_rotations(posed.layout, hand, joints)
     return PosedHand(
         hand=hand,
         joints=bones.names,
@@ -95,6 +97,7 @@ def pose(
         quaternion=bones.quaternion,
         offset_mm=offset,
         rest=np.where(np.isfinite(neutral), neutral, rest),
+        axes=np.stack([angle_axes(joint, hand) for joint in joints]),
     )
 
 

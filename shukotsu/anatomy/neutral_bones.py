@@ -15,7 +15,7 @@ import numpy as np
 from shukotsu.anatomy.average_hand import DIGITS
 from shukotsu.anatomy.known_digits import known_digits, rest_rotations
 from shukotsu.schemas.layout import Layout
-from shukotsu.skeleton.joint_angles import joint_angles, mirrored
+from shukotsu.skeleton.joint_angles import joint_angles, joint_rotation, mirrored
 from shukotsu.skeleton.posing import PosedBones, SkeletonJoint
 from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, matrix, multiply
 from shukotsu.skeleton.thumb_facing import faces_nail
@@ -65,15 +65,42 @@ def bone_angles_deg(
     }
 
 
+def zeros_facing(
+    joints: Sequence[SkeletonJoint], facing: Mapping[int, Array], hand: str
+) -> tuple[SkeletonJoint, ...]:
+    """The joints, zeros in bone frames that are turned. facing : what `to_nail_side` says of them."""
+    still, turned = np.array([1.0, 0.0, 0.0, 0.0]), list(joints)
+    for index, joint in enumerate(joints):
+        if joint.zero_deg and {index, joint.parent} & facing.keys():
+            above, own = (conjugate(facing.get(i, still)) for i in (joint.parent, index))
+            rest = multiply(multiply(above, neutral_rotation(joint, hand)), conjugate(own))
+            axes_deg = joint_angles(still, multiply(own, angle_axes(joint, hand)), hand)[2]
+            zero_deg = *joint_angles(still, rest, hand).tolist(), float(axes_deg)
+            turned[index] = replace(joint, zero_deg=zero_deg)
+    return tuple(turned)
+
+
+def neutral_rotation(joint: SkeletonJoint, hand: str) -> Array:
+    """Rotation (4,) of a fitted joint's bone against its parent where its angles are zero."""
+    return joint_rotation(np.array(joint.zero_deg[:3]), hand)
+
+
+def angle_axes(joint: SkeletonJoint, hand: str) -> Array:
+    """Rotation (4,) in the bone's frame of what the joint's angles turn about; none where nothing says."""
+    return joint_rotation(np.array([0.0, 0.0, *(joint.zero_deg[3:] or (0.0,))]), hand)
+
+
 def neutral_rotations(layout: Layout, hand: str, joints: Sequence[SkeletonJoint]) -> Array:
     """Rotations (J, 4) of each bone against its parent, in our bone frames, where its joint angles are zero.
 
-    Those of `docs/joint-angles.md`, the thumb's metacarpal facing its nail's side; NaN of the root, of tips,
+    Those of `docs/joint-angles.md`, the thumb's metacarpal facing its nail's side: a fitted hand's own, else
+    the average hand's; NaN of the root, of tips,
     of digits of which no anatomy is known and of joints to which the layout gives no degree of freedom.
     """
     nails = {name: replace(digit, faces_nail=digit.second_axis is not None) for name, digit in DIGITS.items()}
     rests = rest_rotations(layout, hand, nails)
     moving = {name: rest for name, rest in rests.items() if layout.joints[name].dof}
+    moving |= {joint.name: neutral_rotation(joint, hand) for joint in joints if joint.zero_deg}
     return np.stack([moving.get(joint.name, np.full(4, np.nan)) for joint in joints])
 
 

@@ -59,6 +59,13 @@ MESSAGES: Mapping[str, Template] = {
     "not-solved": N_("it was not solved"),
     "joint-not-solved": N_("the joint was not solved"),
     "not-believed": N_("its centre is not to be believed"),
+    "no-error-stated": N_(
+        "the model states no error of its angles, and how receivers sit on their bones is in them"
+    ),
+    "metacarpal-still": N_(
+        "the model keeps the metacarpal still in the hand, so the CMC joint's motion is in the MCP joint's "
+        "angles"
+    ),
     "no-anatomy": N_("no published anatomy of this digit"),
     "no-whole-hand": N_(
         "model {model} fits a whole hand, and layout {layout} is none, as no digit in it is a thumb or a "

@@ -20,12 +20,9 @@ spread a positive one, a thumb in palmar abduction a negative one. The table by 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.layout import Layout
 from shukotsu.skeleton.rotations import Array, about_axis, conjugate, matrix, multiply
 
 _SIGN = {"right": -1.0, "left": 1.0}
@@ -34,7 +31,9 @@ _SIGN = {"right": -1.0, "left": 1.0}
 _LOCKED = 1e-9
 
 
-def joint_angles(parent: Array, child: Array, hand: str, rest: Array | None = None) -> Array:
+def joint_angles(
+    parent: Array, child: Array, hand: str, rest: Array | None = None, axes: Array | None = None
+) -> Array:
     """Flexion, deviation and axial rotation (..., 3) in degrees of a joint from the poses of its two bones.
 
     Signed as the module says; flexion and rotation within (-180, 180], not unwrapped, deviation within
@@ -49,12 +48,15 @@ def joint_angles(parent: Array, child: Array, hand: str, rest: Array | None = No
     metacarpal, which stands across the hand, needs one: without it, its flexion would be about the hand's
     axis, and its angles would hold a large constant.
 
+    axes : (4,) how the joint's axes stand in the child's frame; None where they are that frame's.
+
     At a deviation of exactly +-90 deg axial rotation is given as 0 and flexion takes it all, so that the
     angles still give the pose back. Raises InputError where hand is neither right nor left.
     """
     sign = _sign(hand)
     relative = multiply(conjugate(parent), child)
-    turn = matrix(relative if rest is None else multiply(conjugate(rest), relative))
+    change = relative if rest is None else multiply(conjugate(rest), relative)
+    turn = matrix(change if axes is None else multiply(multiply(conjugate(axes), change), axes))
     reach = np.hypot(turn[..., 0, 0], turn[..., 2, 0])
     locked = reach < _LOCKED
     flexion = np.where(
@@ -67,10 +69,12 @@ def joint_angles(parent: Array, child: Array, hand: str, rest: Array | None = No
     return np.stack([_half_open_deg(flexion), abduction_deg, _half_open_deg(rotation)], -1)
 
 
-def joint_rotation(angles_deg: Array, hand: str, rest: Array | None = None) -> Array:
+def joint_rotation(
+    angles_deg: Array, hand: str, rest: Array | None = None, axes: Array | None = None
+) -> Array:
     """Child-to-parent unit quaternions (..., 4) of angles (..., 3), the inverse of `joint_angles`.
 
-    The child's pose is `multiply(parent, joint_rotation(...))`. hand, rest : as given to `joint_angles`.
+    The child's pose is `multiply(parent, joint_rotation(...))`. hand, rest, axes : as in `joint_angles`.
     Raises InputError where hand is neither right nor left.
     """
     signed_rad = np.radians(angles_deg) * np.array([1.0, _sign(hand), _sign(hand)])
@@ -78,6 +82,7 @@ def joint_rotation(angles_deg: Array, hand: str, rest: Array | None = None) -> A
         about_axis(np.eye(3)[axis], signed_rad[..., part]) for part, axis in enumerate((1, 2, 0))
     )
     turn = multiply(about_y, multiply(about_z, about_x))
+    turn = turn if axes is None else multiply(multiply(axes, turn), conjugate(axes))
     return turn if rest is None else multiply(rest, turn)
 
 
@@ -87,43 +92,6 @@ def mirrored(quaternion: Array) -> Array:
     The mirror is the plane of x and z; x stays distal and z dorsal, so y goes from one side to the other.
     """
     return np.asarray(quaternion * np.array([1.0, -1.0, 1.0, -1.0]))
-
-
-def angles_of_hand(
-    bones: Sequence[str],
-    bone_quaternion: Array,
-    base_quaternion: Array,
-    layout: Layout,
-    hand: str,
-    rests: Mapping[str, Array] | None = None,
-) -> dict[str, Array]:
-    """Flexion, deviation and axial rotation (T, 3) in degrees of the joints of all digits, by joint.
-
-    bones : B names. bone_quaternion : (T, B, 4) bone to transmitter, NaN where not known. base_quaternion :
-    (T, 4) the same of the bone that the digits hang from, the hand. rests : of the joints that have one, see
-    `joint_angles`.
-
-    The parent of a digit's first bone is the base. Joints without degrees of freedom are left out, as are
-    those of which either bone is not among `bones`.
-    Raises InputError where the layout's digits hang from different bones, or hand is neither right nor left.
-    """
-    bases = sorted({digit.base for digit in layout.digits.values()})
-    if len(bases) > 1:
-        raise InputError(
-            f"layout {layout.name}: its digits hang from {' and '.join(bases)}, but joint angles of a hand "
-            "need one base; give each part a layout of its own"
-        )
-    quaternion = dict(zip(bones, np.moveaxis(bone_quaternion, 1, 0), strict=True))
-    quaternion |= dict.fromkeys(bases, base_quaternion)
-    rest_of = rests or {}
-    found = {}
-    for digit in layout.digits.values():
-        parents = (digit.base, *digit.segments[:-1])
-        for parent, child, joint in zip(parents, digit.segments, digit.joints, strict=True):
-            if layout.joints[joint].dof and parent in quaternion and child in quaternion:
-                bones_of = quaternion[parent], quaternion[child]
-                found[joint] = joint_angles(*bones_of, hand, rest_of.get(joint))
-    return found
 
 
 def _sign(hand: str) -> float:

@@ -65,6 +65,10 @@ class BoneMotion:
     skin_tips: Mapping[str, Array] = field(default_factory=dict)
 
 
+ZERO_COLUMNS = ("rest_flexion_deg", "rest_abduction_deg", "rest_rotation_deg", "axes_turn_deg")
+"""Columns of joint_centres that say where a fitted joint's angles are zero, and about what they turn."""
+
+
 @dataclass(frozen=True)
 class SkeletonJoint:
     """A joint, and the bone that starts there.
@@ -72,7 +76,8 @@ class SkeletonJoint:
     name : as the layout calls the joint; `<digit>_tip` is where a digit's bones end and `<digit>_skin_tip`,
     after it, where its skin does. parent : index of the joint before it, -1 where there is none. segment :
     the bone; a tip's is that which it ends. digit : empty for the root. tip : whether it is such an end. dof
-    : degrees of freedom that the model gave it, 0 where none are known.
+    : degrees of freedom that the model gave it, 0 where none are known. zero_deg : numbers of `ZERO_COLUMNS`;
+    none where the model has none.
     """
 
     name: str
@@ -81,6 +86,7 @@ class SkeletonJoint:
     digit: str = ""
     tip: bool = False
     dof: int = 0
+    zero_deg: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -310,7 +316,9 @@ class _Builder:
             digit.joints, digit.segments, placed[:-1], lengths_mm, strict=True
         ):
             dof = int(skeleton.joints.get(name, {"dof": 0})["dof"])
-            joint = SkeletonJoint(name, parent, segment, digit.name, dof=dof)
+            row = skeleton.joints.get(name, {})
+            zero_deg = tuple(row[own] for own in ZERO_COLUMNS if row.get(own) is not None)
+            joint = SkeletonJoint(name, parent, segment, digit.name, dof=dof, zero_deg=zero_deg)
             parent = len(self._bones)
             self._bones.append(_Bone(joint, place, offset))
             offset = np.array([length_mm, 0.0, 0.0])

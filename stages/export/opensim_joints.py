@@ -24,6 +24,7 @@ from itertools import permutations
 
 import numpy as np
 
+from shukotsu.anatomy.neutral_bones import angle_axes
 from shukotsu.skeleton.posing import SkeletonJoint
 from shukotsu.skeleton.rotations import (
     Array,
@@ -37,7 +38,7 @@ from shukotsu.skeleton.rotations import (
     unit,
 )
 from shukotsu.stages.export.euler_angles import continuous_angles
-from shukotsu.stages.export.motion import MOVES_MM, SkeletonMotion, local_motion
+from shukotsu.stages.export.motion import BONE_TO_WEBXR, MOVES_MM, SkeletonMotion, local_motion
 from shukotsu.stages.export.rig_names import plain_names
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
@@ -169,6 +170,8 @@ def _frame(motion: SkeletonMotion, index: int, turn: Array) -> tuple[Array, Arra
         zero = mean
     sign = _SIGN[motion.origin.hand]
     axes = np.array([[-1.0, 0.0, 0.0], [0.0, sign, 0.0], [0.0, 0.0, -sign]])
+    own = multiply(conjugate(BONE_TO_WEBXR), multiply(angle_axes(joint, motion.origin.hand), BONE_TO_WEBXR))
+    axes = rotate(own, axes)
     labels = _ANGLES
     if not known and joint.dof:
         axes, labels = _principal_axes(multiply(conjugate(mean), turn)), ("turn1", "turn2", "turn3")

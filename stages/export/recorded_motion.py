@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from shukotsu.anatomy.neutral_bones import neutral_rotations, to_nail_side
+from shukotsu.anatomy.neutral_bones import neutral_rotations, to_nail_side, zeros_facing
 from shukotsu.errors import InputError
 from shukotsu.files.long_arrays import chosen_points, empty
 from shukotsu.files.whole_files import file_sha256
@@ -80,9 +80,11 @@ def motion_of(
     bones : one tree, every digit with a pose in some frame. Numbers of bones and poses are written over.
     """
     joints, quaternion, axis = bones.joints, bones.quaternion, bones.axis.copy()
-    for index, change in to_nail_side(layout, origin.hand, joints, quaternion).items():
+    facing = to_nail_side(layout, origin.hand, joints, quaternion)
+    for index, change in facing.items():
         quaternion[:, index] = multiply(quaternion[:, index], change)
         axis[index] = rotate(conjugate(change), axis[index])
+    joints = zeros_facing(joints, facing, origin.hand)
     offset, rest = _rest(bones)
     for index in range(len(joints)):
         quaternion[:, index] = continuous_series(multiply(quaternion[:, index], BONE_TO_WEBXR))

@@ -14,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
+from shukotsu.anatomy.neutral_bones import angle_axes
 from shukotsu.files.whole_files import replacing, write_text
 from shukotsu.skeleton.joint_angles import joint_angles
 from shukotsu.skeleton.rotations import Array, conjugate, multiply
@@ -66,9 +67,10 @@ def bone_angles_deg(motion: SkeletonMotion) -> tuple[tuple[str, ...], Array]:
     turn = multiply(motion.quaternion, conjugate(BONE_TO_WEBXR))
     rests = multiply(BONE_TO_WEBXR, multiply(motion.neutral, conjugate(BONE_TO_WEBXR)))
     indices = [i for i, j in enumerate(motion.joints) if not j.tip and np.isfinite(rests[i]).all()]
+    hand = motion.origin.hand
     columns = [
-        joint_angles(turn[:, motion.joints[i].parent], turn[:, i], motion.origin.hand, rests[i])
-        for i in indices
+        joint_angles(turn[:, own.parent], turn[:, i], hand, rests[i], angle_axes(own, hand))
+        for i, own in ((i, motion.joints[i]) for i in indices)
     ]
     angles = np.stack(columns, 1) if columns else np.empty((len(motion.frame), 0, 3))
     return tuple(motion.names[i] for i in indices), angles

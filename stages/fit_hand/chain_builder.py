@@ -134,6 +134,11 @@ def axis_frame(joint: str) -> str:
     return f"axis {joint}"
 
 
+def straight(digit: str) -> str:
+    """Name of the mark at the hand's frame as it is turned by how this person's digit lies in it."""
+    return f"straight {digit}"
+
+
 def centre(joint: str) -> str:
     """Name of the mark at the centre of a joint that does not start a known bone."""
     return f"centre {joint}"

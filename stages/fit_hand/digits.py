@@ -20,6 +20,7 @@ from shukotsu.stages.fit_hand.chain_builder import (
     axis_frame,
     bone,
     by_state,
+    straight,
     tilted,
 )
 from shukotsu.stages.fit_hand.operations import Mark, Operation, Side, Step, Term, Turn
@@ -61,6 +62,7 @@ class _DigitChain:
             self.frames[0].T, (roll_sd, *(prior.DIRECTION_SD_RAD,) * 2), "xyz", strict=True
         ):
             steps.append(about(axis, builder.free(0.0, sd, "direction", f"{name} {letter}")))
+        steps.append(Mark(straight(name)))
         self.flexions = self._flexion_states()
         parent, before = self.digit.base, np.eye(3)
         for k, (joint, segment) in enumerate(zip(self.digit.joints, self.digit.segments, strict=True)):

@@ -82,6 +82,11 @@ class HandFit:
         return self.summary.bones
 
     @property
+    def side(self) -> str:
+        """Say whether the fitted hand is right or left."""
+        return "left" if self.evidence.convention.left else "right"
+
+    @property
     def converged(self) -> bool:
         """Say whether the last round ended because nothing moved any more."""
         return self.evidence.converged

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from shukotsu.anatomy.known_digits import root_of
 from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.joint_angles import joint_angles
 from shukotsu.skeleton.rotations import Array, from_matrix
 from shukotsu.stages.fit_hand.chain_builder import bone, receiver
 from shukotsu.stages.fit_hand.compiled_equations import pose, residuals
@@ -43,6 +44,20 @@ class PosedHand:
     receiver_mm: Array
     residual_mm: Array
     posed: npt.NDArray[np.bool_]
+
+
+def joint_angles_of(fit: HandFit, posed: PosedHand, more_rad: float = 0.0) -> dict[str, Array]:
+    """Angles (T, 3) in degrees of the joints of known anatomy, by joint.
+
+    more_rad : by which the joints' axes are turned about their bones in addition.
+    """
+    bone_of = dict(zip(posed.bones, np.moveaxis(posed.bone_quaternion, 1, 0), strict=True))
+    return {
+        joint: joint_angles(
+            bone_of[own.parent], bone_of[own.child], fit.side, *own.of_hand(fit.side, more_rad)
+        )
+        for joint, own in fit.summary.angle_axes.items()
+    }
 
 
 def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHand:

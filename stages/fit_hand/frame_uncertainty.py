@@ -17,15 +17,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.anatomy import average_hand as prior
 from shukotsu.anatomy.known_digits import known_digits
 from shukotsu.schemas.layout import Digit
 from shukotsu.skeleton.joint_angles import joint_angles
 from shukotsu.skeleton.rotations import Array, about_axis, matrix, multiply
-from shukotsu.stages.fit_hand.angle_bones import angle_bones, side_of
-from shukotsu.stages.fit_hand.chain_builder import bone
+from shukotsu.stages.fit_hand.chain_builder import KINDS, bone
 from shukotsu.stages.fit_hand.compiled_equations import reduce
 from shukotsu.stages.fit_hand.fingertips import Fingertips, square_root
-from shukotsu.stages.fit_hand.fitted_motion import PosedHand
+from shukotsu.stages.fit_hand.fitted_motion import PosedHand, joint_angles_of
 from shukotsu.stages.fit_hand.normal_equations import Frames, Point
 from shukotsu.stages.fit_hand.operations import Branch, Index, cross
 from shukotsu.stages.fit_hand.posterior_summary import unshown_mm2
@@ -40,10 +40,11 @@ _MOST_AT_ONCE = 32
 
 _NUDGE_RAD = 1e-5
 
-NEUTRAL_SD_DEG = np.array([1.5, 1.5, 3.0])
-"""Of flexion, abduction and rotation at neutral, which is as bones face: published hands (CT, X-ray, Buchholz
-1992, MyoHand) have these 1.6, 1.5 and 2.8 deg apart (1 sigma), most where axes of DIP joints turn. It is the
-same in all frames and all people."""
+NEUTRAL_SD_DEG = np.array([1.5, 1.5, 0.0])
+"""Of flexion, abduction and rotation at zero of a CMC or MCP joint, which is where metacarpals stand in the
+flat hand: published hands (CT, X-ray, Buchholz 1992, MyoHand) have these 1.6 and 1.5 deg apart (1 sigma). It
+is the same in all frames and all people. Other joints' zero is bones in line, which the fit knows as well as
+it knows the bones; and none turns about its own bone at zero."""
 
 PUT_ON = ("mount", "mount turn", "mount habit", "mount turn habit")
 """Groups of unknowns that are others when the receivers are put on anew."""
@@ -157,10 +158,25 @@ def posed_errors(
 
 
 def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
-    """Return the sd of each joint's neutral, (3,); of unknown anatomy angles count from no neutral."""
-    known = {joint for digit in known_digits(tips.fit.evidence.layout) for joint in digit.joints}
+    """Return the sd of each joint's zero, (3,); of unknown anatomy angles count from none."""
+    beside = {joint for digit in known_digits(tips.fit.evidence.layout) for joint in digit.joints[:2]}
     joints = tips.fit.evidence.layout.joints
-    return {joint: NEUTRAL_SD_DEG if joint in known else np.zeros(3) for joint in joints}
+    return {joint: NEUTRAL_SD_DEG if joint in beside else np.zeros(3) for joint in joints}
+
+
+def _wander_deg(postures: Postures, joint: str) -> Array:
+    """Errors (F, 3) of a joint that the fit lets turn about one axis alone, as its child has no receiver.
+
+    An axis varies by some degrees as the joint turns: the further from the mean, the more of flexion is
+    abduction and rotation.
+    """
+    names, evidence = postures.posed.angle_names, postures.tips.fit.evidence
+    out = np.zeros((len(postures.posed.posed), 3))
+    if (joint, KINDS[0]) in names and (joint, KINDS[1]) not in names:
+        state = names.index((joint, KINDS[0]))
+        change = postures.posed.angles_rad[:, state] - evidence.posterior.mean_states[state]
+        out[:, 1:] = np.abs(np.degrees(change) * np.sin(prior.AXIS_SD_RAD))[:, None]
+    return out
 
 
 def _new_in_a_session(tips: Fingertips) -> Array:
@@ -277,7 +293,10 @@ def _bone_errors(postures: Postures, spread: _Spread, angles_deg: Mapping[str, A
     return BoneErrors(
         _norm(spread.shift_mm),
         np.degrees(_norm(spread.turn_rad)),
-        {joint: np.hypot(_norms(own), neutral_deg[joint]) for joint, own in angles_deg.items()},
+        {
+            joint: np.sqrt(_norms(own) ** 2 + neutral_deg[joint] ** 2 + _wander_deg(postures, joint) ** 2)
+            for joint, own in angles_deg.items()
+        },
     )
 
 
@@ -302,14 +321,15 @@ class Postures:
     """Posed frames, and what of their errors does not depend on which receivers show them.
 
     point : the frames as they were solved, of a right hand always. by_turn : joint to the columns of its
-    bones and the derivative (F, 3, 3) of its angles, deg, by a turn of the second against the first, rad.
+    bones and the derivatives of its angles, deg: (F, 3, 3) by a turn of the second against the first, rad,
+    and (F, 3, G) by what the unknowns do to its zero and axes.
     """
 
     tips: Fingertips
     posed: PosedHand
     point: Point
     bones: tuple[_BranchBones, ...]
-    by_turn: Mapping[str, tuple[int, int, Array]]
+    by_turn: Mapping[str, tuple[int, int, Array, Array]]
 
     @classmethod
     def of(cls, tips: Fingertips, posed: PosedHand) -> Postures:
@@ -318,7 +338,7 @@ class Postures:
         bones = tuple(
             _branch_bones(branch, point, posed.bones) for branch in tips.fit.evidence.model.branches
         )
-        return cls(tips, posed, point, bones, dict(_by_turns(tips, posed)))
+        return cls(tips, posed, point, bones, dict(_by_turns(tips, posed, point)))
 
 
 def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _BranchBones:
@@ -396,26 +416,26 @@ def _by_root(point: Point, arm_mm: Array) -> Array:
     return out
 
 
-def _by_turns(tips: Fingertips, posed: PosedHand) -> Iterator[tuple[str, tuple[int, int, Array]]]:
+def _by_turns(
+    tips: Fingertips, posed: PosedHand, point: Point
+) -> Iterator[tuple[str, tuple[int, int, Array, Array]]]:
     """Joints of known anatomy that move, as in `Postures`."""
-    layout, hand = tips.fit.evidence.layout, side_of(tips.fit)
-    facing, rests = angle_bones(tips.fit, posed)
-    for digit in known_digits(layout):
-        for parent, child, joint in zip(
-            (digit.base, *digit.segments), digit.segments, digit.joints, strict=False
-        ):
-            if layout.joints[joint].dof:
-                a, b = posed.bones.index(parent), posed.bones.index(child)
-                by_turn = _by_turn(facing[:, a], facing[:, b], hand, rests[joint])
-                if hand == "left":
-                    by_turn = by_turn * -MIRROR  # rotations are pseudo-vectors
-                yield joint, (a, b, by_turn)
+    fit, quaternion = tips.fit, posed.bone_quaternion
+    ahead, behind = (joint_angles_of(fit, posed, sign * _NUDGE_RAD) for sign in (1, -1))
+    for joint, own in fit.summary.angle_axes.items():
+        a, b = posed.bones.index(own.parent), posed.bones.index(own.child)
+        by_turn = _by_turn(quaternion[:, a], quaternion[:, b], fit.side, *own.of_hand(fit.side))
+        if fit.side == "left":
+            by_turn = by_turn * -MIRROR  # rotations are pseudo-vectors
+        by_axes = _differences(ahead[joint], behind[joint])[..., None] * own.turn_by_x
+        yield joint, (a, b, by_turn, by_axes - by_turn @ point.root @ own.rest_by_x)
 
 
 def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str, Array]]:
     """Errors (F, 3, N) of the angles of each joint that moves, as maps; NaN of an axis that it lacks."""
-    for joint, (a, b, by_turn) in postures.by_turn.items():
-        yield joint, by_turn @ (spread.turn_rad[:, b] - spread.turn_rad[:, a])
+    for joint, (a, b, by_turn, by_x) in postures.by_turn.items():
+        turned = by_turn @ (spread.turn_rad[:, b] - spread.turn_rad[:, a])
+        yield joint, turned + _times(by_x, spread.unknowns[: by_x.shape[-1]])
     known = {name for digit in known_digits(postures.tips.fit.evidence.layout) for name in digit.joints}
     others = [name for name, _ in postures.posed.angle_names]
     for joint in dict.fromkeys(others):
@@ -426,15 +446,22 @@ def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str
             yield joint, errors
 
 
-def _by_turn(parent: Array, child: Array, hand: str, rest: Array) -> Array:
+def _differences(ahead: Array, behind: Array) -> Array:
+    """Derivatives of angles, deg, by what was nudged either way, rad."""
+    return np.asarray(((ahead - behind + 180.0) % 360.0 - 180.0) / (2 * _NUDGE_RAD))
+
+
+def _by_turn(parent: Array, child: Array, hand: str, rest: Array, axes: Array) -> Array:
     """Derivative (F, 3, 3) of joint angles, deg, by a turn of the child in the transmitter's frame, rad."""
     columns = []
-    for axis in np.eye(3):
+    for one in np.eye(3):
         ahead, behind = (
-            joint_angles(parent, multiply(about_axis(axis, np.array(sign * _NUDGE_RAD)), child), hand, rest)
+            joint_angles(
+                parent, multiply(about_axis(one, np.array(sign * _NUDGE_RAD)), child), hand, rest, axes
+            )
             for sign in (1, -1)
         )
-        columns.append(((ahead - behind + 180.0) % 360.0 - 180.0) / (2 * _NUDGE_RAD))
+        columns.append(_differences(ahead, behind))
     return np.stack(columns, -1)
 
 

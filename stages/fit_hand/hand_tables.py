@@ -25,6 +25,8 @@ from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.tables import Provenance, Table, vector_columns
 from shukotsu.schemas.verdict import UNJUDGED, noted
 from shukotsu.sentences.messages import joined, message_of
+from shukotsu.skeleton.joint_angles import joint_angles
+from shukotsu.skeleton.posing import ZERO_COLUMNS
 from shukotsu.stages.fit_hand.fingertips import Fingertips
 from shukotsu.stages.fit_hand.fit import HandFit
 from shukotsu.stages.fit_hand.left_out import Unsteady
@@ -50,7 +52,7 @@ FIT: Mapping[str, Table] = {
 }
 """File to table, of a fit of the whole hand."""
 
-_UNWEIGHED = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg"))
+_UNWEIGHED = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
 """Errors of the hand that anatomy expects: none are stated, as nothing was weighed."""
 
 
@@ -73,7 +75,9 @@ def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
     weighed : whether the data had a say.
     """
     groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
-    rows = [_joint_row(joint) for group in groups for joint in group.values()]
+    rows = [
+        _joint_row(joint) | _zero_columns(fit, joint.name) for group in groups for joint in group.values()
+    ]
     anatomy_alone = {"source": "anatomy alone", "status": "ok", "message": "", **_UNWEIGHED}
     return rows if weighed else [row | anatomy_alone for row in rows]
 
@@ -101,6 +105,16 @@ def _joint_row(joint: FittedJoint) -> Row:
     if np.isfinite(joint.covariance_mm2).all():
         row["covariance_mm2"] = joint.covariance_mm2.ravel()
     return row
+
+
+def _zero_columns(fit: HandFit, joint: str) -> Row:
+    """Where the joint's angles are zero and about what they turn, if it has any."""
+    own = fit.summary.angle_axes.get(joint)
+    if own is None:
+        return {}
+    rest_deg = joint_angles(np.array([1.0, 0.0, 0.0, 0.0]), own.rest, "right")
+    zero_deg = *rest_deg.tolist(), -float(np.degrees(own.turn_rad))
+    return dict(zip(ZERO_COLUMNS, zero_deg, strict=True)) | {"axes_turn_sd_deg": own.turn_sd_deg}
 
 
 def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:

@@ -12,14 +12,12 @@ import pyarrow as pa
 from shukotsu.anatomy.known_digits import known_digits
 from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name
-from shukotsu.skeleton.joint_angles import angles_of_hand
 from shukotsu.skeleton.rotations import Array, rotate
-from shukotsu.stages.fit_hand.angle_bones import angle_bones, side_of
 from shukotsu.stages.fit_hand.calibration import REFERENCE_FRAMES, read_thinned
 from shukotsu.stages.fit_hand.chain_builder import KINDS
 from shukotsu.stages.fit_hand.fingertips import BONE, TIP, Fingertips
 from shukotsu.stages.fit_hand.fit import HandFit
-from shukotsu.stages.fit_hand.fitted_motion import PosedHand, pose_hand
+from shukotsu.stages.fit_hand.fitted_motion import PosedHand, joint_angles_of, pose_hand
 from shukotsu.stages.fit_hand.frame_uncertainty import PosedErrors, posed_errors
 from shukotsu.stages.fit_hand.operations import Index
 from shukotsu.stages.fit_hand.receiver_frames import MIRROR
@@ -81,9 +79,7 @@ def angle_columns(
     name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
 ) -> Columns:
     """Columns of joint_angles for the frames of poses, joint after joint; errors : where they are known."""
-    layout, (bones, rests) = fit.evidence.layout, angle_bones(fit, posed)
-    angles = _turns_deg(posed, layout)
-    angles |= angles_of_hand(posed.bones, bones, bones[:, 0], layout, side_of(fit), rests)
+    angles = _turns_deg(posed, fit.evidence.layout) | joint_angles_of(fit, posed)
     unknown = np.full((len(poses.frame), 3), np.nan)
     columns = _keys(name, "joint", list(angles), poses)
     by_suffix: dict[str, Mapping[str, Array]] = {"deg": angles}

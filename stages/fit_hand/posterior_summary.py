@@ -13,6 +13,7 @@ from shukotsu.schemas.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNS
 from shukotsu.sentences.messages import message_of
 from shukotsu.skeleton.angle_range import angle_range, flattening
 from shukotsu.skeleton.rotations import Array, cross_matrix
+from shukotsu.stages.fit_hand.angle_axes import AngleAxes, angle_axes
 from shukotsu.stages.fit_hand.chain_builder import KINDS, axis_frame, receiver
 from shukotsu.stages.fit_hand.posterior import Evidence, Place, centre_by_unknowns, places_of
 
@@ -70,7 +71,8 @@ class FittedBone:
 class HandSummary:
     """Joints between two receivers, joints beside which a receiver could be worn and is not (lone), palm
     joints that move but whose child carries no receiver, centres that do not move (the wrist among them where
-    it is no joint and anatomy says where it is), all by joint; and bones by segment.
+    it is no joint and anatomy says where it is), all by joint; bones by segment; zero and axes of the angles
+    of joints of known anatomy.
     """
 
     joints: dict[str, FittedJoint]
@@ -78,6 +80,7 @@ class HandSummary:
     palm: dict[str, FittedJoint]
     fixed: dict[str, FittedJoint]
     bones: dict[str, FittedBone]
+    angle_axes: dict[str, AngleAxes]
 
 
 def summarise(evidence: Evidence) -> HandSummary:
@@ -107,7 +110,7 @@ def summarise(evidence: Evidence) -> HandSummary:
         segment: FittedBone(*evidence.posterior.of_amount(length))
         for segment, length in evidence.model.length.items()
     }
-    return HandSummary(joints, lone, palm, fixed, bones)
+    return HandSummary(joints, lone, palm, fixed, bones, angle_axes(evidence, places))
 
 
 def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:

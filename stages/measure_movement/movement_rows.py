@@ -35,7 +35,8 @@ def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
     row: Row = {"joint": series.joint, "angle": series.angle} | _coverage(known)
     if not known.any():
         if series.angle == "flexion":
-            yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
+            message = series.message if series.status == "failed" else "no frame has this angle"
+            yield row | {"status": "failed", "message": message}
         return
     errors_deg = [np.full(int(known.sum()), np.nan)] * len(ERRORS)
     if series.errors_deg is not None:
@@ -43,7 +44,8 @@ def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
     row |= angle_range(series.angle_deg[known], AngleErrors(*errors_deg))
     if grid is not None:
         row |= _speed_columns(_speeds(series.angle_deg[:, None, None], grid), "deg_s")
-    yield row | _judged(row, "ok" if series.status == "failed" else series.status, series.message, grid)
+    status = "weak" if series.status == "weak" or series.errors_deg is None else "ok"
+    yield row | _judged(row, status, series.message, grid)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from shukotsu.files.long_arrays import chosen_points, empty
 from shukotsu.schemas.catalogue import JOINT_ANGLES, POSED_TIPS
 from shukotsu.schemas.layout import Digit
 from shukotsu.schemas.poses import Poses
-from shukotsu.sentences.messages import message_of
+from shukotsu.sentences.messages import joined, message_of
 from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, Index, PosedRecording
 from shukotsu.skeleton.posing import PosedBones
 from shukotsu.skeleton.rotations import Array, conjugate, rotate
@@ -76,11 +76,11 @@ class RecordedMovement:
 
     def joints(self) -> Iterator[AngleSeries]:
         """Read the angles of each joint in turn; of a fitted hand from its table, else from its bones."""
-        for joint in (own for digit in self.posed.layout.digits.values() for own in digit.joints):
+        for digit, joint in ((own, name) for own in self.posed.layout.digits.values() for name in own.joints):
             columns = self._of_table(joint) if self.posed.is_fitted else self._angles_deg.get(joint)
             if columns is None:
                 continue
-            status, each = reliability(self.posed, joint), columns.shape[1] // len(ANGLES)
+            status, each = _reliability(self.posed, digit, joint), columns.shape[1] // len(ANGLES)
             for index, angle in enumerate(ANGLES):
                 angle_deg = running_on(columns[:, index * each])[:, 0]
                 errors = chosen_points(columns, range(index * each + 1, (index + 1) * each))
@@ -99,12 +99,19 @@ class RecordedMovement:
         return columns
 
 
-def reliability(posed: PosedRecording, joint: str) -> tuple[str, str]:
-    """Status and message of a joint's centre."""
+def _reliability(posed: PosedRecording, digit: Digit, joint: str) -> tuple[str, str]:
+    """Status of a joint's centre, and what is to be said of its angles for that and for the model."""
     row = posed.skeleton.joints.get(joint)
-    if row is None:
-        return "failed", message_of("joint-not-solved")
-    return row["status"], message_of("not-believed") if row["status"] == "weak" else row["message"]
+    status = "failed" if row is None else row["status"]
+    reasons = [message_of("joint-not-solved") if row is None else row["message"]]
+    if status == "weak":
+        reasons = [message_of("not-believed")]
+    if not posed.is_fitted:
+        reasons.append(message_of("no-error-stated"))
+        still = posed.model.metacarpals.unmeasured in ("rest", "rigid")
+        if still and not posed.layout.segments[digit.segments[0]].measured and joint in digit.joints[:2]:
+            reasons.append(message_of("metacarpal-still"))
+    return status, joined(reasons)
 
 
 def unsolved(posed: PosedRecording) -> Mapping[str, str]:

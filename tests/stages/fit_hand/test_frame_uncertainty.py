@@ -8,17 +8,16 @@ from simulated_poses import recorded
 
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.joint_angles import angles_of_hand
-from shukotsu.skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array, from_matrix
 from shukotsu.stages.evaluate_skeletons.truth_errors import RADIUS_SD
-from shukotsu.stages.fit_hand.angle_bones import angle_bones
 from shukotsu.stages.fit_hand.compiled_equations import back_substitute, reduce
 from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
 from shukotsu.stages.fit_hand.fit import Settings, fit_hand
-from shukotsu.stages.fit_hand.fitted_motion import PosedHand, pose_hand
+from shukotsu.stages.fit_hand.fitted_motion import PosedHand, joint_angles_of, pose_hand
 from shukotsu.stages.fit_hand.frame_uncertainty import (
     PosedErrors,
     Postures,
+    _angle_errors_deg,
     _point,
     _spread_of,
     posed_errors,
@@ -59,33 +58,43 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
     poses, posed = task_of(tips, worn)
     evidence = tips.fit.evidence
     frames = evidence.convention.frames(poses)
-    spread = _spread_of(Postures.of(tips, posed), frames)
+    postures = Postures.of(tips, posed)
+    spread = _spread_of(postures, frames)
     problem = replace(
         evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
     )
     number = len(spread.unknowns) - 3  # one of the most uncertain directions
     step = 1e-5 * spread.unknowns[: len(evidence.posterior.x), number]
 
-    def bones_mm(x: Array) -> Array:
+    def moved_hand(x: Array) -> tuple[Array, Array]:
         moved = replace(evidence, posterior=replace(evidence.posterior, x=x), problem=problem)
         again = replace(tips, fit=replace(tips.fit, evidence=moved))
         point = replace(_point(again, posed), x=x)
         solved = back_substitute(problem, point, reduce(problem, point), np.zeros(len(x)))
-        places = {posed.bones[0]: solved.root_mm}
+        places = {f"bone {posed.bones[0]}": (solved.root, solved.root_mm)}
         for branch in problem.branches:
             reached = branch.reach(x, solved.y, solved.root, solved.root_mm)
-            places |= dict(zip(branch.marks, reached.position_mm, strict=True))
-        return np.stack([places.get(f"bone {name}", places[posed.bones[0]]) for name in posed.bones], 1)
+            reached_poses = zip(reached.rotation, reached.position_mm, strict=True)
+            places |= dict(zip(branch.marks, reached_poses, strict=True))
+        bones = [places[f"bone {name}"] for name in posed.bones]
+        turns = [from_matrix(evidence.convention.world(*own)[0]) for own in bones]
+        fit = tips.fit.moved_to(x, evidence.posterior.covariance)
+        angles = joint_angles_of(fit, replace(posed, bone_quaternion=np.stack(turns, 1)))
+        return np.stack([place for _, place in bones], 1), np.stack([*angles.values()], 1)
 
-    slope = (bones_mm(evidence.posterior.x + step) - bones_mm(evidence.posterior.x - step)) / 2e-5
-    np.testing.assert_allclose(spread.shift_mm[..., number], slope, atol=0.05 * np.abs(slope).max())
+    ahead, behind = (moved_hand(evidence.posterior.x + sign * step) for sign in (1, -1))
+    maps = dict(_angle_errors_deg(postures, spread))
+    angle_map = np.stack([maps[joint] for joint in tips.fit.summary.angle_axes], 1)
+    for found, one, other in zip((spread.shift_mm, angle_map), ahead, behind, strict=True):
+        slope = (one - other) / 2e-5
+        np.testing.assert_allclose(found[..., number], slope, atol=0.05 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("worn", [(), SIX])
 def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) -> None:
     """Nearly all centres, PIP angles and tips are within the 95 % that is stated, and not far within."""
     poses, posed = task_of(tips, worn)
-    errors, layout = stated(tips, poses, posed), tips.fit.evidence.layout
+    errors = stated(tips, poses, posed)
     side = "left" if tips.fit.evidence.convention.left else "right"
     truth = recorded(side, "opposition", seed=4, n_frames=1600)[0].truth
     rows, places = slice(0, None, 80), [BONES.index(name) for name in posed.bones]
@@ -93,10 +102,7 @@ def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) 
     assert np.mean(off_mm < RADIUS_SD * errors.centre_mm) > 0.9
     assert np.sqrt((errors.centre_mm**2).mean()) < 2.5 * np.sqrt((off_mm**2).mean())
     true = replace(posed, bone_quaternion=truth.bone_quaternion[rows][:, places])
-    angles = []
-    for own in (posed, true):
-        bones, rests = angle_bones(tips.fit, own)
-        angles.append(angles_of_hand(posed.bones, bones, bones[:, 0], layout, side, rests))
+    angles = [joint_angles_of(tips.fit, own) for own in (posed, true)]
     off, sd = (
         np.stack([values[f"{digit}_pip"][:, 0] for digit in FINGERS])
         for values in (

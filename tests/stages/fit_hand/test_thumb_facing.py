@@ -11,12 +11,12 @@ from shukotsu.anatomy.average_hand import DIGITS
 from shukotsu.anatomy.known_digits import rest_rotations
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import RecordingName
-from shukotsu.skeleton.joint_angles import angles_of_hand
+from shukotsu.skeleton.joint_angles import joint_angles
 from shukotsu.skeleton.rotations import Array, about_axis, angle, conjugate, matrix, multiply, rotate, unit
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
-from shukotsu.stages.fit_hand.fitted_motion import pose_hand
+from shukotsu.stages.fit_hand.fitted_motion import joint_angles_of, pose_hand
 from shukotsu.stages.fit_hand.posed_tables import angle_columns
-from shukotsu.stages.simulate.random_hand import BONES, JOINTS
+from shukotsu.stages.simulate.random_hand import BONES
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import Simulated, simulate
 
@@ -82,14 +82,10 @@ def test_the_bone_faces_where_its_receiver_faces(side: str) -> None:
     true[:, BONES.index(THUMB)] = multiply(true[:, BONES.index(THUMB)], nail_turn(made))
     off = multiply(conjugate(true[:, BONES.index(THUMB)]), posed.bone_quaternion[:, posed.bones.index(THUMB)])
     assert np.degrees(np.median(angle(off))) < 10.0
-    rests = dict(zip(JOINTS, made.truth.hand.rest, strict=True))
-    rests["thumb_cmc"] = multiply(rests["thumb_cmc"], nail_turn(made))
-    rests["thumb_mcp"] = multiply(conjugate(nail_turn(made)), rests["thumb_mcp"])
-    own_rests = rest_rotations(LAYOUT, side, fit.evidence.model.anatomy)
-    found = angles_of_hand(
-        posed.bones, posed.bone_quaternion, posed.bone_quaternion[:, 0], LAYOUT, side, own_rests
+    places = [BONES.index(name) for name in posed.bones]
+    found, expected = (
+        joint_angles_of(fit, own) for own in (posed, replace(posed, bone_quaternion=true[:, places]))
     )
-    expected = angles_of_hand(BONES, true, true[:, BONES.index("hand")], LAYOUT, side, rests)
     for joint in ("thumb_cmc", "thumb_mcp"):
         assert np.abs(found[joint] - expected[joint]).mean() < 6.0, joint
 
@@ -104,9 +100,8 @@ def test_a_thumb_facing_the_nail_moves_by_its_names(side: str) -> None:
     long_axis = matrix(rest)[:, 0]
     ulnarwards = about_axis(dorsal, np.radians(-20.0 if side == "right" else 20.0))
     palmwards = about_axis(unit(np.cross(long_axis, -dorsal)), np.radians(20.0))
-    bones = multiply(np.stack([ulnarwards, palmwards]), rest)[:, None]
-    still = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
-    sweep, leaving = angles_of_hand([THUMB], bones, still, LAYOUT, side, {"thumb_cmc": rest})["thumb_cmc"]
+    bones = multiply(np.stack([ulnarwards, palmwards]), rest)
+    sweep, leaving = joint_angles(np.array([1.0, 0.0, 0.0, 0.0]), bones, side, rest)
     assert sweep[0] > 17.0
     assert abs(sweep[1]) < 5.0
     assert leaving[1] < -17.0

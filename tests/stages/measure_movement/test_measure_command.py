@@ -25,7 +25,7 @@ from shukotsu.schemas.tables import (
     write_failure,
     write_table,
 )
-from shukotsu.skeleton.joint_angles import joint_angles
+from shukotsu.skeleton.joint_angles import joint_angles, joint_rotation
 from shukotsu.skeleton.posing import SkeletonJoint
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.__main__ import main
@@ -113,6 +113,46 @@ def true_angles_deg(hand: str) -> dict[str, Array]:
             if LAYOUT.joints[joint].dof:
                 found[joint] = joint_angles(above, below, hand, rest)
     return found
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_angles_follow_from_bones_and_the_zero_in_joint_centres(subject: PlannedSubject, hand: str) -> None:
+    """As docs/joint-angles.md says, of the bones of another table."""
+    plan, keys = subject.plan, {"hand": hand, "model": "quick"}
+
+    def rows(name: str, path: Path) -> list[Row]:
+        table = rows_of(read_table(path, TABLES[name]))
+        return [row for row in table if all(row[key] == value for key, value in keys.items())]
+
+    fit = subject.fit_folder(hand)
+    turns: dict[str, list[list[float]]] = {}
+    for row in rows("bone_poses", fit / "bone_poses.parquet"):
+        if row["task"] == "opposition":
+            turns.setdefault(row["segment"], []).append([row[f"q{part}"] for part in "wxyz"])
+    stated: dict[str, list[list[float]]] = {}
+    for row in rows("joint_angles", fit / "joint_angles.parquet"):
+        if row["task"] == "opposition":
+            stated.setdefault(row["joint"], []).append([row[f"{angle}_deg"] for angle in ANGLES])
+    zeros = {row["joint"]: row for row in rows("joint_centres", plan.table("joint_centres"))}
+    assert set(stated) == {name for name, row in zeros.items() if row["axes_turn_deg"] is not None}
+    for digit in LAYOUT.digits.values():
+        for parent, child, joint in zip(
+            (digit.base, *digit.segments), digit.segments, digit.joints, strict=False
+        ):
+            if joint in stated:
+                rest = joint_rotation(np.array([zeros[joint][f"rest_{angle}_deg"] for angle in ANGLES]), hand)
+                axes = joint_rotation(np.array([0.0, 0.0, zeros[joint]["axes_turn_deg"]]), hand)
+                found = joint_angles(np.array(turns[parent]), np.array(turns[child]), hand, rest, axes)
+                np.testing.assert_allclose(found, stated[joint], atol=1e-4, err_msg=joint)
+
+
+def test_what_a_model_without_stated_errors_says_is_weak(out: Path) -> None:
+    """And where it cannot tell a metacarpal's motion, it says so."""
+    rows = [row for row in rows_in(out, "ranges_of_motion", model="rigid") if row["range_deg"] is not None]
+    assert {row["status"] for row in rows} == {"weak"}
+    still = {row["joint"] for row in rows if "keeps the metacarpal still" in row["message"]}
+    assert still == {f"{name}_mcp" for name in FINGERS} | {"ring_cmc", "little_cmc"}
+    assert all("states no error" in row["message"] for row in rows)
 
 
 @pytest.mark.parametrize("hand", ["right", "left"])
