@@ -15,6 +15,7 @@ BENCHMARKS = {
     "accuracy": "every estimator on simulated hands against their truth",
     "two_drawings": "whole hands drawn by us and by others: errors, those all share, what is believed, sd",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
+    "keystrokes": "simulated pianists of two drawings: contact, speed, angles, fingering, independence",
     "null_studies": "studies in which nothing differs: false positives, coverage of intervals, power",
 }
 

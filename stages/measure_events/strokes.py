@@ -13,6 +13,7 @@ from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
 from shukotsu.stages.measure_events.struck_events import StruckEvent
 from shukotsu.stages.measure_events.struck_fingers import Approach, StruckFingers, find_fingers
 from shukotsu.stages.measure_events.turning_points import (
+    SOFT_S,
     TurningPoint,
     one_sided,
     turning_point,
@@ -31,14 +32,14 @@ SEARCH_S: Array = np.arange(-7.0, 8.0) * 0.004
 LEAST_PROBABILITY = 0.8
 """Of a digit that was found, to be used."""
 
-SOFT_S = 0.0015
-"""1-sigma, of when in the few ms in which pulp and felt give way a contact is."""
-
 MOST_CONTACT_SD_S = 0.01
-OF_THE_WAY, BEFORE_S = 0.45, (0.025, 0.05)
+SHAPE_SHARE = 0.03
+"""1-sigma, of a contact's speed: strokes are no parabolas."""
+
+OF_THE_WAY, BEFORE_S = 0.4, (0.025, 0.05)
 """How much of the way down, and from and to how long, says how fast the tip was at its end."""
 
-RISE_MM = 2.0
+RISE_MM = 4.0
 """So far the tip must rise for the key to be up."""
 
 AT_THE_TOP = 0.95
@@ -266,9 +267,12 @@ def _speeds(
         float(np.linalg.norm(velocity_before(window.time_s, own[:, digit], contact.time_s, before_s)))
         for own in (window.in_hand_mm, window.pointing)
     )
+    speed = float(np.linalg.norm(contact.before_mm_s))
     return {
-        "contact_speed_mm_s": float(np.linalg.norm(contact.before_mm_s)),
-        "contact_speed_sd_mm_s": float(np.hypot(contact.speed_sd_mm_s, off_mm * turning)),
+        "contact_speed_mm_s": speed,
+        "contact_speed_sd_mm_s": float(
+            np.linalg.norm([contact.speed_sd_mm_s, off_mm * turning, SHAPE_SHARE * speed])
+        ),
         "contact_speed_in_hand_mm_s": in_hand,
         "peak_speed_sd_mm_s": float(np.hypot(_PEAK_NOISE * contact.noise_mm, off_mm * turning)),
     }
@@ -278,7 +282,8 @@ def _peak_speed(time_s: Array, place_mm: Array, first_s: float, last_s: float) -
     """Largest speed between two times, of straight lines through _PEAK_S that do not reach beyond them."""
     own = (time_s >= first_s) & (time_s <= last_s)
     at_s, place = time_s[own], place_mm[own]
-    width = max(3, 1 + round(_PEAK_S / float(np.median(np.diff(time_s)))))
+    step_s = float(time_s[-1] - time_s[0]) / (len(time_s) - 1)
+    width = max(3, 1 + round(_PEAK_S / step_s))
     if len(at_s) < width:
         return float("nan")
     times = np.lib.stride_tricks.sliding_window_view(at_s, width)
@@ -294,7 +299,7 @@ def _key_up_s(time_s: Array, tip_mm: Array, height_mm: Array, at_s: float) -> fl
     up = np.flatnonzero((time_s > at_s + 0.01) & (height_mm > RISE_MM))
     if not len(up):
         return float("nan")
-    about_s: Array = time_s[up[0]] - np.arange(10.0) * 0.004
+    about_s: Array = time_s[up[0]] - np.arange(15.0) * 0.004
     before, after, _ = one_sided(time_s, tip_mm, about_s[about_s > at_s])
     gain = np.linalg.norm(after, axis=-1) - np.linalg.norm(before, axis=-1)
     if not np.isfinite(gain).any():

@@ -69,11 +69,12 @@ def find_fingers(approach: Approach, pitch: Array, given: npt.NDArray[np.int64])
     going = np.linalg.norm(approach.before_mm_s, axis=-1) - np.linalg.norm(approach.after_mm_s, axis=-1)
     known = np.isfinite(going).any(1)  # (E, D)
     best = np.nan_to_num(going, nan=-np.inf).argmax(1)
-    fall = np.where(known, np.nanmax(np.where(np.isfinite(going), going, -1e9), axis=1), -1e9)
-    share = _softmax(fall / max(1.0, float(np.median(np.abs(fall[known])))) if known.any() else fall)
+    none, down, key_pitch_mm, plane_sd_mm = _FIRST_NONE, np.full(3, np.nan), np.nan, np.nan
+    if not known.any():
+        return StruckFingers(np.zeros(known.shape), best, down, np.nan, np.nan)
+    fall = np.where(known, np.nan_to_num(going, nan=-1e9).max(1), -1e9)
+    share = _softmax(fall / max(1.0, float(np.median(np.abs(fall[known])))))
     share = _as_given(np.where(known, share, 0.0), given)
-    none = _FIRST_NONE
-    down, key_pitch_mm, plane_sd_mm = np.full(3, np.nan), np.nan, np.nan
     for _ in range(_ROUNDS):
         down = _way_down(approach, best, share)
         falling = approach.before_mm_s @ down - np.abs(approach.after_mm_s @ down)

@@ -19,6 +19,11 @@ BEFORE_S, AFTER_S = 0.030, 0.030
 FEWEST_BEFORE, FEWEST_AFTER = 5, 4
 """Frames that they need, for which slow trackers take longer."""
 
+SOFT_S = 0.0015
+"""Pulp and felt give way over some ms, of which the corner is the middle: the speed before is that so much
+earlier.
+"""
+
 SLOPE_S = 0.025
 """How much of it a straight line is fitted to, where nothing is known yet."""
 
@@ -89,7 +94,11 @@ def turning_point(
 def velocity_before(time_s: Array, place_mm: Array, at_s: float, before_s: float) -> Array:
     """Velocity (3,) of a path (n, 3) just before its corner at a known time; NaN without enough frames."""
     off_s, place = _about(time_s, place_mm, at_s, before_s)
-    return np.asarray(_fit(off_s, place)[0][1] / _UNIT_S) if len(off_s) else np.full(3, np.nan)
+    return _speed_before(_fit(off_s, place)[0]) if len(off_s) else np.full(3, np.nan)
+
+
+def _speed_before(parameters: Array) -> Array:
+    return np.asarray((parameters[1] - 2 * parameters[2] * SOFT_S / _UNIT_S) / _UNIT_S)
 
 
 def _about(time_s: Array, place_mm: Array, about_s: float, before_s: float) -> tuple[Array, Array]:
@@ -131,16 +140,15 @@ def _with_errors(
 ) -> TurningPoint:
     """Turn parameters to velocities, with the errors that the noise leaves in the corner's time as well."""
     place, before, bend, after, other_bend = parameters
-    before_mm_s, after_mm_s = before / _UNIT_S, after / _UNIT_S
-    speed = np.linalg.norm(before_mm_s)
+    before_mm_s = _speed_before(parameters)
+    speed = max(float(np.linalg.norm(before_mm_s)), 1e-9)
     # derivative of the places by the time of the corner: both parabolas are shifted by it
-    early = (off_s < 0)[:, None]
-    shifted = -np.where(early, before_mm_s, after_mm_s)
-    shifted = shifted - 2 * np.where(early, bend, other_bend) * (off_s / _UNIT_S)[:, None] / _UNIT_S
-    left = shifted - design @ np.linalg.lstsq(design, shifted, rcond=None)[0]
-    sd_s = noise_mm / np.sqrt(max((left**2).sum(), 1e-12))
-    covariance = np.linalg.pinv(design.T @ design)
-    along = before_mm_s / max(speed, 1e-9)
-    by_time = np.linalg.lstsq(design, shifted, rcond=None)[0][1] @ along / _UNIT_S
-    speed_sd = np.hypot(noise_mm * np.sqrt(covariance[1, 1]) / _UNIT_S, by_time * sd_s)
-    return TurningPoint(time_s, float(sd_s), place, before_mm_s, after_mm_s, float(speed_sd), noise_mm)
+    early, u = (off_s < 0)[:, None], (off_s / _UNIT_S)[:, None]
+    shifted: Array = np.where(early, before + 2 * u * bend, after + 2 * u * other_bend) / -_UNIT_S
+    taken = np.linalg.lstsq(design, shifted, rcond=None)[0]
+    left = float(((shifted - design @ taken) ** 2).sum())
+    sd_s = noise_mm / float(np.sqrt(max(left, 1e-12)))
+    variance = float(np.linalg.pinv(design.T @ design)[1, 1])
+    by_time = float(taken[1] @ before_mm_s) / speed
+    speed_sd = float(np.hypot(noise_mm * np.sqrt(variance), by_time * sd_s)) / _UNIT_S
+    return TurningPoint(time_s, sd_s, place, before_mm_s, after / _UNIT_S, speed_sd, noise_mm)

@@ -30,7 +30,9 @@ def test_contact_is_not_smeared(rate_hz: float, fall_s: float) -> None:
         assert found.time_s == pytest.approx(contact_s, abs=5e-4)
         speed = 22.0 * np.pi / 2 / fall_s
         assert np.linalg.norm(found.before_mm_s) == pytest.approx(speed, rel=0.06)
-        assert np.allclose(velocity_before(time_s, path, found.time_s, before_s), found.before_mm_s, rtol=1e-6)
+        assert np.allclose(
+            velocity_before(time_s, path, found.time_s, before_s), found.before_mm_s, rtol=1e-6
+        )
         assert np.linalg.norm(found.after_mm_s) < 0.05 * speed
 
 
