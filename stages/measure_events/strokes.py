@@ -134,7 +134,7 @@ def _stroke(
     digit = int(found.probability[place].argmax())
     name, probability = reader.digits[digit], float(found.probability[place, digit])
     if name != event.digit and (event.digit or probability < 0.5):
-        reason = f"this model has no tip of the {event.digit}" if event.digit else NO_HAND
+        reason = f"the tip of the {event.digit} is not known here" if event.digit else NO_HAND
         return _refused(event, reason, digit_probability=probability)
     gaps = {
         "since_digit_s": event.onset_s - last_s.get(name, np.nan),
