@@ -52,21 +52,22 @@ class TurningPoint:
 def one_sided(time_s: Array, place_mm: Array, at_s: Array) -> tuple[Array, Array, Array]:
     """Velocities before and after, and places from before, (K, ...), at K times, by straight lines.
 
-    time_s : (n,); place_mm : (n, ...). NaN where a side has fewer than three frames.
+    time_s : (n,); place_mm : (n, ...). NaN where a side has fewer than three frames, or a
+    gap.
     """
     flat = place_mm.reshape(len(time_s), -1)
-    off_s = time_s - at_s[:, None]
-    sides = []
+    off_s, unknown, found = time_s - at_s[:, None], np.isnan(flat), []
     for inside in ((off_s <= 0) & (off_s > -SLOPE_S), (off_s >= 0) & (off_s < SLOPE_S)):
         count = inside.sum(1, keepdims=True)
         with np.errstate(invalid="ignore", divide="ignore"):
             middle = (off_s * inside).sum(1, keepdims=True) / count
             slope = inside * (off_s - middle)
             slope = np.where(count > 2, slope / (slope**2).sum(1, keepdims=True), np.nan)
-            sides.append((slope, inside / count - middle * slope))
-    (before, place), (after, _) = sides
-    shape = (len(at_s), *place_mm.shape[1:])
-    return tuple((weights @ flat).reshape(shape) for weights in (before, after, place))  # type: ignore[return-value]
+            place = inside / count - middle * slope
+        gap = inside.astype(float) @ unknown > 0  # one elsewhere says nothing of this side
+        found += [np.where(gap, np.nan, own @ np.nan_to_num(flat)) for own in (slope, place)]
+    before, place_before, after, _ = (own.reshape(len(at_s), *place_mm.shape[1:]) for own in found)
+    return before, after, place_before
 
 
 def turning_point(

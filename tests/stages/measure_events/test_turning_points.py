@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.measure_events.turning_points import turning_point, velocity_before
+from shukotsu.stages.measure_events.turning_points import one_sided, turning_point, velocity_before
 
 WAY = np.array([0.6, -0.3, -0.74]) / np.linalg.norm([0.6, -0.3, -0.74])
 
@@ -57,3 +57,16 @@ def test_there_is_no_corner_where_frames_are_missing() -> None:
     path = fallen(time_s, 0.4, 0.1, 22.0)[:, None] * WAY
     path[80:95] = np.nan
     assert turning_point(time_s, path, 0.4) is None
+
+
+def test_straight_lines_on_either_side_and_gaps_that_are_elsewhere() -> None:
+    time_s = np.arange(192) / 240
+    path = np.where(time_s < 0.4, 50 * (time_s - 0.4), 20 * (time_s - 0.4))[:, None] * WAY
+    path = np.stack([path, path], 1)
+    path[30:60] = np.nan
+    path[94, 1] = np.nan
+    before, after, place = one_sided(time_s, path, np.array([0.4]))
+    assert np.allclose(before[0, 0], 50 * WAY)
+    assert np.allclose(after[0], 20 * WAY)
+    assert np.allclose(place[0, 0], 0, atol=1e-9)
+    assert np.isnan(before[0, 1]).all()
