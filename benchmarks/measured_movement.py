@@ -16,6 +16,7 @@ from benchmarks.faultless_hands import FACINGS, THUMB, nail_turn
 from benchmarks.other_hands.carriage import carry
 from benchmarks.two_drawings import OTHER, OWN
 from shukotsu.anatomy.average_hand import DIGITS
+from shukotsu.anatomy.recorded_movement import ANGLES
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
@@ -27,7 +28,6 @@ from shukotsu.stages.fit_hand.fitted_motion import joint_angles_of, pose_hand
 from shukotsu.stages.fit_hand.frame_uncertainty import posed_errors
 from shukotsu.stages.fit_hand.posed_tables import ERRORS_OF_ANGLES
 from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
-from shukotsu.stages.measure_movement.recorded_movement import ANGLES
 from shukotsu.stages.simulate.random_hand import BONES, FLEXION, JOINTS, PARENT
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import LAYOUT, Simulated, simulate

@@ -251,6 +251,92 @@ COORDINATION_LOADINGS = Table(
     _key(*_OF_MODEL, COMPONENT, JOINT, ANGLE),
 )
 
+EVENT_NUMBER = _count("event", "number of the event in the recording, as in the events table")
+
+EVENT_STROKES = Table(
+    "event_strokes",
+    1,
+    "an event that a fingertip made, e.g. a keystroke, from the posed hand (docs/keystrokes.md)",
+    (
+        *_OF_MODEL,
+        EVENT_NUMBER,
+        Column("name", TEXT, "", "what happened, as in the events table"),
+        Column("digit", TEXT, "", "the digit that struck; empty where that is not known"),
+        real("digit_probability", "that it was this digit: 1 where the event names it"),
+        real("onset_s", "when the event began, on the clock of the recording's time_s"),
+        real("onset_sd_ms", "1-sigma error of onset_s"),
+        real("key_down_s", "when the fingertip stopped going down"),
+        real("key_down_sd_ms", "1-sigma error of key_down_s"),
+        real("key_down_lag_ms", "key_down_s less onset_s"),
+        real("key_up_s", "when the fingertip began to rise from there"),
+        real("contact_speed_mm_s", "speed of the fingertip just before key_down_s, in the transmitter frame"),
+        real("contact_speed_sd_mm_s", "1-sigma error of contact_speed_mm_s"),
+        real("contact_speed_in_hand_mm_s", "the same speed in the frame of the hand"),
+        real("peak_speed_before_mm_s", "largest speed on the way down, in the transmitter frame"),
+        real("peak_speed_after_mm_s", "largest speed from key_down_s to the end of the rise"),
+        real("peak_speed_sd_mm_s", "1-sigma error of the peak speeds"),
+        real("touch_height_mm", "how high above its place at key_down_s the fingertip came from"),
+        real("touch_height_sd_mm", "1-sigma error of touch_height_mm"),
+        real("hand_displacement_mm", "how far the hand's base moved on the way down"),
+        real("hand_turn_deg", "by how much the hand turned on the way down"),
+        real("since_digit_s", "time since the event before it of that digit"),
+        real("since_any_s", "time since the event before it of any digit"),
+        Column("used", YES_NO, "", "whether event_measures and event_independence are made of it"),
+        STATUS,
+        *MESSAGE,
+    ),
+    _key(*_OF_MODEL, "event"),
+)
+
+EVENT_ANGLES = Table(
+    "event_angles",
+    1,
+    "an angle of a joint of the striking digit in a stroke",
+    (
+        *_OF_MODEL,
+        EVENT_NUMBER,
+        JOINT,
+        ANGLE,
+        real("at_contact_deg", "the angle at key_down_s"),
+        real("at_contact_sd_deg", "1-sigma error of at_contact_deg"),
+        real("range_deg", "from the least to the largest angle on the way down"),
+        real("range_sd_deg", "1-sigma error of range_deg"),
+    ),
+    _key(*_OF_MODEL, "event", JOINT, ANGLE),
+)
+
+EVENT_INDEPENDENCE = Table(
+    "event_independence",
+    1,
+    "how far a digit goes along while another strikes",
+    (
+        *_OF_MODEL,
+        DIGIT,
+        Column("other_digit", TEXT, "", "the digit that goes along; `digit` strikes"),
+        real("mean_ratio", "movement of the other's tip in the direction of the stroke, of the striker's"),
+        real("spread", "standard deviation between strokes (n - 1)"),
+        real("sd", "1-sigma error of mean_ratio, from the spread between strokes"),
+        _count("n", "strokes"),
+    ),
+    _key(*_OF_MODEL, DIGIT, "other_digit"),
+)
+
+EVENT_MEASURES = Table(
+    "event_measures",
+    1,
+    "what the strokes of a digit in a recording are like together",
+    (
+        *_OF_MODEL,
+        Column("digit", TEXT, "", "the digit; empty: the strokes of all digits in turn"),
+        Column("measure", TEXT, "", "what is measured (docs/keystrokes.md)"),
+        real("value", "mean over the strokes; of `..._variability` their standard deviation (n - 1)"),
+        UNIT,
+        real("sd", "1-sigma error of value, of measuring alone; null where none is stated"),
+        _count("n", "strokes"),
+    ),
+    _key(*_OF_MODEL, DIGIT, "measure"),
+)
+
 MOVEMENT_DIFFERENCES = Table(
     "movement_differences",
     2,
@@ -458,6 +544,10 @@ MOVEMENT_TABLES = (
     MOVEMENT_CURVES,
     COORDINATION,
     COORDINATION_LOADINGS,
+    EVENT_STROKES,
+    EVENT_ANGLES,
+    EVENT_INDEPENDENCE,
+    EVENT_MEASURES,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
     CURVE_DIFFERENCES,

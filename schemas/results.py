@@ -18,6 +18,9 @@ MEASURED_TABLES = (
 )
 """Tables of a subject's movement."""
 
+EVENT_TABLES = ("event_strokes", "event_angles", "event_independence", "event_measures")
+"""Tables of what a subject's fingers do at its events; of a subject without events there are none."""
+
 SUBJECT_TABLES = {
     "findings": "check_recordings",
     "events": "align_events",
@@ -34,7 +37,7 @@ SUBJECT_TABLES = {
     "joint_errors": "evaluate_skeletons",
     **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
 }
-"""Tables of a subject, of both hands and all models, and the rule that writes each."""
+"""Tables of every subject, of both hands and all models, and the rule that writes each."""
 
 FIT_TABLES = (
     "fitted_joints",
@@ -64,6 +67,7 @@ GATHERED_TABLES = {
     "events": "align_events",
     "clocks": "align_events",
     **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
+    **dict.fromkeys([name for name in EVENT_TABLES if name != "event_angles"], "measure_events"),
 }
 """Short tables that are gathered for the study, of whole skeletons, and the stage that writes each."""
 

@@ -230,12 +230,15 @@ def move_arm(
         "typing": (15.0, 4.0, 3.0),
         "piano": (60.0, 6.0, 2.0),
         "opposition": (40.0, 18.0, 4.0),
+        "keyboard": (30.0, 0.0, 4.0),
     }[task]
     middle = np.array([rng.uniform(270, 380), rng.uniform(-90, 90), rng.uniform(-70, 70)])
     knots = 2 + int(time_s[-1] // every_s) + 1
     at_s = np.cumsum(rng.uniform(0.6, 1.4, knots)) * every_s
     at_s -= at_s[0]
     places = np.clip(rng.normal(0, roams_mm, (knots, 3)), -120, 120)
+    if task == "keyboard":  # the arm goes along it, and all keys are one level
+        places[:, 2] = 0.0
     turns = np.deg2rad(rng.normal(0, tilts_deg, (knots, 3)))
     lies_s = min(rng.uniform(1, 4), time_s[-1] / 6) if task == "calibration" and rng.random() < 0.6 else 0.0
     back_s = time_s[-1] - rng.uniform(1, 3) if lies_s and rng.random() < 0.5 else np.inf

@@ -32,6 +32,7 @@ from shukotsu.schemas.plan import (
     truth_folder,
 )
 from shukotsu.schemas.results import (
+    EVENT_TABLES,
     FIGURE_KINDS,
     FIT_TABLES,
     GATHERED_TABLES,
@@ -248,7 +249,7 @@ class StudyFiles:
     def subject_tables(self, wildcards: Wildcards) -> list[str]:
         """The subject's own tables, of both hands and all models."""
         plan = self._plans[wildcards.subject]
-        return [str(plan.table(table)) for table in SUBJECT_TABLES]
+        return [str(path) for table in (*SUBJECT_TABLES, *EVENT_TABLES) for path in plan.files_of(table)]
 
     def poses_of_fit(self, wildcards: Wildcards) -> list[str]:
         """Poses that a fit of a hand reads: of both hands, where the model shares lengths between them."""

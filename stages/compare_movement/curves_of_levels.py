@@ -97,9 +97,7 @@ def _columns(one: _Curve, found: FamilyVerdicts) -> Columns:
     whole = one.named | {"n": n, "n_other": n_other, "verdict": verdict, "p_holm": p, "message": message}
     return {
         "percent": percents,
-        "difference": found.difference
-        if p is not None
-        else (one.first.mean() - one.other.mean()).to_numpy(float),
+        "difference": of_means if p is None else found.difference,
         "low": found.low,
         "high": found.high,
         "t": found.t,

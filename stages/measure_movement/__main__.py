@@ -114,6 +114,7 @@ def _measure_recording(
     """Write the rows of one recording, ranges alone where it only calibrates; give its curves."""
     from itertools import groupby
 
+    from shukotsu.anatomy.recorded_movement import ANGLES, read_movement, unsolved
     from shukotsu.skeleton.posed_recording import posed_recording
     from shukotsu.stages.measure_movement.coordination import Postures, coordination_rows
     from shukotsu.stages.measure_movement.movement_rows import (
@@ -125,7 +126,6 @@ def _measure_recording(
         path_rows,
         range_rows,
     )
-    from shukotsu.stages.measure_movement.recorded_movement import ANGLES, read_movement, unsolved
     from shukotsu.stages.measure_movement.sampling import grid_of
 
     posed, evaluated = posed_recording(plan, recording, part.model), recording.role != "calibration"

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.anatomy.recorded_movement import ERRORS, AngleSeries
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.measure_movement.recorded_movement import ERRORS, AngleSeries
 
 MOST_FRAMES = 20_000
 """Frames, evenly spaced, that postures are taken from."""

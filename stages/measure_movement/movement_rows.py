@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.anatomy.recorded_movement import ERRORS, AngleSeries, FingertipPath
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
 from shukotsu.stages.measure_movement.cycles import PERCENT, Cycle, mean_curves, normalised
 from shukotsu.stages.measure_movement.differentiation import speed
 from shukotsu.stages.measure_movement.fingertip_contacts import contact_count, contacts
-from shukotsu.stages.measure_movement.recorded_movement import ERRORS, AngleSeries, FingertipPath
 from shukotsu.stages.measure_movement.sampling import Grid, bridged
 from shukotsu.stages.measure_movement.smoothness import median_smoothness
 

@@ -62,7 +62,7 @@ IN_A_PART = {
     "estimate_metacarpals": "shukotsu.stages.estimate_metacarpals.hand.build_hand",
     "evaluate_tips": "shukotsu.stages.evaluate_tips.tip_tables.replay_recording",
     "evaluate_skeletons": "shukotsu.stages.evaluate_skeletons.evaluation.evaluate_hand",
-    "measure_movement": "shukotsu.stages.measure_movement.recorded_movement.RecordedMovement.joints",
+    "measure_movement": "shukotsu.anatomy.recorded_movement.RecordedMovement.joints",
     "export": "shukotsu.stages.export.__main__.write_format",
     "report.subject": "shukotsu.stages.report.recording_page.recording_content.recording_page",
 }

@@ -10,12 +10,12 @@ import pytest
 from planned_subject import PlannedSubject, planned_subject
 from small_study import run_stages
 
+from shukotsu.anatomy import recorded_movement
 from shukotsu.checks import checked_recording, mirror_jumps, timeline
 from shukotsu.files import long_arrays
 from shukotsu.schemas import poses
 from shukotsu.skeleton import posed_recording
 from shukotsu.stages.check_recordings.__main__ import main as check_recordings
-from shukotsu.stages.measure_movement import recorded_movement
 from shukotsu.stages.measure_movement.__main__ import main as measure_movement
 
 FEW = 37

@@ -169,7 +169,7 @@ PLANTED = {
     ),
     "a column of the recordings table": (
         ("schemas/catalogue.py", "RECORDINGS = Table(", "RECORDINGS = NEW or Table("),
-        {"gather", "measure_movement", "compare_models", "export.tables"} | REPORTS,
+        {"gather", "measure_movement", "measure_events", "compare_models", "export.tables"} | REPORTS,
     ),
     "a finding's sentence": (
         ("sentences/finding_sentences.py", "def what_of(", "WORSE = 1\n\n\ndef what_of("),
@@ -177,7 +177,7 @@ PLANTED = {
     ),
     "a column of the whole hand's angles": (
         ("schemas/catalogue.py", "JOINT_ANGLES = Table(", "JOINT_ANGLES = NEW or Table("),
-        {"fit_hand", "gather", "measure_movement", "export.tables"} | REPORTS,
+        {"fit_hand", "gather", "measure_movement", "measure_events", "export.tables"} | REPORTS,
     ),
 }
 

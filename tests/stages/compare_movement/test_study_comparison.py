@@ -67,7 +67,7 @@ def test_the_groups_differ_where_they_do(study: dict[str, pd.DataFrame]) -> None
     assert (moved.n, moved.n_other, moved.left_out, moved.unit) == (6, 6, 0, "deg")
     assert moved.test == "Welch's t"
     assert moved.p_holm <= 0.05
-    assert moved.p_max_t <= 0.05
+    assert moved.p_holm < moved.p_max_t < 0.1
     assert moved.low <= drawn.EFFECT_DEG <= moved.high
     assert moved.effect_low < moved.effect_size < moved.effect_high
     still = rows[rows["of"] == "index_mcp flexion"].iloc[0]

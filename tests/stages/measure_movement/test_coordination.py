@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import subspace_angles
 
+from shukotsu.anatomy.recorded_movement import AngleSeries
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.coordination import (
     MOST_FRAMES,
@@ -13,7 +14,6 @@ from shukotsu.stages.measure_movement.coordination import (
     coordination_rows,
     principal_components,
 )
-from shukotsu.stages.measure_movement.recorded_movement import AngleSeries
 
 WIDTHS_DEG = np.array([40.0, 20.0, 10.0, 6.0])
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from shukotsu.anatomy.recorded_movement import FingertipPath
 from shukotsu.stages.measure_movement.fingertip_contacts import (
     CONTACT_MM,
     RELEASE_MM,
@@ -10,7 +11,6 @@ from shukotsu.stages.measure_movement.fingertip_contacts import (
     contacts,
 )
 from shukotsu.stages.measure_movement.movement_rows import distance_rows
-from shukotsu.stages.measure_movement.recorded_movement import FingertipPath
 from shukotsu.stages.measure_movement.sampling import grid_of
 
 BETWEEN_MM = (CONTACT_MM + RELEASE_MM) / 2

@@ -5,7 +5,7 @@ Of a long recording one column of one of these is in memory at a time (see `shuk
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -64,7 +64,8 @@ class RecordedMovement:
     """Hold what one pass over a recording gives.
 
     frame, time_s : (T,) numbers and device times. fingertips : by digit. left_out : joints that the model
-    cannot pose, and why.
+    cannot pose, and why. bases : (T, 7, 1) by segment, the poses in the transmitter frame, mm then
+    quaternion, of what fingertips are placed in.
     """
 
     posed: PosedRecording
@@ -72,6 +73,7 @@ class RecordedMovement:
     time_s: Array
     fingertips: Mapping[str, FingertipPath]
     left_out: Mapping[str, str]
+    bases: Mapping[str, Array] = field(default_factory=dict)
     _angles_deg: Mapping[str, Array] = field(default_factory=dict)
 
     def joints(self) -> Iterator[AngleSeries]:
@@ -136,6 +138,7 @@ def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedM
     frame, time_s = np.empty(count, np.int64), np.empty(count)
     angles: dict[str, Array] = {}
     tips: dict[str, Array] = {}
+    bases: dict[str, Array] = {}
     left_out: Mapping[str, str] = {}
     for poses in posed.pose_blocks():
         rows = slice(start, start + len(poses.frame))
@@ -143,7 +146,8 @@ def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedM
         if posed.is_fitted and not with_tips:
             continue
         bones = posed.bones(poses)
-        found = [(tips, _fingertips(posed, poses, bones))]
+        own_tips = _fingertips(posed, poses, bones)
+        found = [(tips, own_tips), (bases, _bases(posed, poses, bones, own_tips))]
         if not posed.is_fitted:
             left_out = bones.left_out
             found.append((angles, bone_angles_deg(layout, hand, bones, facing)))
@@ -158,6 +162,7 @@ def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedM
         time_s,
         {name: _fingertip_path(own) for name, own in tips.items()},
         {joint: left_out[name] for name in left_out for joint in layout.digits[name].joints},
+        bases,
         angles,
     )
 
@@ -183,6 +188,12 @@ def _fingertips(posed: PosedRecording, poses: Poses, bones: PosedBones) -> dict[
             columns += [own_sd[:, None], rotate(back, bones.position_mm[:, bones.index(end)] - base_mm)]
         found[name] = np.concatenate(columns, -1)
     return found
+
+
+def _bases(posed: PosedRecording, poses: Poses, bones: PosedBones, digits: Iterable[str]) -> dict[str, Array]:
+    """Poses (T, 7) of the bones that those digits hang from, in a block."""
+    by_base = {digit.base: digit for digit in map(posed.layout.digits.get, digits) if digit is not None}
+    return {base: np.concatenate(_base(posed, own, poses, bones), -1) for base, own in by_base.items()}
 
 
 def _unknown(count: int, width: int) -> Array:

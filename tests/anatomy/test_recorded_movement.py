@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shukotsu.stages.measure_movement.recorded_movement import running_on
+from shukotsu.anatomy.recorded_movement import running_on
 
 TIME_S = np.arange(2400) / 240
 

@@ -1,0 +1,249 @@
+"""A simulated person of the project's own drawing who plays keys: strokes whose contact is known exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shukotsu.anatomy.neutral_bones import neutral_rotations
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.joint_angles import joint_angles
+from shukotsu.skeleton.posing import SkeletonJoint
+from shukotsu.skeleton.rotations import Array, from_matrix, rotate
+from shukotsu.stages.simulate.forward import bone_poses, coupled_angles
+from shukotsu.stages.simulate.random_hand import BONES, DIGITS, JOINTS, TIP_BONES, Hand, hand_of
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import LAYOUT, simulate
+from shukotsu.stages.simulate.task_motion import Motion, posture, rest_posture
+
+KEY_MM, DIP_MM, RATE_HZ = 23.5, 14.0, 240.0
+FIRST_PITCH, LIFTS_MM = 60, (4.0, 12.0)
+
+
+@dataclass(frozen=True)
+class Struck:
+    """A keystroke: the digit, when it began to fall, reached the key's bottom and left it, the key, and how
+    fast it came.
+    """
+
+    digit: str
+    falls_s: float
+    contact_s: float
+    up_s: float
+    pitch: int
+    speed_mm_s: float
+
+
+@dataclass(frozen=True)
+class Played:
+    """A recording of somebody who plays, and what is true of it.
+
+    tip_mm : (T, 5, 3) of the digits' skin; turn : (T, 4) of the hand; angles_deg : (T, 3) or, flexion alone,
+    (T, 1) by joint.
+    """
+
+    poses: Poses
+    strokes: Sequence[Struck]
+    tip_mm: Array
+    turn: Array
+    angles_deg: Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class _Touch:
+    digit: int
+    contact_s: float
+    held_s: float
+    fall_s: float
+    power: float
+    lift_mm: float
+
+
+def play(
+    seed: int, side: str, interval_s: float, duration_s: float, goes_along: float, session: str
+) -> Played:
+    """Play one key after another. goes_along : what a neighbouring finger does of a finger's movement."""
+    rng = np.random.default_rng([seed, round(1e3 * interval_s), sum(session.encode())])
+    realism = Realism()
+    hand = hand_of("01", side, seed, realism)
+    piece = _Piece(hand, realism, rng, interval_s, duration_s, goes_along)
+    n_frames = round(duration_s * RATE_HZ)
+    made = simulate("01", side, "opposition", seed, realism, n_frames, session=session, change=piece.played)
+    truth = made.truth
+    strokes = piece.strokes(made.time_s[0])
+    bones = {name: truth.bone_quaternion[:, i] for i, name in enumerate(BONES)}
+    return Played(made.poses(), strokes, truth.skin_tip_mm, bones["hand"], _true_angles_deg(side, bones))
+
+
+def _true_angles_deg(side: str, bones: Mapping[str, Array]) -> dict[str, Array]:
+    """Angles (T, 3) of the joints, from the bones' rotations."""
+    layout, found = read_layout(LAYOUT), {}
+    for digit in layout.digits.values():
+        rests = neutral_rotations(layout, side, [SkeletonJoint(joint, 0, "") for joint in digit.joints])
+        pairs = zip((digit.base, *digit.segments), digit.segments, digit.joints, rests, strict=False)
+        for parent, child, joint, rest in pairs:
+            if digit.name != "thumb":  # whose metacarpal's frame is the receiver's
+                found[joint] = joint_angles(bones[parent], bones[child], side, rest)
+    return found
+
+
+class _Piece:
+    """What is played, as a function of time."""
+
+    def __init__(
+        self, hand: Hand, realism: Realism, rng: np.random.Generator, interval_s: float, duration_s: float,
+        goes_along: float,
+    ) -> None:  # fmt: skip
+        self.hand, self.realism, self.rng = hand, realism, rng
+        apart = np.abs(np.subtract.outer(np.arange(5), np.arange(5)))
+        share = (
+            goes_along * np.choose(np.minimum(apart, 3), [0, 1, 0.5, 0.25]) * rng.uniform(0.7, 1.3, (5, 5))
+        )
+        share[0], share[:, 0] = 0.3 * share[0], 0.3 * share[:, 0]  # the thumb is its own
+        self.share = share
+        count = int((duration_s - 2.0) / interval_s)
+        at_s = 1.2 + interval_s * (np.arange(count) + rng.normal(0, 0.04, count))
+        digits = [int(rng.integers(5))]
+        while len(digits) < count:
+            digits.append(int(rng.choice([d for d in range(5) if d != digits[-1]])))
+        held = np.minimum(0.25, 0.6 * interval_s)
+        self.touches = [
+            _Touch(d, float(t), float(held * rng.uniform(0.8, 1.2)),
+                   float(min(0.11, 0.4 * interval_s) * rng.uniform(0.85, 1.15)),
+                   float(rng.uniform(1.6, 2.3)), float(rng.uniform(*LIFTS_MM)))
+            for d, t in zip(digits, at_s, strict=True)
+        ]  # fmt: skip
+
+    def played(self, motion: Motion) -> Motion:
+        """Give the motion of somebody who plays in place of another, from where its arm begins."""
+        time_s = np.arange(len(motion.wrist_mm)) / RATE_HZ
+        shifts = np.cumsum(self.rng.choice([-1, 0, 1], 1 + int(time_s[-1] // 4)) * KEY_MM)
+        distal = rotate(motion.forearm[0], np.array([1.0, 0.0, 0.0])) * np.array([1.0, 1.0, 0.0])
+        distal = distal / np.linalg.norm(distal)
+        self._wrist0, self._lateral = motion.wrist_mm[0], np.cross([0.0, 0.0, 1.0], distal)
+        self._forearm = from_matrix(np.stack([distal, self._lateral, [0.0, 0.0, 1.0]], -1))
+        self._shifts = np.clip(shifts, -2 * KEY_MM, 2 * KEY_MM)
+        self._set_up()
+        wrist = self._wrist(time_s)
+        forearm = np.repeat(self._forearm[None], len(time_s), 0)
+        return replace(motion, angles_rad=self._angles(self._bends(time_s)), wrist_mm=wrist, forearm=forearm)
+
+    def _wrist(self, time_s: Array) -> Array:
+        knots = np.arange(len(self._shifts)) * 4.0
+        place = np.interp(time_s, np.sort(np.append(knots, knots + 3.4)), np.repeat(self._shifts, 2))
+        slow = np.sin(2 * np.pi * 0.21 * time_s)
+        return np.asarray(
+            self._wrist0 + place[:, None] * self._lateral + slow[:, None] * np.array([2.0, 2.0, 1.0])
+        )
+
+    def _set_up(self) -> None:
+        """Find how far each digit bends at rest above its key, and which of its joints strike."""
+        home = rest_posture() + sum(
+            posture(**{f"{d}_mcp": 12.0, f"{d}_pip": 18.0, f"{d}_dip": 6.0}) for d in DIGITS[1:]
+        )
+        self._home = home + posture(thumb_mcp=8.0, thumb_ip=8.0)
+        self._stroke, self._sways_deg = np.zeros((10, len(JOINTS), 2)), np.zeros(len(self.touches))
+        for i, d in enumerate(DIGITS[1:], 1):
+            self._stroke[i] = posture(**{f"{d}_mcp": 1.0, f"{d}_pip": 0.1, f"{d}_dip": 0.05})
+            self._stroke[5 + i] = posture(**{f"{d}_mcp": (0.0, 1.0)})
+        thumb = []
+        for joint, column in (("thumb_cmc", 0), ("thumb_cmc", 1), ("thumb_mcp", 0)):
+            self._stroke[0, JOINTS.index(joint), column] = 1.0
+            rest, bent = self._heights(np.array([[0.0], [1.0]]) * np.eye(5)[0])[:, 0]
+            self._stroke[0, JOINTS.index(joint), column] = 0.0
+            thumb.append((joint, column, rest - bent))
+        size = np.linalg.norm([own[2] for own in thumb])
+        for joint, column, falls in thumb:
+            self._stroke[0, JOINTS.index(joint), column] = falls / size
+        self._bed = float(self._heights(np.zeros((1, 5)))[0].mean()) - 6.0
+        self._rest = self._bends_at(self._bed + DIP_MM)
+        self._bottom = self._bends_at(self._bed) - self._rest
+        self._lifts = [self._bends_at(self._bed + DIP_MM + mm) - self._rest for mm in LIFTS_MM]
+        self._deep = self._bottom[[touch.digit for touch in self.touches]]
+        self._aim()
+
+    def _aim(self) -> None:
+        """Find how far each finger goes sideways to come down near the middle of its key."""
+        self._sways_deg = np.zeros(len(self.touches))
+        at_s = np.array([touch.contact_s for touch in self.touches])
+        bends = self._bends(at_s)
+        lateral = self._lateral_mm(bends, at_s)
+        for i, touch in enumerate(self.touches):
+            if touch.digit:  # the thumb strikes where it is
+                more = bends[i : i + 1] + np.eye(10)[5 + touch.digit]
+                gain = self._lateral_mm(more, at_s[i : i + 1])[0, touch.digit] - lateral[i, touch.digit]
+                off_mm = lateral[i, touch.digit] % KEY_MM - KEY_MM / 2 + self.rng.normal(0, 3.0)
+                self._sways_deg[i] = np.clip(-off_mm / gain, -6.0, 6.0)
+        own = np.arange(len(self.touches)), [touch.digit for touch in self.touches]
+        for _ in range(4):  # all come down to one level, wherever the hand is
+            bends = self._bends(at_s)
+            low = self._tips(bends, at_s)[own][:, 2]
+            bends[own] += 0.1
+            slope = (self._tips(bends, at_s)[own][:, 2] - low) / 0.1
+            self._deep = self._deep + np.clip((self._bed - low) / slope, -4.0, 4.0)
+
+    def _lateral_mm(self, bends: Array, time_s: Array) -> Array:
+        return np.asarray((self._tips(bends, time_s) - self._wrist0) @ self._lateral)
+
+    def _angles(self, bends: Array) -> Array:
+        """Joint angles (T, J, 3) from how far each digit bends, (T, 5)."""
+        postures = self._home + np.einsum("td,djk->tjk", bends, self._stroke[: bends.shape[1]])
+        voluntary = np.concatenate([np.radians(postures), np.zeros((*postures.shape[:2], 1))], -1)
+        return coupled_angles(voluntary, self.hand, self.realism)
+
+    def _tips(self, bends: Array, time_s: Array) -> Array:
+        forearm = np.repeat(self._forearm[None], len(time_s), 0)
+        place, turn = bone_poses(self.hand, self._angles(bends), self._wrist(time_s), forearm)
+        along = np.zeros((5, 3))
+        along[:, 0] = self.hand.length_mm[TIP_BONES] + self.hand.soft_tip_mm
+        return np.asarray(place[:, TIP_BONES] + rotate(turn[:, TIP_BONES], along))
+
+    def _heights(self, bends: Array) -> Array:
+        return self._tips(bends, np.zeros(len(bends)))[..., 2]
+
+    def _bends_at(self, height_mm: float) -> Array:
+        """Bend (5,) of each digit at which its tip has a height."""
+        bends = np.zeros(5)
+        for _ in range(12):
+            low, high = self._heights(np.stack([bends, bends + 0.1]))
+            bends = bends + np.clip((height_mm - low) / ((high - low) / 0.1), -6.0, 6.0)
+        return bends
+
+    def _bends(self, time_s: Array) -> Array:
+        """How far every digit bends and goes sideways, (T, 10): by its own strokes, and along with others."""
+        own, sways_deg = np.zeros((len(time_s), 5)), np.zeros((len(time_s), 5))
+        for touch, deep, sway_deg in zip(self.touches, self._deep, self._sways_deg, strict=True):
+            d, t = touch.digit, time_s - touch.contact_s
+            share = (touch.lift_mm - LIFTS_MM[0]) / (LIFTS_MM[1] - LIFTS_MM[0])
+            top = (1 - share) * self._lifts[0][d] + share * self._lifts[1][d]
+            fall = touch.fall_s
+            ready = np.clip((t + 2 * fall) / fall, 0, 1)
+            rise = np.clip((t - touch.held_s) / 0.07, 0, 1)
+            down = np.clip((t + fall) / fall, 0, 1)
+            bend = top * ready**2 * (3 - 2 * ready) + (deep - top) * down**touch.power
+            gives = touch.power * (deep - top) / fall * 0.002
+            bend += gives * np.where(t > 0, 1 - np.exp(-np.maximum(t, 0) / 0.002), 0)
+            let_go = 1 - rise**3 * (10 - 15 * rise + 6 * rise**2)
+            own[:, d] += bend * let_go
+            sways_deg[:, d] += sway_deg * ready**2 * (3 - 2 * ready) * let_go
+        return np.concatenate([self._rest + own + own @ self.share.T, sways_deg], -1)
+
+    def strokes(self, starts_s: float) -> list[Struck]:
+        """What was struck, in the recording's time, of which motion begins at `starts_s`."""
+        found = []
+        for touch in self.touches:
+            times = touch.contact_s + np.array([-1.1e-3, -1e-4])
+            tips = self._tips(self._bends(times), times)[:, touch.digit]
+            speed = float(np.linalg.norm(np.diff(tips, axis=0)) / 1e-3)
+            white = int(np.floor((tips[1] - self._wrist0) @ self._lateral / KEY_MM))
+            # the lateral axis points to the thumb of a right hand, where lower keys are
+            white = -white if self.hand.side == "right" else white
+            octave, step = divmod(white, 7)
+            pitch = FIRST_PITCH + 12 * octave + (0, 2, 4, 5, 7, 9, 11)[step]
+            at_s = starts_s + touch.contact_s
+            falls_s, up_s = at_s - touch.fall_s, at_s + touch.held_s
+            found.append(Struck(DIGITS[touch.digit], falls_s, at_s, up_s, pitch, speed))
+        return found
