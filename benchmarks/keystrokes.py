@@ -311,7 +311,7 @@ def _groups_table(values: Array) -> TextTable:
             rows.append((name, *sizes, float(found.p[0]), found.verdict[0]))
     meaning = (
         "Mean independence of the four fingers over sessions and tempi, people of both drawings; p "
-        f"under the worst null. In the second group a neighbouring finger goes along by {GOES_ALONG[1]} in place of "
+        f"under the worst null. In the second group a neighbour goes along by {GOES_ALONG[1]} in place of "
         f"{GOES_ALONG[0]}; right and left hands do not differ."
     )
     columns = ("groups", "n:d", "n:d", "independence:.3f", "of the others:.3f", "p:.4f", "verdict")

@@ -519,6 +519,9 @@ QUESTIONS = Table(
         real("p", "two-sided p-value, of a curve over its whole cycle"),
         real("p_corrected", "the same after Holm's correction over all questions"),
         *VERDICT,
+        real("subject_sd", "standard deviation over the subjects of a group; null of a covariate"),
+        real("session_sd", "what one session is of it; null where no subject has two at a level"),
+        real("n_sessions", "sessions that a subject has at a level"),
         UNIT,
         Column("first_asked", TEXT, "", "date and time (UTC) of the first run with it; empty: not recorded"),
         Column(

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shukotsu.schemas.movement_tables import FINGERTIP_DISTANCES, FINGERTIP_PATHS, RANGES_OF_MOTION
+from shukotsu.schemas.movement_tables import (
+    EVENT_MEASURES,
+    FINGERTIP_DISTANCES,
+    FINGERTIP_PATHS,
+    RANGES_OF_MOTION,
+)
 from shukotsu.schemas.tables import Table
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A column that is compared. of : the columns that say whose it is. sd : its 1-sigma error
-    as stated, where it can be of what differs between sessions alone.
+    """What is compared. of : the columns that say whose it is. sd : its 1-sigma error as stated, where it
+    can be of what differs between sessions alone. column : that holds it, where its name is not its own.
     """
 
     table: Table
@@ -19,11 +24,18 @@ class Quantity:
     of: tuple[str, ...]
     sd: str = ""
     joined_by: str = " "
+    column: str = ""
+
+    @property
+    def columns(self) -> list[str]:
+        """Columns of its table that it is read from."""
+        units = [column.name for column in self.table.columns if column.name == "unit"]
+        return [*self.of, self.column or self.name, *filter(None, [self.sd]), *units]
 
     @property
     def unit(self) -> str:
-        """Unit of its values."""
-        return self.table.column(self.name).unit
+        """Unit of its values; empty where every row has its own."""
+        return self.table.column(self.column or self.name).unit
 
 
 ANGLE_OF = ("joint", "angle")
@@ -43,4 +55,5 @@ QUANTITIES = (
     Quantity(FINGERTIP_DISTANCES, "median_mm", _TIPS, "distance_sd_mm", "-"),
     Quantity(FINGERTIP_DISTANCES, "contact_percent", _TIPS, "", "-"),
     Quantity(FINGERTIP_DISTANCES, "n_contacts", _TIPS, "", "-"),
+    Quantity(EVENT_MEASURES, "event_measure", ("digit", "measure"), "sd", column="value"),
 )

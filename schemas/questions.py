@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,8 +16,13 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.quantities import ANGLE_OF, QUANTITIES, Quantity
 
 ANGLES = ("flexion", "abduction", "rotation")
-PARTS = ("joint", "angle", "digit", "other_digit", "event")
+PARTS = ("joint", "angle", "digit", "other_digit", "measure")
 """Keys that say whose the outcome is."""
+MEASURE = (
+    r"independence|(contact_speed(_in_hand)?|peak_speed_(before|after)|touch_height|key_down_lag|held|interval|"
+    r"hand_displacement|hand_turn|(cmc|mcp|pip|dip|ip)_flexion_(at_contact|range))(_variability)?"
+)
+"""Measures of a digit's strokes in event_measures."""
 FEWEST_VALUES = 3
 """Of a covariate; what has fewer is a factor."""
 
@@ -206,6 +212,10 @@ def _outcome(
         if key in names and entry[key] not in names[key]:
             raise ValueError(f"{key}: {entry[key]!r} is no {key.partition('_')[2] or key} of the study; "
                              f"{guess(entry[key], [*names[key]])}")  # fmt: skip
+    if "measure" in needed and not re.fullmatch(MEASURE, entry["measure"]):
+        raise ValueError(
+            f"measure: {entry['measure']!r} is not measured; docs/keystrokes.md has the measures"
+        )
     of = tuple(entry[key] for key in needed)
     if needed[-1:] == ("other_digit",):
         if of[0] == of[1]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from shukotsu.schemas.movement_tables import (
+    EVENT_MEASURES,
     FINGERTIP_DISTANCES,
     FINGERTIP_PATHS,
     MOVEMENT_CURVES,
@@ -113,6 +114,7 @@ def write_movement(results: Results, range_rows: Sequence[Row], curve_rows: Sequ
         (MOVEMENT_CURVES, curve_rows),
         (FINGERTIP_PATHS, ()),
         (FINGERTIP_DISTANCES, ()),
+        (EVENT_MEASURES, ()),
     ):
         write(results, table, rows)
 

@@ -73,7 +73,7 @@ def question_rows(
 
 
 def _row(question: Question, outcome: pd.DataFrame, everything: Recorded, among: int) -> Row:
-    columns = [name for name in outcome if name not in RECORDING]
+    columns = [name for name in outcome if name not in (*RECORDING, "unit")]
     place = {name: value for name in ("hand", "task") if (value := getattr(question, name))}
     levels = everything.counted
     for name, value in place.items():
@@ -88,7 +88,7 @@ def _row(question: Question, outcome: pd.DataFrame, everything: Recorded, among:
     at = int(np.nanargmin(found.p)) if p is not None else _largest(np.abs(found.difference))
     counts = [int(group[columns[at]].notna().sum()) if columns else 0 for group in own.groups]
     row = _named(question) | {
-        "unit": question.outcome.unit if question.outcome else "deg",
+        "unit": "deg" if question.curve else next(iter(outcome["unit"]), ""),
         "percent": int(columns[at]) if question.curve and columns else None,
         "design": own.design,
         **_counts(own, counts),
@@ -100,7 +100,27 @@ def _row(question: Question, outcome: pd.DataFrame, everything: Recorded, among:
         "effect_size_name": "",
         "message": _why(verdict, own, counts),
     }
-    return row | (_effect(own, columns[at]) if columns else {})
+    return row | (_effect(own, columns[at]) | _spread(question, numbers, own, columns[at]) if columns else {})
+
+
+def _spread(question: Question, numbers: pd.DataFrame, own: Asked, column: Any) -> Row:
+    """Say how the tested numbers scatter over subjects, and what one session is of it, which `shukotsu plan`
+    reads; nothing of a slope.
+    """
+    if own.pair is None:
+        return {}
+    variances = [group[column].var(ddof=1) for group in own.groups]
+    cell = ["subject", *dict.fromkeys(map(level_column, question.factors))]
+    if "session" in cell:
+        return {"subject_sd": float(np.sqrt(np.mean(variances)))}
+    by_session = numbers.groupby([*cell, "session"], sort=False)[column].mean().dropna()
+    sessions = by_session.groupby(cell, sort=False)
+    counts, within = sessions.count() - 1, sessions.var(ddof=1)
+    row = {"subject_sd": float(np.sqrt(np.mean(variances))), "n_sessions": float((counts + 1).mean())}
+    if not counts.sum():
+        return row
+    n_cells = 2 ** own.design.split(";").count(WITHIN)
+    return row | {"session_sd": float(np.sqrt(n_cells * (within * counts).sum() / counts.sum()))}
 
 
 def _largest(numbers: Array) -> int:

@@ -6,7 +6,7 @@ digits in every hand and task, for one pair of levels under one model.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,13 +46,15 @@ def difference_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recor
     for factor in everything.factors:
         columns = [column for column in ("hand", "task") if column != factor]
         cell = [*columns, "model", "of"]
+        units = dict(zip(numbers["of"], numbers["unit"], strict=True))
         wide = subject_means(numbers, factor, cell)["value"].unstack("level", sort=False)
         families = dict(list(wide.groupby([*columns, "model"], sort=False))) if len(wide) else {}
         for place in places(everything, factor):
             for pair in level_pairs(everything, factor, place):
                 for key, family in families.items():
                     if key[:-1] == tuple(place.values()):
-                        yield from _family(quantity, family, pair, {**place, "model": key[-1]})
+                        where = {**place, "model": key[-1], "quantity": quantity.name}
+                        yield from _family(family, pair, where, units)
 
 
 def judge(rows: Sequence[Row]) -> None:
@@ -92,14 +94,14 @@ def _stacked(numbers: Sequence[pd.Series[float]]) -> Array:
     return np.asarray(pd.concat(numbers, axis=1, sort=False), float)
 
 
-def _family(quantity: Quantity, family: pd.DataFrame, pair: LevelPair, where: Row) -> Iterator[Row]:
+def _family(family: pd.DataFrame, pair: LevelPair, where: Row, units: Mapping[str, str]) -> Iterator[Row]:
     shared = {
-        "hand": "", "task": "", **where, "quantity": quantity.name, "unit": quantity.unit,
+        "hand": "", "task": "", **where,
         "factor": pair.factor, "level": pair.level, "other_level": pair.other, "design": pair.design,
     }  # fmt: skip
     for of, own in family.reindex(columns=[pair.level, pair.other]).groupby("of", sort=False):
         by_subject = own.droplevel([name for name in own.index.names if name != "subject"])
-        yield shared | _row(by_subject, pair) | {"of": of}
+        yield shared | _row(by_subject, pair) | {"of": of, "unit": units[of]}
 
 
 def _row(values: pd.DataFrame, pair: LevelPair) -> Row:

@@ -113,7 +113,7 @@ def _with_categories(part: pa.Table) -> pa.Table:
 
 
 def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -> pd.DataFrame:
-    """A quantity's numbers in the recordings that count: those' columns, model, of, value and sd.
+    """A quantity's numbers in the recordings that count: those' columns, model, of, value, sd and unit.
 
     whole : the quantity's table. Rows without a number are left out; sd is NaN where none is stated. Sessions
     come one after the other, see `in_order`, and so do the trials of each.
@@ -122,9 +122,11 @@ def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -
     for other in quantity.of[1:]:
         of = of + quantity.joined_by + whole[other].astype(str)
     named = whole[[*RECORDING, "model"]].astype(str)
+    column = quantity.column or quantity.name
     numbers = named.assign(
-        of=of,
-        value=whole[quantity.name].astype(float),
+        of=of.str.strip(),
+        value=whole[column].astype(float),
+        unit=whole["unit"].astype(str) if "unit" in whole else quantity.unit,
         sd=whole[quantity.sd].astype(float) if quantity.sd else float("nan"),
     )
     found = numbers.dropna(subset="value").merge(counted, on=RECORDING)

@@ -35,7 +35,7 @@ CELL = ["hand", "task", "model", "of"]
 
 def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
     """Rows of movement_reliability for one quantity; numbers : as `numbers_of` gives them."""
-    reasons = _reasons(everything)
+    reasons, units = _reasons(everything), dict(zip(numbers["of"], numbers["unit"], strict=True))
     for across, own in ((SESSION, numbers), (TRIAL, _first_sessions(numbers, everything))):
         if own.empty or own[across].nunique() < 2:
             continue
@@ -49,7 +49,7 @@ def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Reco
             row = _row(cell["value"], cell["sd"], absent)
             if row:
                 contains = everything.contained[across].get((where["hand"], where["task"]), "")
-                named = {"quantity": quantity.name, "unit": quantity.unit, "contains": contains}
+                named = {"quantity": quantity.name, "unit": units[where["of"]], "contains": contains}
                 yield where | named | row
 
 

@@ -80,7 +80,7 @@ def compare_study(
     outcomes: dict[str, pd.DataFrame] = {}
     for quantity, numbers in _numbers(results, everything):
         outcomes |= {
-            own.name: _of_question(numbers, own, questions.model)[[*RECORDING, "value"]]
+            own.name: _of_question(numbers, own, questions.model)[[*RECORDING, "value", "unit"]]
             for own in questions.asked
             if own.outcome == quantity
         }
@@ -122,10 +122,7 @@ def _numbers(results: Results, everything: Recorded) -> Iterator[tuple[Quantity,
     counted = everything.counted
     for name, quantities in groupby(QUANTITIES, key=lambda quantity: quantity.table.name):
         own = list(quantities)
-        columns = [*RECORDING, "model", *own[0].of]
-        columns += dict.fromkeys(
-            column for quantity in own for column in (quantity.name, quantity.sd) if column
-        )
-        whole = read_frame(results.study_table(name), TABLES[name], columns)
+        columns = dict.fromkeys(column for quantity in own for column in quantity.columns)
+        whole = read_frame(results.study_table(name), TABLES[name], [*RECORDING, "model", *columns])
         for quantity in own:
             yield quantity, numbers_of(quantity, whole, counted)

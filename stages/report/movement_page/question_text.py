@@ -28,6 +28,7 @@ QUANTITIES = {
     "median_mm": N_("median distance"),
     "contact_percent": N_("time in contact"),
     "n_contacts": N_("number of contacts"),
+    "event_measure": N_("strokes"),
 }
 """What quantities are called in a sentence; others by their names."""
 
@@ -41,6 +42,8 @@ def angle_text(joint: str, angle: str) -> str:
 def of_text(of: str) -> str:
     """The same of a column `of`; digits as they are."""
     joint, _, angle = of.partition(" ")
+    if angle and "_" not in joint:  # a digit and what is measured of its strokes
+        return f"{word(joint)} {angle.replace('_', ' ')}"
     return angle_text(joint, angle) if angle else "-".join(map(word, of.split("-")))
 
 

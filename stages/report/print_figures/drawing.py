@@ -94,13 +94,15 @@ def save(folder: Path, drawing: Drawing) -> None:
     """Write NAME.svg, NAME.pdf and NAME.txt, each whole or not at all. Raises InputError where it cannot."""
     base = folder / drawing.name
     with applied():
-        _write(_with(base, "svg"), drawing.figure, {"Date": None})
-        _write(_with(base, "pdf"), drawing.figure, {"CreationDate": None})
+        write_figure(_with(base, "svg"), drawing.figure, {"Date": None})
+        write_figure(_with(base, "pdf"), drawing.figure, {"CreationDate": None})
     write_text(_with(base, "txt"), drawing.caption + "\n")
 
 
-def _write(path: Path, figure: Figure, metadata: dict[str, None]) -> None:
-    """Draw into memory first: matplotlib says more than one sentence of a disk that is full."""
+def write_figure(path: Path, figure: Figure, metadata: dict[str, None]) -> None:
+    """Write a figure whole or not at all; drawn in memory first, for matplotlib says more than one sentence
+    of a disk that is full.
+    """
     drawn = io.BytesIO()
     figure.savefig(drawn, format=path.suffix[1:], metadata=metadata)
     with replacing(path) as temporary:
