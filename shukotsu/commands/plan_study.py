@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 SUBJECTS = (5, 6, 8, 10, 12, 16, 20, 30)
 SESSIONS = (1, 2, 3)
+FEWEST_SUBJECTS, MOST = 4, 1000
 POWER = 0.8
 """That studies are usually planned for: the line in the figure."""
 
@@ -36,15 +37,30 @@ def build_parser() -> argparse.ArgumentParser:
     add_study(parser)
     add("--question", metavar="NAME", help="this question alone (default: each)")
     add("--difference", type=float, help="the true difference, in the question's unit (default: as was seen)")
-    add("--subjects", type=_count, nargs="+", default=SUBJECTS, metavar="N", help="subjects in each group")
-    add("--sessions", type=_count, nargs="+", default=SESSIONS, metavar="N", help="sessions of each subject")
+    add("--subjects", type=_subjects, nargs="+", default=SUBJECTS, metavar="N", help="subjects in each group")
+    add(
+        "--sessions",
+        type=_sessions,
+        nargs="+",
+        default=SESSIONS,
+        metavar="N",
+        help="sessions of each subject",
+    )
     add("--figure", type=_figure, metavar="FILE", help="draw it as well: .svg or .png")
     return parser
 
 
-def _count(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= 1000:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to 1000")
+def _subjects(text: str) -> int:
+    return _count(text, FEWEST_SUBJECTS)
+
+
+def _sessions(text: str) -> int:
+    return _count(text, 1)
+
+
+def _count(text: str, least: int) -> int:
+    if not text.isdecimal() or not least <= int(text) <= MOST:
+        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from {least} to {MOST}")
     return int(text)
 
 
@@ -69,9 +85,8 @@ def plan_study(arguments: argparse.Namespace) -> None:
     asked = [row for row in rows if arguments.question in (None, row["question"])]
     if not asked:
         known = listed([row["question"] for row in rows]) if rows else "none (docs/studies.md#questions)"
-        raise InputError(
-            f"{arguments.study}: questions: has no {arguments.question or 'question'}; it has {known}"
-        )
+        wanted = "question" if arguments.question is None else f"question {arguments.question!r}"
+        raise InputError(f"{arguments.study}: questions: has no {wanted}; it has {known}")
     planned = [(row, _shares(row, arguments, len(rows))) for row in asked if _is_planned(row, arguments)]
     for row, shares in planned:
         print(_table(row, shares, arguments))
@@ -112,7 +127,7 @@ def _shares(row: Mapping[str, Any], arguments: argparse.Namespace, among: int) -
 
 
 def _heads(shares: Mapping[int, Sequence[float]]) -> list[str]:
-    return [f"{n} session{'s' * (n > 1)}" if n else "as many sessions" for n in shares]
+    return [f"{n} session{'s' * (n > 1)}" if n else "sessions as now" for n in shares]
 
 
 def _each(row: Mapping[str, Any]) -> str:

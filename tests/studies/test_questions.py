@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from studies.running import StudyRun, record, write_study
 
+from shukotsu.commands.plan_study import main
+
 pytestmark = pytest.mark.slow
 
 SUBJECTS = [f"P{number}" for number in range(8)]
@@ -53,3 +55,17 @@ def test_a_question_is_dated_by_its_first_run(study: StudyRun) -> None:
     assert done.returncode == 0, done.stderr
     assert study.results.questions_asked.read_bytes() == asked
     assert not study.planned()
+
+
+def test_the_study_says_how_many_subjects_would_answer(
+    study: StudyRun, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(study.folder)
+    asked = [str(study.file), "--question", "PIP", "--difference", "40"]
+    assert main([*asked, "--subjects", "5", "20", "--figure", "power.svg"]) == 0
+    few, many = (int(line.split()[-1]) for line in capsys.readouterr().out.splitlines()[2:4])
+    assert few <= many
+    assert many > 90
+    assert "<svg" in (study.folder / "power.svg").read_text("utf-8")
+    assert main([str(study.file), "--question", "nobody"]) == 2
+    assert "'nobody'; it has PIP" in capsys.readouterr().err
