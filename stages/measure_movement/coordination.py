@@ -99,6 +99,13 @@ class Postures:
         self._frame_sd_deg.append(float(change_sd_deg.min()))
         self._error_sd_deg.append(float(np.sqrt(np.mean(change_sd_deg**2))))
 
+    def n_frames(self, names: list[tuple[str, str]]) -> int:
+        """Count the frames that have all of these angles."""
+        own = [
+            angle_deg for angle_deg, name in zip(self._angle_deg, self.names, strict=True) if name in names
+        ]
+        return int((~np.isnan(own).any(0)).sum())
+
     def components(self) -> tuple[list[tuple[str, str]], Components | None, bool]:
         """Give the angles kept, their components, None where too few frames have them, and whether errors are
         stated.
@@ -110,7 +117,7 @@ class Postures:
         sds = (np.array(sd)[kept] for sd in (self._frame_sd_deg, self._error_sd_deg))
         frame_sd_deg, error_sd_deg = sds
         names, angle_deg = [self.names[index] for index in kept], angle_deg[:, kept]
-        if (~np.isnan(angle_deg).any(1)).sum() < 2 * len(kept):
+        if self.n_frames(names) < 2 * len(kept):
             return names, None, False
         stated = not np.isnan(error_sd_deg).any()
         return (
@@ -131,7 +138,9 @@ def coordination_rows(postures: Postures) -> tuple[list[dict[str, Any]], list[di
     """Give rows of coordination and coordination_loadings, without their keys of recording and model."""
     names, found, stated = postures.components()
     if found is None:
-        return [], []
+        row = {"component": 1, "counted": False, "n_angles": len(names), "n_frames": postures.n_frames(names)}
+        few = f"{row['n_frames']} frames have all {len(names)} angles; expected {2 * len(names)} or more"
+        return ([row | {"status": "failed", "message": few}] if names else []), []
     left_out = [f"{joint} {angle}" for joint, angle in postures.names if (joint, angle) not in names]
     message = f"known in too few frames: {', '.join(left_out)}" if left_out else ""
     if np.isnan(found.share).all():

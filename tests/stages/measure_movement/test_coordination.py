@@ -88,4 +88,9 @@ def test_what_a_model_does_not_state_is_said_and_long_recordings_are_thinned() -
     still = rows_of(series_of(np.random.default_rng(0).normal(0, 1, (500, 5)), 1.0))
     assert (sum(row["counted"] for row in still[0]), still[1]) == (0, [])
     assert rows_of([]) == ([], [])
-    assert rows_of(series_of(angles[:8], 1.0)) == ([], [])
+    (few,), none = rows_of(series_of(angles[:8], 1.0))
+    assert (few["status"], few["message"], none) == (
+        "failed",
+        "8 frames have all 5 angles; expected 10 or more",
+        [],
+    )
