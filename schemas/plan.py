@@ -229,6 +229,11 @@ class SubjectPlan:
             for task in ("", *self.left_out(hand, model))
         ]
 
+    @property
+    def whole_parts(self) -> list[Part]:
+        """Every whole skeleton."""
+        return [part for part in self.parts() if not part.made_without]
+
 
 class StudyPlans:
     """Plans of a study's subjects. results : the study's results folder."""

@@ -35,30 +35,15 @@ def build_parser() -> argparse.ArgumentParser:
 
 def measure(arguments: argparse.Namespace) -> None:
     """Measure every stroke of every evaluated recording under every whole skeleton, write the tables."""
-    from contextlib import ExitStack
-
-    from shukotsu.schemas.catalogue import TABLES as CATALOGUE
-    from shukotsu.schemas.parts import parts_writer
     from shukotsu.schemas.plan import read_plan
     from shukotsu.schemas.results import EVENT_TABLES
     from shukotsu.stages.measure_events.struck_events import struck_events
 
     plan = read_plan(arguments.plan, arguments.inputs)
-    given = [path for path in (arguments.events, arguments.clocks) if path is not None]
-    own = [plan.table(name) for name in ("joint_centres", "bone_lengths", "metacarpals")]
-    fits = [file for name in ("joint_angles", "posed_tips", "bone_poses") for file in plan.files_of(name)]
-    provenance = subject_stage.provenance_of(plan, [*own, *fits], [*subject_stage.poses_files(plan), *given])
-    with ExitStack() as stack:
-        tables = {
-            name: stack.enter_context(
-                parts_writer(arguments.out / f"{name}.parquet", CATALOGUE[name], provenance)
-            )
-            for name in EVENT_TABLES
-        }
+    with subject_stage.measured_tables(arguments, plan, EVENT_TABLES) as tables:
         for hand in plan.hands:
             events: Mapping[Recording, Sequence[StruckEvent]] = {}
-            whole = [part for part in plan.parts() if part.hand == hand and not part.made_without]
-            for part in whole:
+            for part in (part for part in plan.whole_parts if part.hand == hand):
                 with subject_stage.recording_failure(arguments, part, *tables.values()):
                     events = events or struck_events(plan, hand, arguments.events, arguments.clocks)
                     _measure_part(plan, part, events, tables)
@@ -72,8 +57,7 @@ def _measure_part(
 ) -> None:
     """Write the rows of one model."""
     from shukotsu.anatomy.recorded_movement import read_movement, unsolved
-    from shukotsu.errors import InputError, TableError
-    from shukotsu.schemas.poses import frame_count
+    from shukotsu.schemas.poses import usable_poses
     from shukotsu.skeleton.posed_recording import posed_recording
     from shukotsu.stages.measure_events import event_rows
     from shukotsu.stages.measure_events.strokes import measure_strokes
@@ -81,11 +65,7 @@ def _measure_part(
     for table in tables.values():
         table.rows(part, [])
     for recording, own in events.items():
-        try:
-            frame_count(plan.poses(recording))
-        except TableError:
-            raise
-        except InputError:
+        if not usable_poses([plan.poses(recording)])[0]:
             continue  # its import failed: the recordings table says why
         posed = posed_recording(plan, recording, part.model)
         if unsolved(posed):
@@ -112,9 +92,8 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
     from shukotsu.schemas.results import EVENT_TABLES
 
     plan = read_plan(arguments.plan, arguments.inputs)
-    whole = [part for part in plan.parts() if not part.made_without]
     tables = {arguments.out / f"{name}.parquet": CATALOGUE[name] for name in EVENT_TABLES}
-    subject_stage.record_failed_parts(message, tables, whole)
+    subject_stage.record_failed_parts(message, tables, plan.whole_parts)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.study import Recording
-from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.stages.subject_stage import timed_events
 
 MOST_ONSET_SD_MS = 10.0
 """Events that are known less well tell no stroke from the next."""
@@ -40,46 +39,31 @@ def struck_events(
 ) -> dict[Recording, list[StruckEvent]]:
     """Events of a hand's evaluated recordings that a fingertip made, in order of time.
 
-    events, clocks : the subject's tables. Events on a clock that is not sure to be theirs are refused.
+    events, clocks : as `timed_events` takes them. Events on a clock that is not sure are refused.
     """
-    doubted = {} if clocks is None else _doubted_sources(clocks)
-    by_recording: dict[tuple[str, ...], list[Mapping[str, Any]]] = {}
-    for row in rows_of(read_table(events, EVENTS)):
-        if (row["session"], row["hand"]) == (plan.session, hand) and row["onset_s"] is not None:
-            by_recording.setdefault((row["task"], row["trial"]), []).append(row)
+    by_recording: dict[tuple[str, ...], list[tuple[Mapping[str, Any], str]]] = {}
+    for row, doubt in timed_events(plan, hand, events, clocks):
+        by_recording.setdefault((row["task"], row["trial"]), []).append((row, doubt))
     found = {}
     for recording in plan.evaluated(hand):
         rows = by_recording.get((recording.task, recording.trial), [])
         pulses = {part.strip() for part in recording.pulses.split("=")} - {"", _SAME_CLOCK}
         digits = plan.layouts[hand].digits
-        strokes = _strokes((row for row in rows if row["name"] not in pulses), [*digits], doubted)
+        strokes = _strokes((own for own in rows if own[0]["name"] not in pulses), [*digits])
         if strokes:
             found[recording] = strokes
     return found
 
 
-def _doubted_sources(clocks: Path) -> dict[tuple[str, ...], str]:
-    """Why events are not sure to be where they are, by recording and source."""
-    names = ("session", "hand", "task", "trial", "source")
-    return {
-        tuple(row[name] for name in names): row["message"] or "its clock is weak"
-        for row in rows_of(read_table(clocks, CLOCKS))
-        if row["status"] == "weak"
-    }
-
-
-def _strokes(
-    rows: Iterable[Mapping[str, Any]], digits: Sequence[str], doubted: Mapping[tuple[str, ...], str]
-) -> list[StruckEvent]:
+def _strokes(rows: Iterable[tuple[Mapping[str, Any], str]], digits: Sequence[str]) -> list[StruckEvent]:
     found = []
-    for row in rows:
+    for row, doubt in rows:
         pitch, words = _PITCH.search(row["name"]), row["name"].lower().split()
         digit = next((own for own in digits if own.lower() in words), "")
         if not digit and pitch is None:
             continue
-        source = tuple(row[name] for name in ("session", "hand", "task", "trial", "source"))
         sd_ms = row["onset_sd_ms"]
-        refusal = f"its clock is not sure: {doubted[source]}" if source in doubted else ""
+        refusal = f"its clock is not sure: {doubt}" if doubt else ""
         if not refusal and sd_ms is not None and sd_ms > MOST_ONSET_SD_MS:
             refusal = f"its onset is known to {sd_ms:.0f} ms, more than {MOST_ONSET_SD_MS:.0f}"
         duration_s = float("nan") if row["duration_s"] is None else row["duration_s"]

@@ -37,33 +37,19 @@ def build_parser() -> argparse.ArgumentParser:
 
 def measure(arguments: argparse.Namespace) -> None:
     """Measure every recording under every whole skeleton, write the tables."""
-    from contextlib import ExitStack
-
-    from shukotsu.schemas.catalogue import TABLES as CATALOGUE
-    from shukotsu.schemas.parts import parts_writer
     from shukotsu.schemas.plan import read_plan
     from shukotsu.schemas.results import MEASURED_TABLES
     from shukotsu.stages.measure_movement.events import cycles_of
 
     plan = read_plan(arguments.plan, arguments.inputs)
-    events = [path for path in (arguments.events, arguments.clocks) if path is not None]
-    own = [plan.table(name) for name in ("joint_centres", "bone_lengths", "metacarpals")]
-    fits = [file for name in ("joint_angles", "posed_tips", "bone_poses") for file in plan.files_of(name)]
-    provenance = subject_stage.provenance_of(plan, [*own, *fits], [*subject_stage.poses_files(plan), *events])
-    with ExitStack() as stack:
-        tables = {
-            name: stack.enter_context(
-                parts_writer(arguments.out / f"{name}.parquet", CATALOGUE[name], provenance)
-            )
-            for name in MEASURED_TABLES
-        }
+    with subject_stage.measured_tables(arguments, plan, MEASURED_TABLES) as tables:
         for hand in plan.hands:
             cycles: Cycles = {}
             with subject_stage.recording_failure(arguments, plan.part(hand), tables["movement_cycles"]):
                 cycles = cycles_of(plan, hand, arguments.events, arguments.clocks)
             used: set[tuple[Recording, str, int]] = set()
-            for part in plan.parts():
-                if part.hand == hand and not part.made_without:
+            for part in plan.whole_parts:
+                if part.hand == hand:
                     with subject_stage.recording_failure(arguments, part, *_by_model(tables)):
                         _measure_part(plan, part, cycles, tables, used)
             _write_cycles(plan, hand, cycles, used, tables["movement_cycles"])
@@ -82,18 +68,13 @@ def _measure_part(
     used: set[tuple[Recording, str, int]],
 ) -> None:
     """Write the rows of one model; used : takes the cycles that its curves are made of."""
-    from shukotsu.errors import InputError, TableError
-    from shukotsu.schemas.poses import frame_count
+    from shukotsu.schemas.poses import usable_poses
 
     curves: list[dict[str, Any]] = []
     for table in _by_model(tables):
         table.rows(part, [])
     for recording in plan.evaluated(part.hand):
-        try:
-            frame_count(plan.poses(recording))
-        except TableError:
-            raise
-        except InputError:
+        if not usable_poses([plan.poses(recording)])[0]:
             continue  # its import failed: the recordings table says why
         whole, own_curves = _measure_recording(plan, part, recording, cycles.get(recording, ()), tables)
         used |= whole
@@ -203,9 +184,8 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
     from shukotsu.schemas.results import MEASURED_TABLES
 
     plan = read_plan(arguments.plan, arguments.inputs)
-    whole = [part for part in plan.parts() if not part.made_without]
     for name in MEASURED_TABLES:
-        parts = map(plan.part, plan.hands) if name == "movement_cycles" else whole
+        parts = map(plan.part, plan.hands) if name == "movement_cycles" else plan.whole_parts
         tables = {arguments.out / f"{name}.parquet": CATALOGUE[name]}
         subject_stage.record_failed_parts(message, tables, parts)
 

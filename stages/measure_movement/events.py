@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import pose_blocks
 from shukotsu.schemas.study import Recording
-from shukotsu.schemas.tables import read_table, rows_of
 from shukotsu.stages.measure_movement.cycles import Cycle, cut_cycles, within_recording
 from shukotsu.stages.measure_movement.sampling import grid_of
+from shukotsu.stages.subject_stage import timed_events
 
 
 def cycles_of(
@@ -23,28 +20,19 @@ def cycles_of(
 ) -> dict[Recording, list[list[Cycle]]]:
     """Cycles of each evaluated recording, by its events' names in turn; none without events or times.
 
-    events, clocks : the subject's tables; without clocks every event's is trusted. Raises InputError where
-    they are none.
+    events, clocks : as `timed_events` takes them.
     """
-    rows = [] if clocks is None else rows_of(read_table(clocks, CLOCKS))
-    weak = {_place(row) for row in rows if row["status"] == "weak"}
     by_recording: dict[tuple[str, str], dict[str, list[tuple[float, float, float]]]] = {}
-    for row in [] if events is None else rows_of(read_table(events, EVENTS)):
-        if (row["session"], row["hand"]) == (plan.session, hand) and row["onset_s"] is not None:
-            own = by_recording.setdefault((row["task"], row["trial"]), {})
-            duration_s, sd_ms = (
-                np.nan if row[name] is None else row[name] for name in ("duration_s", "onset_sd_ms")
-            )
-            sd_s = np.inf if _place(row) in weak else sd_ms / 1e3
-            own.setdefault(row["name"], []).append((row["onset_s"], duration_s, sd_s))
+    for row, doubt in () if events is None else timed_events(plan, hand, events, clocks):
+        own = by_recording.setdefault((row["task"], row["trial"]), {})
+        duration_s, sd_ms = (
+            np.nan if row[name] is None else row[name] for name in ("duration_s", "onset_sd_ms")
+        )
+        own.setdefault(row["name"], []).append((row["onset_s"], duration_s, np.inf if doubt else sd_ms / 1e3))
     return {
         recording: _cycles(plan, recording, by_recording.get((recording.task, recording.trial), {}))
         for recording in plan.evaluated(hand)
     }
-
-
-def _place(row: Mapping[str, Any]) -> tuple[str, ...]:
-    return tuple(row[name] for name in CLOCKS.key)
 
 
 def _cycles(
