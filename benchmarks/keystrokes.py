@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from benchmarks import other_hands, pianist
 from benchmarks.benchmark_table import Cell, TextTable, workers
 from benchmarks.faultless_hands import FACINGS
+from benchmarks.measured_movement import all_true_angles_deg, other_bones
 from benchmarks.other_hands.keyboard import press_keys
 from benchmarks.pianist import Played, Struck
 from benchmarks.processes import ROOT, run_python
@@ -173,7 +174,9 @@ def _other_played(
         strokes,
         tips[::times],
         made.true_pose.quaternion[::times, made.true_pose.segments.index("hand")],
-        {joint: own[::times, :1] for joint, own in made.true_angles_deg.items()},
+        all_true_angles_deg(
+            other_bones(person, {k: own[::times] for k, own in made.true_angles_deg.items()})
+        ),
     )
 
 
@@ -234,23 +237,18 @@ def _stroke_numbers(pairs: Sequence[tuple[Any, Struck]]) -> tuple[Cell, ...]:
 
 def _angle_numbers(*numbers: Sequence[tuple[float, float]]) -> tuple[Cell, ...]:
     angle, width, ratio = (np.array(own).reshape(-1, 2).T for own in numbers)
-    known = np.isfinite(angle).all(0)
-    of_angle = (_rms(angle[0, known]), _held(*angle[:, known])) if known.any() else (None, None)
     going = _rms(ratio[0] - ratio[1]), float(np.corrcoef(ratio)[0, 1])
-    return *of_angle, _rms(width[0]), _held(*width), *going
+    return _rms(angle[0]), _held(*angle), _rms(width[0]), _held(*width), *going
 
 
 def _angle_errors(row: Any, own: Struck, played: Played) -> list[tuple[float, float]]:
-    """Error and stated sd of an angle at contact, NaN of the other drawing, and of its range on the way."""
+    """Error and stated sd of an angle at contact, and of its range on the way."""
     index, true = ("flexion", "abduction", "rotation").index(row.angle), played.angles_deg[row.joint]
-    if index >= true.shape[1]:
-        return []
     time_s = played.poses.time_s
     on_way = (time_s >= own.falls_s) & (time_s < own.contact_s)
     at = float(np.interp(own.contact_s, time_s, true[:, index]))
     width = float(np.ptp(np.append(true[on_way, index], at)))
-    off = row.at_contact_deg - at if true.shape[1] > 1 else np.nan
-    return [(off, row.at_contact_sd_deg), (row.range_deg - width, row.range_sd_deg)]
+    return [(row.at_contact_deg - at, row.at_contact_sd_deg), (row.range_deg - width, row.range_sd_deg)]
 
 
 def _ratios(along: pd.DataFrame, played: Played) -> Iterator[tuple[float, float]]:
@@ -284,8 +282,8 @@ def _strokes_table(rows: Sequence[tuple[Cell, ...]], people: int) -> TextTable:
         f"{people} people of each drawing in two sessions, {DURATION_S:.0f} s at every tempo; no event names "
         "a digit. Digit: found, of all strokes, and of those used. Contact: error of key_down_s, mean and "
         "standard deviation. Speed: error at contact, mean and root mean square (rms). Held: % of errors "
-        "within 1.96 of the stated sd. Angles of the striking finger at contact (own drawing), and their "
-        "range on the way down (other drawing: flexion), rms error. Along: rms error of mean_ratio, and its "
+        "within 1.96 of the stated sd. Angles of the striking finger at contact, and their range "
+        "on the way down, rms error. Along: rms error of mean_ratio, and its "
         "correlation with the truth."
     )
     return TextTable("keystrokes", columns, rows, meaning)

@@ -163,12 +163,20 @@ def true_angles_deg(bones: Bones, joint: str, parent: str, child: str) -> Array:
     return joint_angles(bones.quaternion[parent], bones.quaternion[child], "right", rest, axes)
 
 
+def all_true_angles_deg(bones: Bones) -> dict[str, Array]:
+    """The same of every joint of the digits."""
+    return {
+        joint: true_angles_deg(bones, joint, BONES[PARENT[index]], BONES[index + 1])
+        for index, joint in enumerate(JOINTS[1:], 1)
+    }
+
+
 def _own(seed: int, hand: str, task: str) -> tuple[Poses, Bones]:
     made = simulate("01", hand, task, seed, Realism(), round(240 * DURATION_S[task]))
-    return made.poses(), _own_bones(made)
+    return made.poses(), own_bones(made)
 
 
-def _own_bones(made: Simulated) -> Bones:
+def own_bones(made: Simulated) -> Bones:
     """The thumb's metacarpal faces its nail; a left hand's frames and axes (pseudo-vectors) are mirrored."""
     truth, flat = made.truth, {"hand": np.array([1.0, 0.0, 0.0, 0.0])}
     axis: dict[str, Array] = {}
@@ -189,10 +197,10 @@ def _own_bones(made: Simulated) -> Bones:
 def _other(seed: int, hand: str, task: str) -> tuple[Poses, Bones]:
     person = other_hands.draw_person(seed, thumb_facing=FACINGS[seed % len(FACINGS)])
     made = other_hands.record(person, hand, MOVEMENTS[task], seed=seed, duration_s=DURATION_S[task])
-    return made.poses, _other_bones(person, made.true_angles_deg)
+    return made.poses, other_bones(person, made.true_angles_deg)
 
 
-def _other_bones(person: other_hands.Person, angles_deg: dict[str, Array]) -> Bones:
+def other_bones(person: other_hands.Person, angles_deg: dict[str, Array]) -> Bones:
     """Bones as they lie on the table, and as they are carried; x of the hand's frame points to the north."""
     to_hand = Rotation.from_euler("z", -90, degrees=True).as_matrix()
     motions, _ = carry(person, angles_deg)

@@ -7,16 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.anatomy.neutral_bones import neutral_rotations
-from shukotsu.schemas.layout import read_layout
+from benchmarks.measured_movement import all_true_angles_deg, own_bones
 from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.joint_angles import joint_angles
-from shukotsu.skeleton.posing import SkeletonJoint
 from shukotsu.skeleton.rotations import Array, from_matrix, rotate
 from shukotsu.stages.simulate.forward import bone_poses, coupled_angles
 from shukotsu.stages.simulate.random_hand import BONES, DIGITS, JOINTS, TIP_BONES, Hand, hand_of
 from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import LAYOUT, simulate
+from shukotsu.stages.simulate.simulation import simulate
 from shukotsu.stages.simulate.task_motion import Motion, posture, rest_posture
 
 KEY_MM, DIP_MM, RATE_HZ = 23.5, 14.0, 240.0
@@ -41,8 +38,8 @@ class Struck:
 class Played:
     """A recording of somebody who plays, and what is true of it.
 
-    tip_mm : (T, 5, 3) of the digits' skin; turn : (T, 4) of the hand; angles_deg : (T, 3) or, flexion alone,
-    (T, 1) by joint.
+    tip_mm : (T, 5, 3) of the digits' skin; turn : (T, 4) of the hand; angles_deg : (T, 3) by joint,
+    from the documented zero.
     """
 
     poses: Poses
@@ -74,20 +71,8 @@ def play(
     made = simulate("01", side, "opposition", seed, realism, n_frames, session=session, change=piece.played)
     truth = made.truth
     strokes = piece.strokes(made.time_s[0])
-    bones = {name: truth.bone_quaternion[:, i] for i, name in enumerate(BONES)}
-    return Played(made.poses(), strokes, truth.skin_tip_mm, bones["hand"], _true_angles_deg(side, bones))
-
-
-def _true_angles_deg(side: str, bones: Mapping[str, Array]) -> dict[str, Array]:
-    """Angles (T, 3) of the joints, from the bones' rotations."""
-    layout, found = read_layout(LAYOUT), {}
-    for digit in layout.digits.values():
-        rests = neutral_rotations(layout, side, [SkeletonJoint(joint, 0, "") for joint in digit.joints])
-        pairs = zip((digit.base, *digit.segments), digit.segments, digit.joints, rests, strict=False)
-        for parent, child, joint, rest in pairs:
-            if digit.name != "thumb":  # whose metacarpal's frame is the receiver's
-                found[joint] = joint_angles(bones[parent], bones[child], side, rest)
-    return found
+    turn = truth.bone_quaternion[:, BONES.index("hand")]
+    return Played(made.poses(), strokes, truth.skin_tip_mm, turn, all_true_angles_deg(own_bones(made)))
 
 
 class _Piece:
