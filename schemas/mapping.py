@@ -132,6 +132,7 @@ _RECEIVER_KEYS = {
     "c3d": ("markers", "rotation"),
     "motion-bids": ("tracked_point",),
     "xdf": ("value",),
+    "capture": ("value",),
 }
 """The keys of a receiver that a format (of csv: its kind of rows) reads."""
 
@@ -270,8 +271,17 @@ def _check_c3d(config: Mapping[str, Any], where: str) -> None:
             raise InputError(f"{where}: receivers.{segment}.markers: {twice[0]!r} is named twice")
 
 
+def _check_capture(config: Mapping[str, Any], where: str) -> None:
+    told = config["fixed"] or config["position_axes"] != ["x", "y", "z"]
+    odd = [key for key in ("orientation", "rate_hz") if key in config]
+    if told or odd:
+        key = (odd or ["fixed" if config["fixed"] else "position_axes"])[0]
+        raise InputError(f"{where}: {key}: a raw capture says it itself; leave it out")
+
+
 _CHECKS: dict[str, Callable[[Mapping[str, Any], str], None]] = {
     "csv": _check_csv,
     "matrices": _check_matrices,
     "c3d": _check_c3d,
+    "capture": _check_capture,
 }

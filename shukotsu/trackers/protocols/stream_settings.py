@@ -25,7 +25,8 @@ class StreamSettings:
     rate_hz : frames a second (of each station). stations : those that were active at the start.
     items : station -> output list, as LIBERTY, PATRIOT and FASTRAK number their items; empty for others.
     hemisphere : station -> vector of its half of space, (0, 0, 0) where the tracker follows the receiver.
-    options : what only this family has: trakSTAR's `group`, and for people `whoami`, filters, errors.
+    options : what only this family has: trakSTAR's `group`, `names` of stations (see `names`), and for people
+    `whoami`, filters, errors.
     """
 
     family: str
@@ -41,6 +42,14 @@ class StreamSettings:
     def mm_per_unit(self) -> float:
         """Millimetres of the unit of positions."""
         return MM_PER_UNIT[self.unit]
+
+    @property
+    def names(self) -> dict[int, str]:
+        """What the source itself calls its stations, where these are numbers that the recorder gave them.
+
+        In JSON, whose keys are texts: `{"names": {"1": "ThumbToTracker"}}`.
+        """
+        return {int(station): str(name) for station, name in self.options.get("names", {}).items()}
 
     def to_json(self) -> dict[str, Any]:
         """Give the settings as JSON types."""
@@ -64,10 +73,10 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
             },
             options=dict(loaded.get("options", {})),
         )
+        stations = {*settings.stations, *settings.items, *settings.hemisphere, *settings.names}
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(f"{where}: the tracker's settings in it are damaged; copy it again") from error
     known = settings.family in FAMILIES and settings.mode in ("binary", "ascii")
-    stations = {*settings.stations, *settings.items, *settings.hemisphere}
     vectors = [number for vector in settings.hemisphere.values() for number in vector]
     if not stations <= STATIONS or not all(map(math.isfinite, vectors)):
         raise InputError(

@@ -2,78 +2,126 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, listed
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import FileMapping
-from shukotsu.stages.capture.samples import Samples, segments_of_stations
+from shukotsu.stages.capture.formats.mapped import mapped_segments, name_in_file
+from shukotsu.stages.capture.samples import Samples
 from shukotsu.trackers.archive import open_archive
 from shukotsu.trackers.decode.findings import findings
 from shukotsu.trackers.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
-from shukotsu.trackers.decode.survey import survey_archive
+from shukotsu.trackers.decode.survey import Survey, survey_archive
 from shukotsu.trackers.families import FAMILIES
 
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
 
 
-def read_capture(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
+_TO_TRACKER = re.compile(r"To([A-Z]\w*)?$")
+"""What PLUS puts behind a tool's name, perhaps cut."""
+
+
+def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
     """Read a raw capture part by part; the first part has what is to be said of the whole.
 
-    A record whose station or frame cannot be believed is left out and counted. Raises InputError where the
-    file is no capture, holds no pose or none of a station that the layout names.
+    Whose record is which segment's is told by the mapping, or else by the names of its stations where one is
+    a segment's, or else by the layout's `receiver:` numbers. A record whose station or frame cannot be
+    believed is left out and counted. Raises InputError where the file is no capture, holds no pose or none of
+    a segment of the layout.
     """
     archive = open_archive(path)
     survey = survey_archive(archive)
     losses = tuple(findings(survey))
     if not survey.records:
         raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
-    named = {number for s in layout.measured if (number := layout.segments[s].receiver) is not None}
-    notes = (*_left_out(path, set(survey.records), named, layout), *losses)
+    segment_of = _segments(path, survey, layout, mapping)
+    notes = (*_left_out(path, survey, segment_of, layout), *losses)
+    segment = np.full(max({*survey.records, *segment_of}) + 1, -1)
+    segment[list(segment_of)] = list(segment_of.values())
     missing_frames = survey.losses.all.lost
     tracker = FAMILIES[survey.settings.family].title
     any_known = False
     for part in flagged_records(archive, survey):
-        known = np.isin(part.records.station, list(named)) & ~part.flagged(*UNUSABLE)
-        if known.any():
+        usable = ~part.flagged(*UNUSABLE)
+        known = np.flatnonzero(usable)[segment[part.records.station[usable]] >= 0]
+        if len(known):
             any_known = True
-            samples = _samples(path, layout, part, np.flatnonzero(known))
+            samples = _samples(path, layout, part, known, segment)
             yield replace(samples, notes=notes, losses=losses, missing_frames=missing_frames, tracker=tracker)
             notes, losses, missing_frames = (), (), 0
     if not any_known:
         raise InputError(f"{path}: holds no pose that can be believed ({'; '.join(losses)}); record again")
 
 
-def _left_out(path: Path, there: set[int], named: set[int], layout: Layout) -> list[str]:
-    """A note on the stations that came and that the layout does not name; InputError where it names none."""
-    if not there & named:
-        has = ", ".join(map(str, sorted(there)))
-        known = ", ".join(map(str, sorted(named))) or "none: its segments have no `receiver:`"
-        raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {known}")
-    others = ", ".join(map(str, sorted(there - named)))
+def _segments(path: Path, survey: Survey, layout: Layout, mapping: FileMapping | None) -> dict[int, int]:
+    """Station -> index into `layout.measured`. Raises InputError where a mapping is of another recording."""
+    names = survey.settings.names
+    if mapping is not None:
+        unit = mapping.config["position_unit"]
+        if unit != survey.settings.unit:
+            raise InputError(
+                f"{mapping.where}: position_unit: is {unit}, but {path} has {survey.settings.unit}"
+            )
+        stations = {str(station): station for station in survey.records}
+        stations |= {name: station for station, name in names.items()}
+        told = [name_in_file(mapping, own, "value", [*stations], str(path)) for own in mapping.receivers]
+        return dict(zip((stations[name] for name in told), mapped_segments(mapping, layout), strict=True))
+    known = {_bare(name): index for index, name in enumerate(layout.measured)}
+    ways = ((name, _TO_TRACKER.sub("", name)) for name in names.values())
+    indices = [next((known[_bare(way)] for way in own if _bare(way) in known), -1) for own in ways]
+    named = {station: index for station, index in zip(names, indices, strict=True) if index >= 0}
+    if len(set(named.values())) < len(named):
+        raise InputError(
+            f"{path}: two of its receivers have the name of one segment ({listed([*names.values()])}); "
+            "say in a mapping which is which"
+        )
+    numbers = ((layout.segments[name].receiver, index) for index, name in enumerate(layout.measured))
+    return named or {number: index for number, index in numbers if number is not None}
+
+
+def _bare(name: str) -> str:
+    """Give a name without what people spell differently."""
+    return re.sub(r"[\W_]", "", name).lower()
+
+
+def _left_out(path: Path, survey: Survey, segment_of: Mapping[int, int], layout: Layout) -> list[str]:
+    """A note on the stations that came and are no segment's; InputError where none is."""
+    names, there, known = survey.settings.names, {*survey.records}, {*segment_of}
+
+    def shown(stations: set[int]) -> str:
+        return ", ".join(f"{s} ({names[s]})" if s in names else str(s) for s in sorted(stations))
+
+    if not there & known:
+        has, expected = shown(there), shown(known) or "none: its segments have no `receiver:`"
+        raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {expected}")
+    others = shown(there - known)
     return [f"receiver {others}: not in layout {layout.name}; left out"] if others else []
 
 
-def _samples(path: Path, layout: Layout, part: FlaggedRecords, rows: npt.NDArray[np.int64]) -> Samples:
-    """Those records of a part as samples."""
+def _samples(
+    path: Path,
+    layout: Layout,
+    part: FlaggedRecords,
+    rows: npt.NDArray[np.int64],
+    segment: npt.NDArray[np.int64],
+) -> Samples:
+    """Those records of a part as samples; segment : station -> index into `layout.measured`."""
     records = part.records.take(rows)
-
-    def place(_: int) -> str:
-        return str(path)
-
     return Samples(
         layout.measured,
-        segments_of_stations(records.station, layout, place),
+        segment[records.station],
         records.frame,
         part.time_s[rows],
         np.concatenate([records.position_mm, records.quaternion], -1),
-        place,
+        lambda _: str(path),
         {name: part.flagged(name)[rows] for name in _KEPT},
         orientation="device",
     )

@@ -59,6 +59,7 @@ MAPPED = {
     "csv": Format((".csv", ".txt", ".tsv"), "shukotsu.stages.capture.formats.mapped_csv", "read_mapped_csv"),
     "matrices": Format((".txt", ".traj"), "shukotsu.stages.capture.formats.matrices", "read_matrices"),
     "c3d": Format((".c3d",), "shukotsu.stages.capture.formats.c3d", "read_c3d"),
+    "capture": FORMATS["capture"],
     "motion-bids": FORMATS["motion-bids"],
     "xdf": FORMATS["xdf"],
 }

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import captures
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from benchmarks.processes import run_python
+from shukotsu.errors import InputError
 from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.mapping import mapping_from_config
 from shukotsu.schemas.tables import read_metadata
 from shukotsu.stages.capture.formats.raw_capture import read_capture
 from shukotsu.stages.capture.import_recording import main
@@ -69,6 +72,42 @@ def test_the_tracker_is_named(tmp_path: Path) -> None:
     names = "--layout=liberty16", "--subject=01", "--hand=right", "--task=rom"
     assert main([f"--in={path}", f"--out={out}", "--record-failure", *names]) == 0
     assert read_metadata(out)["parameters"]["tracker"] == "LIBERTY"
+
+
+NAMED = {"1": "Index-ProximalToTracker", "2": "HAND", "3": "TableToT"}
+
+
+@pytest.mark.parametrize(
+    ("names", "receivers", "segments", "note"),
+    [
+        (NAMED, None, {"hand": 2, "index_proximal": 1}, "receiver 3 (TableToT): not in layout"),
+        ({"1": "Tool 1", "9": "Tool 2"}, None, {"hand": 1, "thumb_metacarpal": 2, "thumb_proximal": 3}, ""),
+        (NAMED, {"hand": "TableToT", "ring_distal": 2}, {"hand": 3, "ring_distal": 2}, "receiver 1 (Index-"),
+        ({"1": "hand", "2": "HandToTracker"}, None, None, "two of its receivers"),
+        (NAMED, {"hand": "Tabel"}, None, "did you mean 'TableToT'"),
+    ],
+)
+def test_names_say_which_segment_a_tool_is(tmp_path: Path, names, receivers, segments, note) -> None:
+    """By a mapping, or by a segment's name however it is spelled, or else by the layout's numbers."""
+    given = captures.settings(names=names)
+    path = captures.write(tmp_path / "a.arrows", [captures.cycle(frame) for frame in range(20)], given)
+    mapping = receivers and mapping_from_config(
+        {
+            "format": "capture",
+            "position_unit": "cm",
+            "receivers": {segment: {"value": value} for segment, value in receivers.items()},
+        },
+        "m.yaml",
+    )
+    if segments is None:
+        with pytest.raises(InputError, match=note):
+            joined(read_capture(path, LIBERTY, mapping))
+        return
+    samples = joined(read_capture(path, LIBERTY, mapping))
+    stations = np.rint(samples.numbers[:, 0] / 10).astype(int) - 20
+    placed = {(samples.segments[at], n) for at, n in zip(samples.segment, stations.tolist(), strict=True)}
+    assert placed == {*segments.items()}
+    assert any(note in told for told in samples.notes) or not note
 
 
 @pytest.mark.slow
