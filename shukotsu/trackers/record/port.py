@@ -81,7 +81,7 @@ class SerialPort(Port):
     def __init__(self, name: str, device: Any, baud: int | None, line_baud: int | None) -> None:
         super().__init__(name, baud, line_baud)
         self._device = device
-        waits = os.name == "posix" and not name.startswith("rfc2217:")
+        waits = hasattr(os, "fork") and not name.startswith("rfc2217:")
         self._descriptor = int(device.fileno()) if waits else None
         self._empty = 0
 
