@@ -57,6 +57,7 @@ USUAL = "liberty"
 POLHEMUS, NDI = 0x0F44, 0x04B4
 READY, WANTS_FIRMWARE, NOT_READ = "ready", "wants its firmware", "not read by this program"
 _BINARY_ONLY = "sends binary only; leave it out"
+_AT_SERVER = "set them with the program that serves OpenIGTLink"
 _LIBERTY_DECODERS = {
     "binary": ("shukotsu.trackers.liberty.binary_decoder", "BinaryDecoder"),
     "ascii": ("shukotsu.trackers.liberty.text_decoder", "TextDecoder"),
@@ -138,6 +139,21 @@ FAMILIES = {
             "--no-filters": "--hemisphere, --no-filters: set them with the trakSTAR's own program",
         },
         usb={(NDI, 0x1005): ("trakSTAR", NOT_READ)},
+    ),
+    "openigtlink": Family(
+        title="OpenIGTLink",
+        decoders={"binary": ("shukotsu.trackers.openigtlink.decoder", "MessageDecoder")},
+        driver="shukotsu.trackers.openigtlink.driver:OpenIGTLinkDriver",
+        record_bytes=106,
+        emulated_device="shukotsu.trackers.openigtlink.emulated_device:EmulatedServer",
+        ports=(16,),
+        unsupported={
+            "--stations": "--stations: an OpenIGTLink server sends every tool; leave it out",
+            "--ascii": f"--ascii: OpenIGTLink {_BINARY_ONLY}",
+            "--hemisphere": f"--hemisphere, --no-filters: {_AT_SERVER}",
+            "--no-filters": f"--hemisphere, --no-filters: {_AT_SERVER}",
+        },
+        scheme="igtl",
     ),
 }
 

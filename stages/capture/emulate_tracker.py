@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from shukotsu.trackers.emulate.pose_sources import Motion
     from shukotsu.trackers.emulate.server import Port
 
-DEVICES = tuple(name for name, family in FAMILIES.items() if family.emulated_device)
+DEVICES = tuple(name for name, family in FAMILIES.items() if family.emulated_device and not family.scheme)
+IGTL = "openigtlink"
+MESSAGES = ("transform", "tdata", "qtdata", "position")
 
 _LOCAL_HOSTS = ("127.0.0.1", "localhost")
 _LAST_BYTES_S = 0.05
@@ -35,9 +37,9 @@ def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     parser = command_line.parser(
         "shukotsu emulate",
-        "Be a Polhemus LIBERTY, PATRIOT or FASTRAK for a recorder: on a pseudo-terminal, on a\n"
-        "TCP port of this machine, or straight into a raw capture. Prints what a client is to open;\n"
-        "ends with Ctrl-C.",
+        "Be a Polhemus LIBERTY, PATRIOT or FASTRAK for a recorder, or a server of OpenIGTLink: on a\n"
+        "pseudo-terminal, on a TCP port of this machine, or straight into a raw capture. Prints what a\n"
+        "client is to open; ends with Ctrl-C.",
         _EXAMPLE,
         records_failure=False,
     )
@@ -51,6 +53,7 @@ def build_parser() -> argparse.ArgumentParser:
         help="on a pseudo-terminal, linked to LINK",
     )
     where.add_argument("--tcp", metavar="[HOST:]PORT", help="on a TCP port of 127.0.0.1; 0 takes any")
+    where.add_argument("--igtl", metavar="[HOST:]PORT", help="the same, as a server of OpenIGTLink")
     where.add_argument(
         "--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, at once"
     )
@@ -63,6 +66,7 @@ def build_parser() -> argparse.ArgumentParser:
 def _add_device(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
     add("--device", choices=DEVICES, default="liberty", help="default: liberty")
+    add("--message", choices=MESSAGES, default=MESSAGES[0], help="of --igtl; default: transform")
     add("--stations", metavar="1-16", help="plugged receivers, such as 1-4,7 (default: all)")
     add("--ports", type=int, help="connectors of a LIBERTY: 4, 8, 12 or 16 (default: 16)")
     add("--rate", type=int, help="frames a second at power-up: 240 or 120 (default: 240)")
@@ -110,10 +114,13 @@ def emulate(options: argparse.Namespace) -> None:
 
 
 def _check(options: argparse.Namespace) -> None:
+    if options.igtl is not None:
+        options.device, options.tcp = IGTL, options.igtl
     family = FAMILIES[options.device]
     options.ports = options.ports or family.ports[-1]
-    options.rate = options.rate or family.rates_hz[0]
-    for name, known in (("ports", family.ports), ("rate", family.rates_hz)):
+    rates_hz = family.rates_hz or range(240, 0, -1)
+    options.rate = options.rate or rates_hz[0]
+    for name, known in (("ports", family.ports), ("rate", rates_hz)):
         value = getattr(options, name)
         if value not in known:
             choices = ", ".join(map(str, known))
@@ -173,8 +180,12 @@ def _open(options: argparse.Namespace) -> Port:
         return PtyPort(None if options.pty == Path() else options.pty, options.baud)
     host, _, number = options.tcp.rpartition(":")
     if (host or _LOCAL_HOSTS[0]) not in _LOCAL_HOSTS or not number.isdecimal() or int(number) > 65535:
-        raise InputError(f"--tcp: is {options.tcp!r}; expected a port of this machine, such as 4001")
-    return TcpPort(host or _LOCAL_HOSTS[0], int(number))
+        option = "--tcp" if options.igtl is None else "--igtl"
+        raise InputError(f"{option}: is {options.tcp!r}; expected a port of this machine, such as 4001")
+    port = TcpPort(host or _LOCAL_HOSTS[0], int(number))
+    if options.igtl is not None:
+        port.name = port.name.replace("socket:", "igtl:")
+    return port
 
 
 def _device(options: argparse.Namespace, motion: Motion) -> EmulatedDevice:
@@ -186,7 +197,8 @@ def _device(options: argparse.Namespace, motion: Motion) -> EmulatedDevice:
         stations = set(parse_stations(options.stations, options.ports))
     plugs = tuple(fault for fault in _faults(options) if isinstance(fault, Plug))
     world = World(motion, frozenset(stations), plugs, options.reinit_delay)
-    device = emulated_device(options.device, world, options.ports, options.rate)
+    how = {"message": options.message} if options.device == IGTL else {}
+    device = emulated_device(options.device, world, options.ports, options.rate, **how)
     if options.echo:
         device.receive(b"\x05" + b"1\r")
     if options.already_streaming:

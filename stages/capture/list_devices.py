@@ -24,7 +24,7 @@ def main(argv: list[str]) -> int:
 
 def list_devices(options: argparse.Namespace) -> None:
     """Print what there is."""
-    from shukotsu.trackers.record.connected_ports import port_lines, serial_ports, usb_devices
+    from shukotsu.trackers.record.connected_ports import NETWORK, port_lines, serial_ports, usb_devices
 
     del options
-    print("\n".join(port_lines(serial_ports(), usb_devices())))
+    print("\n".join([*port_lines(serial_ports(), usb_devices()), NETWORK]))

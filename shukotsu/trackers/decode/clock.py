@@ -8,7 +8,7 @@ tracker does not number itself are no clock: where they leave that line, the ear
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -82,6 +82,20 @@ def fit_clock(
         measured,
         float(np.median(late - offset) * 1e3),
         knots,
+    )
+
+
+def clock_of_stamps(
+    frame: Wholes, stamp_ns: Wholes, arrived: Wholes, host_ns: Wholes, rate_hz: float
+) -> DeviceClock:
+    """Fit the host's clock to the source's; time is that of the stamps.
+
+    frame, stamp_ns : (N,) of all frames, growing; arrived, host_ns : (M,) stamps of arrivals, and these.
+    """
+    line = fit_clock(arrived, host_ns, 1e9, int(stamp_ns[0]))
+    knots = np.stack([frame.astype(float), line.time_s(stamp_ns)])
+    return replace(
+        line, first_frame=int(frame[0]), period_s=1 / rate_hz, measured_rate_hz=np.nan, knots=knots
     )
 
 

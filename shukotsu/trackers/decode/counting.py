@@ -1,6 +1,7 @@
 """Frame numbers that only grow: counters unwrapped, or cycles counted where a tracker has no counter.
 
-LIBERTY, PATRIOT and VIPER count frames in 32 bits; FASTRAK and trakSTAR do not count.
+LIBERTY, PATRIOT and VIPER count frames in 32 bits; FASTRAK and trakSTAR do not count;
+OpenIGTLink may tell times.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from shukotsu.trackers.decode.cycles import LONGEST_GAP_S, Cycles
+from shukotsu.trackers.decode.cycles import LONGEST_GAP_S, Cycles, Stamps
 from shukotsu.trackers.protocols.records import (
     NONE,
     Bools,
@@ -31,7 +32,7 @@ class Counter:
     def __init__(self, settings: StreamSettings) -> None:
         self.counts: bool | None = None
         self._settings = settings
-        self._cycles = Cycles(settings)
+        self._cycles, self._stamps = Cycles(settings), Stamps(settings)
         self._rank = np.full(256, 0, np.int64)
         self._rank[list(settings.stations)] = np.arange(len(settings.stations))
         self._active = np.isin(np.arange(256), settings.stations)
@@ -50,6 +51,10 @@ class Counter:
         if self.counts:
             count = len(records) if final else max(0, len(records) - 1)
             frame = self._counted(records, odd, count) if count else records.frame
+        elif (records.stamp_ns != NONE).any():
+            count = len(records)
+            frame, stamp_ns = self._stamps.number(records)
+            records = replace(records, stamp_ns=stamp_ns)
         else:
             frame, count = self._cycles.number(records, host_ns, final=final)
         self._held, self._held_host_ns = records.take(slice(count, None)), host_ns[count:]

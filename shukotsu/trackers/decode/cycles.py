@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from shukotsu.trackers.protocols.records import Array, Records, Wholes
+from shukotsu.trackers.protocols.records import NONE, Array, Records, Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 JITTER_S = 0.1
@@ -35,6 +35,7 @@ class Cycles:
         self._window_ns = max(WINDOW_S * 1e9, 4 * self._period_ns)
         self._end = 0  # first byte behind the newest good record
         self._station = 0
+        self._cycle = 0
         self._past = np.empty(
             (2, 0)
         )  # of good records, the newest one among them: arrival [ns], place [cycles]
@@ -60,7 +61,7 @@ class Cycles:
         if decided:
             newest = good[decided - 1]
             self._end = int(records.offset[newest] + records.size[newest])
-            self._station = int(records.station[newest])
+            self._station, self._cycle = int(records.station[newest]), int(records.cycle[newest])
             known = arrival[: old + decided]
             recent = int(np.searchsorted(known, known[-1] - 2 * self._window_ns))
             self._past = np.stack([known, place[: old + decided]])[:, recent:]
@@ -68,6 +69,9 @@ class Cycles:
 
     def _places(self, records: Records) -> Array:
         """Cycles since that of the newest known record, and how far each record is in its own, (N,)."""
+        if (records.cycle != NONE).any():  # the source says which records belong together
+            known = self._cycle if self._past.size else int(records.cycle[0])
+            return np.asarray(records.cycle - known, float)
         count = len(self._stations)
         station = np.append(self._station, records.station)
         rank = np.minimum(np.searchsorted(self._stations, station), count - 1)
@@ -96,3 +100,40 @@ class Cycles:
         late = arrival - place * period_ns
         lost_ns = late[row:behind].min() - late[second:row].min()
         return round(lost_ns / period_ns) if self._shortest_ns < lost_ns < LONGEST_GAP_S * 1e9 else 0
+
+
+class Stamps:
+    """Numbers the frames of a source that tells their times, piece by piece.
+
+    Of settings.options: `steady`: whether frames come at the nominal rate so evenly that one that is missing
+    shows; otherwise only a gap of JITTER_S (two periods, if longer) does.
+    """
+
+    def __init__(self, settings: StreamSettings) -> None:
+        self._period_ns = round(1e9 / settings.rate_hz)
+        jitter_ns = 1.5 * self._period_ns
+        if not settings.options.get("steady"):
+            jitter_ns = max(JITTER_S * 1e9, 2 * self._period_ns)
+        self._shortest_ns = jitter_ns
+        self._last: tuple[int, int, int, int] | None = None  # cycle, stamp, frame, time of the newest record
+
+    def number(self, records: Records) -> tuple[Wholes, Wholes]:
+        """Give the frames of records and their times since the first [ns], (N,).
+
+        A stamp that goes back, or on by more than a day, is of a clock that was set: a period has passed.
+        """
+        if not len(records):
+            return records.frame, records.stamp_ns
+        if self._last is None:
+            self._last = (int(records.cycle[0]), int(records.stamp_ns[0]), 0, 0)
+        cycle, stamp_ns, frame, time_ns = self._last
+        is_first = np.diff(records.cycle, prepend=cycle) != 0
+        step_ns = np.diff(records.stamp_ns[is_first], prepend=stamp_ns)
+        step_ns[(step_ns <= 0) | (step_ns > LONGEST_GAP_S * 1e9)] = self._period_ns
+        steps = np.where(step_ns > self._shortest_ns, np.rint(step_ns / self._period_ns), 1).astype(np.int64)
+        row = np.cumsum(is_first)
+        frames = np.cumsum(np.append(frame, steps))[row]
+        times_ns = np.cumsum(np.append(time_ns, step_ns))[row]
+        stamp_ns = int(np.append(stamp_ns, records.stamp_ns[is_first])[-1])
+        self._last = (int(records.cycle[-1]), stamp_ns, int(frames[-1]), int(times_ns[-1]))
+        return frames, times_ns

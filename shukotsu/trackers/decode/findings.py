@@ -152,8 +152,15 @@ def _sighted(survey: Survey, sightings: Sightings) -> str:
 
 
 def _clocks(survey: Survey) -> Iterator[str]:
-    clock = survey.clock
-    if clock is not None and clock.knots.size:
+    clock, options = survey.clock, survey.settings.options
+    if options.get("stamps") is False:
+        yield (
+            "the source does not tell the times of its frames; they are when these came, and losses of less "
+            f"than {JITTER_S:g} s cannot be counted"
+        )
+    elif options.get("steady") is False:
+        yield f"the source's frames are not even in time; losses below {JITTER_S:g} s cannot be counted"
+    if clock is not None and clock.knots.size and not options.get("stamps"):
         yield (
             f"frames, which the tracker does not number, did not always come at {survey.settings.rate_hz:g} "
             "Hz; time is taken from when they came"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,8 @@ BLOCK_BYTES = 4 << 20
 class Block:
     """Records of one stretch of the stream.
 
-    records : offsets count from the first byte that came after the settings; frames are unwrapped.
+    settings : with the names of all stations so far. records : offsets count from the first byte that came
+    after the settings; frames are unwrapped, stamps count from the first.
     host_ns : (N,) when the record's last byte had come.
     out_of_order : (N,) its station or frame does not fit between its neighbours'.
     counted : whether the tracker numbers its frames itself.
@@ -166,4 +167,8 @@ class ChunkDecoder:
         del self._ends[:first], self._arrivals[:first]
         records, host_ns, out_of_order = self._counter.number(decoded, host_ns, final=final)
         counted = self._counter.counts is not False
-        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped, counted)
+        settings = self.settings
+        if self._decoder.names:
+            names = {str(station): name for station, name in self._decoder.names.items()}
+            settings = replace(settings, options={**settings.options, "names": names})
+        return Block(settings, records, host_ns, out_of_order, decoded.skipped, counted)

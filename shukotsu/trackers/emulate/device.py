@@ -236,11 +236,13 @@ class EmulatedDevice(ABC):
         )
 
 
-def emulated_device(family: str, world: World, ports: int, rate_hz: int) -> EmulatedDevice:
-    """Give an emulated tracker with that many connectors and that rate at power-up."""
+def emulated_device(family: str, world: World, ports: int, rate_hz: int, **how: str) -> EmulatedDevice:
+    """Give an emulated tracker with that many connectors and that rate at power-up; how : what it alone
+    has.
+    """
     name = FAMILIES[family].emulated_device
     assert name is not None, f"{family} has no emulated device"
-    device: EmulatedDevice = loaded(name)(world, family=family, ports=ports, rate_hz=rate_hz)
+    device: EmulatedDevice = loaded(name)(world, family=family, ports=ports, rate_hz=rate_hz, **how)
     return device
 
 

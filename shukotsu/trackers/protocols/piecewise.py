@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.trackers.protocols.records import Bytes, Decoded, Skipped, concatenated
+from shukotsu.trackers.protocols.records import Bytes, Decoded, Skipped, Wholes, concatenated
 
 PIECE_BYTES = 1 << 18
 """Longer pieces are decoded in parts, so that the memory that decoding takes has a bound."""
@@ -19,9 +19,12 @@ class PiecewiseDecoder(ABC):
 
     However the stream is cut into pieces, the records, skips and replies in total are the same. Decided is on
     whole buffers of at most PIECE_BYTES and a rest.
+
+    names : what the source calls its stations, where it does.
     """
 
     def __init__(self) -> None:
+        self.names: dict[int, str] = {}
         self._rest = np.empty(0, np.uint8)
         self._offset = 0  # of the rest's first byte in the stream
 
@@ -36,6 +39,7 @@ class PiecewiseDecoder(ABC):
             concatenated([part.records for part in parts]),
             tuple(skip for part in parts for skip in part.skipped),
             tuple(reply for part in parts for reply in part.replies),
+            tuple(skip for part in parts for skip in part.passed),
         )
 
     def _part(self, piece: Bytes, final: bool) -> Decoded:
@@ -44,8 +48,9 @@ class PiecewiseDecoder(ABC):
         decoded.records.offset[:] += self._offset
         placed = Decoded(
             decoded.records,
-            tuple(Skipped(skip.offset + self._offset, skip.size) for skip in decoded.skipped),
+            tuple(replace(skip, offset=skip.offset + self._offset) for skip in decoded.skipped),
             tuple(replace(reply, offset=reply.offset + self._offset) for reply in decoded.replies),
+            tuple(replace(skip, offset=skip.offset + self._offset) for skip in decoded.passed),
         )
         self._rest = b[decided:].copy()
         self._offset += decided
@@ -72,3 +77,21 @@ def gaps(first: npt.NDArray[np.int64], last: npt.NDArray[np.int64], length: int)
     ends = np.concatenate([first, np.full(1, length)])
     some = np.flatnonzero(ends > starts)
     return tuple(Skipped(int(starts[i]), int(ends[i] - starts[i])) for i in some)
+
+
+def disjoint(at: Wholes, end: Wholes, good: npt.NDArray[np.bool_], waiting: npt.NDArray[np.bool_]) -> Wholes:
+    """Indices of the good frames up to the first that still waits for bytes, that one included.
+
+    What stands in a frame's body is no frame.
+    """
+    candidates = np.flatnonzero(good | waiting)
+    if not waiting.any() and (end[candidates][:-1] <= at[candidates][1:]).all():
+        return candidates
+    kept, position = [], 0
+    for index in candidates:
+        if at[index] >= position:
+            kept.append(index)
+            position = end[index]
+            if waiting[index]:
+                break
+    return np.array(kept, np.int64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -50,6 +50,11 @@ class StreamSettings:
         In JSON, whose keys are texts: `{"names": {"1": "ThumbToTracker"}}`.
         """
         return {int(station): str(name) for station, name in self.options.get("names", {}).items()}
+
+    def listed(self, stations: Iterable[int]) -> str:
+        """Write stations for people, with their names."""
+        names = self.names
+        return ", ".join(f"{s} ({names[s]})" if s in names else str(s) for s in sorted(stations))
 
     def to_json(self) -> dict[str, Any]:
         """Give the settings as JSON types."""

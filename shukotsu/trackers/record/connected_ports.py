@@ -10,6 +10,7 @@ from shukotsu.trackers.families import FAMILIES, READY, WANTS_FIRMWARE
 TRACKERS = {device: known for family in FAMILIES.values() for device, known in family.usb.items()}
 """USB vendor and product -> tracker, and what can be done with it."""
 
+NETWORK = "A server of OpenIGTLink (PLUS, 3D Slicer) is not looked for; give it as --port igtl://HOST:18944."
 HINT = (
     "A tracker on USB is no serial port by itself; on Linux, once it has its firmware, this makes it one:\n"
     "  sudo modprobe usbserial vendor=0x0f44 product=0x{product:04x}"

@@ -24,7 +24,7 @@ WAIT_S = 0.1
 
 POLHEMUS_USB = 0x0F44
 
-SCHEMES: dict[str, str] = {}
+SCHEMES = {"igtl": "shukotsu.trackers.openigtlink.driver:open_igtl"}
 """What the name of a port begins with, a colon behind it -> the function `module:function` that opens it."""
 
 _READ_BYTES = 65536

@@ -55,7 +55,7 @@ def answer_lines(settings: StreamSettings, warnings: list[str]) -> list[str]:
     names = [name for name in after if name != "stations"]
     return [
         f"tracker     {settings.options.get('whoami') or settings.family}",
-        f"receivers   {', '.join(map(str, settings.stations))}",
+        f"receivers   {settings.listed(settings.stations)}",
         *(_setting(name, before.get(name), after.get(name), settings.stations) for name in names),
         *(f"note: {warning}" for warning in warnings),
     ]

@@ -12,7 +12,7 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, gaps, rows_at
+from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, disjoint, gaps, rows_at
 from shukotsu.trackers.protocols.pose_numbers import doubtful_poses
 from shukotsu.trackers.protocols.records import (
     Bytes,
@@ -90,7 +90,7 @@ class ViperDecoder(PiecewiseDecoder):
         at, end, is_pose = _possible_frames(b)
         good = _sound(b, at, end)
         waiting = (end > len(b)) & (not final)
-        kept = _disjoint(at, end, good, waiting)
+        kept = disjoint(at, end, good, waiting)
         at, end, is_pose, waiting = at[kept], end[kept], is_pose[kept], waiting[kept]
         decided = len(b) if final else _first_unknown(b, int(end[~waiting].max(initial=0)))
         if waiting.any():
@@ -137,24 +137,6 @@ def _sound(b: Bytes, at: Wholes, end: Wholes) -> npt.NDArray[np.bool_]:
             sent = _unsigned(b, end[some] - CRC_BYTES) & 0xFFFF
             good[some] = crc16_arc(rows[:, :-CRC_BYTES]) == sent
     return good
-
-
-def _disjoint(at: Wholes, end: Wholes, good: npt.NDArray[np.bool_], waiting: npt.NDArray[np.bool_]) -> Wholes:
-    """Indices of the good frames up to the first that still waits for bytes, that one included.
-
-    What stands in a frame's body is no frame.
-    """
-    candidates = np.flatnonzero(good | waiting)
-    if not waiting.any() and (end[candidates][:-1] <= at[candidates][1:]).all():
-        return candidates
-    kept, position = [], 0
-    for index in candidates:
-        if at[index] >= position:
-            kept.append(index)
-            position = end[index]
-            if waiting[index]:
-                break
-    return np.array(kept, np.int64)
 
 
 def _first_unknown(b: Bytes, after: int) -> int:

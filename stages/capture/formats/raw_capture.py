@@ -94,11 +94,7 @@ def _bare(name: str) -> str:
 
 def _left_out(path: Path, survey: Survey, segment_of: Mapping[int, int], layout: Layout) -> list[str]:
     """A note on the stations that came and are no segment's; InputError where none is."""
-    names, there, known = survey.settings.names, {*survey.records}, {*segment_of}
-
-    def shown(stations: set[int]) -> str:
-        return ", ".join(f"{s} ({names[s]})" if s in names else str(s) for s in sorted(stations))
-
+    shown, there, known = survey.settings.listed, {*survey.records}, {*segment_of}
     if not there & known:
         has, expected = shown(there), shown(known) or "none: its segments have no `receiver:`"
         raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {expected}")

@@ -1,0 +1,268 @@
+"""OpenIGTLink: every message of poses whose CRC is right, wherever it stands; others are passed over.
+
+No length is waited for but that of a message of poses, which is bounded; so no damaged or hostile length costs
+more than what it names, and a body of megabytes is never held.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.trackers.openigtlink.messages import (
+    BODY_BYTES,
+    HEADER,
+    HEADER_BYTES,
+    TOOL_BYTES,
+    crc64,
+    stamps_ns,
+)
+from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, disjoint, gaps, rows_at
+from shukotsu.trackers.protocols.pose_numbers import doubtful_poses, quaternion_of_cosines
+from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Skipped, Wholes, empty_records
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
+
+LARGEST_STATION = 255
+LARGEST_BODY = 255 * TOOL_BYTES[b"TDATA"] + 4096
+LARGEST_OTHER = 1 << 30
+SAME_FRAME = 0.75
+"""Stamps of tools that differ by more of a period are not of one frame."""
+
+_KINDS = [*BODY_BYTES, *TOOL_BYTES]
+_EXTENDED, _ENTRY = struct.Struct(">HHII"), struct.Struct(">HHI")
+_NAME_BYTES = 20
+_TO_NUMBERS = 22
+
+_LETTERS = np.zeros(256, bool)
+_LETTERS[[0, *b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_"]] = True
+
+Tool = tuple[str, int, int, bool]
+"""A tool's name, first byte and length of its numbers, and whether it was seen."""
+
+
+class MessageDecoder(PiecewiseDecoder):
+    """Decoder of TRANSFORM, POSITION, TDATA and QTDATA.
+
+    Of settings.options: `names`: stations that are known; a tool with another name gets the lowest number
+    that is free. `stamps`: whether headers have times that can be used. `joined`: whether the stream begins in
+    the midst, so that what stands before its first whole frame says nothing.
+
+    A frame ends where a tool of it comes again, where the stamp is another one by SAME_FRAME of a period, and
+    with every TDATA or QTDATA; a tool that comes again by another kind of message with the same stamp says
+    nothing new.
+    """
+
+    def __init__(self, settings: StreamSettings) -> None:
+        super().__init__()
+        self.names = settings.names
+        self._station_of = {name: station for station, name in self.names.items()}
+        self._stamped, self._joined = (bool(settings.options.get(key)) for key in ("stamps", "joined"))
+        self._near_ns = SAME_FRAME * 1e9 / settings.rate_hz
+        self._first_cycle = int(self._joined)
+        self._cycle, self._stamp_ns = -1, 0
+        self._seen: dict[int, bytes] = {}  # stations of the newest frame, and the kind of their message
+        self._passing_to = 0  # end in the stream of a message that is passed over
+
+    def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
+        at, end, header, is_pose = _possible_headers(b)
+        others = np.stack([at, end], -1)[~is_pose]
+        at, end, header = at[is_pose], end[is_pose], header[is_pose]
+        good, waiting = _sound(b, at, end, header["crc"]), (end > len(b)) & (not final)
+        kept = disjoint(at, end, good, waiting)
+        decided = len(b) if final else _first_unknown(b, int(end[kept][~waiting[kept]].max(initial=0)))
+        if waiting[kept].any():
+            decided, kept = int(at[kept[-1]]), kept[:-1]
+        records, unused = self._records(b, at[kept], end[kept], header[kept])
+        known = np.zeros(decided, bool)
+        for start, stop in [*others.tolist(), *unused, (0, max(0, self._passing_to - self._offset))]:
+            known[start:stop] = True
+        if self._joined:
+            known[: records.offset[0] if len(records) else decided] = True
+            self._joined = not len(records)
+        whole = others[:, 1][others[:, 0] < decided].max(initial=0)
+        self._passing_to = max(self._passing_to, self._offset + int(whole))
+        parts: dict[bool, list[Skipped]] = {True: [], False: []}
+        for gap in gaps(records.offset, records.offset + records.size, decided):
+            inside = known[gap.offset : gap.offset + gap.size]
+            edges = [0, *(np.flatnonzero(np.diff(inside)) + 1).tolist(), gap.size]
+            for start, stop in pairwise(edges):
+                parts[bool(inside[start])].append(Skipped(gap.offset + start, stop - start))
+        return Decoded(records, tuple(parts[False]), (), tuple(parts[True])), decided
+
+    def _records(
+        self, b: Bytes, at: Wholes, end: Wholes, header: npt.NDArray[np.void]
+    ) -> tuple[Records, list[tuple[int, int]]]:
+        """Read messages of poses; also gives first byte and end of those of which nothing is used."""
+        rows: list[tuple[int, ...]] = []
+        unused: list[tuple[int, int]] = []
+        data = b.tobytes()
+        each = (at, end, header["version"], header["kind"], header["name"], stamps_ns(header))
+        for first, last, version, kind, name, stamp_ns in zip(*(a.tolist() for a in each), strict=True):
+            try:
+                tools = _tools(data, first + HEADER_BYTES, last, version, kind, name)
+            except (struct.error, ValueError):  # its lengths contradict each other: it is skipped
+                continue
+            used = self._in_frame(tools, kind, stamp_ns)
+            if not used:
+                unused.append((first, last))
+            edges = [first, *(place + size for _, place, size in used[:-1]), last]
+            for (station, place, size), (start, stop) in zip(used, pairwise(edges), strict=False):
+                rows.append((start, stop - start, station, self._cycle, stamp_ns, place, size))
+        table = np.array(rows, np.int64).reshape(-1, 7).T
+        records = empty_records(len(rows))
+        records.offset[:], records.size[:], records.station[:], records.cycle[:] = table[:4]
+        if self._stamped:
+            records.stamp_ns[:] = table[4]
+        _fill_in(records, b, table[5], table[6])
+        return records, unused
+
+    def _in_frame(self, tools: list[Tool], kind: bytes, stamp_ns: int) -> list[tuple[int, int, int]]:
+        """Put a message's tools into the newest frame or a new one; gives the poses that count.
+
+        Each is its station, and the first byte and length of its numbers.
+        """
+        numbered = [(self._station(name), place, size, is_seen) for name, place, size, is_seen in tools]
+        again = [self._seen[station] for station, *_ in numbered if station in self._seen]
+        if self._stamped and stamp_ns == self._stamp_ns:
+            is_new = kind in again
+        else:
+            far = self._stamped and abs(stamp_ns - self._stamp_ns) > self._near_ns
+            is_new = bool(again) or kind in TOOL_BYTES or far
+        if is_new or self._cycle < 0:
+            self._cycle, self._stamp_ns, self._seen = self._cycle + 1, stamp_ns, {}
+        used = []
+        for station, place, size, is_seen in numbered:
+            if station is not None and station not in self._seen:
+                self._seen[station] = kind
+                if is_seen and self._cycle >= self._first_cycle:
+                    used.append((station, place, size))
+        return used
+
+    def _station(self, name: str) -> int | None:
+        """Give a tool's station, the lowest free number where it has none; None where all are taken."""
+        if name not in self._station_of:
+            free = next((n for n in range(1, LARGEST_STATION + 1) if n not in self.names), None)
+            if free is None:
+                return None
+            self.names[free], self._station_of[name] = name, free
+        return self._station_of[name]
+
+
+def _possible_headers(b: Bytes) -> tuple[Wholes, Wholes, npt.NDArray[np.void], Bools]:
+    """Find whole headers that can be ones: first byte, the message's end, header, whether it is of poses."""
+    last = max(0, len(b) - HEADER_BYTES + 1)
+    at = np.flatnonzero((b[:last] == 0) & (b[1 : last + 1] - 1 < 3))
+    at = at[(b[at + 2] >= ord("A")) & (b[at + 2] <= ord("Z"))]
+    rows = (
+        np.ascontiguousarray(rows_at(b, at, HEADER_BYTES))
+        if len(at)
+        else np.empty((0, HEADER_BYTES), np.uint8)
+    )
+    header = rows.view(HEADER)[:, 0]
+    kind, size, plain = header["kind"], header["size"], header["version"] == 1
+    is_pose, possible = np.isin(kind, _KINDS), size <= LARGEST_OTHER
+    possible &= _LETTERS[rows[:, 2:14]].all(1)
+    for name, lengths in BODY_BYTES.items():
+        possible &= (kind != name) | ~plain | np.isin(size, lengths)
+    for name, length in TOOL_BYTES.items():
+        possible &= (kind != name) | ~plain | (size % length == 0)
+    possible &= ~is_pose | (size <= LARGEST_BODY)
+    at, header, is_pose = at[possible], header[possible], is_pose[possible]
+    return at, at + HEADER_BYTES + header["size"].astype(np.int64), header, is_pose
+
+
+def _first_unknown(b: Bytes, after: int) -> int:
+    """Find the first place, from byte `after` on, where a header may begin that the end of `b` cuts off."""
+    tail = np.flatnonzero(b[max(after, len(b) - HEADER_BYTES + 1) :] == 0)
+    return len(b) if not len(tail) else max(after, len(b) - HEADER_BYTES + 1) + int(tail[0])
+
+
+def _sound(b: Bytes, at: Wholes, end: Wholes, crc: npt.NDArray[np.uint64]) -> Bools:
+    """Say which messages are there as a whole with the right CRC."""
+    good = np.zeros(len(at), bool)
+    size = end - at - HEADER_BYTES
+    whole, binary_digits = end <= len(b), np.frexp(size)[1]
+    for digits in np.unique(binary_digits[whole]):
+        mine = np.flatnonzero(whole & (binary_digits == digits))
+        width = int(size[mine].max())
+        for some in np.array_split(mine, 1 + len(mine) * width // (1 << 20)):
+            place = end[some, None] - width + np.arange(width)
+            rows = np.where(place >= end[some, None] - size[some, None], b[place], 0).astype(np.uint8)
+            good[some] = crc64(rows) == crc[some]
+    return good
+
+
+def _tools(data: bytes, first: int, last: int, version: int, kind: bytes, name: bytes) -> list[Tool]:
+    """Take a body apart. Raises ValueError or struct.error where its lengths contradict each other."""
+    told: Mapping[str, str] = {}
+    if version > 1:
+        first, last, told = _extended(data, first, last)
+    if kind in BODY_BYTES:
+        if last - first not in BODY_BYTES[kind]:
+            raise ValueError
+        is_valid = told.get("TransformValid", "true").lower() not in ("false", "0")
+        seen = is_valid and told.get("TransformStatus", "OK") == "OK"
+        return [(told.get("IGTL_DEVICE_NAME") or _text(name), first, last - first, seen)]
+    size = TOOL_BYTES[kind]
+    if (last - first) % size:
+        raise ValueError
+    tools = []
+    for place in range(first, last, size):
+        own = _text(data[place : place + _NAME_BYTES])
+        whole = [key for key in told if key.startswith(own) and key.endswith("Status")]
+        if len(own) == _NAME_BYTES and len(whole) == 1:  # its name is cut
+            own = whole[0].removesuffix("Status")
+        seen = told.get(f"{own}Status", "OK") == "OK"
+        tools.append((own, place + _TO_NUMBERS, size - _TO_NUMBERS, seen))
+    return tools
+
+
+def _text(name: bytes) -> str:
+    return name.split(b"\0")[0].decode("utf-8", "replace")
+
+
+def _extended(data: bytes, first: int, last: int) -> tuple[int, int, dict[str, str]]:
+    """Give where the content of a body of version 2 begins and ends, and its metadata."""
+    header_bytes, index_bytes, metadata_bytes, _ = _EXTENDED.unpack_from(data, first)
+    content, index = first + header_bytes, last - index_bytes - metadata_bytes
+    if header_bytes < _EXTENDED.size or index < content:
+        raise ValueError
+    told = {}
+    count = int.from_bytes(data[index : index + 2]) if index_bytes else 0
+    place = index + index_bytes
+    if 2 + count * _ENTRY.size > max(index_bytes, 2):
+        raise ValueError
+    for number in range(count):
+        key_bytes, _, value_bytes = _ENTRY.unpack_from(data, index + 2 + number * _ENTRY.size)
+        key, value = (
+            data[place : place + key_bytes],
+            data[place + key_bytes : place + key_bytes + value_bytes],
+        )
+        told[key.decode("utf-8", "replace")] = value.decode("utf-8", "replace")
+        place += key_bytes + value_bytes
+    return content, index, told
+
+
+def _fill_in(records: Records, b: Bytes, place: Wholes, size: Wholes) -> None:
+    """Read the numbers, whose length says what they are: a matrix, or a position with or without more."""
+    for length in np.unique(size).tolist():
+        mine = np.flatnonzero(size == length)
+        numbers = np.ascontiguousarray(rows_at(b, place[mine], length)).view(">f4").astype(float)
+        own = records.take(mine)
+        with np.errstate(invalid="ignore", over="ignore"):  # signalling NaNs, and whatever a matrix holds
+            if length == 48:  # columns of the rotation, then the translation
+                own.position_mm[:] = numbers[:, 9:]
+                own.quaternion[:] = quaternion_of_cosines(numbers[:, :9].reshape(-1, 3, 3).swapaxes(1, 2))
+            else:
+                own.position_mm[:], turned = numbers[:, :3], numbers[:, 3:]
+                if length == 24:  # without w, which is not negative
+                    w = np.sqrt(np.maximum(0, 1 - (turned**2).sum(1)))
+                    turned = np.concatenate([turned, w[:, None]], 1)
+                if length > 12:
+                    own.quaternion[:] = np.roll(turned, 1, 1)
+            records.position_mm[mine], records.quaternion[mine] = own.position_mm, own.quaternion
+            records.doubtful[mine] = doubtful_poses(own, orientation=length > 12)

@@ -1,0 +1,89 @@
+"""An OpenIGTLink server made of software: tools whose stamps are even, in any kind of message."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+
+from shukotsu.skeleton.rotations import matrix
+from shukotsu.trackers.emulate.device import FOLLOWING, EmulatedDevice, StationSettings, World
+from shukotsu.trackers.emulate.encoding import Block, Framing, Measured
+from shukotsu.trackers.openigtlink.messages import HEADER_BYTES, TOOL_BYTES, framed
+from shukotsu.trackers.protocols.records import Array, Bytes
+from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT
+
+FIRST_STAMP_S = 1_700_000_000
+
+
+class EmulatedServer(EmulatedDevice):
+    """A server of tools 1 to 16, `Tool1ToTracker` and so on; TDATA and QTDATA wait to be asked for."""
+
+    def __init__(
+        self, world: World, family: str, ports: int, rate_hz: int, message: str = "transform"
+    ) -> None:
+        del family
+        stations = {n: StationSettings((), hemisphere=FOLLOWING) for n in range(1, ports + 1)}
+        super().__init__(world, stations, ())
+        self._rate, self._kind = Fraction(rate_hz), message.upper().encode()
+        self.unit = 1
+        if self._kind not in TOOL_BYTES:
+            self.start_stream()
+
+    @property
+    def rate(self) -> Fraction:
+        """Frames a second."""
+        return self._rate
+
+    def receive(self, data: bytes) -> bytes:
+        """Start or stop sending tracking data; other messages are nothing to it."""
+        for command, streaming in ((b"STT_", True), (b"STP_", False)):
+            if command + self._kind + b"\0" in data and self._kind in TOOL_BYTES:
+                self.leave_block()
+                self.streaming = streaming
+                if streaming:
+                    self.start_stream()
+        return b""
+
+    def ready_text(self) -> bytes:
+        """Return nothing: a server does not greet."""
+        return b""
+
+    def framing(self, *, single: bool) -> Framing:
+        """Raise: its messages are no records of output items."""
+        raise NotImplementedError
+
+    def _encoded(self, measured: Measured, *, single: bool = False) -> Block:
+        """Encode cycles: a message a tool, or one of all tools that are there."""
+        del single
+        numbers = _numbers(measured, self._kind)
+        stamp_ns = FIRST_STAMP_S * 10**9 + measured.frame * 1_000_000_000 // int(self._rate)
+        names = [b"Tool%dToTracker" % station for station in measured.stations]
+        size = numbers.shape[2]
+        if self._kind not in TOOL_BYTES:
+            sizes = np.where(measured.present, HEADER_BYTES + size, 0)
+            flat = np.flatnonzero(measured.present)
+            bodies, columns = numbers.reshape(-1, size)[flat], (flat % len(names)).tolist()
+            stamps = np.repeat(stamp_ns, len(names))[flat]
+            data = framed(self._kind, [names[column] for column in columns], bodies, stamps)
+            return Block(data.ravel(), sizes)
+        heads = np.frombuffer(b"".join(name.ljust(20, b"\0") + b"\1\0" for name in names), np.uint8)
+        tools = np.concatenate([np.broadcast_to(heads.reshape(-1, 22), (*numbers.shape[:2], 22)), numbers], 2)
+        parts = [
+            framed(self._kind, [b"Tracker"], tools[t][there].reshape(1, -1), stamp_ns[t : t + 1])
+            for t, there in enumerate(measured.present)
+        ]
+        sizes = np.zeros(measured.present.shape, np.int64)
+        sizes[:, :1] = np.array([part.size for part in parts])[:, None]
+        return Block(np.concatenate([part.ravel() for part in parts]), sizes)
+
+
+def _numbers(measured: Measured, kind: bytes) -> Bytes:
+    """Bytes of the poses' numbers, (T, S, bytes)."""
+    position_mm: Array = measured.position * MM_PER_UNIT["cm"]
+    if kind in (b"TRANSFORM", b"TDATA"):
+        columns = matrix(measured.quaternion).swapaxes(-1, -2).reshape(*position_mm.shape[:2], 9)
+        numbers = np.concatenate([columns, position_mm], -1)
+    else:
+        numbers = np.concatenate([position_mm, np.roll(measured.quaternion, -1, -1)], -1)
+    return numbers.astype(">f4").view(np.uint8)
