@@ -83,7 +83,7 @@ class Survey:
         return sum(size for _, size, _ in self.skipped)
 
     def add(self, block: Block) -> Wholes:
-        """Count what a block has beside losses; give frames, times [ns] and stamps of the arrivals in it, (3, N)."""
+        """Count what a block has beside losses; give frames, times [ns] and stamps of arrivals (3, N)."""
         self.settings = block.settings
         records, good = block.records, block.good
         for skip in block.skipped:

@@ -1,6 +1,6 @@
 """OpenIGTLink: every message of poses whose CRC is right, wherever it stands; others are passed over.
 
-No length is waited for but that of a message of poses, which is bounded; so no damaged or hostile length costs
+No length is waited for but that of a message of poses, which is bounded; so no wrong or hostile length costs
 more than what it names, and a body of megabytes is never held.
 """
 
@@ -48,8 +48,8 @@ class MessageDecoder(PiecewiseDecoder):
     """Decoder of TRANSFORM, POSITION, TDATA and QTDATA.
 
     Of settings.options: `names`: stations that are known; a tool with another name gets the lowest number
-    that is free. `stamps`: whether headers have times that can be used. `joined`: whether the stream begins in
-    the midst, so that what stands before its first whole frame says nothing.
+    that is free. `stamps`: whether headers have times that can be used. `joined`: whether the stream begins
+    in the midst, so that what stands before its first whole frame says nothing.
 
     A frame ends where a tool of it comes again, where the stamp is another one by SAME_FRAME of a period, and
     with every TDATA or QTDATA; a tool that comes again by another kind of message with the same stamp says

@@ -69,13 +69,17 @@ class EmulatedServer(EmulatedDevice):
             return Block(data.ravel(), sizes)
         heads = np.frombuffer(b"".join(name.ljust(20, b"\0") + b"\1\0" for name in names), np.uint8)
         tools = np.concatenate([np.broadcast_to(heads.reshape(-1, 22), (*numbers.shape[:2], 22)), numbers], 2)
-        parts = [
-            framed(self._kind, [b"Tracker"], tools[t][there].reshape(1, -1), stamp_ns[t : t + 1])
-            for t, there in enumerate(measured.present)
-        ]
+        count = measured.present.sum(1)
         sizes = np.zeros(measured.present.shape, np.int64)
-        sizes[:, :1] = np.array([part.size for part in parts])[:, None]
-        return Block(np.concatenate([part.ravel() for part in parts]), sizes)
+        sizes[:, 0] = HEADER_BYTES + count * tools.shape[2]
+        parts = [b""] * len(measured)
+        for among in np.unique(count):
+            rows = np.flatnonzero(count == among)
+            bodies = tools[rows][measured.present[rows]].reshape(len(rows), -1)
+            messages = framed(self._kind, [b"Tracker"] * len(rows), bodies, stamp_ns[rows])
+            for row, message in zip(rows.tolist(), messages, strict=True):
+                parts[row] = message.tobytes()
+        return Block(np.frombuffer(b"".join(parts), np.uint8), sizes)
 
 
 def _numbers(measured: Measured, kind: bytes) -> Bytes:
