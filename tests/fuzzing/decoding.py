@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Iterable
-from dataclasses import fields
+from dataclasses import fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +29,7 @@ def decode(decoder: Decoder, data: bytes, cuts: Iterable[int] = ()) -> Decoded:
         concatenated([part.records for part in parts]),
         tuple(skip for part in parts for skip in part.skipped),
         tuple(reply for part in parts for reply in part.replies),
+        tuple(skip for part in parts for skip in part.passed),
     )
 
 
@@ -43,11 +44,14 @@ def check_same(one: Decoded, other: Decoded) -> None:
         np.testing.assert_array_equal(getattr(one.records, part.name), getattr(other.records, part.name))
     assert skipped_bytes(one) == skipped_bytes(other), "other bytes are skipped"
     assert one.replies == other.replies, "other replies"
+    passed = [replace(decoded, skipped=decoded.passed) for decoded in (one, other)]
+    assert skipped_bytes(passed[0]) == skipped_bytes(passed[1]), "other bytes are passed over"
 
 
 def check_tiles(decoded: Decoded, length: int) -> None:
     """AssertionError unless every byte is in one record, reply or skip; a reply is its body and its frame."""
-    stretches: list[tuple[int, int | Reply]] = [(skip.offset, skip.size) for skip in decoded.skipped]
+    skips = (*decoded.skipped, *decoded.passed)
+    stretches: list[tuple[int, int | Reply]] = [(skip.offset, skip.size) for skip in skips]
     stretches += zip(decoded.records.offset.tolist(), decoded.records.size.tolist(), strict=True)
     stretches += [(reply.offset, reply) for reply in decoded.replies]
     stretches.sort(key=lambda stretch: stretch[0])

@@ -180,6 +180,54 @@ def flock_record(frame: int, station: int, group: bool) -> bytes:
     return bytes(out) + (bytes([station]) if group else b"")
 
 
+def crc64(data: bytes) -> int:
+    """CRC-64 of ECMA-182 from 0, bit by bit."""
+    register = 0
+    for byte in data:
+        register ^= byte << 56
+        for _ in range(8):
+            register = register << 1 & (1 << 64) - 1 ^ (0x42F0E1EBA9EA3693 if register >> 63 else 0)
+    return register
+
+
+def igtl_message(
+    kind: bytes, name: bytes, content: bytes, stamp_s: float = 0, told: Mapping[str, str] | None = None
+) -> bytes:
+    """A message of OpenIGTLink; of version 2 where metadata are told."""
+    body = content
+    if told is not None:
+        index = struct.pack(">H", len(told))
+        index += b"".join(struct.pack(">HHI", len(key), 3, len(value)) for key, value in told.items())
+        values = "".join(key + value for key, value in told.items()).encode()
+        body = struct.pack(">HHII", 12, len(index), len(values), 7) + content + index + values
+    stamp = (int(stamp_s), int(stamp_s % 1 * 2**32))
+    version = 1 if told is None else 2
+    return struct.pack(">H12s20sIIQQ", version, kind, name, *stamp, len(body), crc64(body)) + body
+
+
+def igtl_numbers(kind: bytes, frame: int, station: int) -> bytes:
+    """The numbers of a pose as that kind of message has them."""
+    position, (w, *axis) = pose(frame, station)
+    if kind in (b"TRANSFORM", b"TDATA"):
+        nine = cosines((w, *axis))
+        return struct.pack(">12f", *nine[0::3], *nine[1::3], *nine[2::3], *position)
+    return struct.pack(">7f", *position, *axis, w)
+
+
+def igtl_frame(kind: bytes, frame: int, stations: Sequence[int], stamped: bool = True) -> list[bytes]:
+    """The messages of a frame, of tools `Tool 1` and so on; of TRANSFORM in version 2."""
+    stamp_s = 1_700_000_000 + frame / 240 if stamped else 0
+    bodies = [igtl_numbers(kind, frame, station) for station in stations]
+    names = [b"Tool %d" % station for station in stations]
+    if kind in (b"TDATA", b"QTDATA"):
+        tools = zip(names, bodies, strict=True)
+        content = b"".join(struct.pack("20sBB", name, 1, 0) + body for name, body in tools)
+        return [igtl_message(kind, b"Tracker", content, stamp_s)]
+    told = {"TransformStatus": "OK"} if kind == b"TRANSFORM" else None
+    each = zip(names, bodies, strict=True)
+    return [igtl_message(kind, name, body, stamp_s, told) for name, body in each]
+
+
 @dataclass(frozen=True)
 class Stream:
     """A clean stream: how it is to be read, and its records (frames, for VIPER) in turn."""
@@ -225,6 +273,13 @@ def streams(frames: int = 5) -> dict[str, Stream]:
         for items in lists
     }
     clean["viper"] = Stream(settings("viper"), tuple(viper_frame(f, four) for f in range(1, 3 * frames + 1)))
+    names = {str(station): f"Tool {station}" for station in four}
+    for kind in (b"TRANSFORM", b"POSITION", b"TDATA", b"QTDATA"):
+        stamped = kind != b"POSITION"
+        numbers = range(1, 1 + (3 if kind.endswith(b"TDATA") else 1) * frames)
+        messages = [message for f in numbers for message in igtl_frame(kind, f, four, stamped)]
+        how = settings("openigtlink", unit="mm", names=names, stamps=stamped, steady=True)
+        clean[f"openigtlink {kind.decode()}"] = Stream(how, tuple(messages))
     for group in (False, True):
         pieces = tuple(flock_record(f, s, group) for f, s in order)
         clean[f"trakstar{' group' if group else ''}"] = Stream(settings("trakstar", group=group), pieces)

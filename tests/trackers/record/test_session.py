@@ -85,7 +85,7 @@ def error_line(stderr: str) -> str:
 def recording(emulated, tmp_path: Path) -> Callable[..., tuple[str, Path, subprocess.CompletedProcess[str]]]:
     """Record an emulated tracker of those options; gives its port, the archive and the ended recorder."""
 
-    def run(state: Sequence[str], *how: str, returncode: int = 0, tcp: bool = False, left: bytes = b""):
+    def run(state: Sequence[str], *how: str, returncode: int = 0, tcp: bool | str = False, left: bytes = b""):
         port, out = emulated(*state, tcp=tcp), tmp_path / "rom.arrows"
         if left:
             leave_in(port, left)
@@ -133,7 +133,7 @@ def test_whatever_another_program_has_left(left: bytes, recording) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("stations", "tcp"), [(1, False), (16, True)], ids=["pseudo-terminal", "socket"])
+@pytest.mark.parametrize(("stations", "tcp"), [(1, False), (16, True), (16, "igtl")])
 def test_nothing_is_lost_in_eight_seconds(stations, tcp, recording) -> None:
     """240 Hz, the full list, the log on. A pseudo-terminal's buffer holds 1.6 s of one receiver, which a busy
     host may need; more through one are for the benchmark, on a machine that does nothing else.
@@ -247,9 +247,10 @@ def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: P
 
 
 @pytest.mark.slow
-def test_a_disk_that_is_full(emulated, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("stations", "tcp"), [("1-16", True), ("1-4", "igtl")])
+def test_a_disk_that_is_full(stations: str, tcp: bool | str, emulated, tmp_path: Path) -> None:
     """A child that may write so much and no more; what was written before is whole."""
-    port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
+    port, out = emulated("--stations", stations, tcp=tcp), tmp_path / "rom.arrows"
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))
