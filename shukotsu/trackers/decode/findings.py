@@ -151,15 +151,17 @@ def _sighted(survey: Survey, sightings: Sightings) -> str:
     return f"{named} {', '.join(map(str, stations))}, {when}"
 
 
+def doubts_on_time(options: Mapping[str, Any]) -> list[str]:
+    """Say what cannot be known of a source that does not stamp its frames, or not evenly."""
+    lost = f"losses of less than {JITTER_S:g} s cannot be counted"
+    if options.get("stamps") is False:
+        return [f"the source does not tell the times of its frames; they are when these came, and {lost}"]
+    return [f"the source's frames are not even in time; {lost}"] if options.get("steady") is False else []
+
+
 def _clocks(survey: Survey) -> Iterator[str]:
     clock, options = survey.clock, survey.settings.options
-    if options.get("stamps") is False:
-        yield (
-            "the source does not tell the times of its frames; they are when these came, and losses of less "
-            f"than {JITTER_S:g} s cannot be counted"
-        )
-    elif options.get("steady") is False:
-        yield f"the source's frames are not even in time; losses below {JITTER_S:g} s cannot be counted"
+    yield from doubts_on_time(options)
     if clock is not None and clock.knots.size and not options.get("stamps"):
         yield (
             f"frames, which the tracker does not number, did not always come at {survey.settings.rate_hz:g} "

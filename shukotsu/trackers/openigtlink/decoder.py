@@ -13,32 +13,23 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.trackers.openigtlink.messages import (
-    BODY_BYTES,
-    HEADER,
-    HEADER_BYTES,
-    TOOL_BYTES,
-    crc64,
-    stamps_ns,
-)
+from shukotsu.trackers.openigtlink.messages import BODY_BYTES, HEADER, HEADER_BYTES, TOOL_BYTES, crc64
 from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, disjoint, gaps, rows_at
-from shukotsu.trackers.protocols.pose_numbers import doubtful_poses, quaternion_of_cosines
-from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Skipped, Wholes, empty_records
+from shukotsu.trackers.protocols.pose_numbers import fill_in
+from shukotsu.trackers.protocols.records import Bytes, Decoded, Records, Skipped, Wholes, empty_records
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 LARGEST_STATION = 255
-LARGEST_BODY = 255 * TOOL_BYTES[b"TDATA"] + 4096
+LARGEST_BODY = LARGEST_STATION * TOOL_BYTES[b"TDATA"] + 4096
 LARGEST_OTHER = 1 << 30
 SAME_FRAME = 0.75
 """Stamps of tools that differ by more of a period are not of one frame."""
 
-_KINDS = [*BODY_BYTES, *TOOL_BYTES]
+_NUMBERS = [f"cosine_{row}{column}" for column in "xyz" for row in "xyz"] + ["x", "y", "z"]
+_POSE = ["x", "y", "z", "qx", "qy", "qz", "qw"]
 _EXTENDED, _ENTRY = struct.Struct(">HHII"), struct.Struct(">HHI")
-_NAME_BYTES = 20
-_TO_NUMBERS = 22
-
-_LETTERS = np.zeros(256, bool)
-_LETTERS[[0, *b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_"]] = True
+_NAME_BYTES, _TO_NUMBERS = 20, 22
+_LETTERS = np.isin(np.arange(256), [0, *b"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_"])
 
 Tool = tuple[str, int, int, bool]
 """A tool's name, first byte and length of its numbers, and whether it was seen."""
@@ -100,7 +91,9 @@ class MessageDecoder(PiecewiseDecoder):
         rows: list[tuple[int, ...]] = []
         unused: list[tuple[int, int]] = []
         data = b.tobytes()
-        each = (at, end, header["version"], header["kind"], header["name"], stamps_ns(header))
+        seconds, fraction = header["seconds"].astype(np.int64), header["fraction"].astype(np.int64)
+        stamps_ns = seconds * 1_000_000_000 + (fraction * 1_000_000_000 >> 32)
+        each = (at, end, header["version"], header["kind"], header["name"], stamps_ns)
         for first, last, version, kind, name, stamp_ns in zip(*(a.tolist() for a in each), strict=True):
             try:
                 tools = _tools(data, first + HEADER_BYTES, last, version, kind, name)
@@ -125,8 +118,8 @@ class MessageDecoder(PiecewiseDecoder):
 
         Each is its station, and the first byte and length of its numbers.
         """
-        numbered = [(self._station(name), place, size, is_seen) for name, place, size, is_seen in tools]
-        again = [self._seen[station] for station, *_ in numbered if station in self._seen]
+        stations = [self._station(name) for name, *_ in tools]
+        again = [self._seen[station] for station in stations if station in self._seen]
         if self._stamped and stamp_ns == self._stamp_ns:
             is_new = kind in again
         else:
@@ -135,53 +128,42 @@ class MessageDecoder(PiecewiseDecoder):
         if is_new or self._cycle < 0:
             self._cycle, self._stamp_ns, self._seen = self._cycle + 1, stamp_ns, {}
         used = []
-        for station, place, size, is_seen in numbered:
-            if station is not None and station not in self._seen:
+        for station, (_, place, size, is_seen) in zip(stations, tools, strict=True):
+            if station and station not in self._seen:
                 self._seen[station] = kind
-                if is_seen and self._cycle >= self._first_cycle:
-                    used.append((station, place, size))
+                used += [(station, place, size)] * (is_seen and self._cycle >= self._first_cycle)
         return used
 
-    def _station(self, name: str) -> int | None:
-        """Give a tool's station, the lowest free number where it has none; None where all are taken."""
-        if name not in self._station_of:
-            free = next((n for n in range(1, LARGEST_STATION + 1) if n not in self.names), None)
-            if free is None:
-                return None
-            self.names[free], self._station_of[name] = name, free
-        return self._station_of[name]
+    def _station(self, name: str) -> int:
+        """Give a tool's station, the lowest free number where it has none; 0 where all are taken."""
+        station = self._station_of.get(name)
+        if station is None:
+            station = next((n for n in range(1, LARGEST_STATION + 1) if n not in self.names), 0)
+            if station:
+                self.names[station], self._station_of[name] = name, station
+        return station
 
 
-def _possible_headers(b: Bytes) -> tuple[Wholes, Wholes, npt.NDArray[np.void], Bools]:
+def _possible_headers(b: Bytes) -> tuple[Wholes, Wholes, npt.NDArray[np.void], npt.NDArray[np.bool_]]:
     """Find whole headers that can be ones: first byte, the message's end, header, whether it is of poses."""
     last = max(0, len(b) - HEADER_BYTES + 1)
-    at = np.flatnonzero((b[:last] == 0) & (b[1 : last + 1] - 1 < 3))
-    at = at[(b[at + 2] >= ord("A")) & (b[at + 2] <= ord("Z"))]
-    rows = (
-        np.ascontiguousarray(rows_at(b, at, HEADER_BYTES))
-        if len(at)
-        else np.empty((0, HEADER_BYTES), np.uint8)
-    )
+    at = np.flatnonzero((b[:last] == 0) & (b[1 : last + 1] - 1 < 3) & _LETTERS[b[2 : last + 2]])
+    rows = np.ascontiguousarray(b[at[:, None] + np.arange(HEADER_BYTES)])
     header = rows.view(HEADER)[:, 0]
-    kind, size, plain = header["kind"], header["size"], header["version"] == 1
-    is_pose, possible = np.isin(kind, _KINDS), size <= LARGEST_OTHER
-    possible &= _LETTERS[rows[:, 2:14]].all(1)
-    for name, lengths in BODY_BYTES.items():
-        possible &= (kind != name) | ~plain | np.isin(size, lengths)
-    for name, length in TOOL_BYTES.items():
-        possible &= (kind != name) | ~plain | (size % length == 0)
-    possible &= ~is_pose | (size <= LARGEST_BODY)
+    is_pose = np.isin(header["kind"], [*BODY_BYTES, *TOOL_BYTES])
+    possible = _LETTERS[rows[:, 2:14]].all(1) & (header["kind"] != b"")
+    possible &= header["size"] <= np.where(is_pose, LARGEST_BODY, LARGEST_OTHER)
     at, header, is_pose = at[possible], header[possible], is_pose[possible]
     return at, at + HEADER_BYTES + header["size"].astype(np.int64), header, is_pose
 
 
 def _first_unknown(b: Bytes, after: int) -> int:
     """Find the first place, from byte `after` on, where a header may begin that the end of `b` cuts off."""
-    tail = np.flatnonzero(b[max(after, len(b) - HEADER_BYTES + 1) :] == 0)
-    return len(b) if not len(tail) else max(after, len(b) - HEADER_BYTES + 1) + int(tail[0])
+    first = max(after, len(b) - HEADER_BYTES + 1)
+    return first + int(np.argmax(np.append(b[first:], 0) == 0))
 
 
-def _sound(b: Bytes, at: Wholes, end: Wholes, crc: npt.NDArray[np.uint64]) -> Bools:
+def _sound(b: Bytes, at: Wholes, end: Wholes, crc: npt.NDArray[np.uint64]) -> npt.NDArray[np.bool_]:
     """Say which messages are there as a whole with the right CRC."""
     good = np.zeros(len(at), bool)
     size = end - at - HEADER_BYTES
@@ -191,8 +173,7 @@ def _sound(b: Bytes, at: Wholes, end: Wholes, crc: npt.NDArray[np.uint64]) -> Bo
         width = int(size[mine].max())
         for some in np.array_split(mine, 1 + len(mine) * width // (1 << 20)):
             place = end[some, None] - width + np.arange(width)
-            rows = np.where(place >= end[some, None] - size[some, None], b[place], 0).astype(np.uint8)
-            good[some] = crc64(rows) == crc[some]
+            good[some] = crc64(np.where(place < at[some, None] + HEADER_BYTES, 0, b[place])) == crc[some]
     return good
 
 
@@ -213,9 +194,8 @@ def _tools(data: bytes, first: int, last: int, version: int, kind: bytes, name: 
     tools = []
     for place in range(first, last, size):
         own = _text(data[place : place + _NAME_BYTES])
-        whole = [key for key in told if key.startswith(own) and key.endswith("Status")]
-        if len(own) == _NAME_BYTES and len(whole) == 1:  # its name is cut
-            own = whole[0].removesuffix("Status")
+        if len(own) == _NAME_BYTES:  # perhaps it is cut
+            own = next((key[:-6] for key in told if key.startswith(own) and key.endswith("Status")), own)
         seen = told.get(f"{own}Status", "OK") == "OK"
         tools.append((own, place + _TO_NUMBERS, size - _TO_NUMBERS, seen))
     return tools
@@ -248,21 +228,15 @@ def _extended(data: bytes, first: int, last: int) -> tuple[int, int, dict[str, s
 
 
 def _fill_in(records: Records, b: Bytes, place: Wholes, size: Wholes) -> None:
-    """Read the numbers, whose length says what they are: a matrix, or a position with or without more."""
+    """Read the numbers of the poses, whose length says what they are."""
     for length in np.unique(size).tolist():
         mine = np.flatnonzero(size == length)
-        numbers = np.ascontiguousarray(rows_at(b, place[mine], length)).view(">f4").astype(float)
+        numbers = np.ascontiguousarray(rows_at(b, place[mine], length)).view(">f4").T
+        named = dict(zip(_NUMBERS if length == 48 else _POSE, numbers, strict=False))
+        if length == 24:  # without w, which is not negative
+            with np.errstate(invalid="ignore", over="ignore"):
+                named["qw"] = np.sqrt(np.maximum(0, 1 - (numbers[3:].astype(float) ** 2).sum(0)))
         own = records.take(mine)
-        with np.errstate(invalid="ignore", over="ignore"):  # signalling NaNs, and whatever a matrix holds
-            if length == 48:  # columns of the rotation, then the translation
-                own.position_mm[:] = numbers[:, 9:]
-                own.quaternion[:] = quaternion_of_cosines(numbers[:, :9].reshape(-1, 3, 3).swapaxes(1, 2))
-            else:
-                own.position_mm[:], turned = numbers[:, :3], numbers[:, 3:]
-                if length == 24:  # without w, which is not negative
-                    w = np.sqrt(np.maximum(0, 1 - (turned**2).sum(1)))
-                    turned = np.concatenate([turned, w[:, None]], 1)
-                if length > 12:
-                    own.quaternion[:] = np.roll(turned, 1, 1)
-            records.position_mm[mine], records.quaternion[mine] = own.position_mm, own.quaternion
-            records.doubtful[mine] = doubtful_poses(own, orientation=length > 12)
+        fill_in(own, named, 1.0)
+        for name in ("position_mm", "quaternion", "doubtful"):
+            getattr(records, name)[mine] = getattr(own, name)

@@ -1,4 +1,4 @@
-"""Joining the stream of an OpenIGTLink server, which may send without being asked; and its port.
+"""Joining the stream of an OpenIGTLink server, which may send without being asked.
 
 Which tools there are, how often they are sent and whether they are stamped cannot be asked: it is looked at.
 """
@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from shukotsu.errors import InputError
+from shukotsu.trackers.decode.findings import doubts_on_time
 from shukotsu.trackers.openigtlink.decoder import MessageDecoder
 from shukotsu.trackers.openigtlink.messages import framed
 from shukotsu.trackers.protocols.records import Records, Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.driver import Driver
-from shukotsu.trackers.record.port import Port, PortGoneError, open_port
+from shukotsu.trackers.record.port import PortGoneError
 
-USUAL_PORT = 18944
 LOOK_S = 1.5
 RATES_HZ = (0.1, 9999.0)
 
@@ -34,20 +34,6 @@ _FASTEST = bytes(36)
 """What a start asks for: no least time between frames, no name of a frame of reference."""
 
 
-def open_igtl(name: str) -> Port:
-    """Open `igtl://HOST:PORT`. Raises InputError as `open_port` does."""
-    matched = re.fullmatch(r"igtl://([^/:@]+)(?::(\d{1,5}))?/?", name)
-    if matched is None:
-        raise InputError(f"{name}: is no port of OpenIGTLink; expected igtl://HOST:PORT")
-    url = f"socket://{matched[1]}:{matched[2] or USUAL_PORT}"
-    try:
-        port = open_port(url, 0)
-    except InputError as error:
-        raise InputError(str(error).replace(url, name)) from error
-    port.name = name
-    return port
-
-
 class OpenIGTLinkDriver(Driver):
     """Driver of OpenIGTLink servers."""
 
@@ -55,11 +41,7 @@ class OpenIGTLinkDriver(Driver):
         """Ask for tracking data, which servers may send without; look at what comes."""
         self._ask(b"STT_TDATA", b"STT_QTDATA", body=_FASTEST)
         settings = self._look()
-        told = settings.options
-        if not told["stamps"]:
-            self.warnings.append("the server tells no times of frames; they are when these come")
-        elif not told["steady"]:
-            self.warnings.append("the server's frames are not even in time; short losses cannot be counted")
+        self.warnings += doubts_on_time(settings.options)
         return settings
 
     def start(self) -> Mapping[str, Any]:
@@ -71,9 +53,7 @@ class OpenIGTLinkDriver(Driver):
         with suppress(PortGoneError):
             self._ask(b"STP_TDATA", b"STP_QTDATA")
 
-    def put_back(self) -> None:
-        """Take back what was asked for."""
-        self.stop()
+    put_back = stop
 
     def _ask(self, *kinds: bytes, body: bytes = b"") -> None:
         bodies = np.frombuffer(body, np.uint8)[None]

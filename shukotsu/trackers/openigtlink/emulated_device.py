@@ -8,8 +8,8 @@ import numpy as np
 
 from shukotsu.skeleton.rotations import matrix
 from shukotsu.trackers.emulate.device import FOLLOWING, EmulatedDevice, StationSettings, World
-from shukotsu.trackers.emulate.encoding import Block, Framing, Measured
-from shukotsu.trackers.openigtlink.messages import HEADER_BYTES, TOOL_BYTES, framed
+from shukotsu.trackers.emulate.encoding import Block, Measured
+from shukotsu.trackers.openigtlink.messages import TOOL_BYTES, framed
 from shukotsu.trackers.protocols.records import Array, Bytes
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT
 
@@ -37,48 +37,32 @@ class EmulatedServer(EmulatedDevice):
 
     def receive(self, data: bytes) -> bytes:
         """Start or stop sending tracking data; other messages are nothing to it."""
-        for command, streaming in ((b"STT_", True), (b"STP_", False)):
-            if command + self._kind + b"\0" in data and self._kind in TOOL_BYTES:
-                self.leave_block()
-                self.streaming = streaming
-                if streaming:
-                    self.start_stream()
+        if b"STT_" + self._kind in data:
+            self.start_stream()
+        self.streaming &= b"STP_" + self._kind not in data
         return b""
-
-    def ready_text(self) -> bytes:
-        """Return nothing: a server does not greet."""
-        return b""
-
-    def framing(self, *, single: bool) -> Framing:
-        """Raise: its messages are no records of output items."""
-        raise NotImplementedError
 
     def _encoded(self, measured: Measured, *, single: bool = False) -> Block:
         """Encode cycles: a message a tool, or one of all tools that are there."""
         del single
-        numbers = _numbers(measured, self._kind)
+        tools, there = _numbers(measured, self._kind), measured.present
         stamp_ns = FIRST_STAMP_S * 10**9 + measured.frame * 1_000_000_000 // int(self._rate)
         names = [b"Tool%dToTracker" % station for station in measured.stations]
-        size = numbers.shape[2]
-        if self._kind not in TOOL_BYTES:
-            sizes = np.where(measured.present, HEADER_BYTES + size, 0)
-            flat = np.flatnonzero(measured.present)
-            bodies, columns = numbers.reshape(-1, size)[flat], (flat % len(names)).tolist()
-            stamps = np.repeat(stamp_ns, len(names))[flat]
-            data = framed(self._kind, [names[column] for column in columns], bodies, stamps)
-            return Block(data.ravel(), sizes)
-        heads = np.frombuffer(b"".join(name.ljust(20, b"\0") + b"\1\0" for name in names), np.uint8)
-        tools = np.concatenate([np.broadcast_to(heads.reshape(-1, 22), (*numbers.shape[:2], 22)), numbers], 2)
-        count = measured.present.sum(1)
-        sizes = np.zeros(measured.present.shape, np.int64)
-        sizes[:, 0] = HEADER_BYTES + count * tools.shape[2]
-        parts = [b""] * len(measured)
-        for among in np.unique(count):
-            rows = np.flatnonzero(count == among)
-            bodies = tools[rows][measured.present[rows]].reshape(len(rows), -1)
-            messages = framed(self._kind, [b"Tracker"] * len(rows), bodies, stamp_ns[rows])
+        if self._kind in TOOL_BYTES:
+            heads = np.frombuffer(b"".join(name.ljust(20, b"\0") + b"\1\0" for name in names), np.uint8)
+            tools = np.concatenate([np.broadcast_to(heads.reshape(-1, 22), (*tools.shape[:2], 22)), tools], 2)
+            names = [b"Tracker"] * len(measured)
+        else:
+            tools, there = tools.reshape(-1, 1, tools.shape[2]), there.reshape(-1, 1)
+            names, stamp_ns = names * len(measured), np.repeat(stamp_ns, len(names))
+        parts, counts = [b""] * len(there), there.sum(1)
+        for count in np.unique(counts[counts > 0]):
+            rows = np.flatnonzero(counts == count)
+            bodies = tools[rows][there[rows]].reshape(len(rows), -1)
+            messages = framed(self._kind, [names[row] for row in rows], bodies, stamp_ns[rows])
             for row, message in zip(rows.tolist(), messages, strict=True):
                 parts[row] = message.tobytes()
+        sizes = np.array([len(part) for part in parts]).reshape(len(measured), -1)
         return Block(np.frombuffer(b"".join(parts), np.uint8), sizes)
 
 

@@ -24,7 +24,7 @@ WAIT_S = 0.1
 
 POLHEMUS_USB = 0x0F44
 
-SCHEMES = {"igtl": "shukotsu.trackers.openigtlink.driver:open_igtl"}
+SCHEMES: dict[str, str] = {}
 """What the name of a port begins with, a colon behind it -> the function `module:function` that opens it."""
 
 _READ_BYTES = 65536
@@ -143,12 +143,11 @@ def open_port(name: str, baud: int, line_rate: int | None = None) -> Port:
     options: dict[str, Any] = {"baudrate": baud, "timeout": _QUANTUM_S}
     if "://" not in name:
         options |= {"exclusive": True, "write_timeout": 2.0}
-    elif not re.fullmatch(r"(socket|rfc2217)://[^/]+:\d{1,5}([/?].*)?", name):
-        raise InputError(
-            f"{name}: is no port of a network; expected socket://HOST:PORT or rfc2217://HOST:PORT"
-        )
+    elif not re.fullmatch(r"(socket|rfc2217|igtl)://[^/]+:\d{1,5}([/?].*)?", name):
+        kinds = "socket://HOST:PORT, rfc2217://HOST:PORT or igtl://HOST:PORT"
+        raise InputError(f"{name}: is no port of a network; expected {kinds}")
     try:
-        device = serial.serial_for_url(name, **options)
+        device = serial.serial_for_url(re.sub("^igtl:", "socket:", name), **options)
     except (OSError, serial.SerialException, ValueError) as error:
         raise InputError(f"{name}: {_why_not(name, error)}") from error
     return SerialPort(name, device, None if "://" in name else baud, line_rate or _line_baud(name, baud))

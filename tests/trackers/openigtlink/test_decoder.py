@@ -99,7 +99,7 @@ def test_stamps_tell_frames_times_and_what_is_lost(kind: bytes, steady: bool, tm
     assert survey.losses.all.lost == (3 if steady else 0)
     assert any("cannot be counted" in told for told in findings(survey)) != steady
     time_s = np.concatenate([part.time_s for part in flagged_records(archive, survey)])[::3]
-    expected = [frame for frame in FRAMES[1:]] + list(range(1200, 1210))
+    expected = list(FRAMES[1:]) + list(range(1200, 1210))
     assert time_s == pytest.approx((np.array(expected) - 1) / 240, abs=1e-6)
 
 

@@ -54,7 +54,9 @@ def test_two_programs_cannot_share_a_port(pty_pair: tuple[int, str]) -> None:
     open_port(pty_pair[1], 115200).close()
 
 
-@pytest.mark.parametrize("name", ["socket://", "socket://a:b", "rfc2217://host", "loop://", "tcp://host:1"])
+@pytest.mark.parametrize(
+    "name", ["socket://", "socket://a:b", "rfc2217://host", "igtl://host", "loop://", "tcp://host:1"]
+)
 def test_what_is_no_port_of_a_network_is_not_tried(name: str) -> None:
     with pytest.raises(InputError, match=f"{name}: is no port of a network; expected socket://HOST:PORT"):
         open_port(name, 115200)

@@ -198,9 +198,10 @@ def test_nothing_answers(line: list[str], recording) -> None:
 
 
 @pytest.mark.slow
-def test_the_tracker_vanishes_in_the_middle_of_a_record(recording) -> None:
+@pytest.mark.parametrize(("gone_s", "tcp"), [("2", False), ("6", "igtl")])
+def test_the_tracker_vanishes_in_the_middle_of_a_record(gone_s: str, tcp: bool | str, recording) -> None:
     """All that came is kept, the archive is whole, the exit code is 3."""
-    port, out, done = recording(["--stations", "1-4", "--gone-at", "2"], returncode=3)
+    port, out, done = recording(["--stations", "1-4", "--gone-at", gone_s], returncode=3, tcp=tcp)
     message = error_line(done.stderr)
     assert message.startswith(f"error: {port}: the port is gone (")
     after_s, kept_s = re.findall(r"(\d+\.\d) s", message)
