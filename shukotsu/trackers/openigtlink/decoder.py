@@ -231,12 +231,13 @@ def _fill_in(records: Records, b: Bytes, place: Wholes, size: Wholes) -> None:
     """Read the numbers of the poses, whose length says what they are."""
     for length in np.unique(size).tolist():
         mine = np.flatnonzero(size == length)
-        numbers = np.ascontiguousarray(rows_at(b, place[mine], length)).view(">f4").T
-        named = dict(zip(_NUMBERS if length == 48 else _POSE, numbers, strict=False))
-        if length == 24:  # without w, which is not negative
-            with np.errstate(invalid="ignore", over="ignore"):
-                named["qw"] = np.sqrt(np.maximum(0, 1 - (numbers[3:].astype(float) ** 2).sum(0)))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            numbers = np.ascontiguousarray(rows_at(b, place[mine], length)).view(">f4").T.astype(float)
+            if length == 24:  # without w, which is not negative
+                numbers = np.vstack([numbers, np.sqrt(np.maximum(0, 1 - (numbers[3:] ** 2).sum(0)))])
+            if len(numbers) == len(_POSE):
+                numbers[3:] /= np.linalg.norm(numbers[3:], axis=0)
         own = records.take(mine)
-        fill_in(own, named, 1.0)
+        fill_in(own, dict(zip(_NUMBERS if length == 48 else _POSE, numbers, strict=False)), 1.0)
         for name in ("position_mm", "quaternion", "doubtful"):
             getattr(records, name)[mine] = getattr(own, name)
