@@ -53,6 +53,7 @@ TISSUE_KG_M3 = 1100.0
 _SLENDER = 0.2
 _THINNEST_MM = 6.0
 _SHORTEST_MM = 10.0
+_CAPSULE, _CAPSULES_MM = 0.15, (5.0, 8.0)
 _M_PER_MM = 1e-3
 
 _SIGN = {"right": -1.0, "left": 1.0}
@@ -122,13 +123,13 @@ def joint_forms(motion: SkeletonMotion) -> tuple[JointForm, ...]:
 class Body:
     """What a joint carries, in its bone frame: a bone to each joint and tip that follows.
 
-    spans_mm : (n, 3) their places, none at the origin. length_mm, radius_mm : of a cylinder as long as the
-    longest. mass_kg; middle_mm : (3,) its centre; inertia_kg_m2 : (3,) about the frame's axes.
+    spans_mm : (n, 3) their places, none at the origin. length_mm : of the longest. capsule_mm : radius of a
+    capsule about it. mass_kg; middle_mm : (3,) its centre; inertia_kg_m2 : (3,) about the frame's axes.
     """
 
     spans_mm: Array
     length_mm: float
-    radius_mm: float
+    capsule_mm: float
     mass_kg: float
     middle_mm: Array
     inertia_kg_m2: Array
@@ -146,7 +147,8 @@ def body_of(motion: SkeletonMotion, form: JointForm) -> Body:
     middle = unit(spans.sum(0)) if len(spans) else DISTAL
     across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
     inertia = np.array([across, across, along]) * _M_PER_MM**2
-    return Body(spans, length, radius, float(mass), middle * length / 2, inertia)
+    capsule = float(np.clip(_CAPSULE * length, *_CAPSULES_MM))
+    return Body(spans, length, capsule, float(mass), middle * length / 2, inertia)
 
 
 def fixed_points(

@@ -58,6 +58,6 @@ def _body(parent: ET.Element, tree: Tree, place: int) -> ET.Element:
         ET.SubElement(body, "joint", {"name": axis.coordinate.name, **about, **limits})
     for capsule in tree.capsules_mm[place]:
         ET.SubElement(
-            body, "geom", type="capsule", fromto=metres(capsule.ravel()), size=metres(own.radius_mm)
+            body, "geom", type="capsule", fromto=metres(capsule.ravel()), size=metres(own.capsule_mm)
         )
     return body

@@ -37,7 +37,7 @@ from shukotsu.stages.export.rig_names import plain_names
 
 WORLD = "transmitter"
 NOMINAL = (
-    "capsules, masses and inertias are nominal: soft tissue, a fifth of the bone's length thick; a joint's "
+    "capsules, masses and inertias are nominal, by the bones' lengths; a joint's "
     "limits are what this recording reaches"
 )
 _M_PER_MM = 1e-3
@@ -124,7 +124,7 @@ def _capsules(
         return tuple(np.stack([np.zeros(3), span]) for span in body.spans_mm)
     farthest = max(ends, key=lambda place: float(np.linalg.norm(place)))
     length = float(np.linalg.norm(farthest))
-    share = max(0.0, 1 - body.radius_mm / length) if length else 0.0
+    share = max(0.0, 1 - body.capsule_mm / length) if length else 0.0
     return (np.stack([np.zeros(3), share * farthest]),) if share else ()
 
 

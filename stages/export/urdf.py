@@ -87,7 +87,7 @@ def _add_link(robot: ET.Element, name: str, body: Body, capsules: tuple[Array, .
     ET.SubElement(inertial, "mass", value=f"{body.mass_kg:.9g}")
     x, y, z = (f"{value:.9g}" for value in body.inertia_kg_m2)
     ET.SubElement(inertial, "inertia", ixx=x, iyy=y, izz=z, ixy="0", ixz="0", iyz="0")
-    radius = metres(body.radius_mm)
+    radius = metres(body.capsule_mm)
     for start, end in capsules:
         length = float(np.linalg.norm(end - start))
         turn = shortest_turn(_ALONG_Z, (end - start) / length)
