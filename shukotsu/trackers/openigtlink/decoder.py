@@ -147,11 +147,11 @@ class MessageDecoder(PiecewiseDecoder):
 def _possible_headers(b: Bytes) -> tuple[Wholes, Wholes, npt.NDArray[np.void], npt.NDArray[np.bool_]]:
     """Find whole headers that can be ones: first byte, the message's end, header, whether it is of poses."""
     last = max(0, len(b) - HEADER_BYTES + 1)
-    at = np.flatnonzero((b[:last] == 0) & (b[1 : last + 1] - 1 < 3) & _LETTERS[b[2 : last + 2]])
+    at = np.flatnonzero((b[:last] == 0) & (b[1 : last + 1] - 1 < 3) & (b[2 : last + 2] >= ord("A")))
     rows = np.ascontiguousarray(b[at[:, None] + np.arange(HEADER_BYTES)])
     header = rows.view(HEADER)[:, 0]
     is_pose = np.isin(header["kind"], [*BODY_BYTES, *TOOL_BYTES])
-    possible = _LETTERS[rows[:, 2:14]].all(1) & (header["kind"] != b"")
+    possible = _LETTERS[rows[:, 2:14]].all(1)
     possible &= header["size"] <= np.where(is_pose, LARGEST_BODY, LARGEST_OTHER)
     at, header, is_pose = at[possible], header[possible], is_pose[possible]
     return at, at + HEADER_BYTES + header["size"].astype(np.int64), header, is_pose
@@ -166,14 +166,10 @@ def _first_unknown(b: Bytes, after: int) -> int:
 def _sound(b: Bytes, at: Wholes, end: Wholes, crc: npt.NDArray[np.uint64]) -> npt.NDArray[np.bool_]:
     """Say which messages are there as a whole with the right CRC."""
     good = np.zeros(len(at), bool)
-    size = end - at - HEADER_BYTES
-    whole, binary_digits = end <= len(b), np.frexp(size)[1]
-    for digits in np.unique(binary_digits[whole]):
-        mine = np.flatnonzero(whole & (binary_digits == digits))
-        width = int(size[mine].max())
-        for some in np.array_split(mine, 1 + len(mine) * width // (1 << 20)):
-            place = end[some, None] - width + np.arange(width)
-            good[some] = crc64(np.where(place < at[some, None] + HEADER_BYTES, 0, b[place])) == crc[some]
+    digits = np.frexp(end - at - HEADER_BYTES)[1]
+    for same in np.unique(digits):  # lengths that differ little at a time
+        mine = np.flatnonzero((end <= len(b)) & (digits == same))
+        good[mine] = crc64(b, at[mine] + HEADER_BYTES, end[mine]) == crc[mine]
     return good
 
 

@@ -29,11 +29,12 @@ for _ in range(8):
     _REGISTERS = _REGISTERS << np.uint64(1) ^ (_REGISTERS >> np.uint64(63)) * np.uint64(0x42F0E1EBA9EA3693)
 
 
-def crc64(rows: Bytes) -> npt.NDArray[np.uint64]:
-    """CRC-64 of N stretches of bytes, (N, length); zeros before a stretch change nothing."""
-    register = np.zeros(len(rows), np.uint64)
-    for column in np.ascontiguousarray(rows.T):
-        register = (register << np.uint64(8)) ^ _REGISTERS[(register >> np.uint64(56)) ^ column]
+def crc64(b: Bytes, first: Wholes, last: Wholes) -> npt.NDArray[np.uint64]:
+    """CRC-64 of N stretches of bytes, first..last (N,); quickest where all are as long."""
+    register = np.zeros(len(first), np.uint64)
+    for back in range(int((last - first).max(initial=0)), 0, -1):  # zeros before a stretch change nothing
+        byte = np.where(last - first < back, 0, b[np.maximum(last - back, 0)])
+        register = (register << np.uint64(8)) ^ _REGISTERS[(register >> np.uint64(56)) ^ byte]
     return register
 
 
@@ -43,5 +44,6 @@ def framed(kind: bytes, names: Sequence[bytes], bodies: Bytes, stamp_ns: Wholes)
     header["version"], header["kind"], header["name"] = 1, kind, names
     header["seconds"] = stamp_ns // 1_000_000_000
     header["fraction"] = -(-(stamp_ns % 1_000_000_000 << 32) // 1_000_000_000)
-    header["size"], header["crc"] = bodies.shape[1], crc64(bodies)
+    ends = np.arange(1, len(bodies) + 1) * bodies.shape[1]
+    header["size"], header["crc"] = bodies.shape[1], crc64(bodies.ravel(), ends - bodies.shape[1], ends)
     return np.concatenate([header.view(np.uint8).reshape(len(bodies), -1), bodies], 1)

@@ -70,7 +70,7 @@ def test_positions_come_with_all_some_or_no_numbers_of_a_quaternion(length: int)
         igtl_message(b"TDATA", b"x", b"")[:42] + struct.pack(">QQ", 70 * 250, 0),
         igtl_message(b"TRANSFORM", b"Tool 1", TRANSFORM)[:-1] + b"x",
         igtl_message(b"TDATA", b"x", b"1" * 70, told={"a": "b"}).replace(b"\0\x0c\0", b"\xff\xff\0"),
-        bytes(3000),
+        bytes(3000) + igtl_message(b"TDATA", b"x", b"", 1 + 2**-32)[:42] + struct.pack(">QQ", 70, 1) * 9,
     ],
 )
 def test_no_length_and_no_wrong_sum_costs_what_follows(hostile: bytes) -> None:

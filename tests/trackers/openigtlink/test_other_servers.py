@@ -1,4 +1,4 @@
-"""Servers of OpenIGTLink by others, where they are installed: pyigtl, and examples of the reference library."""
+"""Servers of OpenIGTLink by others, where they are installed: pyigtl, examples of the reference library."""
 
 import os
 import shutil
