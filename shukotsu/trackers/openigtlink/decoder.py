@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.errors import on_one_line
 from shukotsu.trackers.openigtlink.messages import BODY_BYTES, HEADER, HEADER_BYTES, TOOL_BYTES, crc64
 from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, disjoint, gaps, rows_at
 from shukotsu.trackers.protocols.pose_numbers import fill_in
@@ -138,9 +139,12 @@ class MessageDecoder(PiecewiseDecoder):
         """Give a tool's station, the lowest free number where it has none; 0 where all are taken."""
         station = self._station_of.get(name)
         if station is None:
-            station = next((n for n in range(1, LARGEST_STATION + 1) if n not in self.names), 0)
+            free = next((n for n in range(1, LARGEST_STATION + 1) if n not in self.names), 0)
+            shown = on_one_line(name)  # it comes to a terminal
+            station = self._station_of.get(shown, free)
             if station:
-                self.names[station], self._station_of[name] = name, station
+                self.names[station] = shown
+                self._station_of[name] = self._station_of[shown] = station
         return station
 
 

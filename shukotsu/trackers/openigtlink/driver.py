@@ -102,4 +102,5 @@ def _bounded(rate_hz: float) -> float:
 
 def _natural(name: str) -> list[tuple[int, str]]:
     """Sort key: numbers in a name by their value."""
-    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]
+    parts = re.split(r"(\d{1,18})", name)
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]

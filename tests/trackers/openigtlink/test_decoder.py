@@ -32,7 +32,7 @@ def tools_of(*names: bytes, told: dict[str, str] | None = None) -> bytes:
     ("data", "stations", "names"),
     [
         (igtl_message(b"TRANSFORM", b"Tool 2", TRANSFORM), [2], []),
-        (igtl_message(b"TRANSFORM", b"Later", TRANSFORM), [4], ["Later"]),
+        (igtl_message(b"TRANSFORM", b"\x1b[Late", TRANSFORM), [4], ["?[Late"]),
         (igtl_message(b"TRANSFORM", b"A", TRANSFORM, told={"IGTL_DEVICE_NAME": "Tool 3"}), [3], []),
         (igtl_message(b"TRANSFORM", b"Tool 1", TRANSFORM, told={"TransformStatus": "MISSING"}), [], []),
         (igtl_message(b"TRANSFORM", b"Tool 1", TRANSFORM, told={"TransformValid": "FALSE"}), [], []),
