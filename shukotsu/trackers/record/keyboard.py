@@ -8,6 +8,9 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, TextIO
 
+_STDERR, _PROCESSED_TERMINAL = -12, 7
+"""Windows: the handle's number, and the mode in which a console obeys what moves the cursor."""
+
 
 class Keyboard:
     """A keyboard that gives nothing, as of a program in the background, or one that is read from a pipe."""
@@ -61,7 +64,8 @@ class ConsoleKeyboard(Keyboard):
 
     def open(self) -> None:
         """Have the console move its cursor as a terminal does: older ones do from the first command on."""
-        os.system("")
+        kernel = getattr(import_module("ctypes"), "windll").kernel32  # noqa: B009
+        kernel.SetConsoleMode(kernel.GetStdHandle(_STDERR), _PROCESSED_TERMINAL)
 
     def pressed(self) -> str:
         """Give the keys that were pressed since the last call."""
