@@ -13,7 +13,7 @@ import numpy as np
 from shukotsu.checks.declared import TIDY, Declared
 from shukotsu.checks.sampled_motion import MIRROR, Motion
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.mapping import MM_PER_UNIT
+from shukotsu.schemas.units import MM_PER_UNIT
 from shukotsu.sentences.finding_sentences import Values
 from shukotsu.skeleton.rotations import Array, from_matrix, matrix
 

@@ -32,6 +32,12 @@ SAMPLE_BYTES = {"double64": 8, "float32": 4, "int64": 8, "int32": 4, "int16": 2,
 TEXT = "string"
 """The channel format that holds texts, each with its length before it."""
 
+POSITION = ("positionx", "positiony", "positionz")
+QUATERNION = ("orientationa", "orientationb", "orientationc", "orientationd")
+"""A is the scalar; B, C and D are the axial components x, y and z."""
+
+EULER = ("orientationp", "orientationh", "orientationr")
+
 _MAGIC = b"XDF:"
 _FILE_HEADER, _STREAM_HEADER, _SAMPLES, _CLOCK_OFFSET, _BOUNDARY, _STREAM_FOOTER = range(1, 7)
 _OF_STREAM = (_STREAM_HEADER, _SAMPLES, _CLOCK_OFFSET, _STREAM_FOOTER)
@@ -77,6 +83,41 @@ class Stream:
     channels: tuple[Channel, ...]
 
 
+def owners(stream: Stream) -> list[str]:
+    """The markers and objects that have a position or an orientation, in the order of the channels."""
+    posed = (*POSITION, *QUATERNION, *EULER)
+    return list(dict.fromkeys(c.owner for c in stream.channels if c.type in posed and c.owner))
+
+
+def check_described(where: str, stream: Stream) -> None:
+    """Raise InputError unless a stream holds numbers and its header describes every channel."""
+    if stream.format not in SAMPLE_BYTES:
+        raise InputError(f"{where}: holds {stream.format or 'no format'}; expected numbers")
+    if len(stream.channels) != stream.channel_count:
+        raise InputError(
+            f"{where}: has {stream.channel_count} channels, but its header describes {len(stream.channels)}; "
+            "the sender must describe each (label, marker or object, type, unit)"
+        )
+
+
+def pose_channels(where: str, stream: Stream, owner: str) -> list[Channel]:
+    """Give the channels of x, y, z and A, B, C, D of a marker or object. Raises InputError for others."""
+    where = f"{where}, {owner}"
+    own = [channel for channel in stream.channels if channel.owner == owner]
+    if any(c.type in EULER for c in own) and not any(c.type in QUATERNION for c in own):
+        raise InputError(
+            f"{where}: has angles (OrientationP, H, R), whose order XDF does not say; record quaternions"
+        )
+    types = [channel.type for channel in own]
+    for kind in (*POSITION, *QUATERNION):
+        if types.count(kind) != 1:
+            spelled = kind.capitalize()[:-1] + kind[-1].upper()
+            raise InputError(
+                f"{where}: has {types.count(kind) or 'no'} channels of type {spelled}; expected one"
+            )
+    return [own[types.index(kind)] for kind in (*POSITION, *QUATERNION)]
+
+
 def read_streams(path: Path) -> list[Stream]:
     """Give the streams of a file, in its order. Raises InputError where it is no XDF file or is damaged."""
     streams: dict[int, Stream] = {}
@@ -84,7 +125,8 @@ def read_streams(path: Path) -> list[Stream]:
         if chunk.tag == _STREAM_HEADER and chunk.whole:
             if chunk.stream in streams:
                 raise _damaged(path, chunk.start, f"stream {chunk.stream} begins again")
-            streams[chunk.stream] = _stream(path, chunk)
+            where = f"{path}: header of stream {chunk.stream}"
+            streams[chunk.stream] = described(where, chunk.content, chunk.stream)
     return list(streams.values())
 
 
@@ -200,9 +242,9 @@ def _damaged(path: Path, start: int, what: str) -> InputError:
     return InputError(f"{path}: is damaged at byte {start}: {what}")
 
 
-def _stream(path: Path, chunk: Chunk) -> Stream:
-    where = f"{path}: header of stream {chunk.stream}"
-    root = _xml(where, chunk.content)
+def described(where: str, content: bytes, number: int = 0) -> Stream:
+    """Read a stream's description (XML). Raises InputError where it is none."""
+    root = _xml(where, content)
     counted = _text(root, "channel_count")
     if not counted.isdecimal() or not 1 <= int(counted[:9]) <= _MOST_CHANNELS:
         raise InputError(f"{where}: channel_count is {counted!r}; expected a whole number above 0")
@@ -221,7 +263,7 @@ def _stream(path: Path, chunk: Chunk) -> Stream:
         for index, channel in enumerate(root.findall("./desc/channels/channel"))
     )
     names = _text(root, "name"), _text(root, "type"), _text(root, "channel_format")
-    return Stream(chunk.stream, *names, int(counted), rate_hz, channels)
+    return Stream(number, *names, int(counted), rate_hz, channels)
 
 
 def _check_chunk(path: Path, chunk: Chunk, stream: Stream) -> None:

@@ -155,6 +155,20 @@ FAMILIES = {
         },
         scheme="igtl",
     ),
+    "lsl": Family(
+        title="LSL",
+        decoders={"binary": ("shukotsu.trackers.lsl.decoder", "LslDecoder")},
+        driver="shukotsu.trackers.lsl.driver:LslDriver",
+        record_bytes=28,
+        cycle_bytes=8,
+        scheme="lsl",
+        unsupported={
+            "--stations": "--stations: an LSL stream is recorded whole; leave it out",
+            "--ascii": f"--ascii: an LSL stream {_BINARY_ONLY}",
+            "--hemisphere": "--hemisphere, --no-filters: are for an LSL stream's sender; leave them out",
+            "--no-filters": "--hemisphere, --no-filters: are for an LSL stream's sender; leave them out",
+        },
+    ),
 }
 
 

@@ -11,7 +11,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Give the subcommand's argument parser."""
     return command_line.parser(
         "shukotsu devices",
-        "List the serial ports of this machine and the trackers on its USB.",
+        "List the serial ports of this machine, the trackers on its USB, and LSL streams that have poses.",
         "shukotsu devices",
         records_failure=False,
     )
@@ -24,7 +24,8 @@ def main(argv: list[str]) -> int:
 
 def list_devices(options: argparse.Namespace) -> None:
     """Print what there is."""
+    from shukotsu.trackers.lsl.port import stream_lines
     from shukotsu.trackers.record.connected_ports import NETWORK, port_lines, serial_ports, usb_devices
 
     del options
-    print("\n".join([*port_lines(serial_ports(), usb_devices()), NETWORK]))
+    print("\n".join([*port_lines(serial_ports(), usb_devices()), *stream_lines(), NETWORK]))

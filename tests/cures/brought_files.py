@@ -19,8 +19,8 @@ from shukotsu.checks.checked_poses import checked_poses
 from shukotsu.schemas.config_files import config_path, read_config, yaml_text
 from shukotsu.schemas.findings import Finding
 from shukotsu.schemas.layout import Layout, read_layout
-from shukotsu.schemas.mapping import MM_PER_UNIT
 from shukotsu.schemas.poses import Poses, read_poses
+from shukotsu.schemas.units import MM_PER_UNIT
 from shukotsu.skeleton.rotations import Array, conjugate, matrix
 from shukotsu.stages.capture import import_recording
 from shukotsu.stages.simulate.simulation import LAYOUT

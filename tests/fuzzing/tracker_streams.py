@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -180,6 +181,13 @@ def flock_record(frame: int, station: int, group: bool) -> bytes:
     return bytes(out) + (bytes([station]) if group else b"")
 
 
+def lsl_frame(kind: int, body: bytes) -> bytes:
+    """What the recorder keeps of an LSL stream."""
+    word = struct.pack("<I", kind << 24 | len(body))
+    head = b"LS" + struct.pack("<H", zlib.crc32(word) % 65536) + word
+    return head + struct.pack("<I", zlib.crc32(body)) + body
+
+
 def crc64(data: bytes) -> int:
     """CRC-64 of ECMA-182 from 0, bit by bit."""
     register = 0
@@ -283,4 +291,13 @@ def streams(frames: int = 5) -> dict[str, Stream]:
     for group in (False, True):
         pieces = tuple(flock_record(f, s, group) for f, s in order)
         clean[f"trakstar{' group' if group else ''}"] = Stream(settings("trakstar", group=group), pieces)
+    frames_of = []
+    for frame in range(1, 3 * frames + 1):
+        numbers = [number for s in four for part in pose(frame, s) for number in part]
+        head = struct.pack("<Id", frame, frame / 240)
+        frames_of.append(lsl_frame(2, head + _floats(numbers)))
+    offset = lsl_frame(3, struct.pack("<dd", 0.0, 1.0))
+    channels = {str(s): list(range(7 * s - 7, 7 * s)) for s in four}
+    how = {"format": "float32", "channel_count": 28, "channels": channels, "stamps": True, "steady": True}
+    clean["lsl"] = Stream(settings("lsl", **how), (offset + frames_of[0], *frames_of[1:]))
     return clean

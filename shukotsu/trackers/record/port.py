@@ -24,8 +24,10 @@ WAIT_S = 0.1
 
 POLHEMUS_USB = 0x0F44
 
-SCHEMES: dict[str, str] = {}
-"""What the name of a port begins with, a colon behind it -> the function `module:function` that opens it."""
+SCHEMES = {
+    "lsl": "shukotsu.trackers.lsl.port:LslPort",
+}
+"""What the name of a port begins with, a colon behind it -> what opens it, `module:object`."""
 
 _READ_BYTES = 65536
 _QUANTUM_S = 0.005

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from shukotsu.trackers.decode.cycles import JITTER_S
 from shukotsu.trackers.decode.losses import ABSENT_S, Heard, Losses
 from shukotsu.trackers.decode.stream import Block
-from shukotsu.trackers.protocols.records import Wholes
+from shukotsu.trackers.protocols.records import NONE, Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 WINDOW_S = 2.0
@@ -65,6 +65,12 @@ class Moment:
     silent_s: float
     skipped_bytes: int
     partial_cycles: int
+
+
+def device_ns(block: Block, rate_hz: float) -> npt.NDArray[np.float64]:
+    """Give the device's own time of every record, (N,): what it says, or else by its frame."""
+    stamp_ns = block.records.stamp_ns
+    return np.where(stamp_ns != NONE, stamp_ns, block.records.frame * (1e9 / rate_hz))
 
 
 class Statistics:
@@ -219,7 +225,7 @@ class Statistics:
     def _measure_lag(self, block: Block, rows: Wholes) -> None:
         if not len(rows):
             return
-        delay = block.host_ns[rows] - block.records.frame[rows] * (1e9 / self._settings.rate_hz)
+        delay = block.host_ns[rows] - device_ns(block, self._settings.rate_hz)[rows]
         second = int(block.host_ns[rows[-1]] // 1_000_000_000)
         least = float(delay.min())
         if self._fastest and self._fastest[-1][0] == second:

@@ -12,7 +12,8 @@ import numpy as np
 from shukotsu.errors import InputError, listed
 from shukotsu.files.limits import RATES_HZ
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.mapping import UNIT_NAMES, FileMapping
+from shukotsu.schemas.mapping import FileMapping
+from shukotsu.schemas.units import UNIT_NAMES
 from shukotsu.skeleton.rotations import Array, from_matrix
 from shukotsu.stages.capture.formats.c3d_content import PARAMETERS, read_content
 from shukotsu.stages.capture.formats.clusters import ClusterPoses, cluster_poses

@@ -17,7 +17,8 @@ from shukotsu.errors import InputError, listed
 from shukotsu.files.limits import RATES_HZ, check_regular
 from shukotsu.files.text_files import reading
 from shukotsu.motion_bids.dataset_files import OWN_KEY, read_rows, read_text
-from shukotsu.schemas.mapping import MM_PER_UNIT, FileMapping
+from shukotsu.schemas.mapping import FileMapping
+from shukotsu.schemas.units import MM_PER_UNIT
 
 MOTION_ENDING = "_motion.tsv"
 

@@ -8,19 +8,22 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.files.xdf_streams import SAMPLE_BYTES, Channel, Stream, load_stream, read_streams
+from shukotsu.files.xdf_streams import (
+    Channel,
+    Stream,
+    check_described,
+    load_stream,
+    owners,
+    pose_channels,
+    read_streams,
+)
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.mapping import MM_PER_UNIT, UNIT_NAMES, FileMapping
+from shukotsu.schemas.mapping import FileMapping
+from shukotsu.schemas.units import MM_PER_UNIT, UNIT_NAMES
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
 from shukotsu.stages.capture.formats.orientation import quaternions
 from shukotsu.stages.capture.samples import Samples, did_you_mean
-
-POSITION = ("positionx", "positiony", "positionz")
-QUATERNION = ("orientationa", "orientationb", "orientationc", "orientationd")
-"""A is the scalar; B, C and D are the axial components x, y and z."""
-
-EULER = ("orientationp", "orientationh", "orientationr")
 
 
 def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
@@ -62,12 +65,6 @@ def mocap_streams(path: Path, streams: Sequence[Stream]) -> list[Stream]:
     return mocap
 
 
-def owners(stream: Stream) -> list[str]:
-    """The markers and objects that have a position or an orientation, in the order of the channels."""
-    posed = (*POSITION, *QUATERNION, *EULER)
-    return list(dict.fromkeys(c.owner for c in stream.channels if c.type in posed and c.owner))
-
-
 def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
     """The stream that the mapping names, else the only one of type MoCap; its header checked."""
     streams = read_streams(path)
@@ -87,7 +84,7 @@ def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
             raise InputError(
                 f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {_listed(streams)}{say}"
             )
-    _check_header(path, chosen[0])
+    check_described(f"{path}: stream {chosen[0].name}", chosen[0])
     return chosen[0]
 
 
@@ -101,35 +98,11 @@ def _listed(streams: Sequence[Stream]) -> str:
     return ", ".join(f"{stream.name}, number {stream.number}" for stream in streams) or "none"
 
 
-def _check_header(path: Path, stream: Stream) -> None:
-    where = f"{path}: stream {stream.name}"
-    if stream.format not in SAMPLE_BYTES:
-        raise InputError(f"{where}: holds {stream.format or 'no format'}; expected numbers")
-    if len(stream.channels) != stream.channel_count:
-        raise InputError(
-            f"{where}: has {stream.channel_count} channels, but its header describes {len(stream.channels)}; "
-            "the sender must describe each (label, marker or object, type, unit)"
-        )
-
-
-def _pose_channels(where: str, stream: Stream, mapping: FileMapping, owner: str) -> list[Channel]:
-    """The channels of x, y, z and A, B, C, D of a marker or object, in this order."""
-    where = f"{where}, {owner}"
-    own = [channel for channel in stream.channels if channel.owner == owner]
-    if any(c.type in EULER for c in own) and not any(c.type in QUATERNION for c in own):
-        raise InputError(
-            f"{where}: has angles (OrientationP, H, R), whose order XDF does not say; record quaternions"
-        )
-    types = [channel.type for channel in own]
-    for kind in (*POSITION, *QUATERNION):
-        if types.count(kind) != 1:
-            spelled = kind.capitalize()[:-1] + kind[-1].upper()
-            raise InputError(
-                f"{where}: has {types.count(kind) or 'no'} channels of type {spelled}; expected one"
-            )
-    channels = [own[types.index(kind)] for kind in (*POSITION, *QUATERNION)]
+def _pose_channels(where: str, stream: Stream, mapping: FileMapping, name: str) -> list[Channel]:
+    """The channels of a marker or object in turn; units checked."""
+    channels = pose_channels(where, stream, name)
     for channel in channels[:3]:
-        _check_unit(where, channel, mapping)
+        _check_unit(f"{where}, {name}", channel, mapping)
     return channels
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.mapping import MM_PER_UNIT
+from shukotsu.schemas.units import MM_PER_UNIT
 from shukotsu.stages.capture.formats.c3d import C3dFile, open_c3d
 from shukotsu.stages.capture.inspection.description import CHECK, Description, draft, extent_line
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from shukotsu.schemas.mapping import UNIT_NAMES
+from shukotsu.schemas.units import UNIT_NAMES
 
 POSITION_UNITS = frozenset(UNIT_NAMES.values())
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shukotsu.schemas.mapping import MM_PER_UNIT
+from shukotsu.schemas.units import MM_PER_UNIT
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.inspection.column_roles import Roles
 from shukotsu.stages.capture.inspection.column_titles import (

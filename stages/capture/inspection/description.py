@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.schemas.mapping import MM_PER_UNIT
+from shukotsu.schemas.units import MM_PER_UNIT
 from shukotsu.skeleton.rotations import Array
 
 CHECK = "CHECK"

@@ -9,7 +9,7 @@ from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.mapping import UNIT_NAMES
+from shukotsu.schemas.units import UNIT_NAMES
 from shukotsu.stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
 from shukotsu.stages.capture.formats.readers import AUTO, find_parts_reader
 from shukotsu.stages.capture.inspection.description import CHECK, Description, draft
@@ -51,8 +51,8 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
 
     Raises InputError where the file is none, is damaged or has no stream of type MoCap.
     """
-    from shukotsu.files.xdf_streams import read_streams
-    from shukotsu.stages.capture.formats.xdf import POSITION, is_mocap, mocap_streams, owners, stream_key
+    from shukotsu.files.xdf_streams import POSITION, owners, read_streams
+    from shukotsu.stages.capture.formats.xdf import is_mocap, mocap_streams, stream_key
 
     streams = read_streams(path)
     lines = []

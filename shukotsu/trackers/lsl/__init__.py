@@ -1,0 +1,1 @@
+"""Streams of LabStreamingLayer: recorded as they come, decoded afterwards, and sent."""

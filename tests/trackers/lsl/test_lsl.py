@@ -1,0 +1,119 @@
+"""LSL streams of a real outlet on this machine: recorded, decoded, sent on, and how they end."""
+
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from tracker_processes import PATIENCE_S, capture, started, until_lines
+
+from shukotsu.errors import InputError
+from shukotsu.trackers.lsl.port import pylsl, stream_lines
+
+pytest.importorskip("pylsl")
+
+SENDER = """
+import sys, time, numpy as np, pylsl
+name, rate_hz, unit = sys.argv[1], float(sys.argv[2]), sys.argv[3]
+info = pylsl.StreamInfo(name, "MoCap", 112, rate_hz, "float32", name)
+channels = info.desc().append_child("channels")
+kinds = [f"Position{a}" for a in "XYZ"] + [f"Orientation{a}" for a in "ABCD"]
+for at in range(112):
+    owner = ("hand", "index_distal", *map(str, range(14)))[at // 7]
+    channel = channels.append_child("channel")
+    for told in ("object", owner), ("type", kinds[at % 7]), ("unit", unit * (at % 7 < 3)):
+        channel.append_child_value(*told)
+outlet, start, sent = pylsl.StreamOutlet(info), pylsl.local_clock(), 0
+print(name, flush=True)
+while True:
+    time.sleep(0.003)
+    new = np.arange(sent, int((pylsl.local_clock() - start) * 240))
+    poses = np.zeros((len(new), 16, 7))
+    poses[:, :, 0], poses[:, :, 3] = new[:, None] % 1000 / 1000, 1
+    poses[new % 10 == 3, 1, 5] = np.nan
+    outlet.push_chunk(poses.reshape(len(new), 112), (start + new / 240).tolist())
+    sent += len(new)
+"""
+HERE = "[multicast]\nResolveScope=machine\n[lab]\nKnownPeers={localhost}\n[ports]\nIPv6=disable\n"
+
+
+@pytest.fixture
+def sender(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Start a sender of 16 objects at 240 Hz for this machine; the second object lacks every tenth sample."""
+    (tmp_path / "lsl.cfg").write_text(HERE)
+    monkeypatch.setenv("LSLAPICFG", str(tmp_path / "lsl.cfg"))
+    with ExitStack() as running:
+
+        def start(rate_hz: float = 240, unit: str = "meters") -> subprocess.Popen[str]:
+            command = [sys.executable, "-c", SENDER, tmp_path.name, str(rate_hz), unit]
+            process = running.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+            running.callback(process.kill)
+            assert process.stdout is not None
+            assert process.stdout.readline().strip() == tmp_path.name
+            return process
+
+        yield start
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate_hz", [240, 0])
+def test_every_sample_is_kept_with_its_time(rate_hz: float, sender, tmp_path: Path) -> None:
+    sender(rate_hz)
+    out = tmp_path / "rom.arrows"
+    done = capture("record", "--port", f"lsl:{tmp_path.name}", "--out", str(out), "--duration", "2")
+    assert done.returncode == 0, done.stderr
+    assert "; 0 frames lost" in done.stdout
+    for name in ("a.parquet", "b.parquet"):
+        assert capture("decode", "--in", str(out), "--out", str(tmp_path / name)).returncode == 0
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+    records = pq.read_table(tmp_path / "a.parquet").to_pandas()
+    first, second = (records[records.station == station] for station in (1, 2))
+    number = np.rint(first.x_mm).astype(int)
+    assert len(first) > 240
+    np.testing.assert_array_equal(np.diff(number) % 1000, 1)
+    np.testing.assert_allclose(first.time_s, (first.frame - first.frame.iloc[0]) / 240, atol=1e-4)
+    assert set(first.frame[number % 10 == 3]) == set(first.frame) - set(second.frame)
+    told = ["--layout", "liberty16", "--subject", "1", "--hand", "right", "--task", "rom"]
+    imported = capture("import", "--in", str(out), "--out", str(tmp_path / "p.parquet"), *told)
+    assert imported.returncode == 0, imported.stderr
+    assert set(pq.read_table(tmp_path / "p.parquet")["segment"].to_pylist()) == {"hand", "index_distal"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("killed", ["recorder", "sender"])
+def test_whoever_is_killed_what_came_is_kept(killed: str, sender, tmp_path: Path) -> None:
+    source, out = sender(), tmp_path / "rom.arrows"
+    with started("record", "--port", f"lsl:{tmp_path.name}", "--out", str(out)) as recorder:
+        until_lines(recorder, 2)
+        (recorder if killed == "recorder" else source).kill()
+        _, told = recorder.communicate(timeout=PATIENCE_S)
+    assert recorder.returncode == {"recorder": -signal.SIGKILL, "sender": 3}[killed]
+    assert killed == "recorder" or "the port is gone (the stream has ended) after" in told
+    inspected = capture("inspect", str(out)).stdout
+    assert int(re.findall(r"1: (\d+),", inspected)[0]) > 200
+    assert "skipped" not in inspected
+
+
+@pytest.mark.slow
+def test_a_unit_that_is_not_said_is_asked_for(sender, tmp_path: Path) -> None:
+    sender(unit="")
+    port = f"lsl:{tmp_path.name}"
+    asked = capture("check", "--port", port)
+    assert asked.returncode == 2
+    assert "cm, mm or inch for all; where it says nothing give lsl:NAME?unit=mm" in asked.stderr
+    told = capture("check", "--port", f"{port}?unit=m")
+    assert told.returncode == 0, told.stderr
+    assert "16 objects" in capture("devices").stdout
+
+
+def test_without_the_package_nothing_else_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pylsl", None)
+    assert stream_lines() == []
+    with pytest.raises(InputError, match="pip install pylsl"):
+        pylsl()
