@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -33,6 +34,9 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, required=True, help="the archive to write (.arrows)")
     parser.add_argument("--duration", type=float, metavar="S", help="stop after so many seconds")
     parser.add_argument("--countdown", type=int, default=0, metavar="S", help="count so many seconds first")
+    parser.add_argument(
+        "--lsl-outlet", nargs="?", const="shukotsu", metavar="NAME", help="send it as an LSL stream too"
+    )
     parser.add_argument("--note", action="append", default=[], metavar="TEXT", help="kept with the recording")
     return parser
 
@@ -71,6 +75,13 @@ def recording_plan(options: argparse.Namespace) -> RecordingPlan:
         raise InputError(f"--countdown: is {options.countdown}; expected 0 or more seconds")
     if options.out.suffix != ".arrows":
         raise InputError(f"--out: is {options.out}; expected a name that ends with .arrows")
+    outlet = None
+    if options.lsl_outlet is not None:
+        from shukotsu.trackers.lsl.outlet import Outlet
+        from shukotsu.trackers.lsl.port import pylsl
+
+        pylsl()
+        outlet = partial(Outlet, options.lsl_outlet)
     return RecordingPlan(
         options.out,
         tracker_options.recording_request(options),
@@ -78,6 +89,7 @@ def recording_plan(options: argparse.Namespace) -> RecordingPlan:
         options.countdown,
         tuple(options.note),
         options.allow_slower,
+        outlet,
     )
 
 

@@ -137,7 +137,8 @@ def _motion_bids() -> Recording:
     return Recording(f"{stem}_motion.tsv", {name: text.encode() for name, text in files.items()})
 
 
-def _xdf_chunk(tag: int, content: bytes) -> bytes:
+def xdf_chunk(tag: int, content: bytes) -> bytes:
+    """A chunk of an XDF file."""
     return struct.pack("<BIH", 4, 2 + len(content), tag) + content
 
 
@@ -156,15 +157,13 @@ def _xdf() -> Recording:
     )
     number = struct.pack("<I", 1)
     data = (
-        b"XDF:"
-        + _xdf_chunk(1, b"<info><version>1.0</version></info>")
-        + _xdf_chunk(2, number + head.encode())
+        b"XDF:" + xdf_chunk(1, b"<info><version>1.0</version></info>") + xdf_chunk(2, number + head.encode())
     )
     for frame in range(FRAMES):
         poses = _numbers(frame)
         sample = struct.pack("<BBBd", 1, 1, 8, frame / 240) + struct.pack(f"<{len(poses)}d", *poses)
-        data += _xdf_chunk(3, number + sample)
-    data += _xdf_chunk(6, number + f"<info><sample_count>{FRAMES}</sample_count></info>".encode())
+        data += xdf_chunk(3, number + sample)
+    data += xdf_chunk(6, number + f"<info><sample_count>{FRAMES}</sample_count></info>".encode())
     return Recording("a.xdf", {"a.xdf": data})
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.archive import ArchiveWriter
@@ -25,6 +25,9 @@ from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
 from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 from shukotsu.trackers.record.request import RecordingRequest
 from shukotsu.trackers.record.statistics import Moment, Statistics
+
+if TYPE_CHECKING:
+    from shukotsu.trackers.lsl.outlet import Outlet
 
 TICK_S = 0.05
 FLUSH_S = 0.25
@@ -41,7 +44,10 @@ PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """Hold what to record and how long: duration_s None until it is stopped; notes go into the archive."""
+    """Hold what to record and how long: duration_s None until it is stopped; notes go into the archive.
+
+    outlet : makes that to which it is sent too.
+    """
 
     out: Path
     request: RecordingRequest
@@ -49,6 +55,7 @@ class RecordingPlan:
     countdown_s: int = 0
     notes: tuple[str, ...] = ()
     allow_slower: bool = False
+    outlet: Callable[[StreamSettings], Outlet] | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +91,7 @@ def record(
             driver = driver_of(conversation, plan.request)
             settings = _set_up(plan, driver, conversation, terminal)
             archive.flush()
+            outlet = None if plan.outlet is None else plan.outlet(settings)
             _count_down(plan.countdown_s, terminal, stop, conversation)
         except BaseException as error:  # no file stays where there is no frame
             archive.discard()
@@ -97,7 +105,9 @@ def record(
             if isinstance(error, OSError):
                 raise InputError(f"{plan.out}: cannot be written ({error.strerror})") from error
             raise
-        session = _Session(plan, conversation, driver, settings, archive, terminal, stop, utc_offset_ns)
+        session = _Session(
+            plan, conversation, driver, settings, archive, terminal, stop, utc_offset_ns, outlet
+        )
         try:
             return session.run()
         except BaseException as error:  # whatever ends the session, what was received is kept
@@ -143,6 +153,7 @@ class _Session:
     _terminal: Terminal
     _stop: StopRequest
     _utc_offset_ns: Callable[[], int]
+    _outlet: Outlet | None = None
     _view_failed: bool = False
     _failure: str = ""
     _dropped_bytes: int = 0
@@ -161,7 +172,8 @@ class _Session:
         self._start()
         shown_s = VIEW_S if self._terminal.in_place else LOG_S
         flush_at = time.perf_counter()
-        look_at, show_at = flush_at + VIEW_S, flush_at + shown_s
+        look_s = TICK_S if self._outlet else VIEW_S
+        look_at, show_at = flush_at + look_s, flush_at + shown_s
         while not self._over():
             time.sleep(TICK_S)
             self._keep()
@@ -171,7 +183,7 @@ class _Session:
                 flush_at = now + FLUSH_S
                 self._flush()
             if now >= look_at:
-                look_at = max(look_at + VIEW_S, now)
+                look_at = max(look_at + look_s, now)
                 self._guarded(self._look)
             if now >= show_at:
                 show_at = max(show_at + shown_s, now)
@@ -201,6 +213,8 @@ class _Session:
         self._kept_ns = self._start_ns = time.perf_counter_ns()
         self._statistics = Statistics(self._settings, self._start_ns)
         self._archive.event("started", self._start_ns, **details)
+        for text in ("start", *self._plan.notes):
+            self._send("mark", text)
 
     def _over(self) -> bool:
         """Tell whether to end; the failure that made it so is kept."""
@@ -281,7 +295,20 @@ class _Session:
 
     def _count(self, *, final: bool) -> None:
         received_bytes = self._decoder.waiting_bytes
-        self._statistics.add(self._decoder.decode(final=final), received_bytes, time.perf_counter_ns())
+        block = self._decoder.decode(final=final)
+        self._statistics.add(block, received_bytes, time.perf_counter_ns())
+        self._send("add", block, self._statistics.least_delay_ns, final)
+
+    def _send(self, what: str, *values: Any) -> None:
+        """Send something by LSL, where that is wanted: what fails there ends the sending alone."""
+        if self._outlet is None:
+            return
+        try:
+            getattr(self._outlet, what)(*values)
+        except Exception as error:  # of the network, or of a package of others
+            self._outlet = None
+            self._archive.event("outlet-failed", time.perf_counter_ns(), reason=repr(error))
+            self._notice(f"the LSL outlet has failed ({error!r}); every byte is still recorded")
 
     def _report_absences(self) -> None:
         absent = self._statistics.absent()
@@ -337,6 +364,7 @@ class _Session:
             if not self._failure:
                 self._fail(PORT_GONE, str(error))
         self._guarded(lambda: self._count(final=True))
+        self._send("mark", "stop")
         totals = self._statistics.totals(end_ns)
         self._notices += display.advice(totals, self._settings)
         if self._dropped_bytes:

@@ -233,7 +233,12 @@ class Statistics:
         self._fastest.append((second, least))
         while self._fastest[0][0] < second - LAG_WINDOW_S:
             self._fastest.popleft()
-        self._lag_ns = float(delay[-1]) - min(delay for _, delay in self._fastest)
+        self._lag_ns = float(delay[-1]) - self.least_delay_ns
+
+    @property
+    def least_delay_ns(self) -> float:
+        """The host's time minus the device's, of the earliest arrival of the last seconds."""
+        return min((delay for _, delay in self._fastest), default=0.0)
 
     def _remember(self, now_ns: int) -> None:
         counts = {station: (heard.records, heard.lost) for station, heard in self._losses.stations.items()}

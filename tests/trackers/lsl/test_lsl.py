@@ -2,18 +2,21 @@
 
 import re
 import signal
+import struct
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from fuzzing.sample_files import xdf_chunk
 from tracker_processes import PATIENCE_S, capture, started, until_lines
 
 from shukotsu.errors import InputError
+from shukotsu.files.xdf_streams import load_stream, read_streams
 from shukotsu.trackers.lsl.port import pylsl, stream_lines
 
 pytest.importorskip("pylsl")
@@ -117,3 +120,39 @@ def test_without_the_package_nothing_else_changes(monkeypatch: pytest.MonkeyPatc
     assert stream_lines() == []
     with pytest.raises(InputError, match="pip install pylsl"):
         pylsl()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("sender")
+def test_what_is_recorded_is_sent_for_others_too(emulated, tmp_path: Path) -> None:
+    """An inlet of LSL's own, its samples in an XDF file: the archive's poses at the archive's times."""
+    lsl = pylsl()
+    out, name = tmp_path / "rom.arrows", f"sent {tmp_path.name}"
+    how = ("--duration", "2", "--countdown", "4", "--note", "here", "--lsl-outlet", name)
+    with started("record", "--port", emulated("--stations", "1-3"), "--out", str(out), *how) as recorder:
+        poses, marks = (
+            lsl.StreamInlet(lsl.resolve_byprop("name", own, timeout=PATIENCE_S)[0], recover=False)
+            for own in (name, f"{name} markers")
+        )
+        head = poses.info(PATIENCE_S).as_xml().encode()
+        marks.open_stream(PATIENCE_S)
+        chunks = []
+        with suppress(RuntimeError):  # the stream's end
+            while True:
+                chunks.append(poses.pull_chunk(PATIENCE_S, 1, as_numpy=True))
+        assert [marks.pull_sample(PATIENCE_S)[0] for _ in range(3)] == [["start"], ["here"], ["stop"]]
+        recorder.communicate(timeout=PATIENCE_S)
+    number = struct.pack("<I", 1)
+    data = b"XDF:" + xdf_chunk(1, b"<info/>") + xdf_chunk(2, number + head)
+    for values, stamps in chunks:
+        for row, stamp in zip(values, stamps, strict=True):
+            data += xdf_chunk(3, number + struct.pack("<BBBd", 1, 1, 8, stamp) + row.astype("<f4").tobytes())
+    (tmp_path / "a.xdf").write_bytes(data)
+    (stream,) = read_streams(tmp_path / "a.xdf")
+    assert [channel.owner for channel in stream.channels[::7]] == ["1", "2", "3"]
+    time_s, sent, _ = load_stream(tmp_path / "a.xdf", stream)
+    assert capture("decode", "--in", str(out), "--out", str(tmp_path / "a.parquet")).returncode == 0
+    records = pq.read_table(tmp_path / "a.parquet").to_pandas()
+    own = records[["x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]].to_numpy().reshape(-1, 21)[: len(sent)]
+    np.testing.assert_array_equal(np.array(sent, np.float32)[: len(own)], own)
+    np.testing.assert_allclose(np.diff(time_s), 1 / 240, atol=5e-3)
