@@ -25,6 +25,7 @@ IGTL = "openigtlink"
 MESSAGES = ("transform", "tdata", "qtdata", "position")
 
 _LOCAL_HOSTS = ("127.0.0.1", "localhost")
+_PUSH_S = 0.004
 _LAST_BYTES_S = 0.05
 """A client gets so long to read what came before the device vanished; a hung-up terminal drops it."""
 
@@ -54,6 +55,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     where.add_argument("--tcp", metavar="[HOST:]PORT", help="on a TCP port of 127.0.0.1; 0 takes any")
     where.add_argument("--igtl", metavar="[HOST:]PORT", help="the same, as a server of OpenIGTLink")
+    where.add_argument("--lsl", metavar="NAME", help="as an LSL stream of type MoCap, named by --layout")
     where.add_argument(
         "--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, at once"
     )
@@ -109,6 +111,8 @@ def emulate(options: argparse.Namespace) -> None:
     _check(options)
     if options.archive is not None:
         _write_archive(options)
+    elif options.lsl is not None:
+        _send(options)
     else:
         _serve(options)
 
@@ -156,9 +160,7 @@ def _serve(options: argparse.Namespace) -> None:
     device = _device(options, _motion(options))
     behaviour = _behaviour(options)
     port = _open(options)
-    signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda received, _frame: signals.append(received))
+    signals = _on_signals()
     emulator = Emulator(device, behaviour, port.write, time.perf_counter_ns())
     print(port.name, flush=True)
     try:
@@ -167,6 +169,40 @@ def _serve(options: argparse.Namespace) -> None:
             time.sleep(_LAST_BYTES_S)
     finally:
         port.close()
+
+
+def _send(options: argparse.Namespace) -> None:
+    """Send the poses, without a device or a line between, until a signal or the recording's end."""
+    import numpy as np
+
+    from shukotsu.schemas.layout import read_layout
+    from shukotsu.trackers.lsl.outlet import Outlet
+    from shukotsu.trackers.protocols.stream_settings import StreamSettings
+
+    if options.line_rate or options.silent or options.gone_at or _faults(options):
+        raise InputError("--lsl: has no line that could be slow or faulty; leave these options out")
+    motion, layout = _motion(options), read_layout(options.layout)
+    stations = sorted(_device(options, motion).world.plugged)
+    segments = {segment.receiver: name for name, segment in layout.segments.items()}
+    names = {str(station): segments.get(station, str(station)) for station in stations}
+    told = StreamSettings("lsl", "binary", "mm", options.rate, tuple(stations), options={"names": names})
+    outlet = Outlet(options.lsl, told, "the moments for which poses are computed")
+    ended = _on_signals()
+    print(f"lsl:{options.lsl}", flush=True)
+    start_s, sent = time.perf_counter(), 0
+    while not ended and (motion.loop or sent < motion.cycles):
+        time.sleep(_PUSH_S)
+        due = np.arange(sent, int((time.perf_counter() - start_s) * options.rate))
+        outlet.push(np.concatenate(motion.poses(due, stations), -1), start_s + due / options.rate)
+        sent += len(due)
+
+
+def _on_signals() -> list[int]:
+    """Give a list that has a member once the program is asked to end."""
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _frame: signals.append(received))
+    return signals
 
 
 def _open(options: argparse.Namespace) -> Port:
