@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from shukotsu.errors import InputError
 
@@ -16,6 +16,17 @@ if TYPE_CHECKING:
     from shukotsu.trackers.protocols.output_items import OutputItems
     from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder
     from shukotsu.trackers.protocols.stream_settings import StreamSettings
+
+
+class UsbTracker(NamedTuple):
+    """Hold what is known of a tracker on USB.
+
+    state : READY, WANTS_FIRMWARE or NOT_READ. endpoints : out and in, where it is read by bulk transfers.
+    """
+
+    name: str
+    state: str
+    endpoints: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -48,13 +59,14 @@ class Family:
     """Option of a recorder that the family cannot do -> the sentence that says so."""
     scheme: str = ""
     """What the name of its ports begins with, where it has ports of its own."""
-    usb: Mapping[tuple[int, int], tuple[str, str]] = field(default_factory=dict)
-    """USB vendor and product -> name, and what can be done with it: READY, WANTS_FIRMWARE or NOT_READ."""
+    usb: Mapping[tuple[int, int], UsbTracker] = field(default_factory=dict)
+    """By USB vendor and product."""
 
 
 USUAL = "liberty"
 
 POLHEMUS, NDI = 0x0F44, 0x04B4
+HIGH_SPEED, FULL_SPEED = (0x04, 0x88), (0x02, 0x82)
 READY, WANTS_FIRMWARE, NOT_READ = "ready", "wants its firmware", "not read by this program"
 _BINARY_ONLY = "sends binary only; leave it out"
 _AT_SERVER = "set them with the program that serves OpenIGTLink"
@@ -74,10 +86,10 @@ FAMILIES = {
         ports=(4, 8, 12, 16),
         remedies="--stations, --items short, --rate 120",
         usb={
-            (POLHEMUS, 0xFF20): ("LIBERTY (high-speed USB)", READY),
-            (POLHEMUS, 0xFF21): ("LIBERTY (high-speed USB)", WANTS_FIRMWARE),
-            (POLHEMUS, 0xFF12): ("LIBERTY", READY),
-            (POLHEMUS, 0xFF11): ("LIBERTY", WANTS_FIRMWARE),
+            (POLHEMUS, 0xFF20): UsbTracker("LIBERTY (high-speed USB)", READY, HIGH_SPEED),
+            (POLHEMUS, 0xFF21): UsbTracker("LIBERTY (high-speed USB)", WANTS_FIRMWARE),
+            (POLHEMUS, 0xFF12): UsbTracker("LIBERTY", READY, FULL_SPEED),
+            (POLHEMUS, 0xFF11): UsbTracker("LIBERTY", WANTS_FIRMWARE),
         },
     ),
     "patriot": Family(
@@ -90,10 +102,10 @@ FAMILIES = {
         ports=(2,),
         remedies="--stations, --items short",
         usb={
-            (POLHEMUS, 0xEF20): ("PATRIOT (high-speed USB)", READY),
-            (POLHEMUS, 0xEF21): ("PATRIOT (high-speed USB)", WANTS_FIRMWARE),
-            (POLHEMUS, 0xEF12): ("PATRIOT", READY),
-            (POLHEMUS, 0xEF11): ("PATRIOT", WANTS_FIRMWARE),
+            (POLHEMUS, 0xEF20): UsbTracker("PATRIOT (high-speed USB)", READY, HIGH_SPEED),
+            (POLHEMUS, 0xEF21): UsbTracker("PATRIOT (high-speed USB)", WANTS_FIRMWARE),
+            (POLHEMUS, 0xEF12): UsbTracker("PATRIOT", READY, FULL_SPEED),
+            (POLHEMUS, 0xEF11): UsbTracker("PATRIOT", WANTS_FIRMWARE),
         },
     ),
     "fastrak": Family(
@@ -109,9 +121,9 @@ FAMILIES = {
         ports=(4,),
         unsupported={"--hemisphere track": "--hemisphere: a FASTRAK does not follow a receiver; give x,y,z"},
         usb={
-            (POLHEMUS, 0x0002): ("FASTRAK", READY),
-            (POLHEMUS, 0x0001): ("FASTRAK", WANTS_FIRMWARE),
-            (POLHEMUS, 0x0003): ("FASTRAK 3", READY),
+            (POLHEMUS, 0x0002): UsbTracker("FASTRAK", READY),
+            (POLHEMUS, 0x0001): UsbTracker("FASTRAK", WANTS_FIRMWARE),
+            (POLHEMUS, 0x0003): UsbTracker("FASTRAK 3", READY),
         },
     ),
     "viper": Family(
@@ -126,7 +138,7 @@ FAMILIES = {
             "--stations": "--stations: a VIPER sends every sensor that is connected; leave it out",
             "--ascii": f"--ascii: a VIPER {_BINARY_ONLY}",
         },
-        usb={(POLHEMUS, 0xBF01): ("VIPER", READY), (POLHEMUS, 0xCF01): ("G4", NOT_READ)},
+        usb={(POLHEMUS, 0xBF01): UsbTracker("VIPER", READY), (POLHEMUS, 0xCF01): UsbTracker("G4", NOT_READ)},
     ),
     "trakstar": Family(
         title="trakSTAR",
@@ -138,7 +150,7 @@ FAMILIES = {
             "--hemisphere": "--hemisphere, --no-filters: set them with the trakSTAR's own program",
             "--no-filters": "--hemisphere, --no-filters: set them with the trakSTAR's own program",
         },
-        usb={(NDI, 0x1005): ("trakSTAR", NOT_READ)},
+        usb={(NDI, 0x1005): UsbTracker("trakSTAR", NOT_READ)},
     ),
     "openigtlink": Family(
         title="OpenIGTLink",

@@ -8,9 +8,10 @@ from pathlib import Path
 from shukotsu.trackers.families import FAMILIES, READY, WANTS_FIRMWARE
 
 TRACKERS = {device: known for family in FAMILIES.values() for device, known in family.usb.items()}
-"""USB vendor and product -> tracker, and what can be done with it."""
+"""By USB vendor and product."""
 
 NETWORK = "A server of OpenIGTLink (PLUS, 3D Slicer) is not looked for; give it as --port igtl://HOST:18944."
+WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it comes back under another number."
 HINT = (
     "A tracker on USB is no serial port by itself; on Linux, once it has its firmware, this makes it one:\n"
     "  sudo modprobe usbserial vendor=0x0f44 product=0x{product:04x}"
@@ -50,7 +51,7 @@ def port_lines(
             continue
         on_ports.add((vendor, product))
         known = TRACKERS.get((vendor, product))
-        lines.append(f"{name}  {known[0] if known else description} (USB {vendor:04x}:{product:04x})")
+        lines.append(f"{name}  {known.name if known else description} (USB {vendor:04x}:{product:04x})")
     for vendor, product in usb:
         if (vendor, product) in TRACKERS and (vendor, product) not in on_ports:
             lines += _without_port(vendor, product)
@@ -60,10 +61,12 @@ def port_lines(
 
 
 def _without_port(vendor: int, product: int) -> list[str]:
-    name, state = TRACKERS[vendor, product]
+    name, state, endpoints = TRACKERS[vendor, product]
     lines = [f"USB {vendor:04x}:{product:04x}  {name}: {state}"]
+    if endpoints is not None:
+        lines += [f"give it as --port usb:{vendor:04x}:{product:04x} (needs libusb1), or:"]
     if state == READY:
         lines += ["has no serial port yet. " + HINT.format(product=product)]
     elif state == WANTS_FIRMWARE:
-        lines += ["its firmware is loaded with fxload; then it comes back under another number."]
+        lines += [WITHOUT_FIRMWARE]
     return lines

@@ -26,6 +26,7 @@ POLHEMUS_USB = 0x0F44
 
 SCHEMES = {
     "lsl": "shukotsu.trackers.lsl.port:LslPort",
+    "usb": "shukotsu.trackers.record.usb_port:UsbPort",
 }
 """What the name of a port begins with, a colon behind it -> what opens it, `module:object`."""
 

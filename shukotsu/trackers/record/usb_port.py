@@ -1,0 +1,92 @@
+"""Trackers on USB that are no serial port: bulk transfers by libusb, the bytes of the serial protocol."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from shukotsu.errors import InputError
+from shukotsu.trackers.families import READY, WANTS_FIRMWARE
+from shukotsu.trackers.record.connected_ports import TRACKERS, WITHOUT_FIRMWARE
+from shukotsu.trackers.record.port import WAIT_S, Port, PortGoneError
+
+READ_BYTES = 4096
+WRITE_S = 2.0
+RULE = 'SUBSYSTEM=="usb", ATTR{idVendor}=="0f44", MODE="0666"'
+
+
+def opened_bus() -> tuple[Any, Any]:
+    """Give the package libusb1, whose read that times out gives what came, and a context of it."""
+    try:
+        usb = importlib.import_module("usb1")
+        context = usb.USBContext()
+        context.open()
+    except (ImportError, OSError) as error:
+        raise InputError("usb: needs libusb1 (pip install libusb1) and the system's libusb-1.0") from error
+    return usb, context
+
+
+class UsbPort(Port):
+    """The port `usb:VVVV:PPPP` (vendor and product), or `usb:` for the only tracker there is.
+
+    Raises InputError where there is none, it wants its firmware, or it may not be opened.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._usb, self._context = usb, _ = opened_bus()
+        device, (self._out, self._in) = self._chosen(name.partition(":")[2].lower())
+        try:
+            self._handle = device.open()
+            self._handle.claimInterface(0)
+        except usb.USBErrorAccess as error:
+            raise InputError(
+                f"{name}: may not be opened by you; put {RULE} into /etc/udev/rules.d/99-polhemus.rules and "
+                "connect it anew"
+            ) from error
+        except usb.USBErrorBusy as error:
+            raise InputError(
+                f"{name}: another program has it open, or the kernel as a serial port "
+                "(sudo modprobe -r usbserial)"
+            ) from error
+        except usb.USBError as error:
+            raise InputError(f"{name}: cannot be opened ({error}); connect it anew") from error
+
+    def _chosen(self, wanted: str) -> tuple[Any, tuple[int, int]]:
+        """Give the device and its endpoints."""
+        found = []
+        for device in self._context.getDeviceIterator(skip_on_error=True):
+            ids = (device.getVendorID(), device.getProductID())
+            if ids in TRACKERS and wanted in ("", f"{ids[0]:04x}:{ids[1]:04x}"):
+                found.append((device, TRACKERS[ids]))
+        if len(found) != 1:
+            raise InputError(
+                f"{self.name}: are {len(found)} trackers on USB; expected one; `shukotsu devices` lists them"
+            )
+        device, tracker = found[0]
+        if tracker.state == WANTS_FIRMWARE:
+            raise InputError(f"{self.name}: a {tracker.name} {tracker.state}; {WITHOUT_FIRMWARE}")
+        if tracker.state != READY or tracker.endpoints is None:
+            raise InputError(f"{self.name}: a {tracker.name} is not read this way; see `shukotsu devices`")
+        return device, tracker.endpoints
+
+    def read(self) -> bytes:
+        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        try:
+            return bytes(self._handle.bulkRead(self._in, READ_BYTES, round(1000 * WAIT_S)))
+        except self._usb.USBErrorTimeout as error:
+            return bytes(error.received)
+        except self._usb.USBError as error:
+            raise PortGoneError(f"it was unplugged or switched off: {error}") from error
+
+    def write(self, data: bytes) -> None:
+        """Send all of it. Raises PortGoneError."""
+        try:
+            while data:
+                data = data[self._handle.bulkWrite(self._out, data, round(1000 * WRITE_S)) :]
+        except self._usb.USBError as error:
+            raise PortGoneError(f"it takes nothing: {error}") from error
+
+    def close(self) -> None:
+        """Close the port; whatever happens then is of no interest any more."""
+        self._context.close()
