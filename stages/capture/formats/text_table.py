@@ -99,13 +99,13 @@ class TextTable:
 
     def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
         last = 1 if self.cut_off(wanted) else 0
-        with reading(self.path), self.open() as stream:
+        with reading(self.path), self.open() as stream, self._source(stream) as source:
             held: list[pa.Table] = []
             try:
                 for batch in (
                     batch
                     for batch in pa_csv.open_csv(
-                        stream,
+                        source,
                         # One thread: of several, each has a block at work and others ahead.
                         pa_csv.ReadOptions(
                             use_threads=False,
@@ -130,6 +130,15 @@ class TextTable:
             except pa.ArrowInvalid as error:
                 self._refuse_lines(error)
             yield from (table.slice(0, table.num_rows - last) for table in held)
+
+    def _source(self, stream: BinaryIO) -> pa.NativeFile:
+        """Give the text to pyarrow with no Python in it.
+
+        Its thread reads ahead, and would abort the process where it asks for Python as that is ending.
+        """
+        if isinstance(stream, io.BytesIO):
+            return pa.BufferReader(stream.getvalue())
+        return pa.OSFile(str(self.path))
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
         """Give every row, without empty lines, with the number of its (last) line."""
