@@ -168,6 +168,20 @@ def _xdf() -> Recording:
     return Recording("a.xdf", {"a.xdf": data})
 
 
+def _sequence() -> Recording:
+    lines = ["ObjectType = Image", "NDims = 3", f"DimSize = 1 1 {FRAMES}"]
+    for frame in range(FRAMES):
+        for station, segment in SEGMENTS.items():
+            position, q = pose(frame, station)
+            m = cosines(q)
+            rows = [*m[:3], position[0], *m[3:6], position[1], *m[6:], position[2], 0, 0, 0, 1]
+            name = f"Seq_Frame{frame:04d}_{segment}ToTrackerTransform"
+            lines += [f"{name} = {' '.join(map(str, rows))}", f"{name}Status = OK"]
+        lines.append(f"Seq_Frame{frame:04d}_Timestamp = {frame / 60}")
+    data = "\n".join([*lines, "ElementDataFile = LOCAL\n"]).encode() + bytes(range(250, 256))
+    return Recording("a.igs.mha", {"a.igs.mha": data})
+
+
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "csv": _tidy_csv,
     "parquet": _tidy_parquet,
@@ -177,4 +191,5 @@ RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "c3d": _c3d,
     "motion-bids": _motion_bids,
     "xdf": _xdf,
+    "sequence": _sequence,
 }

@@ -15,13 +15,14 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import UNIT_NAMES, FileMapping
 from shukotsu.skeleton.rotations import Array, from_matrix
 from shukotsu.stages.capture.formats.c3d_content import PARAMETERS, read_content
-from shukotsu.stages.capture.formats.clusters import ClusterPoses, cluster_poses
+from shukotsu.stages.capture.formats.clusters import cluster_note, cluster_poses
 from shukotsu.stages.capture.formats.mapped import (
     Integers,
     Track,
     mapped_segments,
     required_mapping,
     samples_of_tracks,
+    without_marks,
 )
 from shukotsu.stages.capture.formats.orientation import proper_rotations
 from shukotsu.stages.capture.samples import Samples, did_you_mean
@@ -151,7 +152,9 @@ def _of_cluster(
 ) -> tuple[Track, str]:
     place = f"{mapping.where}: receivers.{segment}.markers"
     columns = [_index(file.path, file.labels, marker, "marker", place) for marker in markers]
-    points_mm = file.points[window][:, columns] * mapping.mm_per_unit
+    notes: list[str] = []
+    points = without_marks(file.points[window][:, columns], f"cluster {segment}", notes)
+    points_mm = points * mapping.mm_per_unit
     unseen = [
         marker
         for marker, seen in zip(markers, np.asarray(np.isfinite(points_mm).any((0, 2))), strict=True)
@@ -163,17 +166,8 @@ def _of_cluster(
         )
     cluster = cluster_poses(points_mm, f"{file.path}: cluster {segment}")
     poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
-    return _track(file, window, mapping, poses, cluster.misfit_mm), _note(segment, cluster)
-
-
-def _note(segment: str, cluster: ClusterPoses) -> str:
-    misfit = cluster.misfit_mm
-    posed = np.isfinite(misfit)
-    left = cluster.residual_mm[np.isfinite(cluster.residual_mm)]
-    return (
-        f"cluster {segment}: {len(cluster.shape_mm)} markers, residual "
-        f"{np.sqrt(np.mean(left**2)):.2g} mm rms, {left.max():.2g} mm max, "
-        f"{posed.sum()} of {len(misfit)} frames"
+    return _track(file, window, mapping, poses, cluster.misfit_mm), "; ".join(
+        [*notes, cluster_note(segment, cluster)]
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +21,9 @@ Integers = npt.NDArray[np.int64]
 
 _RATE_OFF = 0.1
 """As a share: how far times may be off the rate that a mapping gives."""
+
+LARGEST = 1e20
+"""Whatever the unit, no device measures more."""
 
 IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
@@ -43,6 +47,24 @@ class Track:
         flags = {flag: marked[samples] for flag, marked in self.flags.items()}
         row, frame, time_s = self.row[samples], self.frame[samples], self.time_s[samples]
         return Track(row, frame, time_s, self.numbers[samples], flags)
+
+
+def without_marks(values: Array, what: str, notes: list[str]) -> Array:
+    """Make numbers NaN that no device measures and that stand for no value, as NDI's -3.697e28; note them."""
+    marked = np.isfinite(values) & (np.abs(values) > LARGEST)
+    if not marked.any():
+        return values
+    notes.append(
+        f"{what}: {marked.sum()} numbers beyond {LARGEST:g}, such as {values[marked][0]:g}, stand for no "
+        "value: their poses stay gaps"
+    )
+    return np.where(marked, np.nan, values)
+
+
+def snake_case(name: str) -> str:
+    """Write a name as segments' names are: IndexDistal and "index distal" as index_distal."""
+    parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
+    return re.sub(r"[^a-z0-9]+", "_", parted.lower()).strip("_")
 
 
 def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> FileMapping:

@@ -52,15 +52,21 @@ FORMATS = {
         sidecars=("shukotsu.stages.capture.formats.motion_sidecars", "sidecar_files"),
     ),
     "xdf": Format((".xdf", ".xdfz"), "shukotsu.stages.capture.formats.xdf", "read_xdf"),
+    "sequence": Format((".mha", ".nrrd"), "shukotsu.stages.capture.formats.sequence", "read_sequence"),
 }
 """Formats that say themselves what their numbers are."""
 
 MAPPED = {
-    "csv": Format((".csv", ".txt", ".tsv"), "shukotsu.stages.capture.formats.mapped_csv", "read_mapped_csv"),
+    "csv": Format(
+        (".csv", ".txt", ".tsv", ".jsonl", ".ndjson"),
+        "shukotsu.stages.capture.formats.mapped_csv",
+        "read_mapped_csv",
+    ),
     "matrices": Format((".txt", ".traj"), "shukotsu.stages.capture.formats.matrices", "read_matrices"),
     "c3d": Format((".c3d",), "shukotsu.stages.capture.formats.c3d", "read_c3d"),
     "motion-bids": FORMATS["motion-bids"],
     "xdf": FORMATS["xdf"],
+    "sequence": FORMATS["sequence"],
 }
 """Formats that are read by a mapping; the mapping says which."""
 

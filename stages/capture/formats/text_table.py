@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -22,12 +23,15 @@ import pyarrow.csv as pa_csv
 
 from shukotsu.errors import InputError, listed
 from shukotsu.files.limits import LINE_LETTERS, read_whole
-from shukotsu.files.text_files import decoded, open_text, reading, refuse_other_kind, undecodable
+from shukotsu.files.text_files import decoded, open_text, read_text, reading, refuse_other_kind, undecodable
 from shukotsu.stages.capture.formats.cells import EMPTY, Cells
 from shukotsu.stages.capture.samples import did_you_mean
 
 READ_BYTES = 8 << 20
 """How much text is parsed at a time: some ten thousand rows, and more than the longest line."""
+
+JSON_LINES = (".jsonl", ".ndjson")
+_ROS_TIMES = (("sec", "nanosec"), ("secs", "nsecs"))
 
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
 """Runs of blanks are made one tab before anything else reads them."""
@@ -235,14 +239,19 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 
     Raises InputError where it cannot be read, is not UTF-8 or is empty.
     """
+    if path.name.lower().endswith(JSON_LINES):
+        return _open_json_lines(path, details)
     with reading(path, "a table as text"):
         data = read_whole(path, "a table as text")
         ended = is_ended(data)
         data = _normalised(path, data, details)
     separator = _SEPARATOR[details["delimiter"]]
-    line, first = _first_record(path, lambda: io.BytesIO(data), separator)
-    if not first:
+    records = _first_records(path, lambda: io.BytesIO(data), separator, 2)
+    if not records:
         raise InputError(f"{path}: is empty; expected a table")
+    line, first = records[0]
+    if details["header"]:
+        first = _as_long_as(first, records[-1][1])
     expected = (
         f"{len(first)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
     )
@@ -270,10 +279,63 @@ def _titles(names: Sequence[str]) -> tuple[str, ...]:
     )
 
 
+def _as_long_as(names: list[str], row: list[str]) -> list[str]:
+    """Lengthen or shorten a header where only one of it and its rows ends in separators."""
+    count = len(names)
+    if any(map(str.strip, row[count:] + names[len(row) :])):
+        return names
+    return names[: len(row)] + [""] * (len(row) - count)
+
+
+def _open_json_lines(path: Path, details: Mapping[str, Any]) -> TextTable:
+    """Open a file of a JSON object a line as a table: nested keys with points between them are its columns.
+
+    A ROS time, an object of seconds and nanoseconds, is one column.
+    """
+    rows: list[dict[str, str]] = []
+    for number, line in enumerate(read_text(path, "a JSON object a line").split("\n"), 1):
+        try:
+            row = json.loads(line, parse_float=str, parse_int=str) if line.strip() else {}
+            rows.append(dict(_flat(row, ())))
+        except (ValueError, RecursionError):
+            raise InputError(f"{path}: line {number}: is no whole JSON object; expected one a line") from None
+    names = list(dict.fromkeys(key for row in rows for key in row))
+    if not names:
+        raise InputError(f"{path}: has no JSON object; expected one a line")
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    for row in rows:
+        table.writerow([row.get(name, "") for name in names] if row else [])
+    data = text.getvalue().encode()
+    empty = (*EMPTY, *map(str.strip, details["missing"]))
+    expected = "the keys of an object"
+    return TextTable(path, lambda: io.BytesIO(data), ",", tuple(names), _titles(names), 0, expected, empty)
+
+
+def _flat(value: object, place: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    """Give each number or text in nested objects and lists, and its keys with points between them."""
+    if place and isinstance(value, dict) and tuple(sorted(value, reverse=True)) in _ROS_TIMES:
+        seconds, rest = (str(value[key]) for key in sorted(value, reverse=True))
+        yield ".".join(place), f"{seconds}.{rest:0>9}"
+    elif isinstance(value, (dict, list)):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _flat(part, (*place, str(key)))
+    elif not place:
+        raise ValueError
+    elif value is not None:
+        yield ".".join(place), str(value)
+
+
 def _first_record(path: Path, open_: Callable[[], BinaryIO], separator: str) -> tuple[int, list[str]]:
+    return next(iter(_first_records(path, open_, separator, 1)), (0, []))
+
+
+def _first_records(
+    path: Path, open_: Callable[[], BinaryIO], separator: str, count: int
+) -> list[tuple[int, list[str]]]:
     try:
         with reading(path):
-            return next(text_records(open_(), separator), (0, []))
+            return list(itertools.islice(text_records(open_(), separator), count))
     except UnicodeDecodeError as error:
         raise _undecodable(path, open_()) from error
     except csv.Error as error:

@@ -1,18 +1,27 @@
-"""Files that describe themselves, Motion-BIDS and XDF: what they say, and a mapping where they need one."""
+"""Files that describe themselves, Motion-BIDS, XDF and sequences: what they say, and a mapping where they need one."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import UNIT_NAMES
+from shukotsu.stages.capture.formats.mapped import snake_case
 from shukotsu.stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
 from shukotsu.stages.capture.formats.readers import AUTO, find_parts_reader
-from shukotsu.stages.capture.inspection.description import CHECK, Description, draft
+from shukotsu.stages.capture.formats.sequence import open_sequence, tool_of
+from shukotsu.stages.capture.inspection.description import (
+    CHECK,
+    Description,
+    draft,
+    extent_line,
+    rate_line,
+)
 
 
 def describe_motion_bids(path: Path, layout: Layout) -> Description:
@@ -79,6 +88,27 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
     return Description(tuple(lines), draft(path, config))
 
 
+def describe_sequence(path: Path, layout: Layout) -> Description:
+    """List a sequence's transforms. Raises InputError where it has none."""
+    sequence = open_sequence(path)
+    lines = [
+        f"a sequence of {len(sequence.time_s)} frames; transforms in mm; images are not read",
+        rate_line("time stamps", sequence.time_s, ["s"]),
+    ]
+    for name, matrices in sequence.transforms.items():
+        seen = np.isfinite(matrices).all((1, 2)).mean()
+        lines.append(
+            f"{extent_line(f'transform {name}', matrices[:, :3, 3], 'mm')}; OK in {seen:.0%} of frames"
+        )
+    if _reads_without_mapping(path, layout):
+        tools = [name for name in layout.measured if sequence.named(name)]
+        line = f"segments of layout {layout.name}, read without a mapping: {', '.join(tools)}"
+        return Description((*lines, line))
+    receivers, why = _receivers({name: tool_of(name) for name in sequence.transforms}, "value", layout)
+    config = {"format": "sequence", "position_unit": "mm", "receivers": (receivers, why)}
+    return Description(tuple(lines), draft(path, config))
+
+
 def _reads_without_mapping(path: Path, layout: Layout) -> bool:
     try:
         for _ in find_parts_reader(path, AUTO)(path, layout, None):
@@ -92,11 +122,16 @@ def _complete(lines: list[str], what: str, layout: Layout) -> Description:
     return Description((*lines, f"every {what} is a segment of layout {layout.name}: needs no mapping"))
 
 
-def _receivers(names: Iterable[str], key: str, layout: Layout) -> tuple[dict[str, dict[str, str]], str]:
-    """Put every name under `key` of a receiver whose own name a segment may have; none is lost."""
+def _receivers(
+    names: Iterable[str] | Mapping[str, str], key: str, layout: Layout
+) -> tuple[dict[str, dict[str, str]], str]:
+    """Put every name under `key` of a receiver whose own name a segment may have; none is lost.
+
+    names : of a mapping each name with what a segment would be called by.
+    """
     receivers: dict[str, dict[str, str]] = {}
     for name in names:
-        bare = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+        bare = snake_case(names[name] if isinstance(names, Mapping) else name)
         stem = bare if bare[:1].isalpha() else f"receiver_{bare}".rstrip("_")
         segment, count = stem, 1
         while segment in receivers:
