@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.formats.mapped import snake_case
 from shukotsu.stages.capture.inspection.column_titles import (
     ANGLE_UNITS,
     POSITION_UNITS,
     TIME_UNITS,
+    Title,
     split_title,
 )
+from shukotsu.stages.capture.inspection.rigid_groups import common_start
 
 _NORM_SHARE = 0.9
 _NORM_OFF = 0.02
@@ -24,6 +27,15 @@ _FRAME = re.compile(r"frame|sample|count|^index$|^n$|^#$", re.I)
 _RECEIVER = re.compile(r"receiver|sensor|station|segment|marker|^id$|device|channel", re.I)
 _QUALITY = re.compile(r"quality|^q(ual)?[\W_]*\d*$", re.I)
 _ASIDE = re.compile(r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp", re.I)
+_NO_POSE = re.compile(
+    r"(?<![a-z])((hours?|minutes?|date|port|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
+    r"|acc(?!ur)|gyr|magneto|veloc|omega)"
+)
+"""The same, of titles as segments' names are written."""
+_NUMBERED = re.compile(r"(?i)(?<![a-z])(id|index|count|number|no)$|(?-i:(?<=[a-z])I[dD]$)")
+_SCALAR_FIRST = re.compile(r"q(?:uat)?[\W_]?(?P<digit>[0-3])(?!\d)", re.I)
+_MANY_ROWS = 20
+"""In so many rows a position neither grows with every one nor keeps still to its last digit."""
 _ANGLE = re.compile(
     r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
 )
@@ -46,6 +58,7 @@ class Roles:
     the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
     aside : numbers that are none of these; text : columns that hold no numbers.
     guessed : titles of which neither name nor numbers say what they are, only their place in the table.
+    order : of all quaternions' four numbers, where their titles say it. doubts : what titles say wrongly.
     """
 
     time: str | None = None
@@ -59,6 +72,8 @@ class Roles:
     aside: list[str] = field(default_factory=list)
     text: list[str] = field(default_factory=list)
     guessed: set[str] = field(default_factory=set)
+    order: str = ""
+    doubts: list[str] = field(default_factory=list)
 
     @property
     def orientations(self) -> tuple[str, list[list[str]]]:
@@ -73,11 +88,20 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
 
     titles : all columns; numbers : those that hold numbers, title -> (N,).
     """
+    doubts: list[str] = []
     numeric = [title for title in titles if title in numbers]
-    named = _named_groups(numeric, numbers)
-    time = next((t for t in numeric if _is_time(t) and _grows(numbers[t])), None)
+    inertial = _inertial(numeric)
+    aside = [t for t in numeric if t in inertial or _is_aside(t) or _NUMBERED.search(t)]
+    named = _named_groups([t for t in numeric if t not in aside], numbers, doubts)
+    of_day = any(re.search("hour", title, re.I) for title in titles)
+    times = [
+        t for t in numeric if _is_time(t) and t not in named and not (of_day and re.search("sec", t, re.I))
+    ]
+    time = next((t for t in times if _grows(numbers[t])), None)
     frame = next((t for t in numeric if t != time and _FRAME.search(t) and _whole(numbers[t])), None)
-    receiver = next((t for t in titles if t not in (time, frame) and _is_receiver(t, numbers.get(t))), None)
+    several = sum(len(group) == 4 for group in {id(own): own for own in named.values()}.values()) > 1
+    receivers = [t for t in titles if t not in (time, frame) and not _is_aside(t) and not several]
+    receiver = next((t for t in receivers if _is_receiver(t, numbers.get(t))), None)
     text = [title for title in titles if title not in numbers and title != receiver]
     left = [title for title in numeric if title not in (time, frame, receiver)]
     guessed = set()
@@ -85,21 +109,89 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
         time = left.pop(0)
         guessed.add(time)
     quality = [title for title in left if _QUALITY.search(title) and title not in named]
-    aside = [title for title in left if _ASIDE.search(title) and title not in quality]
+    others = [t for t in left if t in times or (t not in named and _counts(t, numbers[t]))]
+    aside = [title for title in left if title in (*aside, *others) and title not in quality]
     roles = Roles(time, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed)
     _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
     roles.angles[:] = [by_azimuth(group) or group for group in roles.angles]
-    return roles
+    orders = {_order(group) for group in roles.quaternions}
+    if orders and "" not in orders:
+        kept = len(orders) == 1 and orders <= {"wxyz", "xyzw"}
+        order = orders.pop() if kept else "wxyz"
+        roles.quaternions[:] = [
+            [group[_order(group).index(axis)] for axis in order] for group in roles.quaternions
+        ]
+        roles = replace(roles, order=order)
+    return replace(roles, doubts=doubts)
 
 
-def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
+def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
+    """Positions and orientations of one receiver each: by their order where there are as many of both.
+
+    Else each orientation has the position that stands right before or right behind it, all on one side.
+    Where there are no orientations positions have an empty one.
+    """
+    positions, orientations = roles.positions, roles.orientations[1]
+    if not orientations or len(positions) == len(orientations):
+        return [(group, orientations[i] if orientations else []) for i, group in enumerate(positions)]
+    groups = sorted([*positions, *orientations], key=lambda group: titles.index(min(group, key=titles.index)))
+    sides: list[list[tuple[list[str], list[str]]]] = [[], []]
+    for place, group in enumerate(groups):
+        for side, beside in enumerate((place - 1, place + 1)):
+            if group in orientations and 0 <= beside < len(groups) and groups[beside] in positions:
+                sides[side].append((groups[beside], group))
+    alike = [sum(len(common_start([p[0], q[0]])) for p, q in side) for side in sides]
+    return max(zip(map(len, sides), alike, sides, strict=True), key=lambda own: own[:2])[2]
+
+
+def _is_aside(title: str) -> bool:
+    return bool(_ASIDE.search(title) or _NO_POSE.search(snake_case(title)))
+
+
+def _inertial(titles: Sequence[str]) -> set[str]:
+    """Titles of accelerometers, gyroscopes and magnetometers where these are called a, g and m."""
+    found = {letter: {t for t in titles if re.fullmatch(rf"{letter}_?[xyz]", t, re.I)} for letter in "agm"}
+    return set().union(*found.values()) if sum(len(own) == 3 for own in found.values()) > 1 else set()
+
+
+def _counts(title: str, values: Array) -> bool:
+    """Tell whether a column grows with every row, or is one whole number in all though it has a name."""
+    if len(values) < _MANY_ROWS:
+        return False
+    still = np.ptp(values) == 0 and values[0] == np.floor(values[0]) and not title.startswith("number ")
+    return bool(still or (np.diff(values) > 0).all())
+
+
+def _spelled(title: str, known: Iterable[str]) -> Title:
+    """A title without its unit, q0 as qw, and of the same receiver q1, q2 and q3 as qx, qy and qz."""
+    name, unit = split_title(title)
+    if found := _SCALAR_FIRST.search(name):
+        at = found.start("digit")
+        if (name[:at] + "0" + name[at + 1 :]).lower() in known:
+            name = name[:at] + "wxyz"[int(name[at])] + name[at + 1 :]
+    return Title(name, unit)
+
+
+def _order(group: Sequence[str]) -> str:
+    """The order of a quaternion's four numbers as their titles say, such as xyzw; empty where they do not."""
+    known = [split_title(title).name.lower() for title in group]
+    found = [_AXIS.fullmatch(_spelled(title, known).name) for title in group]
+    axes = "".join(match["axis"].lower() for match in found if match)
+    return axes if sorted(axes) == list("wxyz") else ""
+
+
+def _named_groups(
+    titles: Sequence[str], numbers: Mapping[str, Array], doubts: list[str]
+) -> dict[str, list[str]]:
     """Titles that differ in their axis only, each title -> its group in the order of the table.
 
-    w, x, y, z are a group only where a q stands before them or their norm is 1.
+    w, x, y, z are a group where their norm is 1 in the rows that have them; where a q says that they are
+    one and it is not, that is a doubt.
     """
     alike: dict[tuple[str, str, str], dict[str, str]] = {}
+    known = {split_title(title).name.lower() for title in titles}
     for title in titles:
-        name, unit = split_title(title)
+        name, unit = _spelled(title, known)
         if match := _AXIS.fullmatch(name):
             axes = alike.setdefault((match["before"].lower(), match["after"].lower(), unit), {})
             axes.setdefault(match["axis"][0].lower(), title)
@@ -109,8 +201,12 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
             group = [title for axis, title in axes.items() if axis in names]
             if len(group) < len(names) or group[0] in groups:
                 continue
-            if len(names) == 3 or before.endswith("q") or _off_rotation(group, numbers, 4) < _NORM_OFF:
+            off = _off_rotation(group, numbers, 4) if len(names) == 4 else 0.0
+            said = re.search(r"q(uat\w*)?[\W_]*$", before) is not None
+            if off < _NORM_OFF or (said and off == np.inf):
                 groups |= dict.fromkeys(group, group)
+            elif said:
+                doubts.append(f"{' '.join(group)}: are no unit quaternion, though their titles say so")
     return groups
 
 

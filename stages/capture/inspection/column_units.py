@@ -26,6 +26,9 @@ from shukotsu.stages.capture.inspection.description import (
 )
 
 STATED = "as the columns' titles say"
+STATED_BEFORE = "as the lines before the table say"
+_DATES_S = (9e8, 4.2e9)
+"""Seconds since 1970 of a recording's day."""
 LEAST_HZ, MOST_HZ = 1.0, 5000.0
 """Frames come at such rates, whatever the tracker."""
 TWO_PI = 2 * np.pi + 0.01
@@ -41,7 +44,7 @@ class Unit(NamedTuple):
     @property
     def stated(self) -> str:
         """The unit that titles state and numbers do not contradict; else empty."""
-        return self.unit if self.why == STATED else ""
+        return self.unit if self.why in (STATED, STATED_BEFORE) else ""
 
 
 class Units(NamedTuple):
@@ -52,26 +55,33 @@ class Units(NamedTuple):
     time: Unit
 
 
-def find_units(roles: Roles, numbers: Mapping[str, Array]) -> Units:
-    """The units of columns with these roles; numbers : title -> (N,)."""
+def find_units(roles: Roles, numbers: Mapping[str, Array], before: str = "") -> Units:
+    """The units of columns with these roles; numbers : title -> (N,).
+
+    before : the unit that stands before the table.
+    """
     return Units(
-        _position_unit(roles.positions, numbers),
+        _position_unit(roles.positions, numbers, before),
         _angle_unit(roles.angles, numbers),
         _time_unit(roles.time, numbers) if roles.time else Unit(CHECK, ""),
     )
 
 
-def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
+def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array], before: str) -> Unit:
     """The unit of positions, by the titles of all of them together."""
     titles = [title for group in groups for title in group]
     span = max((float(np.ptp(values)) for values in _finite(titles, numbers)), default=0.0)
     why = "mm, cm, m or inch" + (f"; positions span {span:.3g} of it" if titles else "")
     units = _stated(titles, POSITION_UNITS)
+    stated = STATED
+    if before and units == [""]:
+        units, stated = [before], STATED_BEFORE
     if span and len(units) == 1 and units[0]:
         would_be = extent(span * MM_PER_UNIT[units[0]])
         if would_be in IMPOSSIBLE_EXTENTS:
             return _doubted(why, f"the titles of positions say {units[0]}, in which their span is {would_be}")
-    return _settled(units, why, "positions")
+    settled = _settled(units, why, "positions")
+    return settled._replace(why=stated) if settled.why == STATED else settled
 
 
 def _angle_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
@@ -97,10 +107,14 @@ def angle_unit_by_size(titles: Iterable[str], numbers: Mapping[str, Array]) -> U
 def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
     """The unit of the column of times, by its title."""
     times, unit = numbers[title], split_title(title).unit
-    why = rate_line("s, ms or us", times, SECONDS_PER_UNIT)
-    if unit not in TIME_UNITS:
-        return Unit(CHECK, why)
+    why = rate_line("s, ms, us or ns", times, SECONDS_PER_UNIT)
     step = median_step(times)
+    if unit not in TIME_UNITS:
+        for known, seconds in SECONDS_PER_UNIT.items():
+            date = _DATES_S[0] < np.nanmedian(times) * seconds < _DATES_S[1]
+            if date and step and LEAST_HZ <= 1 / (step * seconds) <= MOST_HZ:
+                return Unit(known, "as its numbers then are dates, counted from 1970")
+        return Unit(CHECK, why)
     rate_hz = None if step is None else 1 / (step * SECONDS_PER_UNIT[unit])
     if rate_hz is None or LEAST_HZ <= rate_hz <= MOST_HZ:
         return Unit(unit, STATED)

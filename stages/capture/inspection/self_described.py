@@ -1,4 +1,4 @@
-"""Files that describe themselves, Motion-BIDS, XDF and sequences: what they say, and a mapping where they need one."""
+"""Files that describe themselves, Motion-BIDS, XDF, sequences: what they say, and a mapping if needed."""
 
 from __future__ import annotations
 
@@ -97,9 +97,8 @@ def describe_sequence(path: Path, layout: Layout) -> Description:
     ]
     for name, matrices in sequence.transforms.items():
         seen = np.isfinite(matrices).all((1, 2)).mean()
-        lines.append(
-            f"{extent_line(f'transform {name}', matrices[:, :3, 3], 'mm')}; OK in {seen:.0%} of frames"
-        )
+        extent = extent_line(f"transform {name}", matrices[:, :3, 3], "mm", "PLUS's unit")
+        lines.append(f"{extent}; OK in {seen:.0%} of frames")
     if _reads_without_mapping(path, layout):
         tools = [name for name in layout.measured if sequence.named(name)]
         line = f"segments of layout {layout.name}, read without a mapping: {', '.join(tools)}"

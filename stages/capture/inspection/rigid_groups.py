@@ -1,0 +1,48 @@
+"""Find markers that keep their distances: groups of three or more that ride on one segment."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.cluster.hierarchy import fcluster, linkage
+
+from shukotsu.skeleton.rotations import Array
+
+RIGID_VARIATION = 0.02
+"""Distances in a group vary (interquartile) by less than this share of them, each of them."""
+_FRAMES, _MARKERS = 300, 200
+
+
+def rigid_groups(points: Array, labels: Sequence[str]) -> dict[str, list[int]]:
+    """Group markers of which all distances keep still while others change.
+
+    points : (T, P, 3), NaN where a marker is not seen. Returns what a group's labels have in common, or
+    their first, and its indices. None where there are too many markers; none of markers that keep still.
+    """
+    if not 3 <= len(labels) <= _MARKERS:
+        return {}
+    points = points[:: max(1, len(points) // _FRAMES)]
+    first, second = np.triu_indices(len(labels), 1)
+    distance = np.linalg.norm(points[:, first] - points[:, second], axis=-1)
+    variation = np.full(len(first), 1e9)
+    seen = np.flatnonzero(np.isfinite(distance).mean(0) > 0.1)
+    low, middle, high = np.nanpercentile(distance[:, seen], [25, 50, 75], axis=0)
+    variation[seen] = (high - low) / np.maximum(middle, 1e-12)
+    group = fcluster(linkage(variation, "complete"), RIGID_VARIATION, "distance")
+    found = [np.flatnonzero(group == number).tolist() for number in range(1, group.max() + 1)]
+    moved = np.subtract(*np.nanpercentile(points, [75, 25], axis=0)).max(-1)
+    scale = np.nanmedian(middle) if len(seen) else 0.0
+    found = sorted(own for own in found if len(own) >= 3 and moved[own].max() > RIGID_VARIATION * scale)
+    named: dict[str, list[int]] = {}
+    for own in found:
+        common = common_start([labels[index] for index in own]).rstrip(" _.:-")
+        named.setdefault(common if common and common not in named else labels[own[0]], own)
+    return named
+
+
+def common_start(texts: Sequence[str]) -> str:
+    """The letters that all texts begin with."""
+    alike = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
+    return "".join(letters[0] for letters in alike)
