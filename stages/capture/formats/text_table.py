@@ -24,6 +24,7 @@ import pyarrow.csv as pa_csv
 from shukotsu.errors import InputError, listed
 from shukotsu.files.limits import LINE_LETTERS, read_whole
 from shukotsu.files.text_files import decoded, open_text, read_text, reading, refuse_other_kind, undecodable
+from shukotsu.schemas.mapping import UNIT_NAMES
 from shukotsu.stages.capture.formats.cells import EMPTY, Cells
 from shukotsu.stages.capture.samples import did_you_mean
 
@@ -32,6 +33,9 @@ READ_BYTES = 8 << 20
 
 JSON_LINES = (".jsonl", ".ndjson")
 _ROS_TIMES = (("sec", "nanosec"), ("secs", "nsecs"))
+
+UNITS = {*UNIT_NAMES, "deg", "rad", "s", "ms"}
+"""What may stand below columns' names."""
 
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
 """Runs of blanks are made one tab before anything else reads them."""
@@ -71,8 +75,9 @@ class TextTable:
             if not 1 <= wanted <= len(self.header):
                 raise InputError(f"{place}: there is no column {wanted}; {self.path} has {len(self.header)}")
             return self.titles[wanted - 1]
-        count = self.header.count(wanted)
-        if count > 1:
+        if wanted in self.titles:
+            return wanted
+        if count := self.header.count(wanted):
             raise InputError(f"{place}: {self.path} has {count} columns {wanted!r}; give the column's number")
         if not count:
             known = did_you_mean(wanted, self.header)
@@ -246,24 +251,22 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
         ended = is_ended(data)
         data = _normalised(path, data, details)
     separator = _SEPARATOR[details["delimiter"]]
-    records = _first_records(path, lambda: io.BytesIO(data), separator, 2)
+    records = _first_records(path, lambda: io.BytesIO(data), separator, details["header"] + 1)
     if not records:
         raise InputError(f"{path}: is empty; expected a table")
-    line, first = records[0]
-    if details["header"]:
-        first = _as_long_as(first, records[-1][1])
+    rows = [row for _, row in records]
+    names = _names(rows[: details["header"]] or [[""] * len(rows[0])], len(rows[-1]))
     expected = (
-        f"{len(first)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
+        f"{len(names)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
     )
-    names = [name.strip() for name in first] if details["header"] else [""] * len(first)
-    header = names if details["header"] else map(str, range(1, len(first) + 1))
+    header = names if details["header"] else map(str, range(1, len(names) + 1))
     return TextTable(
         path,
         lambda: io.BytesIO(data),
         separator,
         tuple(header),
         _titles(names),
-        line if details["header"] else 0,
+        records[details["header"] - 1][0] if details["header"] else 0,
         expected,
         (*EMPTY, *map(str.strip, details["missing"])),
         details["decimal"],
@@ -272,19 +275,35 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 
 
 def _titles(names: Sequence[str]) -> tuple[str, ...]:
-    """Return columns' titles: their names, or "number 4" where that names none or several."""
-    counts = Counter(names)
-    return tuple(
-        name if name and counts[name] == 1 else f"number {index}" for index, name in enumerate(names, 1)
-    )
+    """Return columns' titles: their names, with #1, #2 where several have one, or "number 4" without any."""
+    seen, counts = Counter[str](), Counter(names)
+    titles = []
+    for index, name in enumerate(names, 1):
+        seen[name] += 1
+        titles.append(f"{name} #{seen[name]}" if counts[name] > 1 else name)
+        titles[-1] = titles[-1] if name else f"number {index}"
+    return tuple(titles)
 
 
-def _as_long_as(names: list[str], row: list[str]) -> list[str]:
-    """Lengthen or shorten a header where only one of it and its rows ends in separators."""
-    count = len(names)
-    if any(map(str.strip, row[count:] + names[len(row) :])):
-        return names
-    return names[: len(row)] + [""] * (len(row) - count)
+def _names(rows: list[list[str]], width: int) -> list[str]:
+    """What columns are called over all rows of names, of which a row less or more may end in a separator.
+
+    A name may stand over the first of its columns alone. Rows of types and numbers of things name nothing;
+    a last row of units is put in brackets.
+    """
+    last = [cell.strip() for cell in rows[-1]]
+    if not any(last[width:]) and width - len(last) <= 1:
+        last = [*last, ""][:width]
+    if len(rows) > 1 and all(cell.lower() in UNITS for cell in last if cell):
+        last = [cell and f"({cell})" for cell in last]
+    parts = [last]
+    for row in rows[-2::-1]:
+        cells = [cell.strip() for cell in row] + [""] * width
+        if next(filter(None, cells), "").lower() not in ("type", "id", "parent"):
+            cells = ["" if cell.lower() == "name" else cell for cell in cells]
+            sparse = 2 * sum(map(bool, cells)) < width
+            parts.insert(0, list(itertools.accumulate(cells, lambda a, b: b or a)) if sparse else cells)
+    return [" ".join(filter(None, cells)) for cells in zip(*parts, strict=False)]
 
 
 def _open_json_lines(path: Path, details: Mapping[str, Any]) -> TextTable:
@@ -299,17 +318,14 @@ def _open_json_lines(path: Path, details: Mapping[str, Any]) -> TextTable:
             rows.append(dict(_flat(row, ())))
         except (ValueError, RecursionError):
             raise InputError(f"{path}: line {number}: is no whole JSON object; expected one a line") from None
-    names = list(dict.fromkeys(key for row in rows for key in row))
+    names = list(dict.fromkeys(itertools.chain(*rows)))
     if not names:
         raise InputError(f"{path}: has no JSON object; expected one a line")
     text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    for row in rows:
-        table.writerow([row.get(name, "") for name in names] if row else [])
-    data = text.getvalue().encode()
-    empty = (*EMPTY, *map(str.strip, details["missing"]))
-    expected = "the keys of an object"
-    return TextTable(path, lambda: io.BytesIO(data), ",", tuple(names), _titles(names), 0, expected, empty)
+    cells = ([row.get(name, "") for name in names] if row else [] for row in rows)
+    csv.writer(text, lineterminator="\n").writerows(cells)
+    data, titles, empty = text.getvalue().encode(), _titles(names), (*EMPTY, *details["missing"])
+    return TextTable(path, lambda: io.BytesIO(data), ",", tuple(names), titles, 0, "its keys", empty)
 
 
 def _flat(value: object, place: tuple[str, ...]) -> Iterator[tuple[str, str]]:

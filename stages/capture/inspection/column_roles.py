@@ -58,7 +58,7 @@ class Roles:
     the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
     aside : numbers that are none of these; text : columns that hold no numbers.
     guessed : titles of which neither name nor numbers say what they are, only their place in the table.
-    order : of all quaternions' four numbers, where their titles say it. doubts : what titles say wrongly.
+    order : of all quaternions' four numbers, where their titles say it.
     """
 
     time: str | None = None
@@ -73,7 +73,6 @@ class Roles:
     text: list[str] = field(default_factory=list)
     guessed: set[str] = field(default_factory=set)
     order: str = ""
-    doubts: list[str] = field(default_factory=list)
 
     @property
     def orientations(self) -> tuple[str, list[list[str]]]:
@@ -88,11 +87,10 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
 
     titles : all columns; numbers : those that hold numbers, title -> (N,).
     """
-    doubts: list[str] = []
     numeric = [title for title in titles if title in numbers]
     inertial = _inertial(numeric)
     aside = [t for t in numeric if t in inertial or _is_aside(t) or _NUMBERED.search(t)]
-    named = _named_groups([t for t in numeric if t not in aside], numbers, doubts)
+    named = _named_groups([t for t in numeric if t not in aside], numbers)
     of_day = any(re.search("hour", title, re.I) for title in titles)
     times = [
         t for t in numeric if _is_time(t) and t not in named and not (of_day and re.search("sec", t, re.I))
@@ -109,7 +107,7 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
         time = left.pop(0)
         guessed.add(time)
     quality = [title for title in left if _QUALITY.search(title) and title not in named]
-    others = [t for t in left if t in times or (t not in named and _counts(t, numbers[t]))]
+    others = [t for t in left if t in times or not named.get(t, not _counts(t, numbers[t]))]
     aside = [title for title in left if title in (*aside, *others) and title not in quality]
     roles = Roles(time, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed)
     _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
@@ -121,8 +119,8 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
         roles.quaternions[:] = [
             [group[_order(group).index(axis)] for axis in order] for group in roles.quaternions
         ]
-        roles = replace(roles, order=order)
-    return replace(roles, doubts=doubts)
+        return replace(roles, order=order)
+    return roles
 
 
 def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
@@ -180,13 +178,11 @@ def _order(group: Sequence[str]) -> str:
     return axes if sorted(axes) == list("wxyz") else ""
 
 
-def _named_groups(
-    titles: Sequence[str], numbers: Mapping[str, Array], doubts: list[str]
-) -> dict[str, list[str]]:
+def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
     """Titles that differ in their axis only, each title -> its group in the order of the table.
 
-    w, x, y, z are a group where their norm is 1 in the rows that have them; where a q says that they are
-    one and it is not, that is a doubt.
+    w, x, y, z are a group only where their norm is 1 in the rows that have them. What a q calls a
+    quaternion and is none is in a group of nothing.
     """
     alike: dict[tuple[str, str, str], dict[str, str]] = {}
     known = {split_title(title).name.lower() for title in titles}
@@ -202,11 +198,8 @@ def _named_groups(
             if len(group) < len(names) or group[0] in groups:
                 continue
             off = _off_rotation(group, numbers, 4) if len(names) == 4 else 0.0
-            said = re.search(r"q(uat\w*)?[\W_]*$", before) is not None
-            if off < _NORM_OFF or (said and off == np.inf):
-                groups |= dict.fromkeys(group, group)
-            elif said:
-                doubts.append(f"{' '.join(group)}: are no unit quaternion, though their titles say so")
+            if off < _NORM_OFF or re.search(r"q(uat\w*)?[\W_]*$", before):
+                groups |= dict.fromkeys(group, group if off < _NORM_OFF or off == np.inf else [])
     return groups
 
 

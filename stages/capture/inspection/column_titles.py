@@ -17,7 +17,7 @@ _TIMES = {
     "s": ("s", "sec", "secs", "second", "seconds"),
     "ms": ("ms", "msec", "millisecond", "milliseconds"),
     "us": ("us", "usec", "µs", "μs", "microsecond", "microseconds"),
-    "ns": ("ns", "nsec", "nanosec", "nanosecond", "nanoseconds"),
+    "ns": ("ns", "nsec", "nanosecond", "nanoseconds"),
 }
 ANGLE_UNITS, TIME_UNITS = frozenset(_ANGLES), frozenset(_TIMES)
 
@@ -26,8 +26,6 @@ _UNITS = {
     **{word: unit for units in (_ANGLES, _TIMES) for unit, words in units.items() for word in words},
 }
 """What titles write of a unit, in lower case, and the mapping's name for it."""
-
-UNIT_WORDS = frozenset(_UNITS)
 
 _WORDS = "|".join(sorted(map(re.escape, _UNITS), key=len, reverse=True))
 _STATED = re.compile(

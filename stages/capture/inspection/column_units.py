@@ -26,11 +26,10 @@ from shukotsu.stages.capture.inspection.description import (
 )
 
 STATED = "as the columns' titles say"
-STATED_BEFORE = "as the lines before the table say"
-_DATES_S = (9e8, 4.2e9)
-"""Seconds since 1970 of a recording's day."""
 LEAST_HZ, MOST_HZ = 1.0, 5000.0
 """Frames come at such rates, whatever the tracker."""
+_DATES_S = (9e8, 4.2e9)
+"""Seconds since 1970 of a recording's day."""
 TWO_PI = 2 * np.pi + 0.01
 
 
@@ -44,7 +43,7 @@ class Unit(NamedTuple):
     @property
     def stated(self) -> str:
         """The unit that titles state and numbers do not contradict; else empty."""
-        return self.unit if self.why in (STATED, STATED_BEFORE) else ""
+        return self.unit if self.why == STATED else ""
 
 
 class Units(NamedTuple):
@@ -55,33 +54,26 @@ class Units(NamedTuple):
     time: Unit
 
 
-def find_units(roles: Roles, numbers: Mapping[str, Array], before: str = "") -> Units:
-    """The units of columns with these roles; numbers : title -> (N,).
-
-    before : the unit that stands before the table.
-    """
+def find_units(roles: Roles, numbers: Mapping[str, Array]) -> Units:
+    """The units of columns with these roles; numbers : title -> (N,)."""
     return Units(
-        _position_unit(roles.positions, numbers, before),
+        _position_unit(roles.positions, numbers),
         _angle_unit(roles.angles, numbers),
         _time_unit(roles.time, numbers) if roles.time else Unit(CHECK, ""),
     )
 
 
-def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array], before: str) -> Unit:
+def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
     """The unit of positions, by the titles of all of them together."""
     titles = [title for group in groups for title in group]
     span = max((float(np.ptp(values)) for values in _finite(titles, numbers)), default=0.0)
     why = "mm, cm, m or inch" + (f"; positions span {span:.3g} of it" if titles else "")
     units = _stated(titles, POSITION_UNITS)
-    stated = STATED
-    if before and units == [""]:
-        units, stated = [before], STATED_BEFORE
     if span and len(units) == 1 and units[0]:
         would_be = extent(span * MM_PER_UNIT[units[0]])
         if would_be in IMPOSSIBLE_EXTENTS:
             return _doubted(why, f"the titles of positions say {units[0]}, in which their span is {would_be}")
-    settled = _settled(units, why, "positions")
-    return settled._replace(why=stated) if settled.why == STATED else settled
+    return _settled(units, why, "positions")
 
 
 def _angle_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:

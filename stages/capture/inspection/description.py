@@ -43,7 +43,7 @@ class Description:
 
 
 @np.errstate(over="ignore")  # a span without an end is said as one
-def extent_line(what: str, position: Array, stated: str = "", why: str = "as its titles say") -> str:
+def extent_line(what: str, position: Array, stated: str = "") -> str:
     """Write positions' (N, 3) spread, and what that is in the unit stated, or would be in each unit."""
     seen = position[np.isfinite(position).all(-1)]
     if not len(seen):
@@ -51,7 +51,7 @@ def extent_line(what: str, position: Array, stated: str = "", why: str = "as its
     spans = np.ptp(seen, axis=0)
     largest = float(spans.max())
     if stated:
-        meanings = f"in {stated}, {why}, {extent(largest * MM_PER_UNIT[stated])}"
+        meanings = f"in {stated}, as its titles say, {extent(largest * MM_PER_UNIT[stated])}"
     else:
         meanings = ", ".join(f"in {unit} {extent(largest * mm)}" for unit, mm in MM_PER_UNIT.items())
     return f"{what}: span {largest:.3g} (x {spans[0]:.3g}, y {spans[1]:.3g}, z {spans[2]:.3g}); {meanings}"

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.files.text_files import open_text
-from shukotsu.stages.capture.formats.text_table import JSON_LINES
-from shukotsu.stages.capture.inspection.column_titles import UNIT_WORDS
+from shukotsu.stages.capture.formats.text_table import JSON_LINES, UNITS
 
 READ_LINES = 200
 _HEADER_ROWS = 12
@@ -25,26 +25,21 @@ _NUMBER = {
 
 @dataclass(frozen=True)
 class TextForm:
-    """Hold how the text is laid out, as the mapping's `csv` group says it.
-
-    above : rows of names over the header, which are skipped with the lines before it; before : those lines.
-    missing : words that stand in columns of numbers. json_lines : no table, but a JSON object a line.
-    """
+    """Hold how the text is laid out, as the mapping's `csv` group says it; before : the lines skipped."""
 
     delimiter: str
     decimal: str
-    header: bool
+    header: int
     comment: str | None
     skip_lines: int
-    above: tuple[tuple[str, ...], ...] = ()
-    before: tuple[str, ...] = ()
-    missing: tuple[str, ...] = ()
+    before: str = ""
     json_lines: bool = False
 
     def config(self) -> dict[str, Any]:
         """The keys of the mapping's `csv` group, all of them."""
         config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
-        config["missing"] = list(self.missing)
+        config["missing"] = []
+        config["header"] = self.header if self.header > 1 else bool(self.header)
         return config if self.comment is None else config | {"comment": self.comment}
 
     def sentence(self) -> str:
@@ -54,7 +49,9 @@ class TextForm:
         names = {"tab": "tabs", "space": "blanks", ",": "commas", ";": "semicolons"}
         mark = "comma" if self.decimal == "," else "point"
         text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
-        text += ", a header" if self.header else ", no header"
+        text += (
+            ", a header" + f" of {self.header} lines" * (self.header > 1) if self.header else ", no header"
+        )
         text += f", comments after {self.comment}" if self.comment else ""
         return text + (f", {self.skip_lines} lines before it" if self.skip_lines else "")
 
@@ -65,7 +62,7 @@ def detect_form(path: Path) -> TextForm:
     Raises InputError where the file is no text or no layout gives rows of three numbers or more.
     """
     if path.name.lower().endswith(JSON_LINES):
-        return TextForm(",", ".", True, None, 0, json_lines=True)
+        return TextForm(",", ".", 1, None, 0, json_lines=True)
     lines = _first_lines(path)
     comment = next((mark for mark in _COMMENTS for line in lines if line.lstrip().startswith(mark)), None)
     rows = [
@@ -106,49 +103,40 @@ def _as(
     split = [(index, [cell.strip() for cell in line.split(separator)]) for index, line in rows]
     counts = Counter(len(cells) for _, cells in split)
     width = max(counts, key=lambda count: (counts[count], count)) if counts else 0
-    top = _header_at(split, width, decimal)
-    table = [cells for _, cells in split[top + 1 :] if len(cells) == width]
-    numeric = [[bool(_NUMBER[decimal].fullmatch(cell)) for cell in cells] for cells in table]
-    share = sum(map(sum, numeric)) / max(1, sum(map(len, numeric)))
+    last = _header_at(split, width, decimal)
+    table = [cells for _, cells in split[last + 1 :] if len(cells) == width]
+    share: float = sum(_is_number(cell, decimal) for cells in table for cell in cells)
+    share /= max(1, len(table) * width)
     if width < 4 or share * width < 3 or not table or len(table) < 0.8 * len(rows) - 20:
         return None
-    first = top if top >= 0 else next(i for i, (_, cells) in enumerate(split) if len(cells) == width)
-    above = []
-    for place in range(first - 1, -1, -1):
-        if split[place][0] != split[place + 1][0] - 1 or abs(len(split[place][1]) - width) > 2:
-            break
-        above.insert(0, tuple(split[place][1]))
+    first = last if last >= 0 else next(i for i, (_, cells) in enumerate(split) if len(cells) == width)
+    while (
+        0 < first <= last
+        and abs(len(split[first - 1][1]) - width) < 3
+        and split[first][0] == split[first - 1][0] + 1
+    ):
+        first -= 1
     skipped = split[first][0] if first else 0
-    numbers = [2 * sum(column) > len(table) for column in zip(*numeric, strict=True)]
-    words = {cell for cells in table for cell, own in zip(cells, numbers, strict=True) if own}
-    missing = sorted(word for word in words if not _NUMBER[decimal].fullmatch(word))
-    before = tuple(line for index, line in rows if index < skipped)
-    return share, TextForm(
-        delimiter,
-        decimal,
-        top >= 0,
-        comment,
-        skipped,
-        tuple(above) if top >= 0 else (),
-        before,
-        tuple(missing) if len(missing) < 4 else (),
-    )
+    before = "\n".join(line for index, line in rows if index < skipped)
+    return share, TextForm(delimiter, decimal, last - first + 1 if last >= 0 else 0, comment, skipped, before)
 
 
-def _header_at(split: list[tuple[int, list[str]]], width: int, decimal: str) -> int:
-    """The last of the first rows that has words where the others have numbers; -1 where there is none.
+def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:
+    """The last of the first rows that has words where others have numbers; -1 where there is none.
 
     It may end in a separator where the others do not, or the other way round.
     """
-    words = [[cell for cell in cells if not _NUMBER[decimal].fullmatch(cell)] for _, cells in split]
-    own = [len(words[place]) for place, (_, cells) in enumerate(split) if len(cells) == width]
-    typical = sorted(own)[len(own) // 2] if own else 0
+    words = [[cell.lower() for cell in cells if not _is_number(cell, decimal)] for _, cells in split]
+    counts = sorted(len(own) for own, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
+    typical = counts[len(counts) // 2] if counts else 0
     for place in range(min(len(split) - 1, _HEADER_ROWS) - 1, -1, -1):
-        odd = {word.lower() for word in words[place]}
-        units = all(word in UNIT_WORDS for word in odd)
-        if len(words[place]) - typical < 0.5 * (width - typical) or (len(odd) < 3 and not units):
-            continue
-        row, after = split[place][1], split[place + 1][1]
-        if abs(len(row) - width) <= 1 and not any(row[width:] + after[len(row) :]):
+        row, after, odd = split[place][1], split[place + 1][1], {*words[place]}
+        fits = abs(len(row) - width) <= 1 and not any(row[width:] + after[len(row) :])
+        named = len(words[place]) - typical >= 0.5 * (width - typical) and (len(odd) > 2 or odd <= UNITS)
+        if fits and named:
             return place
     return -1
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return bool(_NUMBER[decimal].fullmatch(cell))

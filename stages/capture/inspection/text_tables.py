@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -18,9 +17,8 @@ from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.formats.cells import Cells, unwrapped_s
 from shukotsu.stages.capture.formats.mapped import snake_case, without_marks
 from shukotsu.stages.capture.formats.mapped_csv import TIME_OF_DAY
-from shukotsu.stages.capture.formats.text_table import TextTable, open_table_text
+from shukotsu.stages.capture.formats.text_table import open_table_text
 from shukotsu.stages.capture.inspection.column_roles import Roles, by_azimuth, find_roles, paired
-from shukotsu.stages.capture.inspection.column_titles import UNIT_WORDS
 from shukotsu.stages.capture.inspection.column_units import (
     STATED,
     Unit,
@@ -53,31 +51,29 @@ def describe_table(path: Path, layout: Layout) -> Description:
     form = detect_form(path)
     text = open_table_text(path, form.config())
     cells = text.cells(text.titles)
-    columns = _columns_by_name(form, text)
     of_day = _times_of_day(cells, text.titles)
     marks: list[str] = []
-    every = _numbers(cells, text.titles, marks) | of_day
-    numbers = {name: every[title] for name, title in columns.items() if title in every}
-    of_day = {name: numbers[name] for name, title in columns.items() if title in of_day}
-    roles = find_roles(list(columns), numbers)
+    numbers = _numbers(cells, text.titles, marks) | of_day
+    roles = find_roles(text.titles, numbers)
     lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
-    lines += [*filter(None, [text.cut_off(text.titles)]), *marks, *roles.doubts]
-    units = find_units(roles, numbers, _stated_before(form))
+    lines += [*filter(None, [text.cut_off(text.titles)]), *marks]
+    units = find_units(roles, numbers)
+    before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
+    if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
+        units = units._replace(position=Unit(unit, "as the lines before the table say"))
     if roles.time:
         lines.append(_time_line(roles.time, numbers[roles.time], units.time))
     lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
     receivers: list[str] = []
     if roles.receiver:
-        receivers = sorted(cells.names_in(columns[roles.receiver])[1], key=lambda name: (len(name), name))
+        receivers = sorted(cells.names_in(roles.receiver)[1], key=lambda name: (len(name), name))
         lines.append(
             f"receiver column {roles.receiver}: one row a receiver and frame; it has {', '.join(receivers)}"
         )
     lines += _orientation_lines(roles, numbers, units.angle)
     stated = units.position.stated
-    why = "as its titles say" if units.position.why == STATED else units.position.why
     lines += [
-        extent_line(f"position {' '.join(group)}", _rows(numbers, group), stated, why)
-        for group in roles.positions
+        extent_line(f"position {' '.join(group)}", _rows(numbers, group), stated) for group in roles.positions
     ]
     lines += [f"unit in doubt: {unit.doubt}" for unit in units if unit.doubt]
     lines += [f"quality {title}: {_range(numbers[title])}" for title in roles.quality]
@@ -88,73 +84,25 @@ def describe_table(path: Path, layout: Layout) -> Description:
         lines.append("no positions were found")
     clusters = {} if roles.receiver or roles.orientations[1] else _clusters(roles.positions, numbers, lines)
     if roles.positions and not roles.orientations[1] and not clusters:
-        lines.append(
-            "no orientations were found, and no rigid clusters: a joint cannot be found from positions alone"
-        )
+        lines.append("no orientations were found: a joint cannot be found from positions alone")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
-    found = _receivers(roles, receivers, clusters, list(columns), layout)
-    lines += _left_out(roles, found)
+    found = _receivers(roles, receivers, clusters, text.titles, layout)
     config = _config(roles, units, found, asynchronous, layout)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in of_day:
         config["csv"]["time_unit"] = TIME_OF_DAY
-    return Description(tuple(lines), draft(path, _by_column(config, columns)))
-
-
-def _columns_by_name(form: TextForm, text: TextTable) -> dict[str, str]:
-    """What each column is called over all rows of names, no two the same, and its title in the table."""
-    rows = []
-    for row in form.above:
-        kind = next(filter(None, row[:2]), "").lower()
-        if kind in ("type", "id", "parent"):
-            continue
-        cells = ["" if cell.lower() == "name" else cell for cell in row]
-        if 2 * sum(map(bool, cells)) < len(cells):  # a name stands over the first of its columns alone
-            cells = list(itertools.accumulate(cells, lambda before, own: own or before))
-        rows.append([*cells, *[""] * len(text.titles)])
-    own = list(text.header) if form.header else [""] * len(text.titles)
-    if all(name.lower() in UNIT_WORDS for name in own if name):
-        own = [f"({name})" if name else "" for name in own]
-    columns: dict[str, str] = {}
-    for place, title in enumerate(text.titles):
-        name = " ".join(filter(None, [*(row[place] for row in rows), own[place]])) or title
-        count = sum(other == name or other.startswith(f"{name} #") for other in columns)
-        columns[f"{name} #{count + 1}" if count else name] = title
-    return columns
-
-
-_COLUMN_KEYS = ("position", "orientation", "markers", "time", "quality", "frame", "receiver")
-
-
-def _by_column(value: Any, columns: Mapping[str, str], key: str = "") -> Any:
-    """The mapping with columns by their titles, or by number where no column or several have that title."""
-    if isinstance(value, dict):
-        return {name: _by_column(own, columns, name) for name, own in value.items()}
-    if isinstance(value, tuple):
-        return (_by_column(value[0], columns, key), *value[1:])
-    if isinstance(value, list):
-        return [_by_column(own, columns, key) for own in value]
-    if key not in _COLUMN_KEYS or value not in columns:
-        return value
-    number = columns[value].removeprefix("number ")
-    return columns[value] if number == columns[value] else int(number)
-
-
-def _stated_before(form: TextForm) -> str:
-    """The unit of lengths that the lines before the table state, empty where they state none."""
-    found = re.search(r"\bunits?\W+([a-z]+)", "\n".join(form.before), re.I)
-    return UNIT_NAMES.get(found[1].lower(), "") if found else ""
+    return Description(tuple(lines), draft(path, config))
 
 
 def _clusters(
     positions: Sequence[Sequence[str]], numbers: Mapping[str, Array], lines: list[str]
-) -> dict[str, list[list[str]]]:
+) -> dict[str, dict[str, Any]]:
     """Rigid clusters among positions: what their names have in common -> the columns of each marker."""
     points = np.stack([_rows(numbers, group) for group in positions], 1) if positions else np.empty((0, 0, 3))
     labels = [common_start(group).rstrip(" _.") or group[0] for group in positions]
     found = rigid_groups(points, labels)
     lines += [f"markers {', '.join(labels[i] for i in own)}: a rigid cluster" for own in found.values()]
-    return {name: [list(positions[index]) for index in own] for name, own in found.items()}
+    return {name: {"markers": [_columns(positions[i]) for i in own]} for name, own in found.items()}
 
 
 def _numbers(cells: Cells, titles: Sequence[str], notes: list[str]) -> dict[str, Array]:
@@ -198,18 +146,14 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
         rows = _rows(numbers, group)
         first, last = (float(np.nanmedian(np.abs(rows[:, i]))) for i in (0, 3))
         norm = float(np.nanmedian(np.linalg.norm(rows, axis=-1)))
-        what = f"quaternion {' '.join(group)}"
         likelier = "wxyz" if first > last else "xyzw"
-        if roles.order:
-            lines.append(
-                f"quaternion {' '.join(group)}: median norm {norm:.5f}; {roles.order}, as its titles say"
-            )
-            continue
-        lines.append(
-            f"{what}: median norm {norm:.5f}; its first number is {first:.2f} in the "
+        order = (
+            f"its first number is {first:.2f} in the "
             f"median, its last {last:.2f}, so {likelier} is likelier if receivers lie "
             "roughly as the transmitter does; the numbers cannot prove it"
         )
+        said = f"{roles.order}, as its titles say" if roles.order else order
+        lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {said}")
     lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
     for group in roles.angles:
         ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
@@ -242,11 +186,7 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
 
 
 def _config(
-    roles: Roles,
-    units: Units,
-    receivers: Mapping[str, Any],
-    asynchronous: bool,
-    layout: Layout,
+    roles: Roles, units: Units, receivers: Mapping[str, Any], asynchronous: bool, layout: Layout
 ) -> dict[str, Any]:
     """The mapping but for its `csv` group."""
     config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
@@ -254,7 +194,7 @@ def _config(
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
     elif roles.time is None:
         config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
-    if roles.orientations[1] or not receivers:
+    if roles.orientations[1] or not any("markers" in own for own in receivers.values()):
         config["orientation"] = _orientation(roles, units.angle)
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
     config["receivers"] = (receivers or {CHECK: {}}, named)
@@ -267,8 +207,7 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
     config: dict[str, Any] = {"kind": kind if groups else CHECK}
     if kind == "quaternion" and groups:
         config["order"] = (CHECK, f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?")
-        if roles.order:
-            config["order"] = (roles.order, STATED)
+        config["order"] = (roles.order, STATED) if roles.order else config["order"]
     if kind == "euler" and groups:
         config["axes"] = (CHECK, f"of {' '.join(groups[0])}: about which axis each turns")
         if all(map(by_azimuth, groups)):
@@ -283,78 +222,71 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
 def _receivers(
     roles: Roles,
     receivers: Sequence[str],
-    clusters: Mapping[str, list[list[str]]],
+    clusters: Mapping[str, dict[str, Any]],
     titles: Sequence[str],
     layout: Layout,
 ) -> dict[str, Any]:
-    if roles.receiver:
-        return {_segment(name, layout): {"value": name} for name in receivers}
+    if roles.receiver or clusters:
+        groups = clusters or {name: {"value": name} for name in receivers}
+        return {_segment(name, layout, groups): group for name, group in groups.items()}
     config: dict[str, Any] = {}
-    for name, markers in clusters.items():
-        segment = segment_in(name, layout)
-        config[segment if segment and segment not in config else _segment(name, layout)] = {
-            "markers": markers
-        }
-    if clusters:
-        return config
     pairs = paired(roles, titles)
-    segments = [segment_in(position[0], layout) for position, _ in pairs]
+    names = [position[0] for position, _ in pairs]
     for index, (position, turning) in enumerate(pairs):
-        columns: dict[str, Any] = {"position": position, "orientation": turning or [CHECK]}
+        columns: dict[str, Any] = {"position": _columns(position), "orientation": _columns(turning)}
         if len(roles.quality) == len(pairs):  # one each
-            columns["quality"] = roles.quality[index]
-        segment = segments[index]
-        key = segment if segment and segments.count(segment) == 1 else f"{CHECK}_{index + 1}"
+            columns["quality"] = _column(roles.quality[index])
+        segment = _segment(names[index], layout, names)
+        key = f"{CHECK}_{index + 1}" if segment.startswith(CHECK) else segment
         config[key] = (columns, _doubt(roles, position + turning))
     return config
-
-
-def _left_out(roles: Roles, receivers: Mapping[str, Any]) -> list[str]:
-    """Say which positions have no orientation beside them, where others have."""
-    if roles.receiver or not roles.orientations[1]:
-        return []
-    used = [columns["position"] for columns, _ in receivers.values()]
-    alone = [f"{group[0]} to {group[-1]}" for group in roles.positions if group not in used]
-    return [f"positions without an orientation beside them: {', '.join(alone)}"] * bool(alone)
-
-
-def segment_in(text: str, layout: Layout) -> str:
-    """The segment that a title names, such as `index_distal x_mm`; empty where it names none of the layout."""
-    whole = f"_{snake_case(text)}_"
-    return max((name for name in layout.measured if f"_{name}_" in whole), key=len, default="")
 
 
 def _doubt(roles: Roles, titles: Sequence[str]) -> str:
     return "" if roles.guessed.isdisjoint(titles) else GUESSED
 
 
-def _segment(value: str, layout: Layout) -> str:
-    """The value itself where it is a segment's name, or else a name that no layout has."""
-    if value in layout.measured:
-        return value
-    return f"{CHECK}_{''.join(c if c.isalnum() else '_' for c in value)}"
+def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
+    """The segment that this one of titles names, such as `index_distal x_mm`, or a name that no layout has."""
+    named = {
+        one: max(
+            (name for name in layout.measured if f"_{name}_" in f"_{snake_case(one)}_"), key=len, default=""
+        )
+        for one in titles
+    }
+    if named[title] and list(named.values()).count(named[title]) == 1:
+        return named[title]
+    return f"{CHECK}_{re.sub(r'[^0-9A-Za-z]', '_', title)}"
+
+
+def _columns(titles: Sequence[str]) -> list[int | str]:
+    return [_column(title) for title in titles] or [CHECK]
+
+
+def _column(title: str) -> int | str:
+    number = title.removeprefix("number ")
+    return int(number) if number != title else title
 
 
 def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[str, Any]:
     """The mapping's `csv` group."""
     config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
     if not form.json_lines:
-        config |= {name: getattr(form, name) for name in ("delimiter", "decimal", "header")}
+        config |= {name: form.config()[name] for name in ("delimiter", "decimal", "header")}
     config |= {name: value for name in ("comment", "skip_lines") if (value := getattr(form, name))}
-    config |= {"missing": list(form.missing)} if form.missing else {}
     if roles.time:
-        config["time"] = (roles.time, _doubt(roles, [roles.time]))
+        config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))
         config["time_unit"] = time[:2]
     if roles.frame and not asynchronous:
-        config["frame"] = roles.frame
+        config["frame"] = _column(roles.frame)
     if asynchronous:
         config["in_step"] = (False, "old values are repeated: each new one is kept once")
     if roles.quality and len(roles.quality) == (1 if roles.receiver else len(roles.positions)):
-        config |= {"quality": roles.quality[0]} if roles.receiver else {}
+        config |= {"quality": _column(roles.quality[0])} if roles.receiver else {}
         config["quality_above"] = (CHECK, "the limit beyond which a pose is not used; or quality_below")
     if roles.receiver:
-        config["receiver"] = roles.receiver
+        config["receiver"] = _column(roles.receiver)
         for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):
             titles = groups[0] if groups else []
-            config[key] = (list(titles) or [CHECK], _doubt(roles, titles))
+            config[key] = (_columns(titles), _doubt(roles, titles))
     return config

@@ -227,7 +227,7 @@ def glove(poses: Poses, order: str, stamped: bool) -> Written:
         (wave, (True, "\t")),
         (wave, (False, ",")),
         (aurora, (True, "")),
-        (aurora, (False, "MISSING")),
+        (aurora, (False, "")),
         (motive, ("mm", False)),
         (motive, ("m", True)),
         (markers, ("mm", True)),
