@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +12,10 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import UNIT_NAMES
-from shukotsu.stages.capture.formats.mapped import snake_case
 from shukotsu.stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
 from shukotsu.stages.capture.formats.readers import AUTO, find_parts_reader
-from shukotsu.stages.capture.formats.sequence import open_sequence, tool_of
-from shukotsu.stages.capture.inspection.description import (
-    CHECK,
-    Description,
-    draft,
-    rate_line,
-)
+from shukotsu.stages.capture.formats.sequence import open_sequence, tools_of
+from shukotsu.stages.capture.inspection.description import CHECK, Description, draft, rate_line
 
 
 def describe_motion_bids(path: Path, layout: Layout) -> Description:
@@ -89,19 +84,19 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
 
 def describe_sequence(path: Path, layout: Layout) -> Description:
     """List a sequence's transforms. Raises InputError where it has none."""
-    sequence = open_sequence(path)
-    lines = [
-        f"a sequence of {len(sequence.time_s)} frames; transforms in mm; images are not read",
-        rate_line("time stamps", sequence.time_s, ["s"]),
-    ]
-    for name, matrices in sequence.transforms.items():
+    transforms, time_s, _ = open_sequence(path)
+    lines = [f"a sequence of {len(time_s)} frames; transforms in mm; images are not read"]
+    lines.append(rate_line("time stamps", time_s, ["s"]))
+    for name, matrices in transforms.items():
         lines.append(f"transform {name}: OK in {np.isfinite(matrices).all((1, 2)).mean():.0%} of frames")
     if _reads_without_mapping(path, layout):
-        tools = [name for name in layout.measured if sequence.named(name)]
-        line = f"segments of layout {layout.name}, read without a mapping: {', '.join(tools)}"
-        return Description((*lines, line))
-    receivers, why = _receivers({name: tool_of(name) for name in sequence.transforms}, "value", layout)
-    config = {"format": "sequence", "position_unit": "mm", "receivers": (receivers, why)}
+        tools = [tool for tool in tools_of(transforms) if tool in layout.measured]
+        return Description(
+            (*lines, f"segments of layout {layout.name}: {', '.join(tools)}: needs no mapping")
+        )
+    receivers = {tool: {"value": name} for tool, name in tools_of(transforms).items()}
+    named = f"each by its segment in layout {layout.name}: correct its name, or take it out"
+    config = {"format": "sequence", "position_unit": "mm", "receivers": (receivers, named)}
     return Description(tuple(lines), draft(path, config))
 
 
@@ -118,16 +113,11 @@ def _complete(lines: list[str], what: str, layout: Layout) -> Description:
     return Description((*lines, f"every {what} is a segment of layout {layout.name}: needs no mapping"))
 
 
-def _receivers(
-    names: Iterable[str] | Mapping[str, str], key: str, layout: Layout
-) -> tuple[dict[str, dict[str, str]], str]:
-    """Put every name under `key` of a receiver whose own name a segment may have; none is lost.
-
-    names : of a mapping each name with what a segment would be called by.
-    """
+def _receivers(names: Iterable[str], key: str, layout: Layout) -> tuple[dict[str, dict[str, str]], str]:
+    """Put every name under `key` of a receiver whose own name a segment may have; none is lost."""
     receivers: dict[str, dict[str, str]] = {}
     for name in names:
-        bare = snake_case(names[name] if isinstance(names, Mapping) else name)
+        bare = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
         stem = bare if bare[:1].isalpha() else f"receiver_{bare}".rstrip("_")
         segment, count = stem, 1
         while segment in receivers:
