@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -58,7 +58,6 @@ class Roles:
     the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
     aside : numbers that are none of these; text : columns that hold no numbers.
     guessed : titles of which neither name nor numbers say what they are, only their place in the table.
-    order : of all quaternions' four numbers, where their titles say it.
     """
 
     time: str | None = None
@@ -72,7 +71,6 @@ class Roles:
     aside: list[str] = field(default_factory=list)
     text: list[str] = field(default_factory=list)
     guessed: set[str] = field(default_factory=set)
-    order: str = ""
 
     @property
     def orientations(self) -> tuple[str, list[list[str]]]:
@@ -112,34 +110,31 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     roles = Roles(time, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed)
     _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
     roles.angles[:] = [by_azimuth(group) or group for group in roles.angles]
-    orders = {_order(group) for group in roles.quaternions}
-    if orders and "" not in orders:
-        kept = len(orders) == 1 and orders <= {"wxyz", "xyzw"}
-        order = orders.pop() if kept else "wxyz"
-        roles.quaternions[:] = [
-            [group[_order(group).index(axis)] for axis in order] for group in roles.quaternions
-        ]
-        return replace(roles, order=order)
+    roles.quaternions[:] = [by_scalar(group) or group for group in roles.quaternions]
     return roles
 
 
 def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
     """Positions and orientations of one receiver each: by their order where there are as many of both.
 
-    Else each orientation has the position that stands right before or right behind it, all on one side.
-    Where there are no orientations positions have an empty one.
+    Else each orientation has the position whose title begins most alike, of these the nearest in the table.
     """
-    positions, orientations = roles.positions, roles.orientations[1]
+    positions, orientations = list(roles.positions), roles.orientations[1]
     if not orientations or len(positions) == len(orientations):
         return [(group, orientations[i] if orientations else []) for i, group in enumerate(positions)]
-    groups = sorted([*positions, *orientations], key=lambda group: titles.index(min(group, key=titles.index)))
-    sides: list[list[tuple[list[str], list[str]]]] = [[], []]
-    for place, group in enumerate(groups):
-        for side, beside in enumerate((place - 1, place + 1)):
-            if group in orientations and 0 <= beside < len(groups) and groups[beside] in positions:
-                sides[side].append((groups[beside], group))
-    alike = [sum(len(common_start([p[0], q[0]])) for p, q in side) for side in sides]
-    return max(zip(map(len, sides), alike, sides, strict=True), key=lambda own: own[:2])[2]
+    pairs = []
+    for group in orientations[: len(positions)]:
+        place = min(map(titles.index, group))
+        alike = [
+            0 if own[0].startswith("number ") else len(common_start([own[0], group[0]])) for own in positions
+        ]
+        gaps = [
+            max(titles.index(own[0]) - place - len(group), place - titles.index(own[-1]) - 1)
+            for own in positions
+        ]
+        best = min(range(len(positions)), key=lambda i: (-alike[i], gaps[i]))
+        pairs.append((positions.pop(best), group))
+    return pairs
 
 
 def _is_aside(title: str) -> bool:
@@ -168,14 +163,6 @@ def _spelled(title: str, known: Iterable[str]) -> Title:
         if (name[:at] + "0" + name[at + 1 :]).lower() in known:
             name = name[:at] + "wxyz"[int(name[at])] + name[at + 1 :]
     return Title(name, unit)
-
-
-def _order(group: Sequence[str]) -> str:
-    """The order of a quaternion's four numbers as their titles say, such as xyzw; empty where they do not."""
-    known = [split_title(title).name.lower() for title in group]
-    found = [_AXIS.fullmatch(_spelled(title, known).name) for title in group]
-    axes = "".join(match["axis"].lower() for match in found if match)
-    return axes if sorted(axes) == list("wxyz") else ""
 
 
 def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
@@ -249,9 +236,19 @@ def _named_angles(titles: Sequence[str]) -> bool:
 
 def by_azimuth(titles: Sequence[str]) -> list[str]:
     """Titles of an azimuth, an elevation and a roll in this order; none where they are other angles."""
-    axes = {split_title(title).name: title for title in titles}
-    found = {match["axis"][0].lower(): axes[name] for name in axes if (match := _AXIS.fullmatch(name))}
-    return [found[axis] for axis in "aer"] if found.keys() == {*"aer"} else []
+    return _by_axis(titles, "aer")
+
+
+def by_scalar(titles: Sequence[str]) -> list[str]:
+    """Titles of a quaternion's w, x, y and z in this order; none where they do not say which is which."""
+    return _by_axis(titles, "wxyz")
+
+
+def _by_axis(titles: Sequence[str], axes: str) -> list[str]:
+    known = {split_title(title).name.lower() for title in titles}
+    named = {_spelled(title, known).name: title for title in titles}
+    found = {match["axis"][0].lower(): named[name] for name in named if (match := _AXIS.fullmatch(name))}
+    return [found[axis] for axis in axes] if found.keys() == {*axes} else []
 
 
 def _is_time(title: str) -> bool:

@@ -11,7 +11,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from shukotsu.skeleton.rotations import Array
 
 RIGID_VARIATION = 0.02
-"""Distances in a group vary (interquartile) by less than this share of them, each of them."""
+"""Each distance in a group varies (interquartile) by less than this share of it, and of what the two move."""
 _FRAMES, _MARKERS = 300, 200
 
 
@@ -26,15 +26,19 @@ def rigid_groups(points: Array, labels: Sequence[str]) -> dict[str, list[int]]:
     points = points[:: max(1, len(points) // _FRAMES)]
     first, second = np.triu_indices(len(labels), 1)
     distance = np.linalg.norm(points[:, first] - points[:, second], axis=-1)
-    variation = np.full(len(first), 1e9)
     seen = np.flatnonzero(np.isfinite(distance).mean(0) > 0.1)
+    if not len(seen):
+        return {}
     low, middle, high = np.nanpercentile(distance[:, seen], [25, 50, 75], axis=0)
-    variation[seen] = (high - low) / np.maximum(middle, 1e-12)
+    moved = np.full(len(labels), 0.0)
+    for index in np.unique([first[seen], second[seen]]):
+        moved[index] = np.subtract(*np.nanpercentile(points[:, index], [75, 25], axis=0)).max()
+    least = np.minimum(middle, 5 * np.minimum(moved[first[seen]], moved[second[seen]]))
+    variation = np.full(len(first), 1e9)
+    variation[seen] = (high - low) / np.maximum(least, 1e-12)
     group = fcluster(linkage(variation, "complete"), RIGID_VARIATION, "distance")
     found = [np.flatnonzero(group == number).tolist() for number in range(1, group.max() + 1)]
-    moved = np.subtract(*np.nanpercentile(points, [75, 25], axis=0)).max(-1)
-    scale = np.nanmedian(middle) if len(seen) else 0.0
-    found = sorted(own for own in found if len(own) >= 3 and moved[own].max() > RIGID_VARIATION * scale)
+    found = sorted(own for own in found if len(own) >= 3)
     named: dict[str, list[int]] = {}
     for own in found:
         common = common_start([labels[index] for index in own]).rstrip(" _.:-")

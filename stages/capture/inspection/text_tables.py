@@ -18,7 +18,7 @@ from shukotsu.stages.capture.formats.cells import Cells, unwrapped_s
 from shukotsu.stages.capture.formats.mapped import snake_case, without_marks
 from shukotsu.stages.capture.formats.mapped_csv import TIME_OF_DAY
 from shukotsu.stages.capture.formats.text_table import open_table_text
-from shukotsu.stages.capture.inspection.column_roles import Roles, by_azimuth, find_roles, paired
+from shukotsu.stages.capture.inspection.column_roles import Roles, by_azimuth, by_scalar, find_roles, paired
 from shukotsu.stages.capture.inspection.column_units import (
     STATED,
     Unit,
@@ -147,12 +147,12 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
         first, last = (float(np.nanmedian(np.abs(rows[:, i]))) for i in (0, 3))
         norm = float(np.nanmedian(np.linalg.norm(rows, axis=-1)))
         likelier = "wxyz" if first > last else "xyzw"
-        order = (
+        said = (
             f"its first number is {first:.2f} in the "
             f"median, its last {last:.2f}, so {likelier} is likelier if receivers lie "
             "roughly as the transmitter does; the numbers cannot prove it"
         )
-        said = f"{roles.order}, as its titles say" if roles.order else order
+        said = "w, x, y and z as its titles say" if by_scalar(group) else said
         lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {said}")
     lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
     for group in roles.angles:
@@ -207,7 +207,7 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
     config: dict[str, Any] = {"kind": kind if groups else CHECK}
     if kind == "quaternion" and groups:
         config["order"] = (CHECK, f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?")
-        config["order"] = (roles.order, STATED) if roles.order else config["order"]
+        config["order"] = ("wxyz", STATED) if all(map(by_scalar, groups)) else config["order"]
     if kind == "euler" and groups:
         config["axes"] = (CHECK, f"of {' '.join(groups[0])}: about which axis each turns")
         if all(map(by_azimuth, groups)):
