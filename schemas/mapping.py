@@ -126,7 +126,7 @@ _NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "matrix": ()}
 _NUMBERS = {"quaternion": 4, "euler": 3, "matrix": 9}
 
 _RECEIVER_KEYS = {
-    "wide": ("position", "orientation", "markers", "time", "quality"),
+    "wide": ("position", "orientation", "time", "quality"),
     "long": ("value",),
     "matrices": (),
     "c3d": ("markers", "rotation"),
@@ -183,7 +183,7 @@ def _check_receivers(config: Mapping[str, Any], where: str) -> None:
 
 def _check_csv(config: Mapping[str, Any], where: str) -> None:
     table = config["csv"]
-    if "orientation" not in config and not all("markers" in own for own in config["receivers"].values()):
+    if "orientation" not in config:
         raise InputError(
             f"{where}: the key 'orientation' is missing; a joint cannot be found from positions alone"
         )
@@ -215,17 +215,8 @@ def _check_rows(config: Mapping[str, Any], where: str) -> None:
         raise InputError(f"{where}: csv.{odd[0]}: is for long rows; with wide rows give it to each receiver")
     seen: dict[str, str] = {}
     for segment, receiver in config["receivers"].items():
-        markers = receiver.get("markers")
-        if markers is not None and not (
-            receiver.keys().isdisjoint(("position", "orientation"))
-            and all(isinstance(marker, list) for marker in markers)
-        ):
-            raise InputError(
-                f"{where}: receivers.{segment}.markers: expected the columns of x, y and z of each marker, "
-                "and neither 'position' nor 'orientation'"
-            )
         for key in ("value",) if long else ("position", "orientation"):
-            if key not in receiver and markers is None:
+            if key not in receiver:
                 raise InputError(f"{where}: receivers.{segment}: the key {key!r} is missing")
         other = seen.setdefault(str(receiver.get("value", segment)), segment)
         if other != segment:
@@ -236,15 +227,14 @@ def _check_rows(config: Mapping[str, Any], where: str) -> None:
 
 def _check_columns(group: Mapping[str, Any], place: str, config: Mapping[str, Any], where: str) -> None:
     """Refuse a wrong count of orientation columns, and column names where there is no header."""
-    kind = config.get("orientation", {}).get("kind")
+    kind = config["orientation"]["kind"]
     columns = group.get("orientation", [])
     if columns and len(columns) != _NUMBERS[kind]:
         raise InputError(
             f"{where}: {place}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
         )
-    for key in ("position", "orientation", "markers", "time", "quality", "frame", "receiver"):
+    for key in ("position", "orientation", "time", "quality", "frame", "receiver"):
         named = group.get(key, [])
-        named = [column for marker in named for column in marker] if key == "markers" else named
         for column in named if isinstance(named, list) else [named]:
             if isinstance(column, str) and not config["csv"]["header"]:
                 raise InputError(
@@ -281,8 +271,6 @@ def _check_c3d(config: Mapping[str, Any], where: str) -> None:
         if len(receiver) != 1:
             raise InputError(f"{where}: receivers.{segment}: needs either 'markers' or 'rotation'")
         markers = receiver.get("markers", [])
-        if not all(isinstance(marker, str) for marker in markers):
-            raise InputError(f"{where}: receivers.{segment}.markers: of a C3D file each is a label")
         twice = [marker for marker in markers if markers.count(marker) > 1]
         if twice:
             raise InputError(f"{where}: receivers.{segment}.markers: {twice[0]!r} is named twice")

@@ -135,7 +135,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         ),
         (
             put(WIDE, "receivers.hand.markers", ["a", "b", "c"]),
-            "receivers.hand.markers: expected the columns of x, y and z",
+            "receivers.hand.markers: does not belong to csv with",
         ),
         (put(WIDE, "csv.receiver", "r"), "csv.receiver: is for long rows"),
         (put(WIDE, "csv.quality", "q"), "csv.quality: is for long rows"),

@@ -15,7 +15,7 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import UNIT_NAMES, FileMapping
 from shukotsu.skeleton.rotations import Array, from_matrix
 from shukotsu.stages.capture.formats.c3d_content import PARAMETERS, read_content
-from shukotsu.stages.capture.formats.clusters import cluster_note, cluster_poses
+from shukotsu.stages.capture.formats.clusters import ClusterPoses, cluster_poses
 from shukotsu.stages.capture.formats.mapped import (
     Integers,
     Track,
@@ -93,7 +93,7 @@ def open_c3d(path: Path) -> C3dFile:
     rate = float(_first(content, "POINT:RATE", np.nan))
     return C3dFile(
         path,
-        content["points"],
+        without_marks(content["points"]),
         _labels(content, "POINT"),
         content["rotations"],
         _labels(content, "ROTATION"),
@@ -152,9 +152,7 @@ def _of_cluster(
 ) -> tuple[Track, str]:
     place = f"{mapping.where}: receivers.{segment}.markers"
     columns = [_index(file.path, file.labels, marker, "marker", place) for marker in markers]
-    notes: list[str] = []
-    points = without_marks(file.points[window][:, columns], f"cluster {segment}", notes)
-    points_mm = points * mapping.mm_per_unit
+    points_mm = file.points[window][:, columns] * mapping.mm_per_unit
     unseen = [
         marker
         for marker, seen in zip(markers, np.asarray(np.isfinite(points_mm).any((0, 2))), strict=True)
@@ -166,8 +164,17 @@ def _of_cluster(
         )
     cluster = cluster_poses(points_mm, f"{file.path}: cluster {segment}")
     poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
-    return _track(file, window, mapping, poses, cluster.misfit_mm), "; ".join(
-        [*notes, cluster_note(segment, cluster)]
+    return _track(file, window, mapping, poses, cluster.misfit_mm), _note(segment, cluster)
+
+
+def _note(segment: str, cluster: ClusterPoses) -> str:
+    misfit = cluster.misfit_mm
+    posed = np.isfinite(misfit)
+    left = cluster.residual_mm[np.isfinite(cluster.residual_mm)]
+    return (
+        f"cluster {segment}: {len(cluster.shape_mm)} markers, residual "
+        f"{np.sqrt(np.mean(left**2)):.2g} mm rms, {left.max():.2g} mm max, "
+        f"{posed.sum()} of {len(misfit)} frames"
     )
 
 

@@ -65,18 +65,6 @@ def cluster_poses(markers_mm: Array, what: str) -> ClusterPoses:
     return ClusterPoses(rotation, position, shape, np.where(fits, left, np.nan))
 
 
-def cluster_note(segment: str, cluster: ClusterPoses) -> str:
-    """Say of how many markers a cluster is, and how well they keep its shape."""
-    misfit = cluster.misfit_mm
-    posed = np.isfinite(misfit)
-    left = cluster.residual_mm[np.isfinite(cluster.residual_mm)]
-    return (
-        f"cluster {segment}: {len(cluster.shape_mm)} markers, residual "
-        f"{np.sqrt(np.mean(left**2)):.2g} mm rms, {left.max():.2g} mm max, "
-        f"{posed.sum()} of {len(misfit)} frames"
-    )
-
-
 def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
     """Mean of all frames laid onto each other, shape (M, 3), in the laboratory pose of one frame.
 

@@ -49,16 +49,9 @@ class Track:
         return Track(row, frame, time_s, self.numbers[samples], flags)
 
 
-def without_marks(values: Array, what: str, notes: list[str]) -> Array:
-    """Make numbers NaN that no device measures and that stand for no value, as NDI's -3.697e28; note them."""
-    marked = np.isfinite(values) & (np.abs(values) > LARGEST)
-    if not marked.any():
-        return values
-    notes.append(
-        f"{what}: {marked.sum()} numbers beyond {LARGEST:g}, such as {values[marked][0]:g}, stand for no "
-        "value: their poses stay gaps"
-    )
-    return np.where(marked, np.nan, values)
+def without_marks(values: Array) -> Array:
+    """Make numbers NaN that no device measures and that stand for no value, as NDI's -3.697e28."""
+    return np.where(np.isfinite(values) & (np.abs(values) > LARGEST), np.nan, values)
 
 
 def snake_case(name: str) -> str:
@@ -130,6 +123,13 @@ def samples_of_tracks(
     Raises InputError where the tracks' times are of another rate than the mapping's.
     """
     _check_rate(tracks, mapping)
+    before = sum(int(np.isnan(track.numbers).sum()) for track in tracks)
+    tracks = [replace(track, numbers=without_marks(track.numbers)) for track in tracks]
+    marks = sum(int(np.isnan(track.numbers).sum()) for track in tracks) - before
+    notes = [
+        *notes,
+        *[f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"] * bool(marks),
+    ]
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))

@@ -13,16 +13,14 @@ import pyarrow as pa
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import FileMapping
-from shukotsu.skeleton.rotations import Array, from_matrix
+from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.formats.cells import Cells, unwrapped_s
-from shukotsu.stages.capture.formats.clusters import cluster_note, cluster_poses
 from shukotsu.stages.capture.formats.mapped import (
     Integers,
     Track,
     mapped_segments,
     required_mapping,
     samples_of_tracks,
-    without_marks,
 )
 from shukotsu.stages.capture.formats.orientation import quaternions
 from shukotsu.stages.capture.formats.text_table import TextTable, open_table_text
@@ -43,22 +41,19 @@ _LARGEST_RAD = 1.1 * 2 * np.pi
 
 @dataclass(frozen=True)
 class _Source:
-    """Hold where a receiver's numbers are: titles of columns (of markers three each),
-    and (N,) the rows that are its own.
-    """
+    """Hold where a receiver's numbers are: titles of columns, and (N,) the rows that are its own."""
 
     position: Sequence[str]
     orientation: Sequence[str]
     time: str | None
     quality: str | None
-    markers: Sequence[str] = ()
     rows: Integers = field(default_factory=lambda: np.arange(0))
 
     @property
     def titles(self) -> list[str]:
         """All columns."""
         single = [title for title in (self.time, self.quality) if title is not None]
-        return [*self.position, *self.orientation, *self.markers, *single]
+        return [*self.position, *self.orientation, *single]
 
 
 def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
@@ -81,10 +76,7 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
         rows = _rows_of_receivers(cells, receiver, mapping, notes)
     sources = {segment: replace(source, rows=rows[segment]) for segment, source in sources.items()}
     notes += _angle_doubts(cells, sources, mapping)
-    tracks = {
-        segment: _rows_of_source(cells, segment, source, mapping, every, notes)
-        for segment, source in sources.items()
-    }
+    tracks = {segment: _rows_of_source(cells, source, mapping, every) for segment, source in sources.items()}
     times_s = _times(cells, sources, mapping)
     tracks = {segment: replace(own, time_s=times_s[segment]) for segment, own in tracks.items()}
     losses = list(filter(None, [text.cut_off(titles)]))
@@ -114,12 +106,11 @@ def _sources(text: TextTable, mapping: FileMapping) -> dict[str, _Source]:
 
 def _source(text: TextTable, group: Mapping[str, Any], where: str, shared_time: str | None) -> _Source:
     position, orientation = (
-        [text.column(column, f"{where}.{key}") for column in group.get(key, ())]
+        [text.column(column, f"{where}.{key}") for column in group[key]]
         for key in ("position", "orientation")
     )
     time = _title(text, group, "time", where) or shared_time
-    markers = [text.column(column, f"{where}.markers") for own in group.get("markers", ()) for column in own]
-    return _Source(position, orientation, time, _title(text, group, "quality", where), markers)
+    return _Source(position, orientation, time, _title(text, group, "quality", where))
 
 
 def _title(text: TextTable, group: Mapping[str, Any], key: str, where: str) -> str | None:
@@ -156,7 +147,7 @@ def _rows_of_receivers(
 def _shared_columns(sources: Mapping[str, _Source]) -> list[str]:
     users: dict[str, list[str]] = {}
     for segment, source in sources.items():
-        for title in (*source.position, *source.orientation, *source.markers):
+        for title in (*source.position, *source.orientation):
             users.setdefault(title, []).append(segment)
     return [
         f"column {title} is used {len(by)} times, for {' and '.join(dict.fromkeys(by))}; is that right?"
@@ -170,8 +161,7 @@ def _angle_doubts(cells: Cells, sources: Mapping[str, _Source], mapping: FileMap
     if (mapping.orientation or {}).get("unit") != "rad":
         return []
     titles = dict.fromkeys(title for source in sources.values() for title in source.orientation)
-    angles = [without_marks(cells.reals(title), title, []) for title in titles]
-    largest = max((float(np.nanmax(np.abs(own), initial=0.0)) for own in angles), default=0.0)
+    largest = max(float(np.nanmax(np.abs(cells.reals(title)), initial=0.0)) for title in titles)
     if largest <= _LARGEST_RAD:
         return []
     return [
@@ -179,32 +169,20 @@ def _angle_doubts(cells: Cells, sources: Mapping[str, _Source], mapping: FileMap
     ]
 
 
-def _rows_of_source(
-    cells: Cells, segment: str, source: _Source, mapping: FileMapping, every: Integers, notes: list[str]
-) -> Track:
+def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: Integers) -> Track:
     """A receiver's rows in the file's order, numbered from 0 in place of frames; every : row of the table."""
     rows = source.rows
-    titles = (*source.markers, *source.position, *source.orientation)
-    every_number = np.stack([cells.reals(title)[rows] for title in titles], -1)
-    every_number = without_marks(every_number, f"segment {segment}", notes)
-    low, misfit = np.zeros(len(rows), bool), np.zeros(len(rows), bool)
-    if source.markers:
-        markers_mm = every_number.reshape(len(rows), -1, 3) * mapping.mm_per_unit
-        cluster = cluster_poses(markers_mm, f"{mapping.where}: receivers.{segment}.markers")
-        numbers = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
-        misfit = cluster.misfit_mm > mapping.details["misfit_mm"]
-        notes.append(cluster_note(segment, cluster))
-    else:
-        assert mapping.orientation is not None  # a table without one is refused with its mapping
-        place = lambda index: cells.place(int(rows[index]))  # noqa: E731
-        turned = quaternions(every_number[:, 3:], mapping.orientation, place)
-        numbers = np.concatenate([every_number[:, :3] * mapping.mm_per_unit, turned], -1)
+    position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
+    turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
+    assert mapping.orientation is not None  # a table without one is refused with its mapping
+    turned = quaternions(turning, mapping.orientation, lambda index: cells.place(int(rows[index])))
+    low = np.zeros(len(rows), bool)
     if source.quality is not None:
         quality = cells.reals(source.quality)[rows]
         low = ~(quality <= mapping.details.get("quality_above", np.inf))  # where it is empty, too
         low |= quality < mapping.details.get("quality_below", -np.inf)
-    flags = {"low-quality": low, "misfit": misfit}
-    return Track(rows, every[: len(rows)], np.full(len(rows), np.nan), numbers, flags)
+    numbers = np.concatenate([position * mapping.mm_per_unit, turned], -1)
+    return Track(rows, every[: len(rows)], np.full(len(rows), np.nan), numbers, {"low-quality": low})
 
 
 def _times(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -> dict[str, Array]:

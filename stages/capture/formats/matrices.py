@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,6 @@ from shukotsu.stages.capture.formats.mapped import (
     mapped_segments,
     required_mapping,
     samples_of_tracks,
-    without_marks,
 )
 from shukotsu.stages.capture.formats.orientation import proper_rotations
 from shukotsu.stages.capture.samples import Samples
@@ -57,8 +56,6 @@ def read_matrices(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
     mapping = required_mapping(path, mapping, "a file of matrices")
     mapped_segments(mapping, layout)
     matrices = open_matrices(path, mapping.details["pattern"])
-    notes: list[str] = []
-    matrices = replace(matrices, values=without_marks(matrices.values, str(path), notes))
     numbers = _poses(matrices, mapping)
     count = len(mapping.receivers)
     if len(numbers) % count:
@@ -69,7 +66,7 @@ def read_matrices(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
     frame = np.arange(len(numbers) // count)
     time_s = frame / (mapping.rate_hz or np.nan)
     tracks = [Track(frame * count + i, frame, time_s, numbers[i::count]) for i in range(count)]
-    return samples_of_tracks(tracks, mapping, layout, matrices.place, notes)
+    return samples_of_tracks(tracks, mapping, layout, matrices.place)
 
 
 def open_matrices(path: Path, pattern: str) -> Matrices:

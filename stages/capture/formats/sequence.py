@@ -22,7 +22,6 @@ from shukotsu.stages.capture.formats.mapped import (
     name_in_file,
     samples_of_tracks,
     snake_case,
-    without_marks,
 )
 from shukotsu.stages.capture.formats.orientation import proper_rotations
 from shukotsu.stages.capture.samples import Samples
@@ -32,7 +31,7 @@ _FIELD = re.compile(rb"Seq_Frame(\d{1,9})_(?:Timestamp|(\w+?)Transform(Status)?)
 
 
 def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
-    """Read the transforms, in mm, of the mapping's receivers, or of all tools that are segments of the layout.
+    """Read the transforms, in mm, of the mapping's receivers, or of all tools that are segments.
 
     Frames are counted from 0. A transform whose status is not OK is a gap. Raises InputError where the
     header is cut off or a transform that is OK is no pose.
@@ -45,18 +44,18 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
     named = {segment: {"value": tools.get(name, name)} for segment, name in wanted.items()}
     mapping = replace(mapping, receivers=named)
     mapped_segments(mapping, layout)
-    frame, notes, tracks = np.arange(len(time_s)), list[str](), list[Track]()
+    frame, tracks = np.arange(len(time_s)), list[Track]()
 
     def place(row: int) -> str:
         return f"{path}: line {lines[row]}"
 
     for segment in mapping.receivers:
         name = name_in_file(mapping, segment, "value", list(transforms), str(path))
-        matrices = without_marks(transforms[name], name, notes)
+        matrices = transforms[name]
         turned = from_matrix(proper_rotations(matrices[:, :3, :3], place))
         position_mm = matrices[:, :3, 3] * (mapping.mm_per_unit or 1.0)
         tracks.append(Track(frame, frame, time_s, np.concatenate([position_mm, turned], -1)))
-    return samples_of_tracks(tracks, mapping, layout, place, notes)
+    return samples_of_tracks(tracks, mapping, layout, place)
 
 
 def tools_of(transforms: dict[str, Array]) -> dict[str, str]:
@@ -72,8 +71,8 @@ def tools_of(transforms: dict[str, Array]) -> dict[str, str]:
 def open_sequence(path: Path) -> tuple[dict[str, Array], Array, list[int]]:
     """Read a sequence's header and nothing of its images; InputError where it is cut off or none.
 
-    Gives transforms by name, (T, 4, 4), NaN where there is none or its status is not OK; times (T,), NaN where
-    there is none; and the line, from 1, where each frame begins.
+    Gives transforms by name, (T, 4, 4), times (T,), both NaN where there is none or its status is not OK,
+    and the line, from 1, where each frame begins.
     """
     values: dict[str, dict[int, Array]] = {}
     lines: dict[int, int] = {}

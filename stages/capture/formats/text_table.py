@@ -10,7 +10,7 @@ import io
 import itertools
 import json
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -141,13 +141,9 @@ class TextTable:
             yield from (table.slice(0, table.num_rows - last) for table in held)
 
     def _source(self, stream: BinaryIO) -> pa.NativeFile:
-        """Give the text to pyarrow with no Python in it.
-
-        Its thread reads ahead, and would abort the process where it asks for Python as that is ending.
-        """
-        if isinstance(stream, io.BytesIO):
-            return pa.BufferReader(stream.getvalue())
-        return pa.OSFile(str(self.path))
+        """Give the text with no Python in it, which aborts a process that ends while pyarrow reads ahead."""
+        text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
+        return pa.OSFile(str(self.path)) if text is None else pa.BufferReader(text)
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
         """Give every row, without empty lines, with the number of its (last) line."""
@@ -276,13 +272,11 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 
 def _titles(names: Sequence[str]) -> tuple[str, ...]:
     """Return columns' titles: their names, with #1, #2 where several have one, or "number 4" without any."""
-    seen, counts = Counter[str](), Counter(names)
-    titles = []
-    for index, name in enumerate(names, 1):
-        seen[name] += 1
-        titles.append(f"{name} #{seen[name]}" if counts[name] > 1 else name)
-        titles[-1] = titles[-1] if name else f"number {index}"
-    return tuple(titles)
+    counts, numbers = Counter(names), defaultdict[str, Iterator[int]](partial(itertools.count, 1))
+    return tuple(
+        f"number {index}" if not name else f"{name} #{next(numbers[name])}" if counts[name] > 1 else name
+        for index, name in enumerate(names, 1)
+    )
 
 
 def _names(rows: list[list[str]], width: int) -> list[str]:
@@ -307,10 +301,7 @@ def _names(rows: list[list[str]], width: int) -> list[str]:
 
 
 def _open_json_lines(path: Path, details: Mapping[str, Any]) -> TextTable:
-    """Open a file of a JSON object a line as a table: nested keys with points between them are its columns.
-
-    A ROS time, an object of seconds and nanoseconds, is one column.
-    """
+    """Open a file of a JSON object a line as a table: nested keys with points between them are its columns."""
     rows: list[dict[str, str]] = []
     for number, line in enumerate(read_text(path, "a JSON object a line").split("\n"), 1):
         try:
@@ -329,7 +320,7 @@ def _open_json_lines(path: Path, details: Mapping[str, Any]) -> TextTable:
 
 
 def _flat(value: object, place: tuple[str, ...]) -> Iterator[tuple[str, str]]:
-    """Give each number or text in nested objects and lists, and its keys with points between them."""
+    """Give each number or text in nested objects and lists, and its keys; of a ROS time the seconds."""
     if place and isinstance(value, dict) and tuple(sorted(value, reverse=True)) in _ROS_TIMES:
         seconds, rest = (str(value[key]) for key in sorted(value, reverse=True))
         yield ".".join(place), f"{seconds}.{rest:0>9}"

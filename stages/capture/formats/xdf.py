@@ -12,13 +12,7 @@ from shukotsu.files.xdf_streams import SAMPLE_BYTES, Channel, Stream, load_strea
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import MM_PER_UNIT, UNIT_NAMES, FileMapping
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.capture.formats.mapped import (
-    Track,
-    implied_mapping,
-    name_in_file,
-    samples_of_tracks,
-    without_marks,
-)
+from shukotsu.stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
 from shukotsu.stages.capture.formats.orientation import quaternions
 from shukotsu.stages.capture.samples import Samples, did_you_mean
 
@@ -44,8 +38,7 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
     names = [name_in_file(mapping, key, "value", owners(stream), where) for key in mapping.receivers]
     channels = [_pose_channels(where, stream, mapping, name) for name in names]
     time_s, series, notes = load_stream(path, stream)
-    notes = [*notes]
-    values = without_marks(np.asarray(series, float), where, notes)
+    values = np.asarray(series, float)
 
     def place(row: int) -> str:
         return f"{where}, sample {row + 1}"

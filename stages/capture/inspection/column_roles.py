@@ -26,13 +26,12 @@ _TIME = re.compile(r"time|stamp|^t$|^t_|sec", re.I)
 _FRAME = re.compile(r"frame|sample|count|^index$|^n$|^#$", re.I)
 _RECEIVER = re.compile(r"receiver|sensor|station|segment|marker|^id$|device|channel", re.I)
 _QUALITY = re.compile(r"quality|^q(ual)?[\W_]*\d*$", re.I)
-_ASIDE = re.compile(r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp", re.I)
-_NO_POSE = re.compile(
-    r"(?<![a-z])((hours?|minutes?|date|port|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
-    r"|acc(?!ur)|gyr|magneto|veloc|omega)"
+_ASIDE = re.compile(
+    r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp|(?<![a-z])(acc(?!ur)|gyr|magneto"
+    r"|veloc|omega|(hours?|minutes?|date|port|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
+    r"|(id|index|count)(_?\d+)?$)"
 )
-"""The same, of titles as segments' names are written."""
-_NUMBERED = re.compile(r"(?i)(?<![a-z])(id|index|count|number|no)$|(?-i:(?<=[a-z])I[dD]$)")
+"""Of titles as segments' names are written."""
 _SCALAR_FIRST = re.compile(r"q(?:uat)?[\W_]?(?P<digit>[0-3])(?!\d)", re.I)
 _MANY_ROWS = 20
 """In so many rows a position neither grows with every one nor keeps still to its last digit."""
@@ -86,17 +85,15 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     titles : all columns; numbers : those that hold numbers, title -> (N,).
     """
     numeric = [title for title in titles if title in numbers]
-    inertial = _inertial(numeric)
-    aside = [t for t in numeric if t in inertial or _is_aside(t) or _NUMBERED.search(t)]
+    aside = [t for t in numeric if t in _inertial(numeric) or _ASIDE.search(snake_case(t))]
     named = _named_groups([t for t in numeric if t not in aside], numbers)
-    of_day = any(re.search("hour", title, re.I) for title in titles)
-    times = [
-        t for t in numeric if _is_time(t) and t not in named and not (of_day and re.search("sec", t, re.I))
-    ]
+    times = [t for t in numeric if _is_time(t) and t not in named]
     time = next((t for t in times if _grows(numbers[t])), None)
     frame = next((t for t in numeric if t != time and _FRAME.search(t) and _whole(numbers[t])), None)
-    several = sum(len(group) == 4 for group in {id(own): own for own in named.values()}.values()) > 1
-    receivers = [t for t in titles if t not in (time, frame) and not _is_aside(t) and not several]
+    wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
+    receivers = [
+        t for t in titles if not wide and t not in (time, frame) and not re.search("stat[eu]", t, re.I)
+    ]
     receiver = next((t for t in receivers if _is_receiver(t, numbers.get(t))), None)
     text = [title for title in titles if title not in numbers and title != receiver]
     left = [title for title in numeric if title not in (time, frame, receiver)]
@@ -123,22 +120,14 @@ def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[st
     if not orientations or len(positions) == len(orientations):
         return [(group, orientations[i] if orientations else []) for i, group in enumerate(positions)]
     pairs = []
-    for group in orientations[: len(positions)]:
-        place = min(map(titles.index, group))
-        alike = [
-            0 if own[0].startswith("number ") else len(common_start([own[0], group[0]])) for own in positions
-        ]
-        gaps = [
-            max(titles.index(own[0]) - place - len(group), place - titles.index(own[-1]) - 1)
-            for own in positions
-        ]
-        best = min(range(len(positions)), key=lambda i: (-alike[i], gaps[i]))
-        pairs.append((positions.pop(best), group))
+    for turning in orientations[: len(positions)]:
+        name, place = turning[0].rstrip("0123456789"), titles.index(turning[0])
+        best = min(
+            positions, key=lambda own: (-len(common_start([own[0], name])), abs(titles.index(own[0]) - place))
+        )
+        positions.remove(best)
+        pairs.append((best, turning))
     return pairs
-
-
-def _is_aside(title: str) -> bool:
-    return bool(_ASIDE.search(title) or _NO_POSE.search(snake_case(title)))
 
 
 def _inertial(titles: Sequence[str]) -> set[str]:
@@ -149,10 +138,8 @@ def _inertial(titles: Sequence[str]) -> set[str]:
 
 def _counts(title: str, values: Array) -> bool:
     """Tell whether a column grows with every row, or is one whole number in all though it has a name."""
-    if len(values) < _MANY_ROWS:
-        return False
     still = np.ptp(values) == 0 and values[0] == np.floor(values[0]) and not title.startswith("number ")
-    return bool(still or (np.diff(values) > 0).all())
+    return len(values) >= _MANY_ROWS and bool(still or (np.diff(values) > 0).all())
 
 
 def _spelled(title: str, known: Iterable[str]) -> Title:

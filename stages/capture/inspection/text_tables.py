@@ -34,7 +34,6 @@ from shukotsu.stages.capture.inspection.description import (
     extent_line,
     rate_line,
 )
-from shukotsu.stages.capture.inspection.rigid_groups import common_start, rigid_groups
 from shukotsu.stages.capture.inspection.text_form import TextForm, detect_form
 
 GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
@@ -52,11 +51,10 @@ def describe_table(path: Path, layout: Layout) -> Description:
     text = open_table_text(path, form.config())
     cells = text.cells(text.titles)
     of_day = _times_of_day(cells, text.titles)
-    marks: list[str] = []
-    numbers = _numbers(cells, text.titles, marks) | of_day
+    numbers = _numbers(cells, text.titles) | of_day
     roles = find_roles(text.titles, numbers)
     lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
-    lines += [*filter(None, [text.cut_off(text.titles)]), *marks]
+    lines += filter(None, [text.cut_off(text.titles)])
     units = find_units(roles, numbers)
     before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
     if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
@@ -82,11 +80,10 @@ def describe_table(path: Path, layout: Layout) -> Description:
     repeated = 0.0 if roles.receiver else _repeats(roles, numbers, lines)
     if roles.orientations[1] and not roles.positions:
         lines.append("no positions were found")
-    clusters = {} if roles.receiver or roles.orientations[1] else _clusters(roles.positions, numbers, lines)
-    if roles.positions and not roles.orientations[1] and not clusters:
+    if roles.positions and not roles.orientations[1]:
         lines.append("no orientations were found: a joint cannot be found from positions alone")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
-    found = _receivers(roles, receivers, clusters, text.titles, layout)
+    found = _receivers(roles, receivers, text.titles, layout)
     config = _config(roles, units, found, asynchronous, layout)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in of_day:
@@ -94,26 +91,16 @@ def describe_table(path: Path, layout: Layout) -> Description:
     return Description(tuple(lines), draft(path, config))
 
 
-def _clusters(
-    positions: Sequence[Sequence[str]], numbers: Mapping[str, Array], lines: list[str]
-) -> dict[str, dict[str, Any]]:
-    """Rigid clusters among positions: what their names have in common -> the columns of each marker."""
-    points = np.stack([_rows(numbers, group) for group in positions], 1) if positions else np.empty((0, 0, 3))
-    labels = [common_start(group).rstrip(" _.") or group[0] for group in positions]
-    found = rigid_groups(points, labels)
-    lines += [f"markers {', '.join(labels[i] for i in own)}: a rigid cluster" for own in found.values()]
-    return {name: {"markers": [_columns(positions[i]) for i in own]} for name, own in found.items()}
-
-
-def _numbers(cells: Cells, titles: Sequence[str], notes: list[str]) -> dict[str, Array]:
+def _numbers(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
     numbers = {}
     for title in titles:
-        with suppress(InputError):
-            numbers[title] = cells.reals(title)
-    if numbers:
-        values = without_marks(np.stack(list(numbers.values())), "the table", notes)
-        numbers = dict(zip(numbers, values, strict=True))
-    return {title: values for title, values in numbers.items() if np.isfinite(values).any()}
+        try:
+            values = without_marks(cells.reals(title))
+        except InputError:
+            continue
+        if np.isfinite(values).any():
+            numbers[title] = values
+    return numbers
 
 
 def _times_of_day(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
@@ -194,8 +181,7 @@ def _config(
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
     elif roles.time is None:
         config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
-    if roles.orientations[1] or not any("markers" in own for own in receivers.values()):
-        config["orientation"] = _orientation(roles, units.angle)
+    config["orientation"] = _orientation(roles, units.angle)
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
     config["receivers"] = (receivers or {CHECK: {}}, named)
     return config
@@ -220,15 +206,10 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
 
 
 def _receivers(
-    roles: Roles,
-    receivers: Sequence[str],
-    clusters: Mapping[str, dict[str, Any]],
-    titles: Sequence[str],
-    layout: Layout,
+    roles: Roles, receivers: Sequence[str], titles: Sequence[str], layout: Layout
 ) -> dict[str, Any]:
-    if roles.receiver or clusters:
-        groups = clusters or {name: {"value": name} for name in receivers}
-        return {_segment(name, layout, groups): group for name, group in groups.items()}
+    if roles.receiver:
+        return {_segment(name, layout, receivers): {"value": name} for name in receivers}
     config: dict[str, Any] = {}
     pairs = paired(roles, titles)
     names = [position[0] for position, _ in pairs]
@@ -247,15 +228,12 @@ def _doubt(roles: Roles, titles: Sequence[str]) -> str:
 
 
 def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
-    """The segment that this one of titles names, such as `index_distal x_mm`, or a name that no layout has."""
-    named = {
-        one: max(
-            (name for name in layout.measured if f"_{name}_" in f"_{snake_case(one)}_"), key=len, default=""
-        )
-        for one in titles
-    }
-    if named[title] and list(named.values()).count(named[title]) == 1:
-        return named[title]
+    """The segment that one of titles alone names, such as `index_distal x_mm`, or a name that no layout has."""
+    words = [f"_{snake_case(one)}_" for one in titles]
+    named = [name for name in layout.measured if f"_{name}_" in f"_{snake_case(title)}_"]
+    segment = max(named, key=len, default="")
+    if segment and sum(f"_{segment}_" in one for one in words) == 1:
+        return segment
     return f"{CHECK}_{re.sub(r'[^0-9A-Za-z]', '_', title)}"
 
 

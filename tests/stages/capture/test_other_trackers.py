@@ -124,21 +124,6 @@ def motive(poses: Poses, unit: str, parent: bool, names: tuple[str, ...] = SEGME
     )
 
 
-def markers(poses: Poses, unit: str, before: str) -> Written:
-    """Vicon: names over the first of each marker's columns, units below them."""
-    shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0], [10, 5, 30]])
-
-    def cells(t: int, i: int) -> list[Any]:
-        points = Rotation.from_quat(poses.turned[t, i], scalar_first=True).apply(shape) + poses.mm[t, i]
-        return [""] * 12 if poses.lost[t, i] else [*(points / UNITS[unit]).ravel()]
-
-    names = [f"{segment}:{segment}{i}" for segment in SEGMENTS[: poses.tools] for i in range(1, 5)]
-    head = [",," + ",,,".join(names) + ",,", "Frame,Sub Frame" + ",X,Y,Z" * len(names)]
-    head.append("," + f",{unit}" * 3 * len(names))
-    text = before + "\n".join([*head, *poses.lines(",", lambda t: [t + 1, 0], cells)]) + "\n"
-    return "vicon.csv", text, {"rate_hz": "100"}
-
-
 def inertial(poses: Poses, mark: str, per_s: int) -> Written:
     """A program of a lab: dates in ms or ns, numbers of an inertial sensor between poses."""
 
@@ -195,7 +180,6 @@ FORMS: list[tuple[Callable[..., Written], tuple[Any, ...]]] = [
     *((wave, dress) for dress in ((True, "\t"), (False, ","))),
     *((aurora, dress) for dress in ((",", ""), ("", ","))),
     *((motive, dress) for dress in (("mm", False), ("m", True))),
-    *((markers, dress) for dress in (("mm", "Trajectories\n100\n"), ("m", ""))),
     *((inertial, dress) for dress in ((";", 10**3), ("\t", 10**9))),
     *((sequence, dress) for dress in ((False,), (True, ("UpperArm", "Forearm", "Hand")))),
     *((glove, dress) for dress in (("", False), ("by name", True))),
