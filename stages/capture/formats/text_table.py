@@ -301,7 +301,7 @@ def _names(rows: list[list[str]], width: int) -> list[str]:
 
 
 def _open_json_lines(path: Path, details: Mapping[str, Any]) -> TextTable:
-    """Open a file of a JSON object a line as a table: nested keys with points between them are its columns."""
+    """Open a file of a JSON object a line as a table, whose columns are nested keys with points between."""
     rows: list[dict[str, str]] = []
     for number, line in enumerate(read_text(path, "a JSON object a line").split("\n"), 1):
         try:

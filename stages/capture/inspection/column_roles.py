@@ -17,7 +17,6 @@ from shukotsu.stages.capture.inspection.column_titles import (
     Title,
     split_title,
 )
-from shukotsu.stages.capture.inspection.rigid_groups import common_start
 
 _NORM_SHARE = 0.9
 _NORM_OFF = 0.02
@@ -122,12 +121,15 @@ def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[st
     pairs = []
     for turning in orientations[: len(positions)]:
         name, place = turning[0].rstrip("0123456789"), titles.index(turning[0])
-        best = min(
-            positions, key=lambda own: (-len(common_start([own[0], name])), abs(titles.index(own[0]) - place))
-        )
+        best = min(positions, key=lambda own: (-_alike(own[0], name), abs(titles.index(own[0]) - place)))
         positions.remove(best)
         pairs.append((best, turning))
     return pairs
+
+
+def _alike(first: str, second: str) -> int:
+    """Count the letters with which both begin."""
+    return next((i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a != b), len(second))
 
 
 def _inertial(titles: Sequence[str]) -> set[str]:

@@ -228,7 +228,7 @@ def _doubt(roles: Roles, titles: Sequence[str]) -> str:
 
 
 def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
-    """The segment that one of titles alone names, such as `index_distal x_mm`, or a name that no layout has."""
+    """The segment that this one of titles names alone, as `index_distal x_mm` does, or one of no layout."""
     words = [f"_{snake_case(one)}_" for one in titles]
     named = [name for name in layout.measured if f"_{name}_" in f"_{snake_case(title)}_"]
     segment = max(named, key=len, default="")

@@ -1,4 +1,4 @@
-"""Files of other trackers' programs: poses -> file -> inspection's draft -> import are the poses.
+"""Files of other trackers' programs: poses -> file -> inspection's draft, or the guide's mapping -> the poses.
 
 Each writer is of a documented form, in two dresses; what is missing is written as the form has it.
 """
@@ -16,16 +16,14 @@ from guide_pages import REPOSITORY, blocks
 from recording_files import ARM, LIBERTY, of, read, refuse
 from scipy.spatial.transform import Rotation
 
-from shukotsu.schemas.layout import Layout
 from shukotsu.stages.capture.inspect_file import describe
 
 FRAMES = 60
 SEGMENTS = ("upper_arm", "forearm", "hand")
-UNITS = {"mm": 1.0, "m": 1000.0}
 TOLD = {"rotates": "receiver-to-transmitter"}
 CALLED = {f"CHECK_{tool}": segment for tool, segment in enumerate(SEGMENTS, 1)}
-Written = tuple[str, str | bytes, dict[str, str]]
-"""A file's name and content, and what the draft is told for each CHECK."""
+Written = tuple[str, list[str], dict[str, str]]
+"""A file's name and lines, and what the draft is told for each CHECK."""
 
 
 class Poses:
@@ -39,221 +37,191 @@ class Poses:
         self.turned = turned.as_quat(scalar_first=True).reshape(FRAMES, tools, 4)
         self.lost = random.random((FRAMES, tools)) < 0.1
 
-    def check(
-        self, path: Path, mapping: dict[str, Any] | None, names: tuple[str, ...], layout: Layout
-    ) -> None:
-        """Read the file: what is lost is a gap, the rest the poses to the file's decimals."""
-        samples = read(path, layout, mapping)
-        assert len(samples.frame) == FRAMES * self.tools
-        for tool, segment in enumerate(names[: self.tools]):
-            numbers, kept = samples.numbers[of(samples, segment)], ~self.lost[:, tool]
-            np.testing.assert_array_equal(np.isfinite(numbers).all(-1), kept)
-            np.testing.assert_allclose(numbers[kept, :3], self.mm[kept, tool], atol=1e-3)
-            turned = np.abs((numbers[kept, 3:] * self.turned[kept, tool]).sum(-1))
-            np.testing.assert_allclose(turned, 1, atol=1e-6)
-            since_s = samples.time_s[of(samples, segment)] - samples.time_s.min()
-            np.testing.assert_allclose(since_s, self.time_s, atol=1e-4)
-
     def lines(
-        self, mark: str, lead: Callable[[int], list[Any]], cells: Callable[[int, int], list[Any]]
+        self,
+        mark: str,
+        lead: Callable[[int], list[Any]],
+        gap: list[Any],
+        pose: Callable[[int, int], list[Any]],
     ) -> list[str]:
-        """Write a row a frame: what leads it, and each tool's cells; numbers with seven decimals."""
-        rows = [[*lead(t), *(cell for i in range(self.tools) for cell in cells(t, i))] for t in range(FRAMES)]
+        """Write a row a frame: what leads it, and each tool's pose or gap; numbers with seven decimals."""
+        tools = [[gap if self.lost[t, i] else pose(t, i) for i in range(self.tools)] for t in range(FRAMES)]
+        rows = [[*lead(t), *(cell for own in tools[t] for cell in own)] for t in range(FRAMES)]
         return [mark.join(f"{c:.7f}" if isinstance(c, float) else str(c) for c in row) for row in rows]
 
 
 def wave(poses: Poses, named: bool, mark: str) -> Written:
     """NDI Wave: a constant and the word missing where there is no pose."""
-
-    def cells(t: int, i: int) -> list[Any]:
-        lost = poses.lost[t, i]
-        return (
-            [i + 1, "missing", *["-3.697314E28"] * 7]
-            if lost
-            else [i + 1, "ok", *poses.turned[t, i], *poses.mm[t, i]]
-        )
-
     kinds = ("Id", "Status", "Q0", "Qx", "Qy", "Qz", "X", "Y", "Z")
-    titles = [
-        f"Sensor {i + 1} {k}" if named or k in kinds[:2] else k for i in range(poses.tools) for k in kinds
-    ]
-    text = [mark.join(["Time", *titles]), *poses.lines(mark, lambda t: [poses.time_s[t]], cells)]
-    return "wave.tsv", "\n".join(text) + "\n", {"position_unit": "mm", "time_unit": "s", **TOLD, **CALLED}
+    titles = [f"Sensor {i} {k}" if named or k in kinds[:2] else k for i in range(poses.tools) for k in kinds]
+    gap = [1, "missing", *["-3.697314E28"] * 7]
+    rows = poses.lines(
+        mark, lambda t: [poses.time_s[t]], gap, lambda t, i: [1, "ok", *poses.turned[t, i], *poses.mm[t, i]]
+    )
+    told = {"position_unit": "mm", "time_unit": "s", **TOLD, **CALLED}
+    return "wave.tsv", [mark.join(["Time", *titles]), *rows], told
 
 
 def aurora(poses: Poses, row_end: str, header_end: str) -> Written:
     """NDI Aurora: a comma behind each row or behind the header alone."""
-
-    def cells(t: int, i: int) -> list[Any]:
-        pose = [*[""] * 8] if poses.lost[t, i] else [*poses.turned[t, i], *poses.mm[t, i], 0.1]
-        return [f"0{i}", "Missing" if poses.lost[t, i] else "OK", *pose]
-
-    titles = ["Frame", "Tools", "Hour", "Minutes", "Seconds"]
-    titles += ["Port", "State", "Q0", "Qx", "Qy", "Qz", "Tx", "Ty", "Tz", "Error"] * poses.tools
-    rows = poses.lines(",", lambda t: [5 + t, poses.tools, 10, t // 30, t % 30 * 0.5 + 20], cells)
-    text = "\r\n".join([",".join(titles) + header_end, *(row + row_end for row in rows)])
-    return "aurora.csv", text, {"position_unit": "mm", "rate_hz": "100", **TOLD, **CALLED}
+    titles = "Frame,Tools,Hour,Minutes,Seconds" + ",Port,State,Q0,Qx,Qy,Qz,Tx,Ty,Tz,Error" * poses.tools
+    rows = poses.lines(
+        ",",
+        lambda t: [5 + t, poses.tools, 10, t // 30, t % 30 * 0.5 + 20],
+        ["0A", "Missing", *[""] * 8],
+        lambda t, i: ["0A", "OK", *poses.turned[t, i], *poses.mm[t, i], 0.1],
+    )
+    told = {"position_unit": "mm", "rate_hz": "100", **TOLD, **CALLED}
+    return "aurora.csv", [titles + header_end, *(row + row_end for row in rows)], told
 
 
 def motive(poses: Poses, unit: str, parent: bool, names: tuple[str, ...] = SEGMENTS) -> Written:
     """OptiTrack Motive: rotations x y z w, named as segments, with a marker that belongs to each."""
-
-    def cells(t: int, i: int) -> list[Any]:
-        place = poses.mm[t, i] / UNITS[unit]
-        return (
-            [""] * 11
-            if poses.lost[t, i]
-            else [*np.roll(poses.turned[t, i], -1), *place, 0.1, *(place + 0.01)]
-        )
-
-    body, kinds = ["Rigid Body"] * 8 + ["Rigid Body Marker"] * 3, ["Rotation"] * 4 + ["Position"] * 3
-    rows = [["Type", *body * poses.tools]]
-    rows += [
-        ["Name", *(name for tool in names[: poses.tools] for name in [tool] * 8 + [f"{tool}:Marker1"] * 3)]
+    count, kinds = poses.tools, ",Rotation" * 4 + ",Position" * 3
+    head = [f"Format Version,1.23,Rotation Type,Quaternion,Length Units,{unit}", ""]
+    head += [",Type" + (",Rigid Body" * 8 + ",Rigid Body Marker" * 3) * count]
+    head += [",Name" + "".join(f",{name}" * 8 + f",{name}:Marker1" * 3 for name in names[:count])]
+    head += [
+        ",ID" + "".join(f",{17 + i}" * 11 for i in range(count)),
+        *[",Parent" + "," * 11 * count] * parent,
     ]
-    rows += [["ID", *(str(17 + i) for i in range(poses.tools) for _ in body)]]
-    rows += [["Parent", *[""] * 11 * poses.tools]] * parent
-    rows += [["", *[*kinds, "Mean Marker Error", *kinds[-3:]] * poses.tools]]
-    head = f"Format Version,1.23,Rotation Type,Quaternion,Length Units,{'Meters' if unit == 'm' else 'Millimeters'}"
-    text = [head, "", *("," + ",".join(row) for row in rows)]
-    text += [",".join(["Frame,Time (Seconds)", *[*"XYZWXYZ", "", *"XYZ"] * poses.tools])]
-    return (
-        "motive.csv",
-        "\n".join([*text, *poses.lines(",", lambda t: [t, poses.time_s[t]], cells)]) + "\n",
-        TOLD,
-    )
+    head += ["," + (kinds + ",Mean Marker Error" + ",Position" * 3) * count]
+    head += ["Frame,Time (Seconds)" + ",X,Y,Z,W,X,Y,Z,,X,Y,Z" * count]
+    scale = 1.0 if unit == "Millimeters" else 1000.0
+
+    def pose(t: int, i: int) -> list[Any]:
+        place = poses.mm[t, i] / scale
+        return [*np.roll(poses.turned[t, i], -1), *place, 0.1, *(place + 0.01)]
+
+    return "motive.csv", [*head, *poses.lines(",", lambda t: [t, poses.time_s[t]], [""] * 11, pose)], TOLD
 
 
 def inertial(poses: Poses, mark: str, per_s: int) -> Written:
     """A program of a lab: dates in ms or ns, numbers of an inertial sensor between poses."""
-
-    def cells(t: int, i: int) -> list[Any]:
-        pose = ["NaN"] * 7 if poses.lost[t, i] else [*poses.mm[t, i] / 10, *poses.turned[t, i]]
-        return [*pose, *np.random.default_rng(t).normal(0, 1, 9)]
-
     titles = ["stamp"]
     for n in range(1, poses.tools + 1):
         titles += [f"loc{n}_{axis}" for axis in "xyz"] + [f"{axis}{n}" for axis in "wxyz"]
         titles += [f"{kind}{n}_{axis}" for kind in ("acc", "gyro", "mag_field_uT") for axis in "xyz"]
-    rows = poses.lines(mark, lambda t: [1_700_000_000 * per_s + t * per_s // 100], cells)
-    return "lab.txt", "\n".join([mark.join(titles), *rows]) + "\n", {"position_unit": "cm", **TOLD, **CALLED}
+    rows = poses.lines(
+        mark,
+        lambda t: [1_700_000_000 * per_s + t * per_s // 100],
+        ["NaN"] * 16,
+        lambda t, i: [*poses.mm[t, i] / 10, *poses.turned[t, i], *np.random.default_rng(t).normal(0, 1, 9)],
+    )
+    return "lab.txt", [mark.join(titles), *rows], {"position_unit": "cm", **TOLD, **CALLED}
 
 
 def sequence(poses: Poses, nrrd: bool, names: tuple[str, ...] = SEGMENTS) -> Written:
-    """PLUS: a header before images, which are no text."""
+    """PLUS: a header before images."""
     sign, lines = (
         (":=", ["NRRD0004", "type: uchar"]) if nrrd else (" = ", ["ObjectType = Image", "NDims = 3"])
     )
     for t in range(FRAMES):
         for i, tool in enumerate(names[: poses.tools]):
             whole = np.eye(4)
-            if not poses.lost[t, i]:
-                whole[:3, :3] = Rotation.from_quat(poses.turned[t, i], scalar_first=True).as_matrix()
-                whole[:3, 3] = poses.mm[t, i]
-            name = f"Seq_Frame{t:04d}_{tool}ToTrackerTransform"
-            lines += [f"{name}{sign}{' '.join(f'{number:.7f}' for number in whole.ravel())}"]
-            lines += [f"{name}Status{sign}{'MISSING' if poses.lost[t, i] else 'OK'}"]
-        lines += [f"Seq_Frame{t:04d}_ImageToProbeTransform{sign}{'0 ' * 16}"]
+            whole[:3, :3] = Rotation.from_quat(poses.turned[t, i], scalar_first=True).as_matrix()
+            whole[:3, 3] = poses.mm[t, i]
+            lines += [f"Seq_Frame{t:04d}_{tool}ToTrackerTransform{sign}{' '.join(map(str, whole.ravel()))}"]
+            status = "MISSING" if poses.lost[t, i] else "OK"
+            lines += [f"Seq_Frame{t:04d}_{tool}ToTrackerTransformStatus{sign}{status}"]
         lines += [f"Seq_Frame{t:04d}_Timestamp{sign}{poses.time_s[t]:.4f}"]
-    text = "\n".join([*lines, "" if nrrd else "ElementDataFile = LOCAL"]) + "\n"
-    return "a.seq.nrrd" if nrrd else "a.igs.mha", text.encode() + bytes(range(255, 0, -1)), {}
+    return (
+        "a.seq.nrrd" if nrrd else "a.igs.mha",
+        [*lines, "" if nrrd else "ElementDataFile = LOCAL", "\0"],
+        {},
+    )
 
 
-def glove(poses: Poses, order: str, stamped: bool) -> Written:
-    """An electromagnetic glove: a message a line, keys by name, or quaternions as lists."""
+def glove(poses: Poses, named: bool) -> Written:
+    """An electromagnetic glove: a message a line, by name and with a ROS time, or quaternions as lists."""
     lines = []
     for t in range(FRAMES):
-        sensors: list[Any] = []
-        for i in range(poses.tools):
-            turned: Any = [*poses.turned[t, i]]
-            turned = dict(zip("wxyz", turned, strict=True)) if order else turned
-            pose = {"position": dict(zip("xyz", poses.mm[t, i] / 1000, strict=True)), "orientation": turned}
-            sensors.append({} if poses.lost[t, i] else pose)
-        stamp: Any = {"sec": 1_700_000_000, "nanosec": t * 10**7} if stamped else poses.time_s[t]
-        lines.append(json.dumps({"header": {"stamp": stamp}, "side": "right", "raw_sensor": sensors}))
-    more = {} if stamped else {"time_unit": "s"}
-    more |= {} if order else {"order": "wxyz"}
-    return "glove.jsonl", "\n".join(lines), TOLD | more | {"position_unit": "m"} | CALLED
+        turned: list[Any] = [[*own] for own in poses.turned[t]]
+        turned = [dict(zip("wxyz", own, strict=True)) for own in turned] if named else turned
+        places = [dict(zip("xyz", own / 1000, strict=True)) for own in poses.mm[t]]
+        sensors = [{"position": p, "orientation": q} for p, q in zip(places, turned, strict=True)]
+        stamp = {"sec": 1_700_000_000, "nanosec": t * 10**7} if named else poses.time_s[t]
+        seen = [{} if lost else own for lost, own in zip(poses.lost[t], sensors, strict=True)]
+        lines.append(json.dumps({"header": {"stamp": stamp}, "side": "right", "raw_sensor": seen}))
+    told = {} if named else {"time_unit": "s", "order": "wxyz"}
+    return "glove.jsonl", lines, {"position_unit": "m", **told, **TOLD, **CALLED}
 
 
 FORMS: list[tuple[Callable[..., Written], tuple[Any, ...]]] = [
     *((wave, dress) for dress in ((True, "\t"), (False, ","))),
     *((aurora, dress) for dress in ((",", ""), ("", ","))),
-    *((motive, dress) for dress in (("mm", False), ("m", True))),
+    *((motive, dress) for dress in (("Millimeters", False), ("Meters", True))),
     *((inertial, dress) for dress in ((";", 10**3), ("\t", 10**9))),
     *((sequence, dress) for dress in ((False,), (True, ("UpperArm", "Forearm", "Hand")))),
-    *((glove, dress) for dress in (("", False), ("by name", True))),
+    *((glove, dress) for dress in ((False,), (True,))),
 ]
+GUIDE = {
+    "Q0 #1": (wave, (False, "\t")),
+    "hand Position X": (motive, ("Millimeters", False, ("hand", "tip"))),
+    "sequence": (sequence, (False, ("Hand", "Stylus"))),
+    "raw_sensor": (glove, (False,)),
+}
+"""What the mapping in the guide has in it, and the file that it is for."""
+
+
+def drafted(path: Path, answers: dict[str, str], tools: int) -> Any:
+    """The draft with each CHECK answered."""
+    draft = describe(path, ARM).draft
+    for key, value in answers.items():
+        whole = (
+            (rf"^  {key}:", f"  {value}:") if key in CALLED else (rf"^( *{key}:) CHECK.*$", rf"\1 {value}")
+        )
+        draft, count = re.subn(*whole, draft, flags=re.MULTILINE)
+        assert count == (key not in CALLED or int(key[-1]) <= tools), (key, draft)
+    return yaml.safe_load(draft)
 
 
 @pytest.mark.parametrize("tools", [2, 3])
-@pytest.mark.parametrize(("write", "dress"), FORMS)
-def test_a_draft_reads_what_was_written(
-    tmp_path: Path, write: Callable[..., Written], dress: tuple[Any, ...], tools: int
+@pytest.mark.parametrize(
+    ("write", "dress", "guide"),
+    [*((*form, "") for form in FORMS), *((*form, found) for found, form in GUIDE.items())],
+)
+def test_what_is_read_is_what_was_written(
+    tmp_path: Path, write: Callable[..., Written], dress: tuple[Any, ...], guide: str, tools: int
 ) -> None:
-    poses = Poses(tools)
-    name, content, answers = write(poses, *dress)
+    poses = Poses(2 if guide else tools)
+    name, lines, answers = write(poses, *dress)
     path = tmp_path / name
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    draft = describe(path, ARM).draft
-    for key, value in answers.items():
-        pattern, put = (
-            (rf"^  {key}:", f"  {value}:") if key in CALLED else (rf"^( *{key}:) CHECK.*$", rf"\1 {value}")
-        )
-        draft, count = re.subn(pattern, put, draft, flags=re.MULTILINE)
-        assert count == (key not in CALLED or int(key[-1]) <= tools), (key, draft)
-    poses.check(path, yaml.safe_load(draft) if draft else None, SEGMENTS, ARM)
-
-
-MAPPINGS = [
-    mapping
-    for block in blocks(REPOSITORY / "docs" / "mappings.md", "yaml")
-    if "index_distal" in (mapping := yaml.safe_load(block.text))["receivers"]
-]
-DOCUMENTED: dict[str, tuple[Callable[..., Written], tuple[Any, ...]]] = {
-    "Q0 #1": (wave, (False, "\t")),
-    "hand Position X": (motive, ("mm", False, ("hand", "tip"))),
-    "sequence": (sequence, (False, ("Hand", "Stylus"))),
-    "raw_sensor": (glove, ("", False)),
-}
-
-
-@pytest.mark.parametrize("form", DOCUMENTED)
-def test_the_guides_mapping_reads_it(tmp_path: Path, form: str) -> None:
-    (mapping,) = (mapping for mapping in MAPPINGS if form in str(mapping))
-    write, dress = DOCUMENTED[form]
-    poses = Poses(2)
-    name, content, _ = write(poses, *dress)
-    path = tmp_path / name
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    poses.check(path, mapping, tuple(mapping["receivers"]), LIBERTY)
+    path.write_text("\n".join(lines) + "\n")
+    pages = [
+        block.text for block in blocks(REPOSITORY / "docs" / "mappings.md", "yaml") if guide in block.text
+    ]
+    mapping = yaml.safe_load(pages[-1]) if guide else drafted(path, answers, tools)
+    samples = read(path, LIBERTY if guide else ARM, mapping)
+    assert len(samples.frame) == FRAMES * poses.tools
+    for tool, segment in enumerate(mapping["receivers"] if guide else SEGMENTS[:tools]):
+        numbers, kept = samples.numbers[of(samples, segment)], ~poses.lost[:, tool]
+        np.testing.assert_array_equal(np.isfinite(numbers).all(-1), kept)
+        np.testing.assert_allclose(numbers[kept, :3], poses.mm[kept, tool], atol=1e-3)
+        turned = np.abs((numbers[kept, 3:] * poses.turned[kept, tool]).sum(-1))
+        np.testing.assert_allclose(turned, 1, atol=1e-6)
+        time_s = samples.time_s[of(samples, segment)]
+        np.testing.assert_allclose(time_s - time_s[0], poses.time_s, atol=1e-4)
 
 
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("a.igs.mha", b"ObjectType = Image\nSeq_Frame0000_ATo", "its header has no end"),
-        ("a.mha", b"NDims = 3\nElementDataFile = LOCAL\n", "no transform of a frame"),
-        ("a.nrrd", b"NRRD0004\nSeq_Frame0000_AToBTransform:=1 0\n\n", "line 2: expected 16 numbers"),
-        (
-            "a.nrrd",
-            b"NRRD0004\nSeq_Frame0000_AToBTransform:=" + b"0 " * 16 + b"\n\n",
-            "no segment|is not in layout",
-        ),
+        ("a.igs.mha", "ObjectType = Image\nSeq_Frame0000_ATo", "its header has no end"),
+        ("a.mha", "NDims = 3\nElementDataFile = LOCAL\n", "no transform of a frame"),
+        ("a.nrrd", "NRRD0004\nSeq_Frame0000_AToBTransform:=1 0\n\n", "line 2: expected 16 numbers"),
+        ("a.nrrd", f"NRRD0004\nSeq_Frame0000_AToBTransform:={'0 ' * 16}\n\n", "'a' is not in layout"),
+        ("a.jsonl", '{"a": 1}\n{"a": ', "line 2: is no whole JSON object"),
     ],
 )
-def test_a_sequence_that_cannot_be_read(tmp_path: Path, name: str, content: bytes, message: str) -> None:
-    (tmp_path / name).write_bytes(content)
-    refuse(tmp_path / name, message)
+def test_what_cannot_be_read(tmp_path: Path, name: str, content: str, message: str) -> None:
+    (tmp_path / name).write_text(content)
+    mapping = yaml.safe_load(blocks(REPOSITORY / "docs" / "mappings.md", "yaml")[0].text)
+    refuse(tmp_path / name, message, mapping=mapping if name == "a.jsonl" else None)
 
 
 def test_what_is_no_pose_is_not_drafted(tmp_path: Path) -> None:
-    """Such as a quaternion by name whose norm is not 1, an object of JSON that is cut off, and angular rates."""
-    random = np.random.default_rng(3)
-    titles = "t,qw,qx,qy,qz,ax,ay,az,gx,gy,gz"
-    rows = [",".join(map(str, [t / 100, *random.normal(0, 2, 10)])) for t in range(40)]
-    (tmp_path / "a.csv").write_text("\n".join([titles, *rows]) + "\n")
+    random, titles = np.random.default_rng(3), "t,qw,qx,qy,qz,ax,ay,az,gx,gy,gz\n"
+    rows = [",".join(map(str, [t / 100, *random.normal(0, 2, 10)])) + "\n" for t in range(40)]
+    (tmp_path / "a.csv").write_text(titles + "".join(rows))
     assert "CHECK: {}" in describe(tmp_path / "a.csv", ARM).draft
-    (tmp_path / "a.jsonl").write_text('{"a": 1}\n{"a": ')
-    mapping = next(mapping for mapping in MAPPINGS if "raw_sensor" in str(mapping))
-    refuse(tmp_path / "a.jsonl", "line 2: is no whole JSON object", LIBERTY, mapping)
