@@ -57,11 +57,7 @@ FORMATS = {
 """Formats that say themselves what their numbers are."""
 
 MAPPED = {
-    "csv": Format(
-        (".csv", ".txt", ".tsv", ".jsonl", ".ndjson"),
-        "shukotsu.stages.capture.formats.mapped_csv",
-        "read_mapped_csv",
-    ),
+    "csv": Format((".csv", ".txt", ".tsv"), "shukotsu.stages.capture.formats.mapped_csv", "read_mapped_csv"),
     "matrices": Format((".txt", ".traj"), "shukotsu.stages.capture.formats.matrices", "read_matrices"),
     "c3d": Format((".c3d",), "shukotsu.stages.capture.formats.c3d", "read_c3d"),
     "motion-bids": FORMATS["motion-bids"],

@@ -24,7 +24,6 @@ import pyarrow.csv as pa_csv
 from shukotsu.errors import InputError, listed
 from shukotsu.files.limits import LINE_LETTERS, read_whole
 from shukotsu.files.text_files import decoded, open_text, read_text, reading, refuse_other_kind, undecodable
-from shukotsu.schemas.mapping import UNIT_NAMES
 from shukotsu.stages.capture.formats.cells import EMPTY, Cells
 from shukotsu.stages.capture.samples import did_you_mean
 
@@ -33,9 +32,6 @@ READ_BYTES = 8 << 20
 
 JSON_LINES = (".jsonl", ".ndjson")
 _ROS_TIMES = (("sec", "nanosec"), ("secs", "nsecs"))
-
-UNITS = {*UNIT_NAMES, "deg", "rad", "s", "ms"}
-"""What may stand below columns' names."""
 
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
 """Runs of blanks are made one tab before anything else reads them."""
@@ -280,24 +276,15 @@ def _titles(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _names(rows: list[list[str]], width: int) -> list[str]:
-    """What columns are called over all rows of names, of which a row less or more may end in a separator.
+    """What columns are called over all rows of names; a last row may end in a separator where others do not.
 
-    A name may stand over the first of its columns alone. Rows of types and numbers of things name nothing;
-    a last row of units is put in brackets.
+    Rows of types and of numbers of things name nothing.
     """
-    last = [cell.strip() for cell in rows[-1]]
-    if not any(last[width:]) and width - len(last) <= 1:
-        last = [*last, ""][:width]
-    if len(rows) > 1 and all(cell.lower() in UNITS for cell in last if cell):
-        last = [cell and f"({cell})" for cell in last]
-    parts = [last]
-    for row in rows[-2::-1]:
-        cells = [cell.strip() for cell in row] + [""] * width
-        if next(filter(None, cells), "").lower() not in ("type", "id", "parent"):
-            cells = ["" if cell.lower() == "name" else cell for cell in cells]
-            sparse = 2 * sum(map(bool, cells)) < width
-            parts.insert(0, list(itertools.accumulate(cells, lambda a, b: b or a)) if sparse else cells)
-    return [" ".join(filter(None, cells)) for cells in zip(*parts, strict=False)]
+    last = rows[-1] if any(rows[-1][width:]) or width > len(rows[-1]) + 1 else [*rows[-1], ""][:width]
+    kinds = [next(filter(None, row), "").strip().lower() for row in rows[:-1]]
+    named = [row for row, kind in zip(rows, kinds, strict=False) if kind not in ("type", "id", "parent")]
+    named = [["" if cell.lower() == "name" else cell for cell in row] + [""] * width for row in named]
+    return [" ".join(filter(None, map(str.strip, cells))) for cells in zip(*named, last, strict=False)]
 
 
 def _open_json_lines(path: Path, details: Mapping[str, Any]) -> TextTable:

@@ -11,7 +11,7 @@ from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.files.text_files import open_text
-from shukotsu.stages.capture.formats.text_table import JSON_LINES, UNITS
+from shukotsu.stages.capture.formats.text_table import JSON_LINES
 
 READ_LINES = 200
 _HEADER_ROWS = 12
@@ -130,9 +130,9 @@ def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str)
     counts = sorted(len(own) for own, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
     typical = counts[len(counts) // 2] if counts else 0
     for place in range(min(len(split) - 1, _HEADER_ROWS) - 1, -1, -1):
-        row, after, odd = split[place][1], split[place + 1][1], {*words[place]}
+        row, after = split[place][1], split[place + 1][1]
         fits = abs(len(row) - width) <= 1 and not any(row[width:] + after[len(row) :])
-        named = len(words[place]) - typical >= 0.5 * (width - typical) and (len(odd) > 2 or odd <= UNITS)
+        named = len(words[place]) - typical >= 0.5 * (width - typical) and len({*words[place]}) > 2
         if fits and named:
             return place
     return -1

@@ -1,4 +1,4 @@
-"""Files of other trackers' programs: poses -> file -> inspection's draft, or the guide's mapping -> the poses.
+"""Files of other trackers' programs: poses -> file -> inspection's draft, or the guide's mapping -> poses.
 
 Each writer is of a documented form, in two dresses; what is missing is written as the form has it.
 """
@@ -96,21 +96,6 @@ def motive(poses: Poses, unit: str, parent: bool, names: tuple[str, ...] = SEGME
     return "motive.csv", [*head, *poses.lines(",", lambda t: [t, poses.time_s[t]], [""] * 11, pose)], TOLD
 
 
-def inertial(poses: Poses, mark: str, per_s: int) -> Written:
-    """A program of a lab: dates in ms or ns, numbers of an inertial sensor between poses."""
-    titles = ["stamp"]
-    for n in range(1, poses.tools + 1):
-        titles += [f"loc{n}_{axis}" for axis in "xyz"] + [f"{axis}{n}" for axis in "wxyz"]
-        titles += [f"{kind}{n}_{axis}" for kind in ("acc", "gyro", "mag_field_uT") for axis in "xyz"]
-    rows = poses.lines(
-        mark,
-        lambda t: [1_700_000_000 * per_s + t * per_s // 100],
-        ["NaN"] * 16,
-        lambda t, i: [*poses.mm[t, i] / 10, *poses.turned[t, i], *np.random.default_rng(t).normal(0, 1, 9)],
-    )
-    return "lab.txt", [mark.join(titles), *rows], {"position_unit": "cm", **TOLD, **CALLED}
-
-
 def sequence(poses: Poses, nrrd: bool, names: tuple[str, ...] = SEGMENTS) -> Written:
     """PLUS: a header before images."""
     sign, lines = (
@@ -151,7 +136,6 @@ FORMS: list[tuple[Callable[..., Written], tuple[Any, ...]]] = [
     *((wave, dress) for dress in ((True, "\t"), (False, ","))),
     *((aurora, dress) for dress in ((",", ""), ("", ","))),
     *((motive, dress) for dress in (("Millimeters", False), ("Meters", True))),
-    *((inertial, dress) for dress in ((";", 10**3), ("\t", 10**9))),
     *((sequence, dress) for dress in ((False,), (True, ("UpperArm", "Forearm", "Hand")))),
     *((glove, dress) for dress in ((False,), (True,))),
 ]
@@ -221,7 +205,14 @@ def test_what_cannot_be_read(tmp_path: Path, name: str, content: str, message: s
 
 
 def test_what_is_no_pose_is_not_drafted(tmp_path: Path) -> None:
-    random, titles = np.random.default_rng(3), "t,qw,qx,qy,qz,ax,ay,az,gx,gy,gz\n"
-    rows = [",".join(map(str, [t / 100, *random.normal(0, 2, 10)])) + "\n" for t in range(40)]
-    (tmp_path / "a.csv").write_text(titles + "".join(rows))
-    assert "CHECK: {}" in describe(tmp_path / "a.csv", ARM).draft
+    """A quaternion by name alone, dates, and an inertial sensor's numbers."""
+    random, kinds = np.random.default_rng(3), ("x", "y", "z")
+    titles = ["stamp", *"xyz", "w1", "x1", "y1", "z1", "qw", "qx", "qy", "qz"]
+    titles += [f"{kind}{axis}" for kind in ("a", "g", "acc2_", "gyro.", "mag_field_uT_") for axis in kinds]
+    turned = Rotation.random(40, random_state=1).as_quat()
+    cells = np.column_stack([random.normal(0, 2, (40, 3)), turned, random.normal(0, 2, (40, 19))])
+    rows = [",".join([str(1_700_000_000_000 + 10 * t), *map(str, row)]) for t, row in enumerate(cells)]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(titles), *rows]) + "\n")
+    draft = yaml.safe_load(describe(tmp_path / "a.csv", ARM).draft)
+    assert draft["receivers"] == {"CHECK_1": {"position": [*"xyz"], "orientation": ["w1", "x1", "y1", "z1"]}}
+    assert (draft["csv"]["time_unit"], draft["orientation"]["order"]) == ("ms", "wxyz")
