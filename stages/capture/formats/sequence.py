@@ -33,10 +33,9 @@ _FIELD = re.compile(rb"Seq_Frame(\d{1,9})_(?:Timestamp|(\w+?)Transform(Status)?)
 def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
     """Read the transforms, in mm, of the mapping's receivers, or of all tools that are segments.
 
-    Frames are counted from 0. A transform whose status is not OK is a gap. Raises InputError where the
-    header is cut off or a transform that is OK is no pose.
+    Frames are counted from 0. Raises InputError where the header is cut off or what is OK is no pose.
     """
-    transforms, time_s, lines = open_sequence(path)
+    transforms, time_s = open_sequence(path)
     tools = tools_of(transforms)
     own = [name for name in tools if name in layout.measured] or list(tools)
     mapping = mapping or implied_mapping(str(path), "sequence", "value", own)
@@ -47,11 +46,10 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
     frame, tracks = np.arange(len(time_s)), list[Track]()
 
     def place(row: int) -> str:
-        return f"{path}: line {lines[row]}"
+        return f"{path}: Seq_Frame{row:04d}"
 
     for segment in mapping.receivers:
-        name = name_in_file(mapping, segment, "value", list(transforms), str(path))
-        matrices = transforms[name]
+        matrices = transforms[name_in_file(mapping, segment, "value", list(transforms), str(path))]
         turned = from_matrix(proper_rotations(matrices[:, :3, :3], place))
         position_mm = matrices[:, :3, 3] * (mapping.mm_per_unit or 1.0)
         tracks.append(Track(frame, frame, time_s, np.concatenate([position_mm, turned], -1)))
@@ -59,7 +57,7 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
 
 
 def tools_of(transforms: dict[str, Array]) -> dict[str, str]:
-    """Name the tools as segments would be, such as index_distal of IndexDistalToTracker; transforms of each.
+    """Name tools as segments would be, such as index_distal of IndexDistalToTracker, and their transforms.
 
     A tool that has several stands there under their whole names.
     """
@@ -68,36 +66,34 @@ def tools_of(transforms: dict[str, Array]) -> dict[str, str]:
     return {tool if short.count(tool) == 1 else snake_case(name): name for tool, name in pairs}
 
 
-def open_sequence(path: Path) -> tuple[dict[str, Array], Array, list[int]]:
-    """Read a sequence's header and nothing of its images; InputError where it is cut off or none.
+def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
+    """Read transforms by name (T, 4, 4) and times (T,), NaN where there is none or its status is not OK.
 
-    Gives transforms by name, (T, 4, 4), times (T,), both NaN where there is none or its status is not OK,
-    and the line, from 1, where each frame begins.
+    Nothing of the images is read. Raises InputError where the header is cut off, or none of a sequence.
     """
     values: dict[str, dict[int, Array]] = {}
-    lines: dict[int, int] = {}
     for number, line in enumerate(_header(path), 1):
-        if (found := _FIELD.fullmatch(line)) is None:
+        found = _FIELD.fullmatch(line)
+        if found is None or (found[3] and found[4].upper() == b"OK"):
             continue
         frame, name = int(found[1]), (found[2] or b"").decode()
-        lines.setdefault(frame, number)
+        shape = (4, 4) if name else (1,)
         try:
-            shape = (4, 4) if name else (1,)
             numbers = np.full(shape, np.nan) if found[3] else np.array(found[4].split(), float).reshape(shape)
         except ValueError:
             raise InputError(
                 f"{path}: line {number}: expected {'16 numbers' if name else 'a time'}"
             ) from None
-        if not found[3] or found[4].upper() != b"OK":
-            values.setdefault(name, {})[frame] = numbers + 0 * values.get(name, {}).get(frame, 0.0)
+        own = values.setdefault(name, {})
+        own[frame] = numbers + 0 * own.get(frame, 0.0)  # NaN stays
+    frames = sorted(set[int]().union(*values.values()))
     times = values.pop("", {})
     if not values:
         raise InputError(f"{path}: its header has no transform of a frame; expected {EXPECTED}")
-    check_memory(path, 16 * 8 * len(lines) * len(values), EXPECTED)
-    none, frames = np.full((4, 4), np.nan), sorted(lines)
+    check_memory(path, 16 * 8 * len(frames) * len(values), EXPECTED)
+    none = np.full((4, 4), np.nan)
     transforms = {name: np.stack([own.get(frame, none) for frame in frames]) for name, own in values.items()}
-    time_s = np.array([times.get(frame, [np.nan])[0] for frame in frames])
-    return transforms, time_s, [lines[frame] for frame in frames]
+    return transforms, np.array([times.get(frame, none[0])[0] for frame in frames])
 
 
 def _header(path: Path) -> Iterator[bytes]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from os.path import commonprefix
 
 import numpy as np
 
@@ -121,15 +122,12 @@ def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[st
     pairs = []
     for turning in orientations[: len(positions)]:
         name, place = turning[0].rstrip("0123456789"), titles.index(turning[0])
-        best = min(positions, key=lambda own: (-_alike(own[0], name), abs(titles.index(own[0]) - place)))
+        best = min(
+            positions, key=lambda own: (-len(commonprefix([own[0], name])), abs(titles.index(own[0]) - place))
+        )
         positions.remove(best)
         pairs.append((best, turning))
     return pairs
-
-
-def _alike(first: str, second: str) -> int:
-    """Count the letters with which both begin."""
-    return next((i for i, (a, b) in enumerate(zip(first, second, strict=False)) if a != b), len(second))
 
 
 def _inertial(titles: Sequence[str]) -> set[str]:

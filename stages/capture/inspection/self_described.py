@@ -84,16 +84,12 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
 
 def describe_sequence(path: Path, layout: Layout) -> Description:
     """List a sequence's transforms. Raises InputError where it has none."""
-    transforms, time_s, _ = open_sequence(path)
-    lines = [f"a sequence of {len(time_s)} frames; transforms in mm; images are not read"]
-    lines.append(rate_line("time stamps", time_s, ["s"]))
-    for name, matrices in transforms.items():
-        lines.append(f"transform {name}: OK in {np.isfinite(matrices).all((1, 2)).mean():.0%} of frames")
+    transforms, time_s = open_sequence(path)
+    seen = {name: np.isfinite(matrices).all((1, 2)).mean() for name, matrices in transforms.items()}
+    lines = [f"a sequence of {len(time_s)} frames", rate_line("time stamps", time_s, ["s"])]
+    lines += [f"transform {name}, in mm: OK in {share:.0%} of frames" for name, share in seen.items()]
     if _reads_without_mapping(path, layout):
-        tools = [tool for tool in tools_of(transforms) if tool in layout.measured]
-        return Description(
-            (*lines, f"segments of layout {layout.name}: {', '.join(tools)}: needs no mapping")
-        )
+        return Description((*lines, f"its tools are segments of layout {layout.name}: needs no mapping"))
     receivers = {tool: {"value": name} for tool, name in tools_of(transforms).items()}
     named = f"each by its segment in layout {layout.name}: correct its name, or take it out"
     config = {"format": "sequence", "position_unit": "mm", "receivers": (receivers, named)}

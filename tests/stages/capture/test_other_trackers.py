@@ -3,6 +3,7 @@
 Each writer is of a documented form, in two dresses; what is missing is written as the form has it.
 """
 
+import itertools
 import json
 import re
 from collections.abc import Callable
@@ -24,6 +25,7 @@ TOLD = {"rotates": "receiver-to-transmitter"}
 CALLED = {f"CHECK_{tool}": segment for tool, segment in enumerate(SEGMENTS, 1)}
 Written = tuple[str, list[str], dict[str, str]]
 """A file's name and lines, and what the draft is told for each CHECK."""
+Row = Callable[..., list[Any]]
 
 
 class Poses:
@@ -37,16 +39,14 @@ class Poses:
         self.turned = turned.as_quat(scalar_first=True).reshape(FRAMES, tools, 4)
         self.lost = random.random((FRAMES, tools)) < 0.1
 
-    def lines(
-        self,
-        mark: str,
-        lead: Callable[[int], list[Any]],
-        gap: list[Any],
-        pose: Callable[[int, int], list[Any]],
-    ) -> list[str]:
-        """Write a row a frame: what leads it, and each tool's pose or gap; numbers with seven decimals."""
-        tools = [[gap if self.lost[t, i] else pose(t, i) for i in range(self.tools)] for t in range(FRAMES)]
-        rows = [[*lead(t), *(cell for own in tools[t] for cell in own)] for t in range(FRAMES)]
+    def lines(self, mark: str, lead: Row, gap: list[Any], cells: Row) -> list[str]:
+        """Write a row a frame: what leads it, and each tool's cells or gap; numbers with seven decimals."""
+        rows = []
+        for t in range(FRAMES):
+            tools = zip(self.lost[t], self.turned[t], self.mm[t], strict=True)
+            rows.append(
+                [*lead(t), *itertools.chain(*(gap if lost else cells(q, mm) for lost, q, mm in tools))]
+            )
         return [mark.join(f"{c:.7f}" if isinstance(c, float) else str(c) for c in row) for row in rows]
 
 
@@ -55,9 +55,7 @@ def wave(poses: Poses, named: bool, mark: str) -> Written:
     kinds = ("Id", "Status", "Q0", "Qx", "Qy", "Qz", "X", "Y", "Z")
     titles = [f"Sensor {i} {k}" if named or k in kinds[:2] else k for i in range(poses.tools) for k in kinds]
     gap = [1, "missing", *["-3.697314E28"] * 7]
-    rows = poses.lines(
-        mark, lambda t: [poses.time_s[t]], gap, lambda t, i: [1, "ok", *poses.turned[t, i], *poses.mm[t, i]]
-    )
+    rows = poses.lines(mark, lambda t: [poses.time_s[t]], gap, lambda pose, mm: [1, "ok", *pose, *mm])
     told = {"position_unit": "mm", "time_unit": "s", **TOLD, **CALLED}
     return "wave.tsv", [mark.join(["Time", *titles]), *rows], told
 
@@ -65,12 +63,8 @@ def wave(poses: Poses, named: bool, mark: str) -> Written:
 def aurora(poses: Poses, row_end: str, header_end: str) -> Written:
     """NDI Aurora: a comma behind each row or behind the header alone."""
     titles = "Frame,Tools,Hour,Minutes,Seconds" + ",Port,State,Q0,Qx,Qy,Qz,Tx,Ty,Tz,Error" * poses.tools
-    rows = poses.lines(
-        ",",
-        lambda t: [5 + t, poses.tools, 10, t // 30, t % 30 * 0.5 + 20],
-        ["0A", "Missing", *[""] * 8],
-        lambda t, i: ["0A", "OK", *poses.turned[t, i], *poses.mm[t, i], 0.1],
-    )
+    lead, gap = (lambda t: [5 + t, 3, 10, t // 30, t % 30 * 0.5 + 20]), ["0A", "Missing", *[""] * 8]
+    rows = poses.lines(",", lead, gap, lambda pose, mm: ["0A", "OK", *pose, *mm, 0.1])
     told = {"position_unit": "mm", "rate_hz": "100", **TOLD, **CALLED}
     return "aurora.csv", [titles + header_end, *(row + row_end for row in rows)], told
 
@@ -88,12 +82,9 @@ def motive(poses: Poses, unit: str, parent: bool, names: tuple[str, ...] = SEGME
     head += ["," + (kinds + ",Mean Marker Error" + ",Position" * 3) * count]
     head += ["Frame,Time (Seconds)" + ",X,Y,Z,W,X,Y,Z,,X,Y,Z" * count]
     scale = 1.0 if unit == "Millimeters" else 1000.0
-
-    def pose(t: int, i: int) -> list[Any]:
-        place = poses.mm[t, i] / scale
-        return [*np.roll(poses.turned[t, i], -1), *place, 0.1, *(place + 0.01)]
-
-    return "motive.csv", [*head, *poses.lines(",", lambda t: [t, poses.time_s[t]], [""] * 11, pose)], TOLD
+    lead = lambda t: [t, poses.time_s[t]]
+    cells = lambda pose, mm: [*np.roll(pose, -1), *mm / scale, 0.1, *(mm / scale + 0.01)]
+    return "motive.csv", [*head, *poses.lines(",", lead, [""] * 11, cells)], TOLD
 
 
 def sequence(poses: Poses, nrrd: bool, names: tuple[str, ...] = SEGMENTS) -> Written:
@@ -141,7 +132,7 @@ FORMS: list[tuple[Callable[..., Written], tuple[Any, ...]]] = [
 ]
 GUIDE = {
     "Q0 #1": (wave, (False, "\t")),
-    "hand Position X": (motive, ("Millimeters", False, ("hand", "tip"))),
+    "tip Position X": (motive, ("Millimeters", False, ("tip", "other"))),
     "sequence": (sequence, (False, ("Hand", "Stylus"))),
     "raw_sensor": (glove, (False,)),
 }
@@ -168,7 +159,7 @@ def drafted(path: Path, answers: dict[str, str], tools: int) -> Any:
 def test_what_is_read_is_what_was_written(
     tmp_path: Path, write: Callable[..., Written], dress: tuple[Any, ...], guide: str, tools: int
 ) -> None:
-    poses = Poses(2 if guide else tools)
+    poses = Poses(tools)
     name, lines, answers = write(poses, *dress)
     path = tmp_path / name
     path.write_text("\n".join(lines) + "\n")
@@ -177,8 +168,9 @@ def test_what_is_read_is_what_was_written(
     ]
     mapping = yaml.safe_load(pages[-1]) if guide else drafted(path, answers, tools)
     samples = read(path, LIBERTY if guide else ARM, mapping)
-    assert len(samples.frame) == FRAMES * poses.tools
-    for tool, segment in enumerate(mapping["receivers"] if guide else SEGMENTS[:tools]):
+    segments = [*mapping["receivers"]] if guide else SEGMENTS[:tools]
+    assert len(samples.frame) == FRAMES * len(segments)
+    for tool, segment in enumerate(segments):
         numbers, kept = samples.numbers[of(samples, segment)], ~poses.lost[:, tool]
         np.testing.assert_array_equal(np.isfinite(numbers).all(-1), kept)
         np.testing.assert_allclose(numbers[kept, :3], poses.mm[kept, tool], atol=1e-3)
