@@ -169,17 +169,15 @@ def _xdf() -> Recording:
 
 
 def _sequence() -> Recording:
-    lines = ["ObjectType = Image", "NDims = 3", f"DimSize = 1 1 {FRAMES}"]
+    lines = ["ObjectType = Image"]
     for frame in range(FRAMES):
         for station, segment in SEGMENTS.items():
             position, q = pose(frame, station)
-            m = cosines(q)
-            rows = [*m[:3], position[0], *m[3:6], position[1], *m[6:], position[2], 0, 0, 0, 1]
+            whole = np.column_stack([np.reshape(cosines(q), (3, 3)), position]).ravel()
             name = f"Seq_Frame{frame:04d}_{segment}ToTrackerTransform"
-            lines += [f"{name} = {' '.join(map(str, rows))}", f"{name}Status = OK"]
+            lines += [f"{name} = {' '.join(map(str, whole))} 0 0 0 1", f"{name}Status = OK"]
         lines.append(f"Seq_Frame{frame:04d}_Timestamp = {frame / 60}")
-    data = "\n".join([*lines, "ElementDataFile = LOCAL\n"]).encode() + bytes(range(250, 256))
-    return Recording("a.igs.mha", {"a.igs.mha": data})
+    return Recording("a.mha", {"a.mha": "\n".join([*lines, "ElementDataFile = LOCAL\n"]).encode() + b"\xff"})
 
 
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {

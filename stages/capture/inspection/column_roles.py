@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from os.path import commonprefix
 
 import numpy as np
 
@@ -114,17 +113,16 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
 def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
     """Positions and orientations of one receiver each: by their order where there are as many of both.
 
-    Else each orientation has the position whose title begins most alike, of these the nearest in the table.
+    Else each orientation has the nearest position whose title has the same first word, or any.
     """
     positions, orientations = list(roles.positions), roles.orientations[1]
     if not orientations or len(positions) == len(orientations):
         return [(group, orientations[i] if orientations else []) for i, group in enumerate(positions)]
     pairs = []
     for turning in orientations[: len(positions)]:
-        name, place = turning[0].rstrip("0123456789"), titles.index(turning[0])
-        best = min(
-            positions, key=lambda own: (-len(commonprefix([own[0], name])), abs(titles.index(own[0]) - place))
-        )
+        word, place = turning[0].split()[0], titles.index(turning[0])
+        gaps = [(own[0].split()[0] != word, abs(titles.index(own[0]) - place)) for own in positions]
+        best = positions[gaps.index(min(gaps))]
         positions.remove(best)
         pairs.append((best, turning))
     return pairs
