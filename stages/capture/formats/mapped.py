@@ -123,13 +123,10 @@ def samples_of_tracks(
     Raises InputError where the tracks' times are of another rate than the mapping's.
     """
     _check_rate(tracks, mapping)
-    before = sum(int(np.isnan(track.numbers).sum()) for track in tracks)
-    tracks = [replace(track, numbers=without_marks(track.numbers)) for track in tracks]
-    marks = sum(int(np.isnan(track.numbers).sum()) for track in tracks) - before
-    notes = [
-        *notes,
-        *[f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"] * bool(marks),
-    ]
+    marks = sum(int(((np.abs(n := own.numbers) > LARGEST) & np.isfinite(n)).sum()) for own in tracks)
+    if marks:
+        notes = [*notes, f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"]
+        tracks = [replace(own, numbers=without_marks(own.numbers)) for own in tracks]
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))

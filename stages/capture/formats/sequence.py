@@ -57,10 +57,7 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
 
 
 def tools_of(transforms: dict[str, Array]) -> dict[str, str]:
-    """Name tools as segments would be, such as index_distal of IndexDistalToTracker, and their transforms.
-
-    A tool that has several stands there under their whole names.
-    """
+    """Name transforms by their tools, such as index_distal of IndexDistalToTracker; whole if of several."""
     short = [snake_case(re.sub(r"(?<=.)To[A-Z]\w*$", "", name)) for name in transforms]
     pairs = zip(short, transforms, strict=True)
     return {tool if short.count(tool) == 1 else snake_case(name): name for tool, name in pairs}

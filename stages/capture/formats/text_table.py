@@ -270,10 +270,7 @@ def _titles(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _names(rows: list[list[str]], width: int) -> list[str]:
-    """What columns are called over all rows of names; a last row may end in a separator where others do not.
-
-    Rows of types and of numbers of things name nothing.
-    """
+    """What columns are called over all rows of names; the last may end in a separator, or the others do."""
     last = rows[-1] if any(rows[-1][width:]) or width > len(rows[-1]) + 1 else [*rows[-1], ""][:width]
     kinds = [next(filter(None, row), "").strip().lower() for row in rows[:-1]]
     named = [row for row, kind in zip(rows, kinds, strict=False) if kind not in ("type", "id", "parent")]

@@ -116,10 +116,7 @@ def _as(
 
 
 def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:
-    """The last of the first rows that has words where others have numbers; -1 where there is none.
-
-    It may end in a separator where the others do not, or the other way round.
-    """
+    """The last of the first rows that has words where others have numbers; -1 where there is none."""
     words = [[cell.lower() for cell in cells if not _is_number(cell, decimal)] for _, cells in split]
     counts = sorted(len(own) for own, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
     typical = counts[len(counts) // 2] if counts else 0

@@ -233,8 +233,7 @@ class Slow(io.FileIO):
         time.sleep(0.02)
         return super().read(size)
 
-text = open_tidy_csv(Path(sys.argv[1]))
-blocks = replace(text, open=lambda: Slow(sys.argv[1])).blocks(["frame"], 1 << 14)
+blocks = replace(open_tidy_csv(Path(sys.argv[1])), open=lambda: Slow(sys.argv[1])).blocks(["frame"], 1 << 14)
 next(blocks)
 """
 """A thread that reads ahead through Python aborts a process that is ending (exit code 134)."""
