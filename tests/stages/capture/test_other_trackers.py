@@ -1,7 +1,4 @@
-"""Files of other trackers' programs: poses -> file -> inspection's draft, or the guide's mapping -> poses.
-
-Each writer is of a documented form, in two dresses; what is missing is written as the form has it.
-"""
+"""Files of other trackers, as documented: poses -> file -> inspection's draft, or the guide's mapping -> poses."""
 
 import itertools
 import re
