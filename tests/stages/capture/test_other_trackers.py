@@ -1,4 +1,4 @@
-"""Files of other trackers: poses -> file as documented -> inspection's draft or the guide's mapping -> poses."""
+"""Files of other trackers: poses -> file as documented -> inspection's draft, or the guide's mapping."""
 
 import itertools
 import re
