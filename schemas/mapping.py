@@ -122,6 +122,7 @@ _RECEIVER_KEYS = {
     "motion-bids": ("tracked_point",),
     "xdf": ("value",),
     "capture": ("value",),
+    "sequence": ("value",),
 }
 """The keys of a receiver that a format (of csv: its kind of rows) reads."""
 
@@ -248,6 +249,11 @@ def _check_matrices(config: Mapping[str, Any], where: str) -> None:
         raise InputError(f"{where}: orientation.kind: is {kind}; 4x4 matrices have the kind matrix")
 
 
+def _check_sequence(config: Mapping[str, Any], where: str) -> None:
+    if "orientation" in config:
+        raise InputError(f"{where}: orientation: a sequence's transforms need none; leave it out")
+
+
 def _check_c3d(config: Mapping[str, Any], where: str) -> None:
     if "orientation" in config:
         raise InputError(f"{where}: orientation: a C3D file needs none; leave it out")
@@ -273,4 +279,5 @@ _CHECKS: dict[str, Callable[[Mapping[str, Any], str], None]] = {
     "matrices": _check_matrices,
     "c3d": _check_c3d,
     "capture": _check_capture,
+    "sequence": _check_sequence,
 }

@@ -147,6 +147,10 @@ def describe(path: Path, layout: Layout) -> Description:
         from shukotsu.stages.capture.inspection.self_described import describe_xdf
 
         return describe_xdf(path, layout)
+    if name.endswith((".mha", ".nrrd")):
+        from shukotsu.stages.capture.inspection.self_described import describe_sequence
+
+        return describe_sequence(path, layout)
     return _text(path, layout)
 
 

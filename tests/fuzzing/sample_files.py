@@ -167,6 +167,18 @@ def _xdf() -> Recording:
     return Recording("a.xdf", {"a.xdf": data})
 
 
+def _sequence() -> Recording:
+    lines = ["ObjectType = Image"]
+    for frame in range(FRAMES):
+        for station, segment in SEGMENTS.items():
+            position, q = pose(frame, station)
+            whole = np.column_stack([np.reshape(cosines(q), (3, 3)), position]).ravel()
+            name = f"Seq_Frame{frame:04d}_{segment}ToTrackerTransform"
+            lines += [f"{name} = {' '.join(map(str, whole))} 0 0 0 1", f"{name}Status = OK"]
+        lines.append(f"Seq_Frame{frame:04d}_Timestamp = {frame / 60}")
+    return Recording("a.mha", {"a.mha": "\n".join([*lines, "ElementDataFile = LOCAL\n"]).encode() + b"\xff"})
+
+
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "csv": _tidy_csv,
     "parquet": _tidy_parquet,
@@ -176,4 +188,5 @@ RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "c3d": _c3d,
     "motion-bids": _motion_bids,
     "xdf": _xdf,
+    "sequence": _sequence,
 }

@@ -23,6 +23,7 @@ from shukotsu.stages.capture.formats.mapped import (
     mapped_segments,
     required_mapping,
     samples_of_tracks,
+    without_marks,
 )
 from shukotsu.stages.capture.formats.orientation import proper_rotations
 from shukotsu.stages.capture.samples import Samples, did_you_mean
@@ -93,7 +94,7 @@ def open_c3d(path: Path) -> C3dFile:
     rate = float(_first(content, "POINT:RATE", np.nan))
     return C3dFile(
         path,
-        content["points"],
+        without_marks(content["points"]),
         _labels(content, "POINT"),
         content["rotations"],
         _labels(content, "ROTATION"),

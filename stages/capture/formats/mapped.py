@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +21,9 @@ Integers = npt.NDArray[np.int64]
 
 _RATE_OFF = 0.1
 """As a share: how far times may be off the rate that a mapping gives."""
+
+LARGEST = 1e20
+"""Whatever the unit, no device measures more."""
 
 IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
@@ -43,6 +47,17 @@ class Track:
         flags = {flag: marked[samples] for flag, marked in self.flags.items()}
         row, frame, time_s = self.row[samples], self.frame[samples], self.time_s[samples]
         return Track(row, frame, time_s, self.numbers[samples], flags)
+
+
+def without_marks(values: Array) -> Array:
+    """Make numbers NaN that no device measures and that stand for no value, as NDI's -3.697e28."""
+    return np.where(np.isfinite(values) & (np.abs(values) > LARGEST), np.nan, values)
+
+
+def snake_case(name: str) -> str:
+    """Write a name as segments' names are: IndexDistal and "index distal" as index_distal."""
+    parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
+    return re.sub(r"[^a-z0-9]+", "_", parted.lower()).strip("_")
 
 
 def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> FileMapping:
@@ -108,6 +123,10 @@ def samples_of_tracks(
     Raises InputError where the tracks' times are of another rate than the mapping's.
     """
     _check_rate(tracks, mapping)
+    marks = sum(int(((np.abs(n := own.numbers) > LARGEST) & np.isfinite(n)).sum()) for own in tracks)
+    if marks:
+        notes = [*notes, f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"]
+        tracks = [replace(own, numbers=without_marks(own.numbers)) for own in tracks]
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))

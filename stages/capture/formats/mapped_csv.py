@@ -26,7 +26,7 @@ from shukotsu.stages.capture.formats.orientation import quaternions
 from shukotsu.stages.capture.formats.text_table import TextTable, open_table_text
 from shukotsu.stages.capture.samples import Samples, did_you_mean
 
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 TIME_OF_DAY = "hh:mm:ss"
 

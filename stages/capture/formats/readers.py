@@ -52,6 +52,7 @@ FORMATS = {
         sidecars=("shukotsu.stages.capture.formats.motion_sidecars", "sidecar_files"),
     ),
     "xdf": Format((".xdf", ".xdfz"), "shukotsu.stages.capture.formats.xdf", "read_xdf"),
+    "sequence": Format((".mha", ".nrrd"), "shukotsu.stages.capture.formats.sequence", "read_sequence"),
 }
 """Formats that say themselves what their numbers are."""
 
@@ -62,6 +63,7 @@ MAPPED = {
     "capture": FORMATS["capture"],
     "motion-bids": FORMATS["motion-bids"],
     "xdf": FORMATS["xdf"],
+    "sequence": FORMATS["sequence"],
 }
 """Formats that are read by a mapping; the mapping says which."""
 

@@ -9,7 +9,7 @@ import csv
 import io
 import itertools
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -67,8 +67,9 @@ class TextTable:
             if not 1 <= wanted <= len(self.header):
                 raise InputError(f"{place}: there is no column {wanted}; {self.path} has {len(self.header)}")
             return self.titles[wanted - 1]
-        count = self.header.count(wanted)
-        if count > 1:
+        if wanted in self.titles:
+            return wanted
+        if count := self.header.count(wanted):
             raise InputError(f"{place}: {self.path} has {count} columns {wanted!r}; give the column's number")
         if not count:
             known = did_you_mean(wanted, self.header)
@@ -99,13 +100,13 @@ class TextTable:
 
     def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
         last = 1 if self.cut_off(wanted) else 0
-        with reading(self.path), self.open() as stream:
+        with reading(self.path), self.open() as stream, self._source(stream) as source:
             held: list[pa.Table] = []
             try:
                 for batch in (
                     batch
                     for batch in pa_csv.open_csv(
-                        stream,
+                        source,
                         # One thread: of several, each has a block at work and others ahead.
                         pa_csv.ReadOptions(
                             use_threads=False,
@@ -130,6 +131,11 @@ class TextTable:
             except pa.ArrowInvalid as error:
                 self._refuse_lines(error)
             yield from (table.slice(0, table.num_rows - last) for table in held)
+
+    def _source(self, stream: BinaryIO) -> pa.NativeFile:
+        """Give the text with no Python in it, which aborts a process that ends while pyarrow reads ahead."""
+        text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
+        return pa.OSFile(str(self.path)) if text is None else pa.BufferReader(text)
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
         """Give every row, without empty lines, with the number of its (last) line."""
@@ -231,21 +237,22 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
         ended = is_ended(data)
         data = _normalised(path, data, details)
     separator = _SEPARATOR[details["delimiter"]]
-    line, first = _first_record(path, lambda: io.BytesIO(data), separator)
-    if not first:
+    records = _first_records(path, lambda: io.BytesIO(data), separator, details["header"] + 1)
+    if not records:
         raise InputError(f"{path}: is empty; expected a table")
+    rows = [row for _, row in records]
+    names = _names(rows[: details["header"]] or [[""] * len(rows[0])], len(rows[-1]))
     expected = (
-        f"{len(first)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
+        f"{len(names)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
     )
-    names = [name.strip() for name in first] if details["header"] else [""] * len(first)
-    header = names if details["header"] else map(str, range(1, len(first) + 1))
+    header = names if details["header"] else map(str, range(1, len(names) + 1))
     return TextTable(
         path,
         lambda: io.BytesIO(data),
         separator,
         tuple(header),
         _titles(names),
-        line if details["header"] else 0,
+        records[details["header"] - 1][0] if details["header"] else 0,
         expected,
         (*EMPTY, *map(str.strip, details["missing"])),
         details["decimal"],
@@ -254,17 +261,33 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 
 
 def _titles(names: Sequence[str]) -> tuple[str, ...]:
-    """Return columns' titles: their names, or "number 4" where that names none or several."""
-    counts = Counter(names)
+    """Return columns' titles: their names, with #1, #2 where several have one, or "number 4" without any."""
+    counts, numbers = Counter(names), defaultdict[str, Iterator[int]](partial(itertools.count, 1))
     return tuple(
-        name if name and counts[name] == 1 else f"number {index}" for index, name in enumerate(names, 1)
+        f"number {index}" if not name else f"{name} #{next(numbers[name])}" if counts[name] > 1 else name
+        for index, name in enumerate(names, 1)
     )
 
 
+def _names(rows: list[list[str]], width: int) -> list[str]:
+    """What columns are called over all rows of names; the last may end in a separator, or the others do."""
+    last = rows[-1] if any(rows[-1][width:]) or width > len(rows[-1]) + 1 else [*rows[-1], ""][:width]
+    kinds = [next(filter(None, row), "").strip().lower() for row in rows[:-1]]
+    named = [row for row, kind in zip(rows, kinds, strict=False) if kind not in ("type", "id", "parent")]
+    named = [["" if cell.lower() == "name" else cell for cell in row] + [""] * width for row in named]
+    return [" ".join(filter(None, map(str.strip, cells))) for cells in zip(*named, last, strict=False)]
+
+
 def _first_record(path: Path, open_: Callable[[], BinaryIO], separator: str) -> tuple[int, list[str]]:
+    return next(iter(_first_records(path, open_, separator, 1)), (0, []))
+
+
+def _first_records(
+    path: Path, open_: Callable[[], BinaryIO], separator: str, count: int
+) -> list[tuple[int, list[str]]]:
     try:
         with reading(path):
-            return next(text_records(open_(), separator), (0, []))
+            return list(itertools.islice(text_records(open_(), separator), count))
     except UnicodeDecodeError as error:
         raise _undecodable(path, open_()) from error
     except csv.Error as error:

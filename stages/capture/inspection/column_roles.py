@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.formats.mapped import snake_case
 from shukotsu.stages.capture.inspection.column_titles import (
     ANGLE_UNITS,
     POSITION_UNITS,
     TIME_UNITS,
+    Title,
     split_title,
 )
 
@@ -23,7 +25,15 @@ _TIME = re.compile(r"time|stamp|^t$|^t_|sec", re.I)
 _FRAME = re.compile(r"frame|sample|count|^index$|^n$|^#$", re.I)
 _RECEIVER = re.compile(r"receiver|sensor|station|segment|marker|^id$|device|channel", re.I)
 _QUALITY = re.compile(r"quality|^q(ual)?[\W_]*\d*$", re.I)
-_ASIDE = re.compile(r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp", re.I)
+_ASIDE = re.compile(
+    r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp|(?<![a-z])(acc(?!ur)|gyr|magneto"
+    r"|veloc|omega|(hours?|minutes?|date|port|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
+    r"|(id|index|count)(_?\d+)?$)"
+)
+"""Of titles as segments' names are written."""
+_SCALAR_FIRST = re.compile(r"q(?:uat)?[\W_]?(?P<digit>[0-3])(?!\d)", re.I)
+_MANY_ROWS = 20
+"""In so many rows a position neither grows with every one nor keeps still to its last digit."""
 _ANGLE = re.compile(
     r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
 )
@@ -74,10 +84,16 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     titles : all columns; numbers : those that hold numbers, title -> (N,).
     """
     numeric = [title for title in titles if title in numbers]
-    named = _named_groups(numeric, numbers)
-    time = next((t for t in numeric if _is_time(t) and _grows(numbers[t])), None)
+    aside = [t for t in numeric if t in _inertial(numeric) or _ASIDE.search(snake_case(t))]
+    named = _named_groups([t for t in numeric if t not in aside], numbers)
+    times = [t for t in numeric if _is_time(t) and t not in named]
+    time = next((t for t in times if _grows(numbers[t])), None)
     frame = next((t for t in numeric if t != time and _FRAME.search(t) and _whole(numbers[t])), None)
-    receiver = next((t for t in titles if t not in (time, frame) and _is_receiver(t, numbers.get(t))), None)
+    wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
+    receivers = [
+        t for t in titles if not wide and t not in (time, frame) and not re.search("stat[eu]", t, re.I)
+    ]
+    receiver = next((t for t in receivers if _is_receiver(t, numbers.get(t))), None)
     text = [title for title in titles if title not in numbers and title != receiver]
     left = [title for title in numeric if title not in (time, frame, receiver)]
     guessed = set()
@@ -85,21 +101,65 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
         time = left.pop(0)
         guessed.add(time)
     quality = [title for title in left if _QUALITY.search(title) and title not in named]
-    aside = [title for title in left if _ASIDE.search(title) and title not in quality]
+    others = [t for t in left if t in times or not named.get(t, not _counts(t, numbers[t]))]
+    aside = [title for title in left if title in (*aside, *others) and title not in quality]
     roles = Roles(time, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed)
     _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
     roles.angles[:] = [by_azimuth(group) or group for group in roles.angles]
+    roles.quaternions[:] = [by_scalar(group) or group for group in roles.quaternions]
     return roles
+
+
+def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
+    """Positions and orientations of one receiver each: by their order where there are as many of both.
+
+    Else each orientation has the nearest position whose title has the same first word, or any.
+    """
+    positions, orientations = list(roles.positions), roles.orientations[1]
+    if not orientations or len(positions) == len(orientations):
+        return [(group, orientations[i] if orientations else []) for i, group in enumerate(positions)]
+    pairs = []
+    for turning in orientations[: len(positions)]:
+        word, place = turning[0].split()[0], titles.index(turning[0])
+        gaps = [(own[0].split()[0] != word, abs(titles.index(own[0]) - place)) for own in positions]
+        best = positions[gaps.index(min(gaps))]
+        positions.remove(best)
+        pairs.append((best, turning))
+    return pairs
+
+
+def _inertial(titles: Sequence[str]) -> set[str]:
+    """Titles of accelerometers, gyroscopes and magnetometers where these are called a, g and m."""
+    found = {letter: {t for t in titles if re.fullmatch(rf"{letter}_?[xyz]", t, re.I)} for letter in "agm"}
+    return set().union(*found.values()) if sum(len(own) == 3 for own in found.values()) > 1 else set()
+
+
+def _counts(title: str, values: Array) -> bool:
+    """Tell whether a column grows with every row, or is one whole number in all though it has a name."""
+    still = np.ptp(values) == 0 and values[0] == np.floor(values[0]) and not title.startswith("number ")
+    return len(values) >= _MANY_ROWS and bool(still or (np.diff(values) > 0).all())
+
+
+def _spelled(title: str, known: Iterable[str]) -> Title:
+    """A title without its unit, q0 as qw, and of the same receiver q1, q2 and q3 as qx, qy and qz."""
+    name, unit = split_title(title)
+    if found := _SCALAR_FIRST.search(name):
+        at = found.start("digit")
+        if (name[:at] + "0" + name[at + 1 :]).lower() in known:
+            name = name[:at] + "wxyz"[int(name[at])] + name[at + 1 :]
+    return Title(name, unit)
 
 
 def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
     """Titles that differ in their axis only, each title -> its group in the order of the table.
 
-    w, x, y, z are a group only where a q stands before them or their norm is 1.
+    w, x, y, z are a group only where their norm is 1 in the rows that have them. What a q calls a
+    quaternion and is none is in a group of nothing.
     """
     alike: dict[tuple[str, str, str], dict[str, str]] = {}
+    known = {split_title(title).name.lower() for title in titles}
     for title in titles:
-        name, unit = split_title(title)
+        name, unit = _spelled(title, known)
         if match := _AXIS.fullmatch(name):
             axes = alike.setdefault((match["before"].lower(), match["after"].lower(), unit), {})
             axes.setdefault(match["axis"][0].lower(), title)
@@ -109,8 +169,9 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
             group = [title for axis, title in axes.items() if axis in names]
             if len(group) < len(names) or group[0] in groups:
                 continue
-            if len(names) == 3 or before.endswith("q") or _off_rotation(group, numbers, 4) < _NORM_OFF:
-                groups |= dict.fromkeys(group, group)
+            off = _off_rotation(group, numbers, 4) if len(names) == 4 else 0.0
+            if off < _NORM_OFF or re.search(r"q(uat\w*)?[\W_]*$", before):
+                groups |= dict.fromkeys(group, group if off < _NORM_OFF or off == np.inf else [])
     return groups
 
 
@@ -160,9 +221,19 @@ def _named_angles(titles: Sequence[str]) -> bool:
 
 def by_azimuth(titles: Sequence[str]) -> list[str]:
     """Titles of an azimuth, an elevation and a roll in this order; none where they are other angles."""
-    axes = {split_title(title).name: title for title in titles}
-    found = {match["axis"][0].lower(): axes[name] for name in axes if (match := _AXIS.fullmatch(name))}
-    return [found[axis] for axis in "aer"] if found.keys() == {*"aer"} else []
+    return _by_axis(titles, "aer")
+
+
+def by_scalar(titles: Sequence[str]) -> list[str]:
+    """Titles of a quaternion's w, x, y and z in this order; none where they do not say which is which."""
+    return _by_axis(titles, "wxyz")
+
+
+def _by_axis(titles: Sequence[str], axes: str) -> list[str]:
+    known = {split_title(title).name.lower() for title in titles}
+    named = {_spelled(title, known).name: title for title in titles}
+    found = {match["axis"][0].lower(): named[name] for name in named if (match := _AXIS.fullmatch(name))}
+    return [found[axis] for axis in axes] if found.keys() == {*axes} else []
 
 
 def _is_time(title: str) -> bool:

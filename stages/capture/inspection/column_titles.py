@@ -17,6 +17,7 @@ _TIMES = {
     "s": ("s", "sec", "secs", "second", "seconds"),
     "ms": ("ms", "msec", "millisecond", "milliseconds"),
     "us": ("us", "usec", "µs", "μs", "microsecond", "microseconds"),
+    "ns": ("ns", "nsec", "nanosecond", "nanoseconds"),
 }
 ANGLE_UNITS, TIME_UNITS = frozenset(_ANGLES), frozenset(_TIMES)
 

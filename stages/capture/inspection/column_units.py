@@ -28,6 +28,8 @@ from shukotsu.stages.capture.inspection.description import (
 STATED = "as the columns' titles say"
 LEAST_HZ, MOST_HZ = 1.0, 5000.0
 """Frames come at such rates, whatever the tracker."""
+_DATES_S = (9e8, 4.2e9)
+"""Seconds since 1970 of a recording's day."""
 TWO_PI = 2 * np.pi + 0.01
 
 
@@ -97,10 +99,14 @@ def angle_unit_by_size(titles: Iterable[str], numbers: Mapping[str, Array]) -> U
 def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
     """The unit of the column of times, by its title."""
     times, unit = numbers[title], split_title(title).unit
-    why = rate_line("s, ms or us", times, SECONDS_PER_UNIT)
-    if unit not in TIME_UNITS:
-        return Unit(CHECK, why)
+    why = rate_line("s, ms, us or ns", times, SECONDS_PER_UNIT)
     step = median_step(times)
+    if unit not in TIME_UNITS:
+        for known, seconds in SECONDS_PER_UNIT.items():
+            date = _DATES_S[0] < np.nanmedian(times) * seconds < _DATES_S[1]
+            if date and step and LEAST_HZ <= 1 / (step * seconds) <= MOST_HZ:
+                return Unit(known, "as its numbers then are dates, counted from 1970")
+        return Unit(CHECK, why)
     rate_hz = None if step is None else 1 / (step * SECONDS_PER_UNIT[unit])
     if rate_hz is None or LEAST_HZ <= rate_hz <= MOST_HZ:
         return Unit(unit, STATED)

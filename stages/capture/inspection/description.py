@@ -29,7 +29,7 @@ _EXTENTS = (
 
 IMPOSSIBLE_EXTENTS = (NOTHING, TOO_FAR)
 
-SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Seconds of every unit that times may come in."""
 
 

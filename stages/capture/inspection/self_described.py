@@ -1,4 +1,4 @@
-"""Files that describe themselves, Motion-BIDS and XDF: what they say, and a mapping where they need one."""
+"""Files that describe themselves, Motion-BIDS, XDF, sequences: what they say, and a mapping if needed."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.units import UNIT_NAMES
 from shukotsu.stages.capture.formats.motion_sidecars import SHIFT_TO_MM, XYZ, read_sidecars
 from shukotsu.stages.capture.formats.readers import AUTO, find_parts_reader
-from shukotsu.stages.capture.inspection.description import CHECK, Description, draft
+from shukotsu.stages.capture.formats.sequence import open_sequence, tools_of
+from shukotsu.stages.capture.inspection.description import CHECK, Description, draft, rate_line
 
 
 def describe_motion_bids(path: Path, layout: Layout) -> Description:
@@ -76,6 +79,20 @@ def describe_xdf(path: Path, layout: Layout) -> Description:
         "receivers": _receivers(owners(stream), "value", layout),
         "xdf": {"stream": stream_key(stream, streams)},
     }
+    return Description(tuple(lines), draft(path, config))
+
+
+def describe_sequence(path: Path, layout: Layout) -> Description:
+    """List a sequence's transforms. Raises InputError where it has none."""
+    transforms, time_s = open_sequence(path)
+    seen = {name: np.isfinite(matrices).all((1, 2)).mean() for name, matrices in transforms.items()}
+    lines = [f"a sequence of {len(time_s)} frames", rate_line("time stamps", time_s, ["s"])]
+    lines += [f"transform {name}, in mm: OK in {share:.0%} of frames" for name, share in seen.items()]
+    if _reads_without_mapping(path, layout):
+        return Description((*lines, f"its tools are segments of layout {layout.name}: needs no mapping"))
+    receivers = {tool: {"value": name} for tool, name in tools_of(transforms).items()}
+    named = f"each by its segment in layout {layout.name}: correct its name, or take it out"
+    config = {"format": "sequence", "position_unit": "mm", "receivers": (receivers, named)}
     return Description(tuple(lines), draft(path, config))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from shukotsu.errors import InputError
 from shukotsu.files.text_files import open_text
 
 READ_LINES = 200
+_HEADER_ROWS = 12
 
 _COMMENTS = ("#", "%", "//")
 _SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "space": None}
@@ -22,18 +24,20 @@ _NUMBER = {
 
 @dataclass(frozen=True)
 class TextForm:
-    """Hold how the text is laid out, as the mapping's `csv` group says it."""
+    """Hold how the text is laid out, as the mapping's `csv` group says it; before : the lines skipped."""
 
     delimiter: str
     decimal: str
-    header: bool
+    header: int
     comment: str | None
     skip_lines: int
+    before: str = ""
 
     def config(self) -> dict[str, Any]:
         """The keys of the mapping's `csv` group, all of them."""
         config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
         config["missing"] = []
+        config["header"] = self.header if self.header > 1 else bool(self.header)
         return config if self.comment is None else config | {"comment": self.comment}
 
     def sentence(self) -> str:
@@ -41,7 +45,9 @@ class TextForm:
         names = {"tab": "tabs", "space": "blanks", ",": "commas", ";": "semicolons"}
         mark = "comma" if self.decimal == "," else "point"
         text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
-        text += ", a header" if self.header else ", no header"
+        text += (
+            ", a header" + f" of {self.header} lines" * (self.header > 1) if self.header else ", no header"
+        )
         text += f", comments after {self.comment}" if self.comment else ""
         return text + (f", {self.skip_lines} lines before it" if self.skip_lines else "")
 
@@ -91,13 +97,37 @@ def _as(
     split = [(index, [cell.strip() for cell in line.split(separator)]) for index, line in rows]
     counts = Counter(len(cells) for _, cells in split)
     width = max(counts, key=lambda count: (counts[count], count)) if counts else 0
-    table = [(index, cells) for index, cells in split if len(cells) == width]
-    numeric = [[bool(_NUMBER[decimal].fullmatch(cell)) for cell in cells] for _, cells in table]
-    body = numeric[1:] or numeric
-    share = sum(map(sum, body)) / max(1, sum(map(len, body)))
-    if width < 4 or share * width < 3 or len(table) < 0.8 * len(rows) - 20:
+    last = _header_at(split, width, decimal)
+    table = [cells for _, cells in split[last + 1 :] if len(cells) == width]
+    share: float = sum(_is_number(cell, decimal) for cells in table for cell in cells)
+    share /= max(1, len(table) * width)
+    if width < 4 or share * width < 3 or not table or len(table) < 0.8 * len(rows) - 20:
         return None
-    header = sum(numeric[0]) < 0.5 * sum(body[0]) and len(numeric) > 1
-    first = table[0][0]
-    before = any(index < first for index, _ in rows)
-    return share, TextForm(delimiter, decimal, header, comment, first if before else 0)
+    first = last if last >= 0 else next(i for i, (_, cells) in enumerate(split) if len(cells) == width)
+    while (
+        0 < first <= last
+        and abs(len(split[first - 1][1]) - width) < 3
+        and split[first][0] == split[first - 1][0] + 1
+    ):
+        first -= 1
+    skipped = split[first][0] if first else 0
+    before = "\n".join(line for index, line in rows if index < skipped)
+    return share, TextForm(delimiter, decimal, last - first + 1 if last >= 0 else 0, comment, skipped, before)
+
+
+def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:
+    """The last of the first rows that has words where others have numbers; -1 where there is none."""
+    words = [[cell.lower() for cell in cells if not _is_number(cell, decimal)] for _, cells in split]
+    counts = sorted(len(own) for own, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
+    typical = counts[len(counts) // 2] if counts else 0
+    for place in range(min(len(split) - 1, _HEADER_ROWS) - 1, -1, -1):
+        row, after = split[place][1], split[place + 1][1]
+        fits = abs(len(row) - width) <= 1 and not any(row[width:] + after[len(row) :])
+        named = len(words[place]) - typical >= 0.5 * (width - typical) and len({*words[place]}) > 2
+        if fits and named:
+            return place
+    return -1
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return bool(_NUMBER[decimal].fullmatch(cell))

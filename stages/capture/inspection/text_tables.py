@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,20 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.mapping import UNIT_NAMES
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.formats.cells import Cells, unwrapped_s
+from shukotsu.stages.capture.formats.mapped import snake_case, without_marks
 from shukotsu.stages.capture.formats.mapped_csv import TIME_OF_DAY
 from shukotsu.stages.capture.formats.text_table import open_table_text
-from shukotsu.stages.capture.inspection.column_roles import Roles, by_azimuth, find_roles
-from shukotsu.stages.capture.inspection.column_units import Unit, Units, angle_unit_by_size, find_units
+from shukotsu.stages.capture.inspection.column_roles import Roles, by_azimuth, by_scalar, find_roles, paired
+from shukotsu.stages.capture.inspection.column_units import (
+    STATED,
+    Unit,
+    Units,
+    angle_unit_by_size,
+    find_units,
+)
 from shukotsu.stages.capture.inspection.description import (
     CHECK,
     SECONDS_PER_UNIT,
@@ -47,6 +56,9 @@ def describe_table(path: Path, layout: Layout) -> Description:
     lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
     lines += filter(None, [text.cut_off(text.titles)])
     units = find_units(roles, numbers)
+    before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
+    if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
+        units = units._replace(position=Unit(unit, "as the lines before the table say"))
     if roles.time:
         lines.append(_time_line(roles.time, numbers[roles.time], units.time))
     lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
@@ -71,7 +83,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if roles.positions and not roles.orientations[1]:
         lines.append("no orientations were found: a joint cannot be found from positions alone")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
-    config = _config(roles, units, receivers, asynchronous, layout)
+    found = _receivers(roles, receivers, text.titles, layout)
+    config = _config(roles, units, found, asynchronous, layout)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in of_day:
         config["csv"]["time_unit"] = TIME_OF_DAY
@@ -82,7 +95,7 @@ def _numbers(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
     numbers = {}
     for title in titles:
         try:
-            values = cells.reals(title)
+            values = without_marks(cells.reals(title))
         except InputError:
             continue
         if np.isfinite(values).any():
@@ -121,11 +134,13 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
         first, last = (float(np.nanmedian(np.abs(rows[:, i]))) for i in (0, 3))
         norm = float(np.nanmedian(np.linalg.norm(rows, axis=-1)))
         likelier = "wxyz" if first > last else "xyzw"
-        lines.append(
-            f"quaternion {' '.join(group)}: median norm {norm:.5f}; its first number is {first:.2f} in the "
+        said = (
+            f"its first number is {first:.2f} in the "
             f"median, its last {last:.2f}, so {likelier} is likelier if receivers lie "
             "roughly as the transmitter does; the numbers cannot prove it"
         )
+        said = "w, x, y and z as its titles say" if by_scalar(group) else said
+        lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {said}")
     lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
     for group in roles.angles:
         ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
@@ -158,7 +173,7 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
 
 
 def _config(
-    roles: Roles, units: Units, receivers: Sequence[str], asynchronous: bool, layout: Layout
+    roles: Roles, units: Units, receivers: Mapping[str, Any], asynchronous: bool, layout: Layout
 ) -> dict[str, Any]:
     """The mapping but for its `csv` group."""
     config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
@@ -168,7 +183,7 @@ def _config(
         config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
     config["orientation"] = _orientation(roles, units.angle)
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
-    config["receivers"] = (_receivers(roles, receivers, layout) or {CHECK: {}}, named)
+    config["receivers"] = (receivers or {CHECK: {}}, named)
     return config
 
 
@@ -178,6 +193,7 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
     config: dict[str, Any] = {"kind": kind if groups else CHECK}
     if kind == "quaternion" and groups:
         config["order"] = (CHECK, f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?")
+        config["order"] = ("wxyz", STATED) if all(map(by_scalar, groups)) else config["order"]
     if kind == "euler" and groups:
         config["axes"] = (CHECK, f"of {' '.join(groups[0])}: about which axis each turns")
         if all(map(by_azimuth, groups)):
@@ -189,17 +205,21 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
     return {**config, "rotates": rotates}
 
 
-def _receivers(roles: Roles, receivers: Sequence[str], layout: Layout) -> dict[str, Any]:
+def _receivers(
+    roles: Roles, receivers: Sequence[str], titles: Sequence[str], layout: Layout
+) -> dict[str, Any]:
     if roles.receiver:
-        return {_segment(name, layout): {"value": name} for name in receivers}
-    orientations = roles.orientations[1]
-    config = {}
-    for index, position in enumerate(roles.positions):
-        turning = orientations[index] if index < len(orientations) else []
+        return {_segment(name, layout, receivers): {"value": name} for name in receivers}
+    config: dict[str, Any] = {}
+    pairs = paired(roles, titles)
+    names = [position[0] for position, _ in pairs]
+    for index, (position, turning) in enumerate(pairs):
         columns: dict[str, Any] = {"position": _columns(position), "orientation": _columns(turning)}
-        if len(roles.quality) == len(roles.positions):  # one each
+        if len(roles.quality) == len(pairs):  # one each
             columns["quality"] = _column(roles.quality[index])
-        config[f"{CHECK}_{index + 1}"] = (columns, _doubt(roles, position + turning))
+        segment = _segment(names[index], layout, names)
+        key = f"{CHECK}_{index + 1}" if segment.startswith(CHECK) else segment
+        config[key] = (columns, _doubt(roles, position + turning))
     return config
 
 
@@ -207,11 +227,14 @@ def _doubt(roles: Roles, titles: Sequence[str]) -> str:
     return "" if roles.guessed.isdisjoint(titles) else GUESSED
 
 
-def _segment(value: str, layout: Layout) -> str:
-    """The value itself where it is a segment's name, or else a name that no layout has."""
-    if value in layout.measured:
-        return value
-    return f"{CHECK}_{''.join(c if c.isalnum() else '_' for c in value)}"
+def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
+    """The segment that this one of titles names alone, as `index_distal x_mm` does, or one of no layout."""
+    words = [f"_{snake_case(one)}_" for one in titles]
+    named = [name for name in layout.measured if f"_{name}_" in f"_{snake_case(title)}_"]
+    segment = max(named, key=len, default="")
+    if segment and sum(f"_{segment}_" in one for one in words) == 1:
+        return segment
+    return f"{CHECK}_{re.sub(r'[^0-9A-Za-z]', '_', title)}"
 
 
 def _columns(titles: Sequence[str]) -> list[int | str]:
@@ -226,7 +249,7 @@ def _column(title: str) -> int | str:
 def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[str, Any]:
     """The mapping's `csv` group."""
     config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
-    config |= {name: getattr(form, name) for name in ("delimiter", "decimal", "header")}
+    config |= {name: form.config()[name] for name in ("delimiter", "decimal", "header")}
     config |= {name: value for name in ("comment", "skip_lines") if (value := getattr(form, name))}
     if roles.time:
         config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))

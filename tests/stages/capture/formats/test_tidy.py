@@ -1,5 +1,7 @@
 """Reading tidy recordings: what is read, and what is refused with which sentence."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -218,3 +220,26 @@ def test_a_file_in_blocks_is_the_file(tmp_path: Path, ending: str) -> None:
     for name in ("segment", "frame", "time_s", "numbers"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
     assert [again.place(row) for row in range(60)] == [whole.place(row) for row in range(60)]
+
+
+ABANDONED = """
+import io, sys, time
+from dataclasses import replace
+from pathlib import Path
+from shukotsu.stages.capture.formats.text_table import open_tidy_csv
+
+class Slow(io.FileIO):
+    def read(self, size=-1):
+        time.sleep(0.02)
+        return super().read(size)
+
+blocks = replace(open_tidy_csv(Path(sys.argv[1])), open=lambda: Slow(sys.argv[1])).blocks(["frame"], 1 << 14)
+next(blocks)
+"""
+"""A thread that reads ahead through Python aborts a process that is ending (exit code 134)."""
+
+
+def test_a_process_that_reads_no_further_ends_as_it_should(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("frame,a\n" + "1,2\n" * 200_000)
+    command = [sys.executable, "-c", ABANDONED, str(tmp_path / "a.csv")]
+    assert subprocess.run(command, stderr=subprocess.PIPE, check=True).stderr == b""
