@@ -21,6 +21,7 @@ from shukotsu.stages.fit_hand.empirical_bayes import independent_samples, prior_
 from shukotsu.stages.fit_hand.free_joints import free_joints
 from shukotsu.stages.fit_hand.gauss_newton import CLOSE, NEARLY, Solution, first_guess, solve
 from shukotsu.stages.fit_hand.measurements import Measurement, observations, planes
+from shukotsu.stages.fit_hand.noise_bias import without_noise_bias
 from shukotsu.stages.fit_hand.normal_equations import UNTURNED_RAD, Frames, Observations, Problem, pairs
 from shukotsu.stages.fit_hand.posterior import Evidence, Posterior
 from shukotsu.stages.fit_hand.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
@@ -129,6 +130,9 @@ def fit_hand(
     measured = observations(model, measurements).and_also(planes(model, layout, convention, frames))
     problem = _problem(layout, model, frames, measured, field)
     problem, solution = _solved(problem, model, everything, settings)
+    if settings.rounds and not _shows_every_bone(model, layout, problem):
+        point = without_noise_bias(problem, solution.point)
+        solution = replace(solution, point=point, residuals=residuals(problem, point))
     posterior = Posterior.of(problem, solution.point, reduce(problem, solution.point).frames_first(), share)
     evidence = Evidence(
         layout, model, convention, problem, posterior, share, solution.point.y, solution.converged
@@ -260,6 +264,14 @@ def _chosen(frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: 
     features = np.concatenate([postures(seen_frames, index), distances(seen_frames, points)], 1)
     rows, share = spread_frames(features, n_frames)
     return frames.take(usable[rows]), share
+
+
+def _shows_every_bone(model: HandModel, layout: Layout, problem: Problem) -> bool:
+    """Tell whether every bone of known digits that may carry a receiver is seen with its rotation."""
+    turned = problem.frames.valid.any(0) & problem.turns
+    seen = {name for name, own in zip(model.receivers, turned, strict=True) if own}
+    bones = {name for digit in known_digits(layout) for name in digit.segments}
+    return all(name in seen or not layout.segments[name].measured for name in bones)
 
 
 def _temper(problem: Problem, model: HandModel, solution: Solution, everything: Frames) -> float:

@@ -69,7 +69,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if roles.orientations[1] and not roles.positions:
         lines.append("no positions were found")
     if roles.positions and not roles.orientations[1]:
-        lines.append("no orientations were found: a joint cannot be found from positions alone")
+        lines.append("no orientations were found: positions alone are for a layout of points (keypoints-21)")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
     config = _config(roles, units, receivers, asynchronous, layout)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
@@ -166,7 +166,8 @@ def _config(
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
     elif roles.time is None:
         config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
-    config["orientation"] = _orientation(roles, units.angle)
+    if roles.orientations[1] or not roles.positions:
+        config["orientation"] = _orientation(roles, units.angle)
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
     config["receivers"] = (_receivers(roles, receivers, layout) or {CHECK: {}}, named)
     return config
@@ -196,7 +197,8 @@ def _receivers(roles: Roles, receivers: Sequence[str], layout: Layout) -> dict[s
     config = {}
     for index, position in enumerate(roles.positions):
         turning = orientations[index] if index < len(orientations) else []
-        columns: dict[str, Any] = {"position": _columns(position), "orientation": _columns(turning)}
+        columns: dict[str, Any] = {"position": _columns(position)}
+        columns |= {"orientation": _columns(turning)} if orientations else {}
         if len(roles.quality) == len(roles.positions):  # one each
             columns["quality"] = _column(roles.quality[index])
         config[f"{CHECK}_{index + 1}"] = (columns, _doubt(roles, position + turning))
@@ -242,5 +244,7 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
         config["receiver"] = _column(roles.receiver)
         for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):
             titles = groups[0] if groups else []
+            if key == "orientation" and roles.positions and not groups:
+                continue
             config[key] = (_columns(titles), _doubt(roles, titles))
     return config
