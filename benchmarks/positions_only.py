@@ -1,4 +1,4 @@
-"""Hands measured by points without orientation, and by six receivers with what a study can declare of them."""
+"""Hands measured by points without orientation, and by six receivers with what a study can declare."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks import other_hands
 from benchmarks.accuracy.score import COVERED_95_SD
-from benchmarks.benchmark_table import TextTable, add_people, of_each_person
+from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_person
 from benchmarks.faultless_hands import FACINGS
 from benchmarks.two_drawings import OTHER, OWN
 from shukotsu.schemas.layout import Layout, read_layout
@@ -56,7 +56,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Errors:
-    """One hand's: centres (N, 2), mm off and the sd stated; lengths (B, 2) the same; flexion (N, 2) of PIP."""
+    """One hand's: centres (N, 2), mm off and the sd stated; lengths (B, 2) the same."""
 
     centres: Array
     lengths: Array
@@ -68,23 +68,22 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(n_hands: int = 4, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     """Give the table over that many hands of each drawing."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for drawing in (OWN, OTHER):
         hands = of_each_person(partial(one_hand, drawing), n_hands, seed)
-        for name in hands[0]:
-            rows.append((name, drawing, *_summary([hand[name] for hand in hands])))
+        rows += [(name, drawing, *_summary([hand[name] for hand in hands])) for name in hands[0]]
     columns = (
-        "measured by", "drawing", "centres mm:.2f", "stated:.2f", "in 95 %:.0f", "lengths mm:.2f", "stated:.2f",
-        "in 95 %:.0f",
+        "measured by", "drawing", "centres mm:.2f", "stated:.2f", "in 95 %:.0f",
+        "lengths mm:.2f", "stated:.2f", "in 95 %:.0f",
     )  # fmt: skip
     yield TextTable(
         "positions only",
         columns,
         rows,
-        "Root mean squares. Centres: of all joints of the digits, frame by frame in the transmitter's frame, with "
-        "their stated sd (three-dimensional) and how often the true one is within 95 %. Lengths: of all bones "
-        f"but the last. Points at joints are off by {BIAS_MM:g} mm each way all along, the wrist and the thumb's CMC by "
-        f"{FAR_BIAS_MM:g}, and by their noise, half of it slow.",
+        "Root mean squares. Centres: of the digits' joints beyond the palm, frame by frame in the transmitter's "
+        "frame; their stated sd in 3-D; how often the true one is within 95 %. Lengths: of all bones but the "
+        f"last. Points at joints are off by {BIAS_MM:g} mm each way all along, the wrist's and the thumb's CMC's "
+        f"by {FAR_BIAS_MM:g}, and by noise of that sd each way, half of it slow.",
     )
 
 
@@ -137,7 +136,7 @@ def _points(worn: Poses, layout: Layout, places: dict[str, Array]) -> Poses:
     return Poses(names, worn.frame, worn.time_s, position, quaternion, valid).take(slice(None, None, EVERY))
 
 
-def _tips_and_back(drawn: Drawn, seed: int) -> tuple[Fingertips, Poses]:
+def _tips_and_back(drawn: Drawn, _: int) -> tuple[Fingertips, Poses]:
     layout, worn = read_layout("tips-and-back"), drawn.poses["rom"]
     nails = {name: worn.position_mm[:, worn.index(own.segment)] for name, own in layout.points.items()}
     poses = _points(worn, layout, nails)
@@ -192,7 +191,7 @@ def errors_of(drawn: Drawn, tips: Fingertips, poses: Poses) -> Errors:
     joints = {joint.child: joint.name for joint in tips.fit.evidence.layout.joints.values()}
     centres = []
     for at, segment in enumerate(posed.bones):
-        if segment != "hand" and not joints[segment].endswith("_cmc") or segment == "thumb_metacarpal":
+        if (segment != "hand" and not joints[segment].endswith("_cmc")) or segment == "thumb_metacarpal":
             true_mm = drawn.point_mm["rom"][joints[segment]][rows * EVERY]
             off_mm = np.linalg.norm(posed.bone_position_mm[:, at] - true_mm, axis=1)
             centres.append(np.stack([off_mm, stated.centre_mm[:, at]], 1)[posed.posed])

@@ -256,26 +256,22 @@ def _segment(name: str, part: dict[str, Any], axes: dict[str, Vector], where: st
 def _check_points(
     segments: dict[str, Segment], joints: dict[str, Joint], digits: dict[str, Digit], where: str
 ) -> None:
-    """Refuse points that are at no place of a segment that hangs together with others."""
+    """Refuse points that are at no place of a segment of a digit, or of that from which digits hang."""
     places: dict[str, set[str]] = {}
     for digit in digits.values():
-        places.setdefault(digit.base, {SKIN})
-        ends = [*digit.joints[1:], TIP]
-        for segment, joint, end in zip(digit.segments, digit.joints, ends, strict=True):
-            places[segment] = {SKIN, joint, end}
-    for joint in joints.values():
-        if joint.child in {digit.base for digit in digits.values()}:
-            places[joint.child].add(joint.name)
-    for segment in segments.values():
-        point, joined = segment.point, [j.name for j in joints.values() if segment.name in (j.parent, j.child)]
-        if point is None:
+        places[digit.base] = {SKIN, *(name for name, own in joints.items() if own.child == digit.base)}
+        for segment, *ends in zip(digit.segments, digit.joints, [*digit.joints[1:], TIP], strict=True):
+            places[segment] = {SKIN, *ends}
+    for name, known in segments.items():
+        if known.point is None:
             continue
-        if joined or not segment.measured:
-            raise InputError(f"{where}: segments.{segment.name}.point: a point is measured and has no joint")
-        if point.at not in places.get(point.segment, ()):
-            known = ", ".join(sorted(places.get(point.segment, ()))) or "a segment of a digit"
+        place, possible = f"{where}: segments.{name}.point", places.get(known.point.segment, set())
+        if not known.measured or any(name in (own.parent, own.child) for own in joints.values()):
+            raise InputError(f"{place}: a point is measured and has no joint; take out the other")
+        if known.point.at not in possible:
+            expected = " or ".join(sorted(possible)) or "a segment of a digit, or one from which digits hang"
             raise InputError(
-                f"{where}: segments.{segment.name}.point: {point.segment} has no place {point.at!r}; expected {known}"
+                f"{place}: {known.point.segment} has no place {known.point.at!r}; expected {expected}"
             )
 
 

@@ -270,8 +270,8 @@ def _check_c3d(config: Mapping[str, Any], where: str) -> None:
         markers = receiver.get("markers", [])
         if len(markers) == 2:
             raise InputError(
-                f"{where}: receivers.{segment}.markers: are 2; expected 3 or more of a rigid cluster, or the one "
-                "of a point"
+                f"{where}: receivers.{segment}.markers: are 2; expected 3 or more of a rigid cluster, or "
+                "the one of a point"
             )
         twice = [marker for marker in markers if markers.count(marker) > 1]
         if twice:

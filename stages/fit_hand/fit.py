@@ -54,6 +54,9 @@ EVEN_FRAMES = 300
 
 _POSING_STEPS = 4
 
+POINTS_STEPS = 4
+"""So many times as many steps do points take: what they leave open lies along valleys that hardly fall."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -121,6 +124,8 @@ def fit_hand(
     half of the receivers, or a measurement names nothing known.
     """
     settings = settings or Settings()
+    if layout.points:
+        settings = replace(settings, most_steps=POINTS_STEPS * settings.most_steps)
     convention = Convention.of(layout, _receivers(layout, recordings), hand)
     everything = convention.frames(concatenated(recordings))
     frames, share = _chosen(everything, layout, convention.receivers, settings.n_frames)

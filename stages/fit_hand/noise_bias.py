@@ -30,9 +30,7 @@ def without_noise_bias(problem: Problem, point: Point) -> Point:
     noise = rng.normal(size=(2, *shape))
     own = np.sqrt(problem.precision)
     rows = problem.observations.rows
-    held = Observations(
-        np.concatenate([rows, np.diag(own)]), np.concatenate([rows @ point.x, own * point.x])
-    )
+    held = Observations(np.concatenate([rows, np.diag(own)]), np.concatenate([rows @ point.x, own * point.x]))
     again = replace(problem, observations=held, precision=np.full(len(own), _NOTHING))
     found = []
     for sign in (1.0, -1.0):

@@ -229,9 +229,7 @@ def _doubts(joint: Joint, evidence: Evidence) -> dict[str, Values]:
     sides = (joint.parent_receiver, joint.child)
     valid = evidence.problem.frames.valid
     framed = evidence.model.framed
-    dead = [
-        s for s in sides if s in receivers and s not in framed and not valid[:, receivers.index(s)].any()
-    ]
+    dead = [s for s in sides if s in receivers and s not in framed and not valid[:, receivers.index(s)].any()]
     unworn = [s for s in sides if s not in receivers and evidence.layout.segments[s].measured]
     doubts: dict[str, Values] = {}
     if not evidence.converged:

@@ -141,8 +141,8 @@ def _check_turns(tracks: Sequence[Track], mapping: FileMapping, layout: Layout) 
         placed, turned = np.isfinite(track.numbers[:, :3]).any(), np.isfinite(track.numbers[:, 3:]).any()
         if placed and not turned and segment not in layout.points:
             raise InputError(
-                f"{mapping.where}: receivers.{segment}: has positions and no orientation, which a receiver needs; "
-                f"say where it is, or take a layout in which {segment} is a point (docs/layouts.md)"
+                f"{mapping.where}: receivers.{segment}: has positions and no orientation, which a receiver "
+                f"needs; say where it is, or take a layout in which {segment} is a point (docs/layouts.md)"
             )
 
 
