@@ -20,6 +20,7 @@ from shukotsu.files.limits import FILE_NAME_BYTES, too_little_to_start
 from shukotsu.sentences.messages import message_of
 
 EXIT_BAD_INPUT = 2
+_SIGPIPE = 13
 OF_THE_MACHINE = {
     errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE,
     errno.EAGAIN, errno.ESTALE, errno.ETIMEDOUT,
@@ -125,7 +126,7 @@ def ended(command: Callable[[], int | None]) -> int:
         )
     except BrokenPipeError:  # whoever read what is printed has read enough
         sys.stdout = _nowhere()
-        return 128 + signal.SIGPIPE
+        return 128 + _SIGPIPE
     except KeyboardInterrupt:
         _refused("interrupted")
         return 128 + signal.SIGINT
@@ -237,7 +238,7 @@ def begin() -> None:
             setattr(sys, name, _nowhere())
     if isinstance(sys.stdout, io.TextIOWrapper):  # a name that the terminal's encoding lacks must not end it
         sys.stdout.reconfigure(errors="backslashreplace")
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # Windows has the first alone
         with suppress(ValueError):  # not in the main thread
             if signal.getsignal(number) is signal.SIG_DFL:
                 signal.signal(number, lambda number, _: sys.exit(128 + number))

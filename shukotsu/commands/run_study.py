@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import shlex
 import signal
 import subprocess
@@ -47,6 +48,11 @@ def run_study(arguments: argparse.Namespace) -> int:
 
     Gives Snakemake's exit code, which has said why. Raises InputError where the study cannot be read.
     """
+    if not hasattr(os, "fork"):
+        raise InputError(
+            "a study runs on Linux or macOS (on Windows: in WSL); copy this folder there, with recordings, "
+            "and run it there"
+        )
     files = read_files(arguments.study)
     if find_spec("snakemake") is None:
         raise ModuleNotFoundError("No module named 'snakemake'", name="snakemake")

@@ -134,7 +134,7 @@ def _free_of_system() -> int | None:
         pass
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (OSError, ValueError):
+    except (OSError, ValueError, AttributeError):  # no Unix
         return None
 
 
@@ -149,8 +149,10 @@ def _free_of_group() -> int | None:
 
 
 def _free_of_process() -> int | None:
-    import resource
-
+    try:
+        import resource
+    except ModuleNotFoundError:  # Windows, which has no such limit
+        return None
     most, _ = resource.getrlimit(resource.RLIMIT_AS)
     if most == resource.RLIM_INFINITY:
         return None

@@ -31,10 +31,9 @@ def replacing(path: Path) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_leftovers(path)
         yield temporary
-        _sync(temporary)
+        _sync(temporary, os.O_RDWR)  # Windows syncs what may be written alone
         temporary.replace(path)
-        with suppress(OSError):  # a file system without it; the file is whole under either name
-            _sync(path.parent)
+        sync_folder(path.parent)
     except OSError as error:
         why = os.strerror(error.errno) if error.errno else error  # and not in Arrow's words
         raise StorageError(f"{path}: cannot be written ({why})") from error
@@ -43,9 +42,14 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
-def _sync(path: Path) -> None:
-    """Return when a file's bytes, or the names in a folder, are on the disk."""
-    descriptor = os.open(path, os.O_RDONLY)
+def sync_folder(path: Path) -> None:
+    """Return when the names in a folder are on the disk, where the system can say so."""
+    with suppress(OSError):  # files are whole under either name
+        _sync(path, os.O_RDONLY)
+
+
+def _sync(path: Path, mode: int) -> None:
+    descriptor = os.open(path, mode)
     try:
         os.fsync(descriptor)
     finally:

@@ -25,6 +25,7 @@ import pyarrow as pa
 from shukotsu.errors import InputError
 from shukotsu.files.limits import check_regular
 from shukotsu.files.text_files import reading
+from shukotsu.files.whole_files import sync_folder
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.schemas.tables import METADATA_KEY
 
@@ -58,13 +59,15 @@ COLUMNS = (
 _FIRST_COLUMNS = COLUMNS[:5]
 
 SYNC_SECONDS = 1.0
+_AS_THEY_ARE: int = getattr(os, "O_BINARY", 0)
+"""Windows would write a line feed as two bytes."""
 _WINDOW_BYTES = 8 << 20
 _END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 _CONTINUATION = b"\xff\xff\xff\xff"
 
 
 def _host_utc_offset_ns() -> int:
-    return time.time_ns() - time.monotonic_ns()
+    return time.time_ns() - time.perf_counter_ns()
 
 
 class ArchiveWriter:
@@ -93,7 +96,7 @@ class ArchiveWriter:
         self._synced = 0.0
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _AS_THEY_ARE, 0o644)
         except FileExistsError as error:
             raise InputError(f"{path}: exists already; a recording is never written over") from error
         except OSError as error:
@@ -101,11 +104,7 @@ class ArchiveWriter:
         self._length = 0
         self._append(self._schema.serialize().to_pybytes())
         self._sync()
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        sync_folder(path.parent)
 
     def received(self, data: bytes, host_ns: int) -> None:
         """Keep bytes that came."""
@@ -138,7 +137,7 @@ class ArchiveWriter:
             self._append(pa.record_batch(arrays, schema=self._schema).serialize().to_pybytes())
             self._rows.clear()
             self.waiting_bytes = 0
-        if time.monotonic() - self._synced >= SYNC_SECONDS:
+        if time.perf_counter() - self._synced >= SYNC_SECONDS:
             self._sync()
 
     def close(self, summary: Mapping[str, Any], host_ns: int) -> None:
@@ -174,7 +173,7 @@ class ArchiveWriter:
 
     def _sync(self) -> None:
         os.fsync(self._file)
-        self._synced = time.monotonic()
+        self._synced = time.perf_counter()
 
 
 def _schema(about: Mapping[str, Any]) -> pa.Schema:
@@ -253,7 +252,9 @@ class Archive:
             piece, next_row = _piece(batch, lost, next_row)
             yield piece
             at, lost = at + size, 0
-            if at - forgotten > _WINDOW_BYTES:  # pages that were read need not stay in memory
+            if at - forgotten > _WINDOW_BYTES and hasattr(
+                mmap, "MADV_DONTNEED"
+            ):  # pages that were read need not stay in memory
                 self._mapped.madvise(
                     mmap.MADV_DONTNEED, forgotten, at // mmap.PAGESIZE * mmap.PAGESIZE - forgotten
                 )

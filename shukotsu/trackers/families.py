@@ -46,9 +46,13 @@ class Family:
     """Options that make a stream smaller, of trackers that count their frames."""
     unsupported: Mapping[str, str] = field(default_factory=dict)
     """Option of a recorder that the family cannot do -> the sentence that says so."""
+    scheme: str = ""
+    """What the name of its ports begins with, where it has ports of its own."""
     usb: Mapping[tuple[int, int], tuple[str, str]] = field(default_factory=dict)
     """USB vendor and product -> name, and what can be done with it: READY, WANTS_FIRMWARE or NOT_READ."""
 
+
+USUAL = "liberty"
 
 POLHEMUS, NDI = 0x0F44, 0x04B4
 READY, WANTS_FIRMWARE, NOT_READ = "ready", "wants its firmware", "not read by this program"
@@ -146,6 +150,22 @@ def decoder_of(settings: StreamSettings) -> PiecewiseDecoder:
         raise InputError(f"{settings.family} in {settings.mode} cannot be decoded; known are {known}")
     decoder: PiecewiseDecoder = loaded(":".join(family.decoders[settings.mode]))(settings)
     return decoder
+
+
+def family_at(port: str, named: str | None) -> str:
+    """Give the family of the tracker at a port: `named`, or what the port's name says, or else the usual one.
+
+    Raises InputError where the two differ.
+    """
+    scheme = port.partition(":")[0]
+    told = next(
+        (name for name, family in FAMILIES.items() if family.scheme and family.scheme == scheme), None
+    )
+    own_ports = named is not None and FAMILIES[named].scheme
+    if (told is not None and named not in (None, told)) or (own_ports and named != told):
+        expected = told or f"a port {own_ports}:..."
+        raise InputError(f"--tracker: is {named}, and --port is {port}; expected {expected}, or leave it out")
+    return told or named or USUAL
 
 
 def output_items(family: str) -> OutputItems | None:

@@ -5,7 +5,6 @@ Snakemake's own lock outlives a run that was killed; the profiles that ship leav
 
 from __future__ import annotations
 
-import fcntl
 import os
 import socket
 from pathlib import Path
@@ -23,6 +22,8 @@ def hold(results: Path) -> None:
 
     Raises InputError where another run holds it. Where there are no locks, or no file can be made, none does.
     """
+    import fcntl
+
     path = FOLDER.absolute() / f"shukotsu-run-{results.name}.lock"
     if path in _held:
         return

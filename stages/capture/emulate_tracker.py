@@ -152,7 +152,7 @@ def _serve(options: argparse.Namespace) -> None:
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _frame: signals.append(received))
-    emulator = Emulator(device, behaviour, port.write, time.monotonic_ns())
+    emulator = Emulator(device, behaviour, port.write, time.perf_counter_ns())
     print(port.name, flush=True)
     try:
         serve(emulator, port, lambda: bool(signals))
@@ -163,9 +163,13 @@ def _serve(options: argparse.Namespace) -> None:
 
 
 def _open(options: argparse.Namespace) -> Port:
-    from shukotsu.trackers.emulate.server import PtyPort, TcpPort
+    from shukotsu.trackers.emulate.server import TcpPort
 
     if options.tcp is None:
+        try:
+            from shukotsu.trackers.emulate.pseudo_terminal import PtyPort
+        except ModuleNotFoundError as error:
+            raise InputError("--pty: this system has no pseudo-terminals; give --tcp 4001") from error
         return PtyPort(None if options.pty == Path() else options.pty, options.baud)
     host, _, number = options.tcp.rpartition(":")
     if (host or _LOCAL_HOSTS[0]) not in _LOCAL_HOSTS or not number.isdecimal() or int(number) > 65535:

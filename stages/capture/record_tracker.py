@@ -49,7 +49,7 @@ def record_tracker(options: argparse.Namespace) -> None:
     from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal, stop_on_signals
 
     plan = recording_plan(options)
-    about = _about(options)
+    about = _about(options, plan)
     stop = StopRequest()
     with stop_on_signals(stop):
         port = open_port(options.port, options.baud, options.line_rate)
@@ -81,11 +81,12 @@ def recording_plan(options: argparse.Namespace) -> RecordingPlan:
     )
 
 
-def _about(options: argparse.Namespace) -> dict[str, Any]:
+def _about(options: argparse.Namespace, plan: RecordingPlan) -> dict[str, Any]:
     """Describe the recording, for the archive."""
     from datetime import UTC, datetime
 
     named = {name: value for name, value in vars(options).items() if name not in ("out", "note")}
+    named["tracker"] = plan.request.family
     return {"options": named, "notes": options.note, "opened_utc": datetime.now(UTC).isoformat()}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from shukotsu.trackers.families import FAMILIES
+from shukotsu.trackers.families import FAMILIES, USUAL, family_at
 
 if TYPE_CHECKING:
     from shukotsu.trackers.record.request import RecordingRequest
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 def add_tracker(command_parser: argparse.ArgumentParser) -> None:
     """Add the options that say which tracker and how it shall send."""
     add = command_parser.add_argument
-    add("--port", required=True, help="such as /dev/ttyUSB0 or socket://host:4001")
-    add("--tracker", choices=tuple(FAMILIES), default="liberty", help="default: liberty")
+    add("--port", required=True, help="such as /dev/ttyUSB0, COM3 or socket://host:4001")
+    add("--tracker", choices=tuple(FAMILIES), help=f"default: {USUAL}, or what the port says")
     add("--baud", type=int, default=115200, help="of a serial device; default: 115200")
     add("--line-rate", type=int, metavar="BAUD", help="of the line behind a network port, if any")
     chosen = {family.title: family.rates_hz for family in FAMILIES.values() if len(family.rates_hz) > 1}
@@ -34,10 +34,11 @@ def recording_request(options: argparse.Namespace) -> RecordingRequest:
     from shukotsu.trackers.record import request
 
     mode = "ascii" if options.ascii else "binary"
+    family = family_at(options.port, options.tracker)
     return request.RecordingRequest(
-        options.tracker,
+        family,
         mode,
-        request.parse_items(options.items, mode, options.tracker),
+        request.parse_items(options.items, mode, family),
         options.rate,
         None if options.stations is None else request.parse_stations(options.stations),
         request.parse_hemisphere(options.hemisphere),

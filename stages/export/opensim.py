@@ -22,8 +22,8 @@ from shukotsu.files.whole_files import write_text
 from shukotsu.skeleton.rotations import Array, conjugate, rotate
 from shukotsu.stages.export.axes import Target
 from shukotsu.stages.export.file_facts import facts_text
+from shukotsu.stages.export.kinematic_tree import JointForm, joint_forms
 from shukotsu.stages.export.motion import SkeletonMotion, require_whole
-from shukotsu.stages.export.opensim_joints import JointForm, joint_forms
 from shukotsu.stages.export.opensim_markers import Triad, triads
 from shukotsu.stages.export.opensim_model import VERSION, add, as_text, model_xml
 from shukotsu.stages.export.opensim_motion import seconds, seen_frames, write_mot, write_trc
@@ -46,7 +46,7 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     is no frame, or times do not grow.
     """
     require_whole(motion, path, "OpenSim")
-    time_s = seconds(motion, path)
+    time_s = seconds(motion, path, "OpenSim")
     forms = joint_forms(motion)
     receivers, unplaced = triads(motion, forms)
     held = _undetermined(forms, receivers)

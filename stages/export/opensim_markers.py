@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from shukotsu.skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
+from shukotsu.stages.export.kinematic_tree import JointForm
 from shukotsu.stages.export.motion import Receivers, SkeletonMotion
-from shukotsu.stages.export.opensim_joints import JointForm
 from shukotsu.stages.export.rig_names import plain_names
 
 ARM_MM = 10.0

@@ -1,8 +1,4 @@
-"""The .osim file: bodies, joints, markers and shapes to look at, as XML that OpenSim 4 reads.
-
-Masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone: enough for OpenSim
-to build the model, not for forces.
-"""
+"""The .osim file: bodies, joints, markers and shapes to look at, as XML that OpenSim 4 reads."""
 
 from __future__ import annotations
 
@@ -11,25 +7,23 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from shukotsu.skeleton.rotations import Array, matrix, unit
-from shukotsu.stages.export.motion import DISTAL, SkeletonMotion
-from shukotsu.stages.export.opensim_joints import (
+from shukotsu.skeleton.rotations import Array, matrix
+from shukotsu.stages.export.kinematic_tree import (
+    Body,
     Coordinate,
     JointForm,
     body_fixed_rad,
+    body_of,
+    fixed_points,
     shortest_turn,
 )
+from shukotsu.stages.export.motion import SkeletonMotion
 from shukotsu.stages.export.opensim_markers import Triad
-from shukotsu.stages.export.rig_names import plain_names
 
 VERSION = "40600"
 """Of the XML, OpenSim 4.6; later ones read it as well."""
 
 GRAVITY = (0.0, -9.80665, 0.0)
-TISSUE_KG_M3 = 1100.0
-_SLENDER = 0.2
-_THINNEST_MM = 6.0
-_SHORTEST_MM = 10.0
 _ROOM_DEG = 30.0
 _ROOM_MM = 10.0
 _BONE_COLOUR = "0.94 0.89 0.78"
@@ -58,23 +52,24 @@ def model_xml(
         document,
         "Model",
         title,
-        credits=_clean(credit),
-        publications=_clean(publications),
+        credits=clean(credit),
+        publications=clean(publications),
         length_units="meters",
         force_units="N",
-        gravity=_numbers(GRAVITY),
+        gravity=numbers(GRAVITY),
     )
     bodies, joints, markers = (
         ET.SubElement(ET.SubElement(model, kind, name=kind.lower()), "objects")
         for kind in ("BodySet", "JointSet", "MarkerSet")
     )
     for form in forms:
-        _add_body(bodies, form, _ends_mm(motion, form))
+        _add_body(bodies, form, body_of(motion, form))
         _add_joint(joints, forms, form, held)
     for triad in receivers:
         for name, place in zip(triad.markers, triad.local_mm, strict=True):
             _add_marker(markers, name, forms[triad.form].body, place)
-    for name, form, place in _tips(motion, forms, [name for triad in receivers for name in triad.markers]):
+    taken = [name for triad in receivers for name in triad.markers]
+    for name, form, place in fixed_points(motion, forms, taken):
         _add_marker(markers, name, form.body, place)
     return as_text(document)
 
@@ -93,66 +88,43 @@ def as_text(document: ET.Element) -> str:
     return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ET.tostring(document, "unicode") + "\n"
 
 
-def _numbers(values: Iterable[float]) -> str:
+def numbers(values: Iterable[float]) -> str:
+    """Write numbers to 12 digits, blanks between them."""
     return " ".join(f"{round(float(value), 12) + 0.0:.12g}" for value in values)
 
 
-def _metres(lengths_mm: Array | float) -> str:
-    return _numbers(np.atleast_1d(lengths_mm) * _M_PER_MM)
+def metres(lengths_mm: Array | float) -> str:
+    """Write lengths in metres."""
+    return numbers(np.atleast_1d(lengths_mm) * _M_PER_MM)
 
 
-def _clean(text: str) -> str:
+def clean(text: str) -> str:
     """Text without the control characters that XML cannot hold."""
     return "".join(c if c in "\n\t" or (c.isprintable() or c == " ") else "?" for c in text)
 
 
-def _ends_mm(motion: SkeletonMotion, form: JointForm) -> Array:
-    """Return the places of joints and tips after a joint, in its bone frame, (n, 3)."""
-    after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
-    return motion.rest_offset_mm[after].reshape(-1, 3)
-
-
-def _tips(
-    motion: SkeletonMotion, forms: Sequence[JointForm], taken: Sequence[str]
-) -> list[tuple[str, JointForm, Array]]:
-    """Name, carrier and place of the tips, which are no joints but markers of the model."""
-    places = {form.index: form for form in forms}
-    tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
-    names = plain_names([*taken, *(motion.names[index] for index in tips)])[len(taken) :]
-    carried = [motion.carrier(index) for index in tips]
-    return [(name, places[above], at_mm) for name, (above, at_mm) in zip(names, carried, strict=True)]
-
-
-def _add_body(parent: ET.Element, form: JointForm, ends_mm: Array) -> None:
+def _add_body(parent: ET.Element, form: JointForm, own: Body) -> None:
     body = ET.SubElement(parent, "Body", name=form.body)
-    lengths = np.linalg.norm(ends_mm, axis=1)
-    spans = ends_mm[lengths > 0]
-    length = max(float(lengths.max(initial=0.0)), _SHORTEST_MM)
-    radius = max(_SLENDER * length, _THINNEST_MM)
-    if len(spans):
+    if len(own.spans_mm):
         components = ET.SubElement(body, "components")
-        for number, span in enumerate(spans, 1):
+        for number, span in enumerate(own.spans_mm, 1):
             _add_bone_shape(components, number, span)
-    _add_shape(body, "Sphere", "joint_shape", _JOINT_COLOUR, radius=_metres(0.06 * length))
-    mass = TISSUE_KG_M3 * np.pi * radius**2 * length * _M_PER_MM**3
-    middle = unit(spans.sum(0)) if len(spans) else DISTAL
-    across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
-    principal = np.array([across, across, along]) * _M_PER_MM**2
-    ET.SubElement(body, "mass").text = _numbers([mass])
-    ET.SubElement(body, "mass_center").text = _metres(middle * length / 2)
-    ET.SubElement(body, "inertia").text = " ".join(f"{value:.9g}" for value in (*principal, 0, 0, 0))
+    _add_shape(body, "Sphere", "joint_shape", _JOINT_COLOUR, radius=metres(0.06 * own.length_mm))
+    ET.SubElement(body, "mass").text = numbers([own.mass_kg])
+    ET.SubElement(body, "mass_center").text = metres(own.middle_mm)
+    ET.SubElement(body, "inertia").text = " ".join(f"{value:.9g}" for value in (*own.inertia_kg_m2, 0, 0, 0))
 
 
 def _add_bone_shape(parent: ET.Element, number: int, span_mm: Array) -> None:
     """A cylinder from the joint to the next; OpenSim's stand along Y."""
     length = float(np.linalg.norm(span_mm))
     frame = ET.SubElement(parent, "PhysicalOffsetFrame", name=f"bone{number}")
-    size = {"radius": _metres(0.08 * length), "half_height": _metres(0.46 * length)}
+    size = {"radius": metres(0.08 * length), "half_height": metres(0.46 * length)}
     _add_shape(frame, "Cylinder", "shape", _BONE_COLOUR, **size)
     ET.SubElement(frame, "socket_parent").text = ".."
-    ET.SubElement(frame, "translation").text = _metres(span_mm / 2)
+    ET.SubElement(frame, "translation").text = metres(span_mm / 2)
     turn = body_fixed_rad(matrix(shortest_turn(_Y, span_mm / length)))
-    ET.SubElement(frame, "orientation").text = _numbers(turn)
+    ET.SubElement(frame, "orientation").text = numbers(turn)
 
 
 def _add_shape(parent: ET.Element, kind: str, name: str, colour: str, **size: str) -> None:
@@ -187,8 +159,8 @@ def _add_joint(
         "PhysicalOffsetFrame",
         frame_name,
         socket_parent=before,
-        translation=_metres(form.offset_mm),
-        orientation=_numbers(body_fixed_rad(matrix(form.quaternion))),
+        translation=metres(form.offset_mm),
+        orientation=numbers(body_fixed_rad(matrix(form.quaternion))),
     )
     if form.coordinates:
         _add_spatial_transform(joint, form)
@@ -197,7 +169,7 @@ def _add_joint(
 def _add_coordinate(
     parent: ET.Element, name: str, limits: tuple[float, float], start: float, locked: bool
 ) -> None:
-    values = {"default_value": _numbers([start]), "range": _numbers(limits)}
+    values = {"default_value": numbers([start]), "range": numbers(limits)}
     add(parent, "Coordinate", name, **values, clamped="false", locked="true" if locked else "false")
 
 
@@ -223,7 +195,7 @@ def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:
     for kind, used, axes in (("rotation", form.turns, form.axes), ("translation", form.shifts, np.eye(3))):
         for number, axis in enumerate(axes):
             name = used[number].name if number < len(used) else ""
-            known = {"coordinates": name, "axis": _numbers(axis)}
+            known = {"coordinates": name, "axis": numbers(axis)}
             element = add(transform, "TransformAxis", f"{kind}{number + 1}", **known)
             if name:
                 add(element, "LinearFunction", "function", coefficients="1 0")
@@ -232,5 +204,5 @@ def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:
 
 
 def _add_marker(parent: ET.Element, name: str, body: str, place_mm: Array) -> None:
-    place = {"socket_parent_frame": f"/bodyset/{body}", "location": _metres(place_mm)}
+    place = {"socket_parent_frame": f"/bodyset/{body}", "location": metres(place_mm)}
     add(parent, "Marker", name, **place, fixed="true")

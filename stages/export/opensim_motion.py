@@ -17,8 +17,8 @@ from shukotsu.files.long_arrays import BLOCK_FRAMES
 from shukotsu.files.whole_files import replacing
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.export.kinematic_tree import JointForm
 from shukotsu.stages.export.motion import Bools, Origin, SkeletonMotion, known_points, require_times
-from shukotsu.stages.export.opensim_joints import JointForm
 from shukotsu.stages.export.opensim_markers import Triad
 
 ALONE_HZ = 60.0
@@ -30,15 +30,15 @@ _MM_DECIMALS = 6
 _TIME_DECIMALS = 9
 
 
-def seconds(motion: SkeletonMotion, path: Path) -> Array:
+def seconds(motion: SkeletonMotion, path: Path, program: str) -> Array:
     """Device times (T,) from the first frame on, s, to the nanosecond.
 
-    Raises InputError where there is none, or it does not grow: OpenSim wants times that do.
+    program : which wants times that grow. Raises InputError where there is none, or it does not.
     """
     if len(motion.time_s) == 1:
         return np.zeros(1)
     time_s = (motion.time_s - motion.time_s[0]).round(_TIME_DECIMALS)
-    require_times(motion, time_s, path, "OpenSim")
+    require_times(motion, time_s, path, program)
     return np.asarray(time_s)
 
 

@@ -128,6 +128,22 @@ FORMATS: Mapping[str, Format] = {
         "frame numbers but the first, receivers",
         holds_hands=True,
     ),
+    "urdf": Format(
+        "skeleton with limits and capsules, and its motion, for programs of robotics",
+        "shukotsu.stages.export.urdf",
+        (".urdf", "_joints.csv"),
+        ("m",),
+        ("z", "y"),
+        "frame numbers, receivers, forces",
+    ),
+    "mjcf": Format(
+        "the same for MuJoCo",
+        "shukotsu.stages.export.mjcf",
+        ("_mjcf.xml", "_mjcf_joints.csv"),
+        ("m",),
+        ("z", "y"),
+        "frame numbers, receivers, forces",
+    ),
 }
 
 

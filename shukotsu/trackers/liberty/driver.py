@@ -111,7 +111,7 @@ class LibertyDriver(SettingsDriver):
     def start(self) -> Mapping[str, Any]:
         """Set the counters to 0 and have it stream; gives the host's time before and after the first."""
         before_ns = self._conversation.send(RESET_COUNTERS)
-        after_ns = time.monotonic_ns()
+        after_ns = time.perf_counter_ns()
         self._conversation.send(STREAM)
         return {"counters_reset_after_ns": before_ns, "counters_reset_before_ns": after_ns}
 

@@ -86,17 +86,17 @@ class Conversation:
             try:
                 data = self.port.read()
             except PortGoneError as error:
-                self.gone = (str(error), time.monotonic_ns())
+                self.gone = (str(error), time.perf_counter_ns())
                 return
             if self._queued_bytes - self._taken_bytes > MOST_WAITING_BYTES:
                 self.dropped_bytes += len(data)
             elif data:
                 self._queued_bytes += len(data)
-                self._chunks.put(Chunk(data, time.monotonic_ns()))
+                self._chunks.put(Chunk(data, time.perf_counter_ns()))
 
     def send(self, data: bytes) -> int:
         """Send; gives the host's monotonic time [ns] just before. Raises PortGoneError."""
-        host_ns = time.monotonic_ns()
+        host_ns = time.perf_counter_ns()
         if self._archive is not None:
             self._archive.sent(data, host_ns)
         self.port.write(data)
@@ -143,10 +143,10 @@ class Conversation:
     def drain(self, silence_s: float = SILENCE_S, cap_s: float = 5.0) -> tuple[bytes, bool]:
         """Wait for `silence_s` without a byte; gives what came, and whether it ended within `cap_s`."""
         got = bytearray()
-        start = heard = time.monotonic()
+        start = heard = time.perf_counter()
         while True:
             piece = self.receive(0.02)
-            now = time.monotonic()
+            now = time.perf_counter()
             if piece:
                 got += piece
                 heard = now
@@ -161,8 +161,8 @@ class Conversation:
         """Send a question and give what `answer_in` reads in the bytes since; None where that is nothing."""
         self.send(question)
         got = b""
-        end = time.monotonic() + wait_s
-        while (left := end - time.monotonic()) > 0:
+        end = time.perf_counter() + wait_s
+        while (left := end - time.perf_counter()) > 0:
             piece = self.receive(min(left, 0.1))
             if piece:
                 got += piece

@@ -1,4 +1,5 @@
-"""A tracker's port: a serial device, a pseudo-terminal or a URL of pySerial (socket://, rfc2217://).
+"""A tracker's port: a serial device, a pseudo-terminal, a URL of pySerial (socket://, rfc2217://), or another
+way to a tracker that has a module of its own (SCHEMES).
 
 Only three wires of a LIBERTY's RS-232 are connected, so no flow control is ever switched on.
 """
@@ -9,17 +10,23 @@ import errno
 import os
 import re
 import select
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any
 
 import serial
 
 from shukotsu.errors import InputError
+from shukotsu.trackers.families import loaded
 
 WAIT_S = 0.1
 """Longest time that a read waits for a first byte."""
 
 POLHEMUS_USB = 0x0F44
+
+SCHEMES: dict[str, str] = {}
+"""What the name of a port begins with, a colon behind it -> the function `module:function` that opens it."""
+
 _READ_BYTES = 65536
 _QUANTUM_S = 0.005
 _EMPTY_READS = 3
@@ -29,21 +36,18 @@ class PortGoneError(Exception):
     """The port does not exist any more, or its other end has closed it."""
 
 
-class Port:
+class Port(ABC):
     """An open port.
 
-    name : as the user gave it. baud : what a serial device is set to; None for a network.
+    name : as the user gave it. baud : what a serial device is set to; None for others.
     line_baud : bits a second of the serial line behind it; None where there is none that is known (a
     pseudo-terminal, a network, the tracker's own USB).
     """
 
-    def __init__(self, name: str, device: Any, baud: int | None, line_baud: int | None) -> None:
+    def __init__(self, name: str, baud: int | None = None, line_baud: int | None = None) -> None:
         self.name = name
         self.baud = baud
         self.line_baud = line_baud
-        self._device = device
-        self._descriptor = None if name.startswith("rfc2217:") else int(device.fileno())
-        self._empty = 0
 
     @property
     def tries_other_bauds(self) -> bool:
@@ -51,14 +55,45 @@ class Port:
         return self.line_baud is not None and self.baud is not None
 
     def set_baud(self, baud: int) -> None:
+        """Change the line's rate; where there is none, nothing."""
+        self.baud = self.line_baud = baud
+
+    @abstractmethod
+    def read(self) -> bytes:
+        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+
+    @abstractmethod
+    def write(self, data: bytes) -> None:
+        """Send all of it. Raises PortGoneError."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the port; whatever happens then is of no interest any more."""
+
+
+class SerialPort(Port):
+    """A port of pySerial's.
+
+    Where a system can wait for a descriptor, a read ends with the first bytes that come, so that the host's
+    time is that of their arrival; elsewhere (Windows, rfc2217) it is theirs to _QUANTUM_S.
+    """
+
+    def __init__(self, name: str, device: Any, baud: int | None, line_baud: int | None) -> None:
+        super().__init__(name, baud, line_baud)
+        self._device = device
+        waits = hasattr(os, "fork") and not name.startswith("rfc2217:")
+        self._descriptor = int(device.fileno()) if waits else None
+        self._empty = 0
+
+    def set_baud(self, baud: int) -> None:
         """Change the line's rate."""
         self._device.baudrate = baud
-        self.baud = self.line_baud = baud
+        super().set_baud(baud)
 
     def read(self) -> bytes:
         """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
         try:
-            if self._descriptor is None:  # nothing to wait on: what comes within _QUANTUM_S
+            if self._descriptor is None:
                 return bytes(self._device.read(_READ_BYTES))
             return self._read(self._descriptor)
         except (OSError, serial.SerialException, TypeError) as error:
@@ -66,7 +101,7 @@ class Port:
             raise PortGoneError(_reason(error)) from error
 
     def _read(self, descriptor: int) -> bytes:
-        """Read as soon as there is something, so that the host's time is that of the arrival."""
+        """Read as soon as there is something."""
         if not select.select([descriptor], [], [], WAIT_S)[0]:
             return b""
         try:
@@ -101,6 +136,10 @@ def open_port(name: str, baud: int, line_rate: int | None = None) -> Port:
 
     Raises InputError where there is no such port, it may not be opened, or another program has it.
     """
+    scheme, colon, _ = name.partition(":")
+    if colon and scheme in SCHEMES:
+        port: Port = loaded(SCHEMES[scheme])(name)
+        return port
     options: dict[str, Any] = {"baudrate": baud, "timeout": _QUANTUM_S}
     if "://" not in name:
         options |= {"exclusive": True, "write_timeout": 2.0}
@@ -112,7 +151,7 @@ def open_port(name: str, baud: int, line_rate: int | None = None) -> Port:
         device = serial.serial_for_url(name, **options)
     except (OSError, serial.SerialException, ValueError) as error:
         raise InputError(f"{name}: {_why_not(name, error)}") from error
-    return Port(name, device, None if "://" in name else baud, line_rate or _line_baud(name, baud))
+    return SerialPort(name, device, None if "://" in name else baud, line_rate or _line_baud(name, baud))
 
 
 def _line_baud(name: str, baud: int) -> int | None:

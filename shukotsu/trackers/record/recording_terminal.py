@@ -1,26 +1,30 @@
-"""The terminal of a recording, a view rewritten in place and keys without Return; and a request to stop.
+"""The terminal of a recording, a view rewritten in place and keys; and a request to stop.
 
 All is put back however the program ends.
 """
 
 from __future__ import annotations
 
-import os
-import select
 import shutil
 import signal
-import termios
-import tty
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TextIO
 
+from shukotsu.trackers.record.keyboard import keyboard_of
+
 _CLEAR_LINE, _CLEAR_BELOW = "\x1b[K", "\x1b[J"
 _HIDE_CURSOR, _SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
-IGNORED_SIGNALS = (signal.SIGTSTP, signal.SIGTTOU)
+def _signals(*names: str) -> list[signal.Signals]:
+    """Give those of the signals that this system has."""
+    return [getattr(signal, name) for name in names if hasattr(signal, name)]
+
+
+STOP_SIGNALS = _signals("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+
+IGNORED_SIGNALS = _signals("SIGTSTP", "SIGTTOU")
 """Ctrl-Z would leave the tracker's bytes to a buffer that is soon full."""
 
 
@@ -34,25 +38,18 @@ class Terminal:
     def __init__(self, out: TextIO, keyboard: TextIO) -> None:
         self.in_place = out.isatty()
         self._out: TextIO | None = out
-        self._keys = _foreground_terminal(keyboard)
-        self._before: list[Any] = []
+        self._keyboard = keyboard_of(keyboard)
         self._shown = 0
         self._hidden = False
 
     def __enter__(self) -> Terminal:
-        if self._keys is not None:
-            self._before = termios.tcgetattr(self._keys)
-            tty.setcbreak(self._keys, termios.TCSANOW)
+        self._keyboard.open()
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._hidden:
             self._write(_SHOW_CURSOR)
-        if self._keys is not None:
-            try:
-                termios.tcsetattr(self._keys, termios.TCSANOW, self._before)
-            except termios.error:  # it is gone
-                return
+        self._keyboard.close()
 
     @property
     def rows(self) -> int:
@@ -74,12 +71,7 @@ class Terminal:
 
     def pressed(self) -> str:
         """Give the keys that were pressed since the last call."""
-        if self._keys is None or not select.select([self._keys], [], [], 0)[0]:
-            return ""
-        try:
-            return os.read(self._keys, 64).decode("ascii", "replace")
-        except OSError:
-            return ""
+        return self._keyboard.pressed()
 
     def _write(self, text: str) -> None:
         if self._out is None:
@@ -89,15 +81,6 @@ class Terminal:
             self._out.flush()
         except (OSError, ValueError):
             self._out = None
-
-
-def _foreground_terminal(keyboard: TextIO) -> int | None:
-    """Give the descriptor where keys can be read: a program in the background would be stopped for trying."""
-    try:
-        descriptor = keyboard.fileno()
-        return descriptor if os.tcgetpgrp(descriptor) == os.getpgrp() else None
-    except (OSError, ValueError, AttributeError):
-        return None
 
 
 class StopRequest:

@@ -71,7 +71,7 @@ def record(
     terminal: Terminal,
     stop: StopRequest,
     about: Mapping[str, Any],
-    utc_offset_ns: Callable[[], int] = lambda: time.time_ns() - time.monotonic_ns(),
+    utc_offset_ns: Callable[[], int] = lambda: time.time_ns() - time.perf_counter_ns(),
 ) -> Ending:
     """Record a tracker until the time is up, somebody asks for the end, or it cannot go on.
 
@@ -124,8 +124,8 @@ def _set_up(
 def _count_down(seconds: int, terminal: Terminal, stop: StopRequest, conversation: Conversation) -> None:
     for left in range(seconds, 0, -1):
         terminal.say(f"starting in {left} ...")
-        end = time.monotonic() + 1
-        while (rest := end - time.monotonic()) > 0:
+        end = time.perf_counter() + 1
+        while (rest := end - time.perf_counter()) > 0:
             if "q" in terminal.pressed().lower():
                 stop.ask("key q")
             conversation.receive(min(rest, TICK_S))
@@ -153,20 +153,20 @@ class _Session:
         self._offset_ns = self._utc_offset_ns()
         self._decoder = ChunkDecoder(self._settings)
         self._notices = list(self._driver.warnings)
-        self._kept_ns = self._start_ns = time.monotonic_ns()
+        self._kept_ns = self._start_ns = time.perf_counter_ns()
         self._statistics = Statistics(self._settings, self._start_ns)
 
     def run(self) -> Ending:
         """Record; gives how it ended."""
         self._start()
         shown_s = VIEW_S if self._terminal.in_place else LOG_S
-        flush_at = time.monotonic()
+        flush_at = time.perf_counter()
         look_at, show_at = flush_at + VIEW_S, flush_at + shown_s
         while not self._over():
             time.sleep(TICK_S)
             self._keep()
             self._watch_clock()
-            now = time.monotonic()
+            now = time.perf_counter()
             if now >= flush_at:
                 flush_at = now + FLUSH_S
                 self._flush()
@@ -184,12 +184,12 @@ class _Session:
             self._driver.stop()
         with suppress(Exception):
             self._conversation.keep()
-            self._archive.close({"reason": f"internal error ({error!r})"}, time.monotonic_ns())
+            self._archive.close({"reason": f"internal error ({error!r})"}, time.perf_counter_ns())
 
     def _start(self) -> None:
         self._conversation.frames_began = True
         self._conversation.keep()
-        now_ns = time.monotonic_ns()
+        now_ns = time.perf_counter_ns()
         for note in self._plan.notes:
             self._archive.event("note", now_ns, text=note)
         self._archive.settings(self._settings.to_json(), now_ns)
@@ -198,7 +198,7 @@ class _Session:
         except PortGoneError as error:
             self._fail(PORT_GONE, str(error))
             return
-        self._kept_ns = self._start_ns = time.monotonic_ns()
+        self._kept_ns = self._start_ns = time.perf_counter_ns()
         self._statistics = Statistics(self._settings, self._start_ns)
         self._archive.event("started", self._start_ns, **details)
 
@@ -215,12 +215,12 @@ class _Session:
 
     def _fail(self, what: str, why: str) -> None:
         self._failure = f"{what} ({why})"
-        self._archive.event("failed", time.monotonic_ns(), reason=self._failure)
+        self._archive.event("failed", time.perf_counter_ns(), reason=self._failure)
 
     def _flush(self) -> None:
         try:
             self._archive.flush()
-            self._kept_ns = time.monotonic_ns()
+            self._kept_ns = time.perf_counter_ns()
         except OSError as error:
             self._fail(DISK_FULL, error.strerror or str(error))
 
@@ -231,7 +231,7 @@ class _Session:
         if abs(jump_ns) > CLOCK_JUMP_NS:
             self._offset_ns = offset_ns
             seconds = jump_ns * 1e-9
-            self._archive.event("clock-jumped", time.monotonic_ns(), seconds=seconds)
+            self._archive.event("clock-jumped", time.perf_counter_ns(), seconds=seconds)
             self._notice(f"the host's clock was set by {seconds:+.1f} s; times of frames are not concerned")
 
     def _keep(self, wait_s: float = 0.0) -> list[Chunk]:
@@ -255,7 +255,7 @@ class _Session:
         if not self._dropped_bytes:
             self._notice("bytes come faster than they can be kept; some are lost")
         self._dropped_bytes += dropped
-        self._archive.event("bytes-dropped", time.monotonic_ns(), bytes=dropped)
+        self._archive.event("bytes-dropped", time.perf_counter_ns(), bytes=dropped)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Do something for the eyes: a fault in it is reported, ends the view, and never costs a byte."""
@@ -266,7 +266,7 @@ class _Session:
         except Exception as error:  # a fault of the view, whatever it is
             self._view_failed = True
             reason = f"{type(error).__name__}: {error}"
-            self._archive.event("view-failed", time.monotonic_ns(), reason=reason)
+            self._archive.event("view-failed", time.perf_counter_ns(), reason=reason)
             self._terminal.say("")
             self._notice(f"the view has failed ({reason}); every byte is still recorded")
 
@@ -281,13 +281,13 @@ class _Session:
 
     def _count(self, *, final: bool) -> None:
         received_bytes = self._decoder.waiting_bytes
-        self._statistics.add(self._decoder.decode(final=final), received_bytes, time.monotonic_ns())
+        self._statistics.add(self._decoder.decode(final=final), received_bytes, time.perf_counter_ns())
 
     def _report_absences(self) -> None:
         absent = self._statistics.absent()
         for station in sorted(absent ^ self._absent):
             name = "receiver-absent" if station in absent else "receiver-back"
-            self._archive.event(name, time.monotonic_ns(), receiver=station)
+            self._archive.event(name, time.perf_counter_ns(), receiver=station)
         self._absent = absent
 
     def _notice(self, text: str) -> None:
@@ -296,7 +296,7 @@ class _Session:
             self._terminal.say(f"note: {text}")
 
     def _show(self) -> None:
-        moment = self._statistics.moment(time.monotonic_ns())
+        moment = self._statistics.moment(time.perf_counter_ns())
         elapsed_s, duration_s = self._elapsed_s(), self._plan.duration_s
         baud = self._conversation.port.line_baud
         recorded = display.Recorded(
@@ -323,12 +323,12 @@ class _Session:
         return 0
 
     def _elapsed_s(self) -> float:
-        return (time.monotonic_ns() - self._start_ns) * 1e-9
+        return (time.perf_counter_ns() - self._start_ns) * 1e-9
 
     def _end(self) -> Ending:
         """Stop the tracker, keep its last bytes, close the archive."""
         gone = self._conversation.gone
-        end_ns = gone[1] if gone else time.monotonic_ns()
+        end_ns = gone[1] if gone else time.perf_counter_ns()
         self._archive.event("stopped", end_ns)
         try:
             self._driver.stop()
@@ -343,7 +343,9 @@ class _Session:
             self._notices.append(f"{self._dropped_bytes} bytes came faster than they could be kept; lost")
         reason = self._failure or self._stop.reason
         try:
-            self._archive.close({"reason": reason, "notices": self._notices, **totals}, time.monotonic_ns())
+            self._archive.close(
+                {"reason": reason, "notices": self._notices, **totals}, time.perf_counter_ns()
+            )
         except OSError as error:
             self._failure = reason = self._failure or f"{DISK_FULL} ({error.strerror})"
         if self._failure.startswith(DISK_FULL):
@@ -352,14 +354,14 @@ class _Session:
 
     def _keep_last(self) -> None:
         """Keep what still comes until the tracker is silent; what comes in a flood is no last bytes."""
-        heard = start = time.monotonic()
+        heard = start = time.perf_counter()
         dropped = self._conversation.dropped_bytes
         while (
             self._conversation.dropped_bytes == dropped
-            and time.monotonic() - start < LAST_BYTES_S
-            and time.monotonic() - heard < SILENCE_S
+            and time.perf_counter() - start < LAST_BYTES_S
+            and time.perf_counter() - heard < SILENCE_S
         ):
             if self._keep(TICK_S):
-                heard = time.monotonic()
+                heard = time.perf_counter()
             elif self._conversation.gone:
                 return

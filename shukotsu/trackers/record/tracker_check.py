@@ -76,16 +76,16 @@ def line_lines(settings: StreamSettings, baud: int | None) -> list[str]:
 def _stream_lines(driver: Driver, conversation: Conversation, settings: StreamSettings) -> list[str]:
     """Let it stream for a while, and say what came."""
     decoder = ChunkDecoder(settings)
-    statistics = Statistics(settings, time.monotonic_ns())
+    statistics = Statistics(settings, time.perf_counter_ns())
     driver.start()
-    end = time.monotonic() + STREAM_S
-    while time.monotonic() < end:
+    end = time.perf_counter() + STREAM_S
+    while time.perf_counter() < end:
         for chunk in conversation.listen(0.1):
             decoder.add(chunk.data, chunk.host_ns)
         received_bytes = decoder.waiting_bytes
-        statistics.add(decoder.decode(final=False), received_bytes, time.monotonic_ns())
+        statistics.add(decoder.decode(final=False), received_bytes, time.perf_counter_ns())
     driver.stop()
-    totals = statistics.totals(time.monotonic_ns())
+    totals = statistics.totals(time.perf_counter_ns())
     if not totals["records"]:
         name = conversation.port.name
         raise InputError(f"{name}: the tracker was told to stream, and no record has come")

@@ -62,8 +62,8 @@ class TrakstarDriver(Driver):
         if self._group:
             self._conversation.send(CHANGE_GROUP_MODE + b"\x01")
         self._conversation.send(STREAM)
-        came, start = b"", time.monotonic()
-        while time.monotonic() - start < LOOK_S:
+        came, start = b"", time.perf_counter()
+        while time.perf_counter() - start < LOOK_S:
             came += self._conversation.receive(0.05)
         self.stop()
         rest, _ = self._conversation.drain()

@@ -136,16 +136,15 @@ def _in_pieces(path: Path) -> dict[str, np.ndarray] | None:
             raise InputError(f"it has rotations and {frames} frames, of which {step} can be read at most")
     positions = np.empty((frames, count.points, 3))
     found: dict[str, np.ndarray] = {}
-    with path.open("rb") as stream, tempfile.NamedTemporaryFile(suffix=".c3d") as piece:
+    with path.open("rb") as stream, tempfile.TemporaryDirectory() as folder:
+        piece = Path(folder) / "piece.c3d"
         stream.seek(len(count.head))
         for start in range(0, frames, step):
             now = min(step, frames - start)
-            piece.seek(0)
-            piece.write(count.head_of(now) if now <= MOST_FRAMES else count.head)
-            piece.write(stream.read() if count.rotations else stream.read(now * count.frame_bytes))
-            piece.truncate()
-            piece.flush()
-            found = _arrays(piece.name)
+            head = count.head_of(now) if now <= MOST_FRAMES else count.head
+            frames_bytes = stream.read() if count.rotations else stream.read(now * count.frame_bytes)
+            piece.write_bytes(head + frames_bytes)
+            found = _arrays(str(piece))
             if found["points"].shape != (now, count.points, 3) or (
                 found["rotations"].size and not count.rotations
             ):

@@ -18,8 +18,7 @@ class FloodedPort(Port):
     """A port that always has more, faster than anybody can take it; it takes what is sent."""
 
     def __init__(self) -> None:
-        self.name = "flood"
-        self.baud = self.line_baud = None
+        super().__init__("flood")
         self.stop: StopRequest | None = None
 
     def read(self) -> bytes:
@@ -31,6 +30,9 @@ class FloodedPort(Port):
         del data
         if self.stop is not None:
             self.stop.ask("SIGTERM")
+
+    def close(self) -> None:
+        """Do nothing."""
 
 
 @pytest.fixture

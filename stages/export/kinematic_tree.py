@@ -1,4 +1,5 @@
-"""Joints for OpenSim: which coordinates each has, about which axes, and their values over a motion.
+"""The tree of bodies and joints that OpenSim, URDF and MJCF share: which coordinates each joint has, about
+which axes, their values over a motion, and what a body weighs.
 
 A joint's frame stands where its angles are zero, on the parent's bone at the joint's rest offset; turns are
 carried one by the other, R = R(axis 1, q1) R(axis 2, q2) R(axis 3, q3), after the translations along the
@@ -14,6 +15,9 @@ frame's own axes. So every relative pose of two bones has its coordinates, and n
   of its bone, named as the angles are.
 - The root turns about the ground's axes, in the order that keeps its second angle furthest from 90 deg.
 - A bone that keeps still against its parent, and was given no degree of freedom, is welded to it.
+
+Masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone: enough to build a
+model, not for forces.
 """
 
 from __future__ import annotations
@@ -38,12 +42,19 @@ from shukotsu.skeleton.rotations import (
     unit,
 )
 from shukotsu.stages.export.euler_angles import continuous_angles
-from shukotsu.stages.export.motion import BONE_TO_WEBXR, MOVES_MM, SkeletonMotion, local_motion
+from shukotsu.stages.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, SkeletonMotion, local_motion
 from shukotsu.stages.export.rig_names import plain_names
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 STILL_RAD = 1e-7
 """A rotation below this is none: it moves the end of a 100 mm bone by 10 nm."""
+
+TISSUE_KG_M3 = 1100.0
+_SLENDER = 0.2
+_THINNEST_MM = 6.0
+_SHORTEST_MM = 10.0
+_CAPSULE, _CAPSULES_MM = 0.15, (5.0, 8.0)
+_M_PER_MM = 1e-3
 
 _SIGN = {"right": -1.0, "left": 1.0}
 _ANGLES = ("flexion", "abduction", "rotation")
@@ -59,7 +70,7 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class JointForm:
-    """A joint and the body after it, as OpenSim wants them.
+    """A joint and the body after it.
 
     index : of the joint in the motion. dof : what the skeleton model gave it. parent : index of the parent's
     form in the list, -1 for the ground. offset_mm, quaternion : the joint's frame in the parent's bone frame.
@@ -106,6 +117,52 @@ def joint_forms(motion: SkeletonMotion) -> tuple[JointForm, ...]:
         parent = places.get(joint.parent, -1)
         forms.append(JointForm(index, name, body, joint.dof, parent, offset, zero, axes, turns, shifts))
     return tuple(forms)
+
+
+@dataclass(frozen=True)
+class Body:
+    """What a joint carries, in its bone frame: a bone to each joint and tip that follows.
+
+    spans_mm : (n, 3) their places, none at the origin. length_mm : of the longest. capsule_mm : radius of a
+    capsule about it. mass_kg; middle_mm : (3,) its centre; inertia_kg_m2 : (3,) about the frame's axes.
+    """
+
+    spans_mm: Array
+    length_mm: float
+    capsule_mm: float
+    mass_kg: float
+    middle_mm: Array
+    inertia_kg_m2: Array
+
+
+def body_of(motion: SkeletonMotion, form: JointForm) -> Body:
+    """Give the body after a joint."""
+    after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
+    ends_mm = motion.rest_offset_mm[after].reshape(-1, 3)
+    lengths = np.linalg.norm(ends_mm, axis=1)
+    spans = ends_mm[lengths > 0]
+    length = max(float(lengths.max(initial=0.0)), _SHORTEST_MM)
+    radius = max(_SLENDER * length, _THINNEST_MM)
+    mass = TISSUE_KG_M3 * np.pi * radius**2 * length * _M_PER_MM**3
+    middle = unit(spans.sum(0)) if len(spans) else DISTAL
+    across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
+    inertia = np.array([across, across, along]) * _M_PER_MM**2
+    capsule = float(np.clip(_CAPSULE * length, *_CAPSULES_MM))
+    return Body(spans, length, capsule, float(mass), middle * length / 2, inertia)
+
+
+def fixed_points(
+    motion: SkeletonMotion, forms: Sequence[JointForm], taken: Sequence[str]
+) -> list[tuple[str, JointForm, Array]]:
+    """Name, carrier and place (3,) mm of the tips, which are no joints but points of a body.
+
+    taken : names that no tip may have.
+    """
+    places = {form.index: form for form in forms}
+    tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
+    names = plain_names([*taken, *(motion.names[index] for index in tips)])[len(taken) :]
+    carried = [motion.carrier(index) for index in tips]
+    return [(name, places[above], at_mm) for name, (above, at_mm) in zip(names, carried, strict=True)]
 
 
 def turn_angles(relative: Array, axes: Array) -> Array:
