@@ -143,7 +143,7 @@ class _DigitChain:
         return length.plus(builder.shared(prior.SOURCE_SD_MM[kind], "source", kind))
 
     def _receiver(self, k: int, length: Amount, moved: _Joint, point: str = "") -> tuple[Step, ...]:
-        """The receiver of bone k, or that point on its skin: at mid-bone, driven by the joints at its ends."""
+        """The receiver of bone k, or that point on its skin: at mid-bone, driven by the joints beside it."""
         is_last = k == len(self.digit.segments) - 1
         share, height_mm = prior.NAIL_SHARE if is_last else prior.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
         place = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
