@@ -159,11 +159,6 @@ class Layout:
         return {s.name: s.point for s in self.segments.values() if s.point is not None}
 
     @property
-    def oriented(self) -> tuple[str, ...]:
-        """Segments that carry a receiver with orientation."""
-        return tuple(name for name in self.measured if self.segments[name].point is None)
-
-    @property
     def expected(self) -> tuple[str, ...]:
         """Segments of which a recording should hold poses: measured and not optional."""
         return tuple(name for name in self.measured if not self.segments[name].optional)

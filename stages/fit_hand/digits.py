@@ -103,7 +103,8 @@ class _DigitChain:
         length = builder.length[segment] = self._length(k)
         steps = [*moved.steps(), Mark(bone(segment))]
         builder.centres[joint] = bone(segment)
-        ridden = [self._receiver(k, length, moved)] if self._wears_receiver(k) else []
+        worn = self.measured[k] and segment not in builder.framed
+        ridden = [self._receiver(k, length, moved)] if worn else []
         for name, point in builder.points.get(segment, {}).items():
             if point.at == SKIN:
                 ridden.append(self._receiver(k, length, moved, name))
@@ -115,10 +116,6 @@ class _DigitChain:
             else:
                 steps.append(Side(own))
         return [*steps, along(X, length)]
-
-    def _wears_receiver(self, k: int) -> bool:
-        """Tell whether bone k has a receiver's frame of its own, and not that of a point."""
-        return self.measured[k] and self.digit.segments[k] not in self.builder.framed
 
     def _place(self, k: int, length: Amount, point: Point) -> list[Amount]:
         """Place of a point at an end of bone k: the joint that moves it, the next, or the digit's end."""

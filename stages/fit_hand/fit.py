@@ -245,7 +245,7 @@ def _receivers(layout: Layout, recordings: Sequence[Poses]) -> list[str]:
     worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}
     root = root_of(layout)
     carry = {layout.points[name].segment for name in layout.points.keys() & worn}
-    expected = {s for s in layout.expected if layout.segments[s].point is None}
+    expected = {*layout.expected} - layout.points.keys()
     others = [s for s in layout.measured if s != root and s in worn | carry | expected]
     return [root, *others]
 
