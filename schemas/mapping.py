@@ -127,6 +127,7 @@ _RECEIVER_KEYS = {
 """The keys of a receiver that a format (of csv: its kind of rows) reads."""
 
 _LONG_KEYS = ("receiver", "position", "orientation")
+"""Of csv with long rows; of these "orientation" only where the file has some."""
 
 
 def _check_orientation(config: Mapping[str, Any], where: str) -> None:
@@ -173,10 +174,6 @@ def _check_receivers(config: Mapping[str, Any], where: str) -> None:
 
 def _check_csv(config: Mapping[str, Any], where: str) -> None:
     table = config["csv"]
-    if "orientation" not in config:
-        raise InputError(
-            f"{where}: the key 'orientation' is missing; a joint cannot be found from positions alone"
-        )
     if table["delimiter"] == table["decimal"]:
         raise InputError(f"{where}: csv.decimal: the comma cannot both separate cells and be a decimal mark")
     _check_rows(config, where)
@@ -197,7 +194,8 @@ def _check_csv(config: Mapping[str, Any], where: str) -> None:
 def _check_rows(config: Mapping[str, Any], where: str) -> None:
     """Refuse keys that long rows need or wide rows do not have, and two receivers of one value."""
     table, long = config["csv"], config["csv"]["rows"] == "long"
-    missing = [key for key in _LONG_KEYS if key not in table]
+    turned = "orientation" in config
+    missing = [key for key in _LONG_KEYS if key not in table and (turned or key != "orientation")]
     if long and missing:
         raise InputError(f"{where}: csv: long rows need the key {', '.join(map(repr, missing))}")
     odd = [key for key in (*_LONG_KEYS, "quality") if key in table]
@@ -205,7 +203,7 @@ def _check_rows(config: Mapping[str, Any], where: str) -> None:
         raise InputError(f"{where}: csv.{odd[0]}: is for long rows; with wide rows give it to each receiver")
     seen: dict[str, str] = {}
     for segment, receiver in config["receivers"].items():
-        for key in ("value",) if long else ("position", "orientation"):
+        for key in ("value",) if long else ("position",):
             if key not in receiver:
                 raise InputError(f"{where}: receivers.{segment}: the key {key!r} is missing")
         other = seen.setdefault(str(receiver.get("value", segment)), segment)
@@ -217,8 +215,13 @@ def _check_rows(config: Mapping[str, Any], where: str) -> None:
 
 def _check_columns(group: Mapping[str, Any], place: str, config: Mapping[str, Any], where: str) -> None:
     """Refuse a wrong count of orientation columns, and column names where there is no header."""
-    kind = config["orientation"]["kind"]
     columns = group.get("orientation", [])
+    if columns and "orientation" not in config:
+        raise InputError(
+            f"{where}: the key 'orientation' is missing, which says what the columns of {place}.orientation "
+            "are; leave both out where positions are all there is"
+        )
+    kind = config["orientation"]["kind"] if columns else ""
     if columns and len(columns) != _NUMBERS[kind]:
         raise InputError(
             f"{where}: {place}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
@@ -261,6 +264,11 @@ def _check_c3d(config: Mapping[str, Any], where: str) -> None:
         if len(receiver) != 1:
             raise InputError(f"{where}: receivers.{segment}: needs either 'markers' or 'rotation'")
         markers = receiver.get("markers", [])
+        if len(markers) == 2:
+            raise InputError(
+                f"{where}: receivers.{segment}.markers: are 2; expected 3 or more of a rigid cluster, or "
+                "the one of a point"
+            )
         twice = [marker for marker in markers if markers.count(marker) > 1]
         if twice:
             raise InputError(f"{where}: receivers.{segment}.markers: {twice[0]!r} is named twice")

@@ -71,7 +71,12 @@ def check_recording(
     declared : of its numbers, by the mapping that it was read with.
     left_out : by flag and segment, of those in LEFT_OUT: how many poses the import left out, or put back.
     """
-    seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
+    turned = [name not in layout.points for name in poses.segments]
+    if not poses.valid[:, turned].any():  # no orientation says anything against what was declared
+        line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
+        short = _too_short(line, timed=true_clock(line) is None)
+        return CheckedRecording((short,) if short else (), poses_digest(poses), None, None)
+    seen = [place for place, own in enumerate(poses.valid.T) if own.any() and turned[place]]
     line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
     if len(seen) < len(poses.segments):
         numbers = chosen_points(line.position_mm, seen), chosen_points(line.quaternion, seen)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from shukotsu.anatomy.known_digits import known_digits, no_whole_hand
+from shukotsu.anatomy.known_digits import known_digits, refusal
 from shukotsu.errors import InputError, listed
 from shukotsu.files.whole_files import write_text
 from shukotsu.schemas.config_files import (
@@ -89,7 +89,7 @@ class StudyFiles:
         With another model or layout, a hand that a model cannot be taken for is a problem of the study.
         """
         reasons = [
-            no_whole_hand(layout, name) if model.fitting is not None else ""
+            refusal(layout, name, model)
             for plan in self._plans.values()
             for layout in plan.layouts.values()
             for name, model in plan.models.items()

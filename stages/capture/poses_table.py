@@ -10,7 +10,7 @@ In between each segment's rows wait in a temporary file, so that one segment at 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -46,6 +46,7 @@ FLAGS = {
     "hemisphere-undecided": "the receiver has poses on both sides and nothing tells which is right; kept",
     "low-quality": "the recording's own measure of quality is beyond the limit that its mapping gives",
     "misfit": "the markers of the cluster do not fit its rigid shape",
+    "no-orientation": "the layout has a point here: its position is measured and no orientation; not wrong",
     "spike": "the pose jumped away farther than anything worn moves, and came back within five frames",
 }
 """What a row's flags say; bit i of a row's flags stands for the i-th. See docs/recordings.md."""
@@ -68,6 +69,8 @@ ROW_GROUP_FRAMES = 1 << 15
 MEMORY_BYTES = 2 << 20
 """How much of a segment's rows is kept in memory before it goes to a file."""
 
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
+
 _BIT = {flag: np.uint32(1 << position) for position, flag in enumerate(FLAGS)}
 
 _INVALIDATING = np.bitwise_or.reduce([_BIT[flag] for flag in INVALIDATING])
@@ -89,7 +92,7 @@ class PosesTable:
     """The poses table, to be written a row group at a time; no row group holds two segments.
 
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
-    frozen : segments whose rows are flagged so.
+    frozen : segments whose rows are flagged so. points : those without orientation.
     frame : (T,) every frame that occurs with any segment, ascending.
     """
 
@@ -97,6 +100,7 @@ class PosesTable:
     usable: tuple[int, ...]
     frozen: tuple[str, ...]
     frame: Integers
+    points: frozenset[str]
     _files: tuple[_RowFile, ...]
 
     def close(self) -> None:
@@ -112,7 +116,10 @@ class PosesTable:
                 frame = self.frame[start : start + row_group_frames]
                 first = np.searchsorted(rows["frame"], frame[0])
                 end = np.searchsorted(rows["frame"], frame[-1], side="right")
-                yield _columns(segment, frame, rows[first:end], segment in self.frozen)
+                columns = _columns(segment, frame, rows[first:end], segment in self.frozen)
+                if segment in self.points:
+                    columns |= dict.fromkeys(NUMBERS[3:], np.full(len(frame), np.nan))
+                yield columns
 
 
 class _RowFile:
@@ -167,12 +174,14 @@ def poses_table(
     *,
     expected_mm: Mapping[str, Array] | None = None,
     repair_hemisphere: bool = False,
+    points: Container[str] = (),
 ) -> PosesTable:
     """Check the samples of a recording and lay them out on the full grid.
 
     parts : of the recording, in order. parents : of a segment the one towards the body that carries a
     receiver, where there is one. folder : where temporary files may be; the system's own where none is given.
     expected_mm : where anatomy has joints, see `shukotsu.stages.capture.hemispheres.expected_joints`.
+    points : segments of which positions are all that is measured.
     repair_hemisphere : whether positions on the wrong side of the transmitter are put back, or are gaps.
 
     Raises InputError at the first pose that has all its numbers but no unit quaternion.
@@ -190,7 +199,7 @@ def poses_table(
         frames.append(np.unique(samples.frame))
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
-    segments = {names[index]: _checked(files[index]) for index in sorted(files)}
+    segments = {names[index]: _checked(files[index], names[index] in points) for index in sorted(files)}
     _refuse_bad_quaternions(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
@@ -200,6 +209,7 @@ def poses_table(
         tuple(0 if name in frozen else segment.usable for name, segment in segments.items()),
         frozen,
         frame,
+        frozenset(name for name in segments if name in points),
         tuple(files[index] for index in sorted(files)),
     )
 
@@ -217,9 +227,16 @@ def _rows_of_segments(samples: Samples, start: int) -> Iterator[tuple[int, Rows]
         yield index, rows[samples.segment == index]
 
 
-def _checked(file: _RowFile) -> _Segment:
-    """Bring a segment's rows into order, flag them and say what they say together."""
+def _checked(file: _RowFile, point: bool) -> _Segment:
+    """Bring a segment's rows into order, flag them and say what they say together.
+
+    A point's rows have an orientation that never changes in the place of that which is not measured.
+    """
     rows = file.rows()
+    if point:
+        rows = rows.copy()
+        rows["numbers"][:, 3:] = np.where(np.isnan(rows["numbers"][:, :3]).all(-1)[:, None], np.nan, IDENTITY)
+        rows["flags"][~np.isnan(rows["numbers"]).any(-1)] |= _BIT["no-orientation"]
     rows = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
     _empty_far(rows)
     _empty_wild_times(rows["time_s"])
@@ -233,7 +250,7 @@ def _checked(file: _RowFile) -> _Segment:
     poses = rows["numbers"][complete]
     usable = rows[complete & ~_unusable(rows)]
     optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers, which no hemisphere mirrors
-    magnetic = len(usable) > 0 and not optical
+    magnetic = len(usable) > 0 and not optical and not point
     own = own_sides(usable["frame"], usable["time_s"], usable["numbers"][:, :3]) if magnetic else None
     return _Segment(
         len(usable),

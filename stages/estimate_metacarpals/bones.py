@@ -19,6 +19,9 @@ from shukotsu.schemas.poses import Poses, PosesReader
 from shukotsu.skeleton.digit_chain import DigitChain, Rows, all_valid, seen_from
 from shukotsu.skeleton.rotations import Array
 
+LENGTHS = ("starts_at", "ends_at", "length_mm", "sd_mm")
+"""Columns of a bone that the fit of the whole hand knows better than the replay."""
+
 
 @dataclass(frozen=True)
 class Bone:
@@ -70,8 +73,7 @@ def with_fitted_lengths(bone: Bone, fitted: Mapping[str, Any] | None) -> Bone:
     """
     if fitted is None:
         return bone
-    names = ("starts_at", "ends_at", "length_mm", "sd_mm")
-    return replace(bone, **{name: fitted[name] for name in names})
+    return replace(bone, **{name: fitted[name] for name in LENGTHS})
 
 
 def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:

@@ -17,6 +17,7 @@ from shukotsu.schemas.verdict import UNJUDGED, Doubts, judged_bone, judged_joint
 from shukotsu.skeleton.digit_chain import Rows, digit_chain
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.estimate_metacarpals.bones import (
+    LENGTHS,
     MetacarpalBone,
     digit_bones,
     metacarpal_mode,
@@ -54,7 +55,7 @@ def build_hand(
 
     rows : joint_centres of one hand and model, by joint. fitted_bones : rows of a whole-hand fit's
     bone_lengths by segment, of a model that has one. A digit with a failed joint has bones without lengths
-    that say so.
+    that say so, but for what the fit knows of them.
     """
     joints = {name: dict(row) for name, row in rows.items()}
     wrist = wrist_row(rows, layout, model, calibration)
@@ -66,7 +67,10 @@ def build_hand(
         chain = digit_chain(digit, layout, model, joints)
         if isinstance(chain, str):
             unknown = {"starts_at": "", "ends_at": "", "length_mm": None, "driven_by": "", "message": chain}
-            bones += [{"digit": digit.name, "bone": segment, **unknown} for segment in digit.segments]
+            for segment in digit.segments:
+                known = (fitted_bones or {}).get(segment, {})
+                lengths = {name: known[name] for name in LENGTHS if name in known}
+                bones.append({"digit": digit.name, "bone": segment, **unknown, **lengths})
             continue
         mode = metacarpal_mode(chain, layout, model)
         measured = digit_bones(chain, mode, joints, layout, calibration)

@@ -19,7 +19,8 @@ from shukotsu.stages.fit_hand.gauss_newton import first_guess
 from shukotsu.stages.fit_hand.normal_equations import Frames, Problem, Residuals
 
 CHUNK_FRAMES = 256
-LEAST_RECEIVERS = 2
+LEAST_MEASURED = 3
+"""Of positions and rotations, to pose a frame: two receivers, one and a point, or three points."""
 _UNSEEN = 1e9
 """Sd in units of a receiver's own, of what is to count for nothing."""
 
@@ -76,7 +77,7 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
     angles, position, quaternion, origins, rms = (
         np.concatenate(arrays) for arrays in zip(*parts, strict=True)
     )
-    posed = frames.valid.sum(1) >= LEAST_RECEIVERS
+    posed = frames.valid @ np.where(problem.turns, 2, 1) >= LEAST_MEASURED
     for array in (angles, position, quaternion, origins, rms):
         array[~posed] = np.nan
     return PosedHand(

@@ -59,10 +59,11 @@ def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
     """List what could be measured, how well, and its rows (K, 3, G + 6 D) in units of its sd."""
     evidence = tips.fit.evidence
     model = evidence.model
+    worn = [s for s in model.mount if s in model.receivers and s not in evidence.layout.points]
     quantities = [
         *model.length,
-        *(f"{s}.{part}" for s in model.mount if s in model.receivers for part in MOUNT_PARTS),
-        *(f"{s}.distal" for s in model.mount if s in model.receivers and s in model.length),
+        *(f"{s}.{part}" for s in worn for part in MOUNT_PARTS),
+        *(f"{s}.distal" for s in worn if s in model.length),
     ]
     sds = [_realistic_sd_mm(evidence, quantity) for quantity in quantities]
     lengths = [Measurement(quantity, 0.0, sd) for quantity, sd in zip(quantities, sds, strict=True)]

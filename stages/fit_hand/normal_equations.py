@@ -26,6 +26,10 @@ HUBER = 3.55
 """Norm of a receiver's six residuals, over their sd, beyond which they count less: 95 % of normal ones."""
 
 
+UNTURNED_RAD = 1e9
+"""Sd of a point's rotation, of which nothing is measured: its three residuals weigh nothing."""
+
+
 @dataclass(frozen=True)
 class Frames:
     """Measured poses of S receivers: rotation (F, S, 3, 3), position_mm (F, S, 3), valid (F, S)."""
@@ -94,6 +98,11 @@ class Problem:
     observations: Observations
     state_link: Array | None = None
     field: RoomField | None = None
+
+    @property
+    def turns(self) -> npt.NDArray[np.bool_]:
+        """Tell of which receivers the rotation is measured, (S,)."""
+        return np.asarray(self.sd[:, 1] < UNTURNED_RAD / 1e3)
 
     def unknowns_of(self, index: int) -> Index:
         """Indices into x of what moves the receivers of a branch, or how they are measured."""

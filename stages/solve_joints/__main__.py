@@ -29,6 +29,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def solve(arguments: argparse.Namespace) -> None:
     """Solve the joints of every hand under every model, also without each task that is left out in turn."""
+    from shukotsu.anatomy.known_digits import refusal
     from shukotsu.errors import InputError
     from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
     from shukotsu.schemas.parts import parts_writer
@@ -44,6 +45,8 @@ def solve(arguments: argparse.Namespace) -> None:
         for part, outcome in outcomes.items():
             with subject_stage.recording_failure(arguments, part, write):
                 plan.check_calibration_left(part.hand)
+                if reason := refusal(plan.layouts[part.hand], part.model, plan.models[part.model]):
+                    raise InputError(reason)
                 if isinstance(outcome, Exception):
                     raise outcome
                 write.rows(part, [{**plan.who._asdict(), **row} for row in outcome])

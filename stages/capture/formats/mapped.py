@@ -127,6 +127,7 @@ def samples_of_tracks(
     if marks:
         notes = [*notes, f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"]
         tracks = [replace(own, numbers=without_marks(own.numbers)) for own in tracks]
+    _check_turns(tracks, mapping, layout)
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
@@ -151,6 +152,17 @@ def samples_of_tracks(
     return replace(
         joined(parts), place=lambda sample: place(int(rows[sample])), notes=(*notes, *lost), losses=lost
     )
+
+
+def _check_turns(tracks: Sequence[Track], mapping: FileMapping, layout: Layout) -> None:
+    """Refuse positions alone of what is no point: a joint is found from how receivers turn."""
+    for segment, track in zip(mapping.receivers, tracks, strict=True):
+        placed, turned = np.isfinite(track.numbers[:, :3]).any(), np.isfinite(track.numbers[:, 3:]).any()
+        if placed and not turned and segment not in layout.points:
+            raise InputError(
+                f"{mapping.where}: receivers.{segment}: has positions and no orientation, which a receiver "
+                f"needs; say where it is, or take a layout in which {segment} is a point (docs/layouts.md)"
+            )
 
 
 def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:

@@ -106,7 +106,7 @@ def _sources(text: TextTable, mapping: FileMapping) -> dict[str, _Source]:
 
 def _source(text: TextTable, group: Mapping[str, Any], where: str, shared_time: str | None) -> _Source:
     position, orientation = (
-        [text.column(column, f"{where}.{key}") for column in group[key]]
+        [text.column(column, f"{where}.{key}") for column in group.get(key, [])]
         for key in ("position", "orientation")
     )
     time = _title(text, group, "time", where) or shared_time
@@ -173,9 +173,10 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
     """A receiver's rows in the file's order, numbered from 0 in place of frames; every : row of the table."""
     rows = source.rows
     position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
-    turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
-    assert mapping.orientation is not None  # a table without one is refused with its mapping
-    turned = quaternions(turning, mapping.orientation, lambda index: cells.place(int(rows[index])))
+    turned = np.full((len(rows), 4), np.nan)
+    if source.orientation and mapping.orientation is not None:
+        turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
+        turned = quaternions(turning, mapping.orientation, lambda index: cells.place(int(rows[index])))
     low = np.zeros(len(rows), bool)
     if source.quality is not None:
         quality = cells.reals(source.quality)[rows]

@@ -192,7 +192,7 @@ class Point:
     """The channels of a tracked point.
 
     position : of x, y and z; orientation : of w, x, y and z, or of the three angles in the order of `axes`,
-    which is None for quaternions.
+    which is None for quaternions; none of a point.
     """
 
     position: tuple[Channel, ...]
@@ -219,6 +219,8 @@ def find_point(sidecars: Sidecars, name: str, mapping: FileMapping) -> Point:
         )
     turning = sidecars.of_type("ORNT", name)
     orientation = mapping.orientation or {}
+    if not turning:
+        return Point(position, (), None)
     quaternion = any(channel.component in WXYZ for channel in turning)
     kind = "quaternion" if quaternion else "euler"
     if orientation.get("kind", kind) != kind:

@@ -123,6 +123,8 @@ def _missing_values(sidecars: Sidecars) -> list[str]:
 def _numbers(cells: Cells, point: Point, mapping: FileMapping) -> Array:
     """Poses as Samples have them, shape (T, 7)."""
     position = [cells.shifted_reals(channel.title, SHIFT_TO_MM[channel.units]) for channel in point.position]
+    if not point.orientation:
+        return np.concatenate([np.stack(position, -1), np.full((cells.rows, 4), np.nan)], -1)
     turning = [cells.shifted_reals(channel.title, 0) for channel in point.orientation]
     rotates = (mapping.orientation or {}).get("rotates", "receiver-to-transmitter")
     if point.axes is None:

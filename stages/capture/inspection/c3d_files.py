@@ -86,8 +86,8 @@ def _draft(file: C3dFile, rigid: Mapping[str, Sequence[str]], layout: Layout) ->
     }
     receivers |= {f"{CHECK}_{_key(stem)}": {"markers": list(labels)} for stem, labels in rigid.items()}
     if not receivers:
-        markers = [CHECK, f"{CHECK}2", f"{CHECK}3"]
-        receivers[CHECK] = ({"markers": markers}, "no group of markers looks rigid")
+        point = "no group of markers looks rigid: each is a point, or name three or more of a rigid cluster"
+        receivers = {f"{CHECK}_{_key(own)}": ({"markers": [own]}, point) for own in file.labels}
     named = f"name each by its segment in layout {layout.name}: {', '.join(layout.measured)}"
     config = {
         "format": "c3d",

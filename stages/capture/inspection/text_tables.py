@@ -81,7 +81,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if roles.orientations[1] and not roles.positions:
         lines.append("no positions were found")
     if roles.positions and not roles.orientations[1]:
-        lines.append("no orientations were found: a joint cannot be found from positions alone")
+        lines.append("no orientations were found: positions alone are for a layout of points (keypoints-21)")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
     found = _receivers(roles, receivers, text.titles, layout)
     config = _config(roles, units, found, asynchronous, layout)
@@ -181,7 +181,8 @@ def _config(
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
     elif roles.time is None:
         config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
-    config["orientation"] = _orientation(roles, units.angle)
+    if roles.orientations[1] or not roles.positions:
+        config["orientation"] = _orientation(roles, units.angle)
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
     config["receivers"] = (receivers or {CHECK: {}}, named)
     return config
@@ -214,7 +215,8 @@ def _receivers(
     pairs = paired(roles, titles)
     names = [position[0] for position, _ in pairs]
     for index, (position, turning) in enumerate(pairs):
-        columns: dict[str, Any] = {"position": _columns(position), "orientation": _columns(turning)}
+        columns: dict[str, Any] = {"position": _columns(position)}
+        columns |= {"orientation": _columns(turning)} if turning else {}
         if len(roles.quality) == len(pairs):  # one each
             columns["quality"] = _column(roles.quality[index])
         segment = _segment(names[index], layout, names)
@@ -265,5 +267,7 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
         config["receiver"] = _column(roles.receiver)
         for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):
             titles = groups[0] if groups else []
+            if key == "orientation" and roles.positions and not groups:
+                continue
             config[key] = (_columns(titles), _doubt(roles, titles))
     return config
