@@ -13,6 +13,7 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.units import MM_PER_UNIT
 from shukotsu.stages.capture.formats.c3d import C3dFile, open_c3d
 from shukotsu.stages.capture.inspection.description import CHECK, Description, draft, extent_line
+from shukotsu.stages.capture.inspection.rigid_groups import rigid_groups
 
 RIGID_SHARE = 0.05
 """A cluster whose distances vary (interquartile) by less than this share of them is taken for rigid."""
@@ -45,6 +46,12 @@ def describe_c3d(path: Path, layout: Layout) -> Description:
         for stem, (distance, spread) in variations.items()
     ]
     rigid = {stem: clusters[stem] for stem, (d, spread) in variations.items() if spread < RIGID_SHARE * d}
+    named = {label for group in rigid.values() for label in group}
+    free = [index for index, label in enumerate(file.labels) if label not in named]
+    found = rigid_groups(file.points[:, free], [file.labels[index] for index in free])
+    for stem, own in found.items():
+        rigid[stem] = [file.labels[free[index]] for index in own]
+        lines.append(f"markers {', '.join(rigid[stem])}: keep their distances: a rigid cluster")
     return Description(tuple(lines), _draft(file, rigid, layout))
 
 

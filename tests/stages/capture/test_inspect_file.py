@@ -183,6 +183,25 @@ def test_a_c3d_file_names_its_rigid_clusters(run: Run) -> None:
     assert samples.notes[0].startswith("cluster upper_arm: 3 markers")
 
 
+def test_a_c3d_file_with_markers_of_any_names_has_its_rigid_clusters_found(run: Run) -> None:
+    """Two segments that turn apart, and a marker that goes its own way; names tell nothing."""
+    shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
+    places = [1000 * PLACE, 300 * PLACE[::-1]]
+    turns = [matrix(TURNED), matrix(TURNED[::-1])]
+    rigid = [
+        shape @ np.swapaxes(turn, 1, 2) + place[:, None] for turn, place in zip(turns, places, strict=True)
+    ]
+    loose = RNG.normal(scale=100, size=(FRAMES, 1, 3))
+    points = np.concatenate([*rigid, loose], 1)[:, [0, 3, 1, 4, 6, 2, 5]]
+    labels = ["RSHO", "LPSI", "CLAV", "STRN", "RUPA", "T10", "RBAK"]
+    out = run.drafted(write_c3d(run.folder / "a.c3d", points, labels, "mm"))
+    for names in ("RSHO, CLAV, T10", "LPSI, STRN, RBAK"):
+        assert f"markers {names}: keep their distances: a rigid cluster" in out
+    samples = run.imported(run.folder / "a.c3d", {"CHECK_RSHO": "upper_arm", "CHECK_LPSI": "forearm"})
+    own = samples.segment == samples.segments.index("upper_arm")
+    np.testing.assert_allclose(samples.numbers[own, :3], rigid[0][:, 0], atol=1e-3)
+
+
 TIDY = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
 TIDY_ROWS = "7,0.5,hand,1,2,3,1,0,0,0\n8,0.51,hand,,,,,,,\n8,0.51,elbow,1,2,3,1,0,0,0\n"
 

@@ -1,6 +1,7 @@
 """Files of other trackers: poses -> file as documented -> inspection's draft, or the guide's mapping."""
 
 import itertools
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -40,8 +41,9 @@ class Poses:
         rows = []
         for t in range(FRAMES):
             tools = zip(self.lost[t], self.turned[t], self.mm[t], strict=True)
-            own = (gap if lost else cells(q, mm) for lost, q, mm in tools)
-            rows.append([*lead(t), *itertools.chain(*own)])
+            rows.append(
+                [*lead(t), *itertools.chain(*(gap if lost else cells(q, mm) for lost, q, mm in tools))]
+            )
         return [mark.join(f"{c:.7f}" if isinstance(c, float) else str(c) for c in row) for row in rows]
 
 
@@ -105,14 +107,19 @@ def sequence(poses: Poses, nrrd: bool, names: tuple[str, ...] = SEGMENTS) -> Wri
     )
 
 
-def glove(poses: Poses, axes: str, per_s: int) -> Written:
-    """An electromagnetic glove: keys of messages with points between them, dates as times, metres."""
-    keys = [f"position.{axis}" for axis in "xyz"] + [f"orientation.{axis}" for axis in axes]
-    titles = ["header.stamp", *(f"raw_sensor.{i}.{key}" for i in range(poses.tools) for key in keys)]
-    times = (1_700_000_000 * per_s + np.arange(FRAMES) * per_s // 100).tolist()
-    rows = poses.lines(",", lambda t: [times[t]], [""] * 7, lambda pose, mm: [*mm / 1000, *pose])
-    told = {"order": "wxyz"} if axes == "0123" else {}
-    return "glove.csv", [",".join(titles), *rows], {"position_unit": "m", **told, **TOLD, **CALLED}
+def glove(poses: Poses, named: bool) -> Written:
+    """An electromagnetic glove: a message a line, by name and with a ROS time, or quaternions as lists."""
+    lines = []
+    for t in range(FRAMES):
+        turned: list[Any] = [[*own] for own in poses.turned[t]]
+        turned = [dict(zip("wxyz", own, strict=True)) for own in turned] if named else turned
+        places = [dict(zip("xyz", own / 1000, strict=True)) for own in poses.mm[t]]
+        sensors = [{"position": p, "orientation": q} for p, q in zip(places, turned, strict=True)]
+        stamp = {"sec": 1_700_000_000, "nanosec": t * 10**7} if named else poses.time_s[t]
+        seen = [{} if lost else own for lost, own in zip(poses.lost[t], sensors, strict=True)]
+        lines.append(json.dumps({"header": {"stamp": stamp}, "side": "right", "raw_sensor": seen}))
+    told = {} if named else {"time_unit": "s", "order": "wxyz"}
+    return "glove.jsonl", lines, {"position_unit": "m", **told, **TOLD, **CALLED}
 
 
 FORMS: list[tuple[Callable[..., Written], tuple[Any, ...]]] = [
@@ -120,14 +127,13 @@ FORMS: list[tuple[Callable[..., Written], tuple[Any, ...]]] = [
     *((aurora, dress) for dress in ((",", ""), ("", ","))),
     *((motive, dress) for dress in (("Millimeters", False), ("Meters", True))),
     *((sequence, dress) for dress in ((False,), (True, ("UpperArm", "Forearm", "Hand")))),
-    *((glove, dress) for dress in (("0123", 10**3), ("wxyz", 10**9))),
+    *((glove, dress) for dress in ((False,), (True,))),
 ]
-GUIDE_PAGE = REPOSITORY / "docs" / "mappings.md"
 GUIDE = {
     "Q0 #1": (wave, (False, "\t")),
     "tip Position X": (motive, ("Millimeters", False, ("tip", "other"))),
     "sequence": (sequence, (False, ("Hand", "Stylus"))),
-    "raw_sensor": (glove, ("0123", 10**3)),
+    "raw_sensor": (glove, (False,)),
 }
 
 
@@ -173,11 +179,13 @@ def test_what_is_read_is_what_was_written(
         ("a.igs.mha", "ObjectType = Image\nSeq_Frame0000_ATo", "its header has no end"),
         ("a.nrrd", "NRRD0004\nSeq_Frame0000_AToBTransform:=1 0\n\n", "line 2: expected 16 numbers"),
         ("a.nrrd", f"NRRD0004\nSeq_Frame0000_AToBTransform:={'0 ' * 16}\n\n", "'a' is not in layout"),
+        ("a.jsonl", '{"a": 1}\n{"a": ', "line 2: is no whole JSON object"),
     ],
 )
 def test_what_cannot_be_read(tmp_path: Path, name: str, content: str, message: str) -> None:
     (tmp_path / name).write_text(content)
-    refuse(tmp_path / name, message)
+    mapping = yaml.safe_load(blocks(REPOSITORY / "docs" / "mappings.md", "yaml")[0].text)
+    refuse(tmp_path / name, message, mapping=mapping if name == "a.jsonl" else None)
 
 
 def test_what_is_no_pose_is_not_drafted(tmp_path: Path) -> None:
