@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from fuzzing.sample_files import xdf_chunk
+from lsl_here import LSL_HERE
 from tracker_processes import PATIENCE_S, capture, started, until_lines
 
 from shukotsu.errors import InputError
@@ -43,13 +44,12 @@ while True:
     outlet.push_chunk(poses.reshape(len(new), 112), (start + new / 240).tolist())
     sent += len(new)
 """
-HERE = "[multicast]\nResolveScope=machine\n[lab]\nKnownPeers={localhost}\n[ports]\nIPv6=disable\n"
 
 
 @pytest.fixture
 def sender(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Start a sender of 16 objects at 240 Hz for this machine; the second object lacks every tenth sample."""
-    (tmp_path / "lsl.cfg").write_text(HERE)
+    (tmp_path / "lsl.cfg").write_text(LSL_HERE)
     monkeypatch.setenv("LSLAPICFG", str(tmp_path / "lsl.cfg"))
     with ExitStack() as running:
 
