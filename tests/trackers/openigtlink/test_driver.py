@@ -1,11 +1,13 @@
 """Joining servers of OpenIGTLink: what is found out of one, and what is recorded."""
 
+import re
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fuzzing.tracker_streams import igtl_frame, igtl_message
-from tracker_processes import capture, emulator
+from tracker_processes import PATIENCE_S, capture, emulator, started, until_lines
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.tables import read_metadata
@@ -82,3 +84,21 @@ def test_a_recording_that_is_served_is_recorded_and_imported(message: str, tmp_p
     assert records.position_mm == pytest.approx(motion.position_mm[cycle, column], abs=1e-4)
     turned = np.einsum("ij,ij->i", records.quaternion, motion.quaternion[cycle, column])
     assert np.abs(turned) == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("killed", ["recorder", "server"])
+def test_whoever_is_killed_what_came_is_kept(killed: str, tmp_path: Path) -> None:
+    out = str(tmp_path / "rom.arrows")
+    with (
+        started("emulate", "--igtl", "0") as server,
+        started("record", "--port", str(server.stdout.readline()).strip(), "--out", out) as recorder,  # type: ignore[union-attr]
+    ):
+        until_lines(recorder, 2)
+        (recorder if killed == "recorder" else server).kill()
+        _, told = recorder.communicate(timeout=PATIENCE_S)
+    assert recorder.returncode == {"recorder": -signal.SIGKILL, "server": 3}[killed]
+    assert killed == "recorder" or "the port is gone (it was closed at the other end) after" in told
+    inspected = capture("inspect", out).stdout
+    assert int(re.findall(r"1: (\d+),", inspected)[0]) > 200
+    assert "skipped" not in inspected
