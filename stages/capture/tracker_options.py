@@ -14,7 +14,11 @@ if TYPE_CHECKING:
 def add_tracker(command_parser: argparse.ArgumentParser) -> None:
     """Add the options that say which tracker and how it shall send."""
     add = command_parser.add_argument
-    add("--port", required=True, help="such as /dev/ttyUSB0, COM3 or socket://host:4001")
+    add(
+        "--port",
+        required=True,
+        help="such as /dev/ttyUSB0, COM3, usb:, socket://host:4001, igtl://host:18944, lsl:NAME",
+    )
     add("--tracker", choices=tuple(FAMILIES), help=f"default: {USUAL}, or what the port says")
     add("--baud", type=int, default=115200, help="of a serial device; default: 115200")
     add("--line-rate", type=int, metavar="BAUD", help="of the line behind a network port, if any")

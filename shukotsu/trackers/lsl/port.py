@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import os
 import time
+from functools import cache
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -22,14 +25,23 @@ BUFFERED_S = 60
 """LSL keeps so much of a stream with a rate for a recorder that is late; of others a hundred samples each."""
 
 MOST_SAMPLES_BYTES = 1 << 16
+SETTINGS = ("lsl_api.cfg", "~/lsl_api/lsl_api.cfg", "/etc/lsl_api/lsl_api.cfg")
+"""Where LSL looks for what a user has set."""
 
 
+@cache
 def pylsl() -> Any:
-    """Give the package. Raises InputError where it is not installed, or does not run here."""
+    """Give the package, which only warns where the user has no settings of LSL.
+
+    Raises InputError where it is not installed, or does not run here.
+    """
     try:
-        return importlib.import_module("pylsl")
+        lsl = importlib.import_module("pylsl")
     except (ImportError, OSError, RuntimeError) as error:
         raise InputError("LSL needs pylsl (pip install pylsl; on Linux with glibc 2.35 or newer)") from error
+    if "LSLAPICFG" not in os.environ and not any(Path(file).expanduser().exists() for file in SETTINGS):
+        lsl.set_config_content("[log]\nlevel = -1\n")
+    return lsl
 
 
 def resolved(lsl: Any, name: str) -> Any:
@@ -40,7 +52,11 @@ def resolved(lsl: Any, name: str) -> Any:
         if len(own) == 1:
             return own[0]
     known = ", ".join(sorted(f"{s.name()} (source_id {s.source_id()})" for s in found)) or "none"
-    raise InputError(f"lsl:{name}: are {len(own)} LSL streams; expected one of: {known}")
+    what = f"name {name!r}" if name else "type MoCap"
+    raise InputError(
+        f"--port lsl:{name} is {len(own) or 'none'} of the LSL streams by {what}; expected one of these: "
+        f"{known}; start its sender, or give its source_id"
+    )
 
 
 def stream_lines() -> list[str]:
