@@ -194,8 +194,8 @@ KINDS: Mapping[str, Kind] = {
     ),
     "unchecked": Kind(
         N_("The recording was not tested against what was declared of it, so nothing is said of it here."),
-        "A fault of this program, not of the recording.",
-        "Look at its picture and its joints' gaps yourself; please report the sentence with the log.",
+        "A fault of this program, or points without orientation, which say nothing against it.",
+        "Look at its picture and its joints' gaps yourself; please report a fault with the log.",
     ),
 }  # fmt: skip
 

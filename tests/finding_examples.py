@@ -69,6 +69,7 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("spikes", "left-out"): [ONE, COUNTED],
     ("spikes", "all"): [{}, {"unmapped": True}],
     ("unchecked", ""): [{"reason": "internal error in check_recordings (KeyError: 1)"}],
+    ("unchecked", "no-orientation"): [{}],
     ("receiver-loose", ""): [{"segment": "hand", "message": "came loose"}],
     ("receiver-slid", ""): [{"segment": "hand", "message": "slid"}],
     ("field-disturbed", ""): [

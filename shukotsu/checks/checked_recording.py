@@ -72,10 +72,11 @@ def check_recording(
     left_out : by flag and segment, of those in LEFT_OUT: how many poses the import left out, or put back.
     """
     turned = [name not in layout.points for name in poses.segments]
-    if not poses.valid[:, turned].any():  # no orientation says anything against what was declared
+    if not poses.valid[:, turned].any():
         line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
         short = _too_short(line, timed=true_clock(line) is None)
-        return CheckedRecording((short,) if short else (), poses_digest(poses), None, None)
+        points = Finding("unchecked", NOTE, "no-orientation", {})
+        return CheckedRecording((points, *([short] if short else ())), poses_digest(poses), None, None)
     seen = [place for place, own in enumerate(poses.valid.T) if own.any() and turned[place]]
     line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
     if len(seen) < len(poses.segments):

@@ -94,3 +94,5 @@ def test_a_study_of_points_comes_to_a_report(tmp_path: Path) -> None:
     verdicts = {row["joint"]: row["verdict"] for row in study.rows_where("joint_centres", model="whole-hand")}
     assert verdicts["index_pip"] in ("believe", "care")
     assert any("layout keypoints-21 has points" in row["message"] for row in study.rows_where("problems"))
+    (unchecked,) = study.rows_where("problems", kind="unchecked")
+    assert "points that are exchanged do not show" in unchecked["message"]
