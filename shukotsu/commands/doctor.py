@@ -58,6 +58,8 @@ def _packages() -> Check:
     missing = []
     try:
         for requirement in requires("shukotsu") or []:
+            if "extra ==" in requirement:  # some users want it
+                continue
             name = re.split(r"[^\w.-]", requirement)[0]
             try:
                 version(name)
