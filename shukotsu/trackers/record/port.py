@@ -58,7 +58,7 @@ class Port(ABC):
         return self.line_baud is not None and self.baud is not None
 
     def set_baud(self, baud: int) -> None:
-        """Change the line's rate; where there is none, nothing."""
+        """Change the line's rate, or note it where the port has none to set."""
         self.baud = self.line_baud = baud
 
     @abstractmethod
