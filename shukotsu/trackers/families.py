@@ -69,11 +69,17 @@ POLHEMUS, NDI = 0x0F44, 0x04B4
 HIGH_SPEED, FULL_SPEED = (0x04, 0x88), (0x02, 0x82)
 READY, WANTS_FIRMWARE, NOT_READ = "ready", "wants its firmware", "not read by this program"
 _BINARY_ONLY = "sends binary only; leave it out"
-_AT_SERVER = "set them with the program that serves OpenIGTLink"
 _LIBERTY_DECODERS = {
     "binary": ("shukotsu.trackers.liberty.binary_decoder", "BinaryDecoder"),
     "ascii": ("shukotsu.trackers.liberty.text_decoder", "TextDecoder"),
 }
+
+
+def _set_by(program: str) -> dict[str, str]:
+    """Give the sentence of options that are set elsewhere."""
+    options = ("--hemisphere", "--no-filters")
+    return dict.fromkeys(options, f"{', '.join(options)}: set them with {program}")
+
 
 FAMILIES = {
     "liberty": Family(
@@ -147,8 +153,7 @@ FAMILIES = {
         record_bytes=14,
         unsupported={
             "--ascii": f"--ascii: a trakSTAR {_BINARY_ONLY}",
-            "--hemisphere": "--hemisphere, --no-filters: set them with the trakSTAR's own program",
-            "--no-filters": "--hemisphere, --no-filters: set them with the trakSTAR's own program",
+            **_set_by("the trakSTAR's own program"),
         },
         usb={(NDI, 0x1005): UsbTracker("trakSTAR", NOT_READ)},
     ),
@@ -162,8 +167,7 @@ FAMILIES = {
         unsupported={
             "--stations": "--stations: an OpenIGTLink server sends every tool; leave it out",
             "--ascii": f"--ascii: OpenIGTLink {_BINARY_ONLY}",
-            "--hemisphere": f"--hemisphere, --no-filters: {_AT_SERVER}",
-            "--no-filters": f"--hemisphere, --no-filters: {_AT_SERVER}",
+            **_set_by("the program that serves OpenIGTLink"),
         },
         scheme="igtl",
     ),
@@ -177,8 +181,7 @@ FAMILIES = {
         unsupported={
             "--stations": "--stations: an LSL stream is recorded whole; leave it out",
             "--ascii": f"--ascii: an LSL stream {_BINARY_ONLY}",
-            "--hemisphere": "--hemisphere, --no-filters: are for an LSL stream's sender; leave them out",
-            "--no-filters": "--hemisphere, --no-filters: are for an LSL stream's sender; leave them out",
+            **_set_by("the LSL stream's sender"),
         },
     ),
 }
@@ -200,14 +203,12 @@ def family_at(port: str, named: str | None) -> str:
     Raises InputError where the two differ.
     """
     scheme = port.partition(":")[0]
-    told = next(
-        (name for name, family in FAMILIES.items() if family.scheme and family.scheme == scheme), None
-    )
+    own = next((name for name, family in FAMILIES.items() if family.scheme and family.scheme == scheme), None)
     own_ports = named is not None and FAMILIES[named].scheme
-    if (told is not None and named not in (None, told)) or (own_ports and named != told):
-        expected = told or f"a port {own_ports}:..."
+    if (own is not None and named not in (None, own)) or (own_ports and named != own):
+        expected = own or f"a port {own_ports}:..."
         raise InputError(f"--tracker: is {named}, and --port is {port}; expected {expected}, or leave it out")
-    return told or named or USUAL
+    return own or named or USUAL
 
 
 def output_items(family: str) -> OutputItems | None:

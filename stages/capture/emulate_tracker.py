@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from shukotsu.errors import InputError
 from shukotsu.stages import command_line
 from shukotsu.trackers.emulate.faults import FAULTS, LineFault, Plug, parse_fault, parse_time
-from shukotsu.trackers.families import FAMILIES
+from shukotsu.trackers.families import FAMILIES, USUAL
 
 if TYPE_CHECKING:
     from shukotsu.trackers.emulate.device import EmulatedDevice
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 DEVICES = tuple(name for name, family in FAMILIES.items() if family.emulated_device and not family.scheme)
 IGTL = "openigtlink"
+FASTEST_HZ = 240
 MESSAGES = ("transform", "tdata", "qtdata", "position")
 
 _LOCAL_HOSTS = ("127.0.0.1", "localhost")
@@ -67,8 +68,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 def _add_device(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add("--device", choices=DEVICES, default="liberty", help="default: liberty")
-    add("--message", choices=MESSAGES, default=MESSAGES[0], help="of --igtl; default: transform")
+    add("--device", choices=DEVICES, help=f"default: {USUAL}")
+    add("--message", choices=MESSAGES, help=f"of --igtl; default: {MESSAGES[0]}")
     add("--stations", metavar="1-16", help="plugged receivers, such as 1-4,7 (default: all)")
     add("--ports", type=int, help="connectors of a LIBERTY: 4, 8, 12 or 16 (default: 16)")
     add("--rate", type=int, help="frames a second at power-up: 240 or 120 (default: 240)")
@@ -118,16 +119,15 @@ def emulate(options: argparse.Namespace) -> None:
 
 
 def _check(options: argparse.Namespace) -> None:
-    if options.igtl is not None:
-        options.device, options.tcp = IGTL, options.igtl
+    _choose_device(options)
     family = FAMILIES[options.device]
     options.ports = options.ports or family.ports[-1]
-    rates_hz = family.rates_hz or range(240, 0, -1)
+    rates_hz = family.rates_hz or range(FASTEST_HZ, 0, -1)
     options.rate = options.rate or rates_hz[0]
     for name, known in (("ports", family.ports), ("rate", rates_hz)):
         value = getattr(options, name)
         if value not in known:
-            choices = ", ".join(map(str, known))
+            choices = f"1 to {FASTEST_HZ}" if isinstance(known, range) else ", ".join(map(str, known))
             raise InputError(f"--{name}: is {value}; expected one that a {options.device} has: {choices}")
     if options.baud is not None and options.pty is None:
         raise InputError("--baud: only a pseudo-terminal has a speed; give --pty")
@@ -139,6 +139,20 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(f"--reinit-delay: is {options.reinit_delay:g}; expected seconds below 3600")
     if options.archive is not None:
         _check_archive(options)
+
+
+def _choose_device(options: argparse.Namespace) -> None:
+    """Say which device it is; refuse options that only trackers on a line have, or only a server."""
+    stream = "igtl" if options.igtl is not None else "lsl" if options.lsl is not None else ""
+    not_of_it = ("device", "already_streaming", "echo", "power_up_text") if stream else ()
+    for name in (*not_of_it, *(() if stream == "igtl" else ("message",))):
+        if getattr(options, name):
+            other = f"--{stream}" if name in not_of_it else "a device other than --igtl"
+            raise InputError(f"--{name.replace('_', '-')}: is not for {other}; leave it out")
+    options.message = options.message or MESSAGES[0]
+    if stream == "igtl":
+        options.tcp = options.igtl
+    options.device = IGTL if stream == "igtl" else options.device or USUAL
 
 
 def _check_archive(options: argparse.Namespace) -> None:
@@ -185,8 +199,8 @@ def _send(options: argparse.Namespace) -> None:
     stations = sorted(_device(options, motion).world.plugged)
     segments = {segment.receiver: name for name, segment in layout.segments.items()}
     names = {str(station): segments.get(station, str(station)) for station in stations}
-    told = StreamSettings("lsl", "binary", "mm", options.rate, tuple(stations), options={"names": names})
-    outlet = Outlet(options.lsl, told, "the moments for which poses are computed")
+    settings = StreamSettings("lsl", "binary", "mm", options.rate, tuple(stations), options={"names": names})
+    outlet = Outlet(options.lsl, settings, "the moments for which poses are computed")
     ended = _on_signals()
     print(f"lsl:{options.lsl}", flush=True)
     start_s, sent = time.perf_counter(), 0
@@ -225,7 +239,7 @@ def _open(options: argparse.Namespace) -> Port:
 
 
 def _device(options: argparse.Namespace, motion: Motion) -> EmulatedDevice:
-    from shukotsu.trackers.emulate.device import World, emulated_device
+    from shukotsu.trackers.emulate.device import OutputListDevice, World, emulated_device
     from shukotsu.trackers.record.request import parse_stations
 
     stations = {station for station in motion.stations if station <= options.ports}
@@ -238,6 +252,7 @@ def _device(options: argparse.Namespace, motion: Motion) -> EmulatedDevice:
     if options.echo:
         device.receive(b"\x05" + b"1\r")
     if options.already_streaming:
+        assert isinstance(device, OutputListDevice), "others refuse the option"
         device.power_up_streaming()
     if options.power_up_text:
         device.start_up()

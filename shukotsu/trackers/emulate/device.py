@@ -81,9 +81,6 @@ class EmulatedDevice(ABC):
     position_filter, attitude_filter : are answered when asked for; motions are taken for what they gave.
     """
 
-    earlier_list: tuple[int, ...]
-    """Output list of a device that is found streaming: not what a recorder asks for."""
-
     def __init__(
         self, world: World, stations: dict[int, StationSettings], position_filter: tuple[float, ...]
     ) -> None:
@@ -113,21 +110,9 @@ class EmulatedDevice(ABC):
         """Return what the device sends when it has started."""
         return b""
 
-    def framing(self, *, single: bool) -> Framing:
-        """Return the framing of records, while streaming or in answer to a single poll."""
-        raise NotImplementedError
-
+    @abstractmethod
     def _encoded(self, measured: Measured, *, single: bool = False) -> Block:
-        """Encode cycles as the settings of the moment say."""
-        lists = {number: station.items for number, station in self.stations.items()}
-        return encode(measured, lists, self.framing(single=single), binary=bool(self.binary))
-
-    def power_up_streaming(self) -> None:
-        """Be as an earlier client left it: streaming in binary, centimetres, an output list of its own."""
-        self.binary = self.unit = 1
-        for station in self.stations.values():
-            station.items = self.earlier_list
-        self.start_stream()
+        """Encode cycles, streamed or in answer to a single poll."""
 
     def turns(self, cycles: Wholes, taking_part: Bools) -> Bools:
         """Tell which of the stations that take part (T, S) send a record in which cycle: all in each."""
@@ -234,6 +219,29 @@ class EmulatedDevice(ABC):
             np.nan_to_num(quaternion),
             present,
         )
+
+
+class OutputListDevice(EmulatedDevice):
+    """A tracker whose records hold what an output list asks for."""
+
+    earlier_list: tuple[int, ...]
+    """Output list of a device that is found streaming: not what a recorder asks for."""
+
+    @abstractmethod
+    def framing(self, *, single: bool) -> Framing:
+        """Return the framing of records, while streaming or in answer to a single poll."""
+
+    def _encoded(self, measured: Measured, *, single: bool = False) -> Block:
+        """Encode cycles as the settings of the moment say."""
+        lists = {number: station.items for number, station in self.stations.items()}
+        return encode(measured, lists, self.framing(single=single), binary=bool(self.binary))
+
+    def power_up_streaming(self) -> None:
+        """Be as an earlier client left it: streaming in binary, centimetres, an output list of its own."""
+        self.binary = self.unit = 1
+        for station in self.stations.values():
+            station.items = self.earlier_list
+        self.start_stream()
 
 
 def emulated_device(family: str, world: World, ports: int, rate_hz: int, **how: str) -> EmulatedDevice:

@@ -12,7 +12,7 @@ from fractions import Fraction
 import numpy as np
 
 from shukotsu.trackers.emulate.device import (
-    EmulatedDevice,
+    OutputListDevice,
     RefusedError,
     StationSettings,
     World,
@@ -30,7 +30,7 @@ _FRAMING = Framing(
 )
 
 
-class EmulatedFastrak(EmulatedDevice):
+class EmulatedFastrak(OutputListDevice):
     """FASTRAK. Its cycle is one record of one station: those that are active take turns."""
 
     earlier_list = (2, 11, 1)

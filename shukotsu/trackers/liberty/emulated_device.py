@@ -15,7 +15,7 @@ from fractions import Fraction
 import numpy as np
 
 from shukotsu.trackers.emulate.device import (
-    EmulatedDevice,
+    OutputListDevice,
     RefusedError,
     StationSettings,
     World,
@@ -39,7 +39,7 @@ _FLAG = (0, 1)
 _CR, _LF, _P = b"\r"[0], b"\n"[0], b"P"[0]
 
 
-class EmulatedLiberty(EmulatedDevice):
+class EmulatedLiberty(OutputListDevice):
     """LIBERTY with 4 to 16 connectors, or PATRIOT with 2; rate_hz : at power-up."""
 
     earlier_list = (2, 4, 9, 1)

@@ -32,8 +32,8 @@ class LslDriver(Driver):
 
     def set_up(self) -> StreamSettings:
         """Have the stream described; measure its rate where it names none."""
-        told = self._conversation.ask(DESCRIBE, lambda data: frames_in(data)[0] or None, 2 * CONNECT_S)
-        bodies = {frame.kind: frame.body for frame in told or ()}
+        answer = self._conversation.ask(DESCRIBE, lambda data: frames_in(data)[0] or None, 2 * CONNECT_S)
+        bodies = {frame.kind: frame.body for frame in answer or ()}
         if DESCRIPTION not in bodies:
             raise InputError(f"{self._port_name}: the stream says nothing of itself; start its sender again")
         self._offset_known = OFFSET in bodies

@@ -179,15 +179,15 @@ def _sound(b: Bytes, at: Wholes, end: Wholes, crc: npt.NDArray[np.uint64]) -> np
 
 def _tools(data: bytes, first: int, last: int, version: int, kind: bytes, name: bytes) -> list[Tool]:
     """Take a body apart. Raises ValueError or struct.error where its lengths contradict each other."""
-    told: Mapping[str, str] = {}
+    metadata: Mapping[str, str] = {}
     if version > 1:
-        first, last, told = _extended(data, first, last)
+        first, last, metadata = _extended(data, first, last)
     if kind in BODY_BYTES:
         if last - first not in BODY_BYTES[kind]:
             raise ValueError
-        is_valid = told.get("TransformValid", "true").lower() not in ("false", "0")
-        seen = is_valid and told.get("TransformStatus", "OK") == "OK"
-        return [(told.get("IGTL_DEVICE_NAME") or _text(name), first, last - first, seen)]
+        is_valid = metadata.get("TransformValid", "true").lower() not in ("false", "0")
+        seen = is_valid and metadata.get("TransformStatus", "OK") == "OK"
+        return [(metadata.get("IGTL_DEVICE_NAME") or _text(name), first, last - first, seen)]
     size = TOOL_BYTES[kind]
     if (last - first) % size:
         raise ValueError
@@ -195,8 +195,8 @@ def _tools(data: bytes, first: int, last: int, version: int, kind: bytes, name: 
     for place in range(first, last, size):
         own = _text(data[place : place + _NAME_BYTES])
         if len(own) == _NAME_BYTES:  # perhaps it is cut
-            own = next((key[:-6] for key in told if key.startswith(own) and key.endswith("Status")), own)
-        seen = told.get(f"{own}Status", "OK") == "OK"
+            own = next((key[:-6] for key in metadata if key.startswith(own) and key.endswith("Status")), own)
+        seen = metadata.get(f"{own}Status", "OK") == "OK"
         tools.append((own, place + _TO_NUMBERS, size - _TO_NUMBERS, seen))
     return tools
 
@@ -211,7 +211,7 @@ def _extended(data: bytes, first: int, last: int) -> tuple[int, int, dict[str, s
     content, index = first + header_bytes, last - index_bytes - metadata_bytes
     if header_bytes < _EXTENDED.size or index < content:
         raise ValueError
-    told = {}
+    metadata = {}
     count = int.from_bytes(data[index : index + 2]) if index_bytes else 0
     place = index + index_bytes
     if 2 + count * _ENTRY.size > max(index_bytes, 2):
@@ -222,9 +222,9 @@ def _extended(data: bytes, first: int, last: int) -> tuple[int, int, dict[str, s
             data[place : place + key_bytes],
             data[place + key_bytes : place + key_bytes + value_bytes],
         )
-        told[key.decode("utf-8", "replace")] = value.decode("utf-8", "replace")
+        metadata[key.decode("utf-8", "replace")] = value.decode("utf-8", "replace")
         place += key_bytes + value_bytes
-    return content, index, told
+    return content, index, metadata
 
 
 def _fill_in(records: Records, b: Bytes, place: Wholes, size: Wholes) -> None:

@@ -76,9 +76,9 @@ class OpenIGTLinkDriver(Driver):
             )
         arrival = np.searchsorted(ends, records.offset + records.size)
         came_ns = np.array([chunk.host_ns for chunk in chunks], np.int64)[arrival]
-        rate_hz, told = _pace(records, came_ns)
+        rate_hz, stamps = _pace(records, came_ns)
         names = dict(enumerate(sorted(decoder.names.values(), key=_natural), 1))
-        options = {**told, "joined": True, "names": {str(number): name for number, name in names.items()}}
+        options = {**stamps, "joined": True, "names": {str(number): name for number, name in names.items()}}
         return replace(settings, rate_hz=rate_hz, stations=tuple(names), options=options)
 
 

@@ -63,7 +63,7 @@ class ConsoleKeyboard(Keyboard):
         self._console = import_module("msvcrt")
 
     def open(self) -> None:
-        """Have the console move its cursor as a terminal does: older ones do from the first command on."""
+        """Have the console obey what moves a terminal's cursor: older ones do not by themselves."""
         kernel = getattr(import_module("ctypes"), "windll").kernel32  # noqa: B009
         kernel.SetConsoleMode(kernel.GetStdHandle(_STDERR), _PROCESSED_TERMINAL)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -165,7 +165,8 @@ def _of_cluster(
         )
     if len(markers) == 1:
         poses = np.concatenate([points_mm[:, 0], np.full((len(window), 4), np.nan)], -1)
-        return _track(file, window, mapping, poses, np.full(len(window), np.nan)), ""
+        marker = _track(file, window, mapping, poses, np.full(len(window), np.nan))
+        return replace(marker, oriented=False), ""
     cluster = cluster_poses(points_mm, f"{file.path}: cluster {segment}")
     poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
     return _track(file, window, mapping, poses, cluster.misfit_mm), _note(segment, cluster)

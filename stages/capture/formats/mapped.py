@@ -33,7 +33,8 @@ class Track:
     """One receiver's N samples.
 
     row : (N,) where each stands in the file; frame : (N,); time_s : (N,), NaN where there is none;
-    numbers : (N, 7) as in Samples; flags : flag -> (N,) bool.
+    numbers : (N, 7) as in Samples; flags : flag -> (N,) bool. oriented : whether the file has a place for its
+    orientation at all.
     """
 
     row: Integers
@@ -41,12 +42,13 @@ class Track:
     time_s: Array
     numbers: Array
     flags: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    oriented: bool = True
 
     def of(self, samples: npt.NDArray[Any]) -> Track:
         """Those samples alone, by index or by a boolean for each."""
         flags = {flag: marked[samples] for flag, marked in self.flags.items()}
         row, frame, time_s = self.row[samples], self.frame[samples], self.time_s[samples]
-        return Track(row, frame, time_s, self.numbers[samples], flags)
+        return Track(row, frame, time_s, self.numbers[samples], flags, self.oriented)
 
 
 def without_marks(values: Array) -> Array:
@@ -157,8 +159,7 @@ def samples_of_tracks(
 def _check_turns(tracks: Sequence[Track], mapping: FileMapping, layout: Layout) -> None:
     """Refuse positions alone of what is no point: a joint is found from how receivers turn."""
     for segment, track in zip(mapping.receivers, tracks, strict=True):
-        placed, turned = np.isfinite(track.numbers[:, :3]).any(), np.isfinite(track.numbers[:, 3:]).any()
-        if placed and not turned and segment not in layout.points:
+        if not track.oriented and segment not in layout.points:
             raise InputError(
                 f"{mapping.where}: receivers.{segment}: has positions and no orientation, which a receiver "
                 f"needs; say where it is, or take a layout in which {segment} is a point (docs/layouts.md)"

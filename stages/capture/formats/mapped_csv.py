@@ -173,8 +173,8 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
     """A receiver's rows in the file's order, numbered from 0 in place of frames; every : row of the table."""
     rows = source.rows
     position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
-    turned = np.full((len(rows), 4), np.nan)
-    if source.orientation and mapping.orientation is not None:
+    turned, oriented = np.full((len(rows), 4), np.nan), bool(source.orientation)
+    if oriented and mapping.orientation is not None:
         turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
         turned = quaternions(turning, mapping.orientation, lambda index: cells.place(int(rows[index])))
     low = np.zeros(len(rows), bool)
@@ -183,7 +183,8 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
         low = ~(quality <= mapping.details.get("quality_above", np.inf))  # where it is empty, too
         low |= quality < mapping.details.get("quality_below", -np.inf)
     numbers = np.concatenate([position * mapping.mm_per_unit, turned], -1)
-    return Track(rows, every[: len(rows)], np.full(len(rows), np.nan), numbers, {"low-quality": low})
+    none = np.full(len(rows), np.nan)
+    return Track(rows, every[: len(rows)], none, numbers, {"low-quality": low}, oriented)
 
 
 def _times(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -> dict[str, Array]:

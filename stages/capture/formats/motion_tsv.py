@@ -72,7 +72,7 @@ def read_motion_bids(path: Path, layout: Layout, mapping: FileMapping | None) ->
     tracks = []
     for name, point, channel in zip(names, points, times, strict=True):
         time_s = row / rate_hz if channel is None else _times(cells, channel, sidecars)
-        track = Track(row, frame, time_s, _numbers(cells, point, mapping))
+        track = Track(row, frame, time_s, _numbers(cells, point, mapping), oriented=bool(point.orientation))
         tracks.append(exported.track(cells, name, track))
     place, losses = cells.place, filter(None, [text.cut_off(wanted)])
     del cells, text  # more than the file, before all is put together

@@ -72,8 +72,8 @@ def _segments(path: Path, survey: Survey, layout: Layout, mapping: FileMapping |
             )
         stations = {str(station): station for station in survey.records}
         stations |= {name: station for station, name in names.items()}
-        told = [name_in_file(mapping, own, "value", [*stations], str(path)) for own in mapping.receivers]
-        return dict(zip((stations[name] for name in told), mapped_segments(mapping, layout), strict=True))
+        sources = [name_in_file(mapping, own, "value", [*stations], str(path)) for own in mapping.receivers]
+        return dict(zip((stations[name] for name in sources), mapped_segments(mapping, layout), strict=True))
     known = {_bare(name): index for index, name in enumerate(layout.measured)}
     ways = ((name, _TO_TRACKER.sub("", name)) for name in names.values())
     indices = [next((known[_bare(way)] for way in own if _bare(way) in known), -1) for own in ways]
