@@ -64,6 +64,10 @@ _AS_THEY_ARE: int = getattr(os, "O_BINARY", 0)
 _WINDOW_BYTES = 8 << 20
 _END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 _CONTINUATION = b"\xff\xff\xff\xff"
+_MOST_HEAD_BYTES = 1 << 20
+"""What an archive says of itself is shorter."""
+_STRETCH_BYTES = 64 << 20
+"""No batch is half as long, and so much of a file that grows is looked at in one go."""
 
 
 def _host_utc_offset_ns() -> int:
@@ -118,23 +122,16 @@ class ArchiveWriter:
         """Keep how the stream is to be read (`StreamSettings.to_json`)."""
         self._add(SETTINGS, _json_bytes(settings), host_ns)
 
-    def event(self, name: str, host_ns: int, **details: Any) -> None:
+    def event(self, name: str, host_ns: int, /, **details: Any) -> None:
         """Keep that something happened."""
-        self._add(EVENT, _json_bytes({"event": name, **details}), host_ns)
+        self._add(EVENT, _event_bytes(name, details), host_ns)
 
     def flush(self) -> None:
         """Append what was added since as one batch; sync to disk where that was last done a second ago."""
         if self._rows:
-            host_ns, offsets, kinds, data = zip(*self._rows, strict=True)
-            crcs = [zlib.crc32(piece) for piece in data]
-            numbers = range(self._written_rows, self._written_rows + len(self._rows))
-            row_crcs = _row_crcs(numbers, host_ns, offsets, kinds, crcs)
-            columns = (host_ns, offsets, kinds, data, crcs, numbers, row_crcs)
-            arrays = [
-                pa.array(values, column.type) for values, column in zip(columns, self._schema, strict=True)
-            ]
+            batch = _batch_bytes(self._schema, self._rows, self._written_rows)
             self._written_rows += len(self._rows)
-            self._append(pa.record_batch(arrays, schema=self._schema).serialize().to_pybytes())
+            self._append(batch)
             self._rows.clear()
             self.waiting_bytes = 0
         if time.perf_counter() - self._synced >= SYNC_SECONDS:
@@ -174,6 +171,54 @@ class ArchiveWriter:
     def _sync(self) -> None:
         os.fsync(self._file)
         self._synced = time.perf_counter()
+
+
+def append_event(path: Path, name: str, host_ns: int, /, **details: Any) -> None:
+    """Append an event to an archive that is closed, behind its end; the archive is then closed as before.
+
+    host_ns : by the clock of the archive's own rows, whose offset to UTC at the end the event has too.
+    Raises InputError where the recording was not ended, is damaged at its end, or cannot be written.
+    """
+    archive = open_archive(path)
+    found, offset_ns, next_row, ended = Piece.nothing(), 0, 0, False
+    for found, _, behind in _pieces(archive._buffer, archive._first, archive._schema, 0, final=True):
+        if len(found.kind):
+            offset_ns, next_row, ended = int(found.utc_offset_ns[-1]), behind, ended or END in found.kind
+    length = archive._buffer.size
+    closed = archive._buffer.slice(length - len(_END_OF_STREAM)).to_pybytes() == _END_OF_STREAM
+    if not (ended and closed) or found.spoilt_bytes or found.unreadable_bytes or found.missing_rows:
+        raise InputError(
+            f"{path}: the recording was not ended, or is damaged at its end; nothing can be added to it"
+        )
+    row = (host_ns, offset_ns, EVENT, _event_bytes(name, details))
+    with reading(path, "a raw capture that can be written to"), path.open("r+b", buffering=0) as file:
+        try:
+            file.seek(length - len(_END_OF_STREAM))
+            data = _batch_bytes(archive._schema, [row], next_row) + _END_OF_STREAM
+            while data:
+                data = data[file.write(data) :]
+            os.fsync(file.fileno())
+        except OSError as error:  # as it was
+            file.seek(length - len(_END_OF_STREAM))
+            file.write(_END_OF_STREAM)
+            file.truncate(length)
+            raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def _event_bytes(name: str, details: Mapping[str, Any]) -> bytes:
+    return _json_bytes({**details, "event": name})
+
+
+def _batch_bytes(schema: pa.Schema, rows: Sequence[tuple[int, int, int, bytes]], first_row: int) -> bytes:
+    """Rows (host_ns, utc_offset_ns, kind, data) with their numbers and checksums, as they stand in a file."""
+    host_ns, offsets, kinds, data = zip(*rows, strict=True)
+    crcs = [zlib.crc32(piece) for piece in data]
+    numbers = range(first_row, first_row + len(rows))
+    row_crcs = _row_crcs(numbers, host_ns, offsets, kinds, crcs)
+    columns = (host_ns, offsets, kinds, data, crcs, numbers, row_crcs)[: len(schema)]
+    arrays = [pa.array(values, column.type) for values, column in zip(columns, schema, strict=True)]
+    written: bytes = pa.record_batch(arrays, schema=schema).serialize().to_pybytes()
+    return written
 
 
 def _schema(about: Mapping[str, Any]) -> pa.Schema:
@@ -223,6 +268,12 @@ class Piece:
     unreadable_bytes: int = 0
     missing_rows: int = 0
 
+    @classmethod
+    def nothing(cls, unreadable_bytes: int = 0) -> Piece:
+        """Give a piece without a row, which may tell of bytes that were no batch."""
+        empty = np.empty(0, np.int64)
+        return cls(empty, empty, empty.astype(np.int8), [], 0, unreadable_bytes)
+
 
 @dataclass(frozen=True)
 class Archive:
@@ -237,21 +288,9 @@ class Archive:
 
     def pieces(self) -> Iterator[Piece]:
         """Give the batches in turn; a last empty piece may tell of bytes at the end that were none."""
-        at, lost, forgotten, next_row = self._first, 0, 0, 0
-        view = memoryview(self._buffer).cast("B")
-        while at + 8 <= len(view):
-            if view[at : at + 8] == _END_OF_STREAM:
-                at += 8
-                continue
-            batch, size = _batch_at(self._buffer, at, self._schema)
-            if batch is None:
-                following = _next_message(view, at + 1)
-                lost += following - at
-                at = following
-                continue
-            piece, next_row = _piece(batch, lost, next_row)
+        forgotten = 0
+        for piece, at, _ in _pieces(self._buffer, self._first, self._schema, 0, final=True):
             yield piece
-            at, lost = at + size, 0
             if at - forgotten > _WINDOW_BYTES and hasattr(
                 mmap, "MADV_DONTNEED"
             ):  # pages that were read need not stay in memory
@@ -259,10 +298,101 @@ class Archive:
                     mmap.MADV_DONTNEED, forgotten, at // mmap.PAGESIZE * mmap.PAGESIZE - forgotten
                 )
                 forgotten = at // mmap.PAGESIZE * mmap.PAGESIZE
-        lost += len(view) - at
-        if lost:
-            empty = np.empty(0, np.int64)
-            yield Piece(empty, empty, empty.astype(np.int8), [], 0, lost)
+
+
+class FollowedArchive:
+    """An archive that another process still writes, perhaps on another computer: read as it grows.
+
+    about : what the recording says of itself; None before that can be read. ended : whether its end was read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.about: Mapping[str, Any] | None = None
+        self.ended = False
+        self._schema: pa.Schema | None = None
+        self._head = b""
+        self._at = self._next_row = 0
+
+    def read(self, *, final: bool = False) -> list[Piece]:
+        """Give the whole batches that came since the last call; of a long file not all at once.
+
+        What stands behind the last sound batch may not be there yet and is left for the next call, unless it
+        is too long for that. final : nobody writes any more, so that a file that is not there or does not
+        begin as an archive is refused, and bytes that are left are counted, as `Archive.pieces` does.
+        Raises InputError where the file was replaced, became shorter than what was read of it, or is none.
+        """
+        try:
+            with self.path.open("rb") as file:
+                head = file.read(len(self._head) or _MOST_HEAD_BYTES)
+                size = file.seek(0, os.SEEK_END)
+                if self._schema is None:
+                    self._begin(head, final=final)
+                elif head != self._head or size < self._at:
+                    raise InputError(
+                        f"{self.path}: was replaced or cut while it was read; read the new one from its start"
+                    )
+                file.seek(self._at)
+                stretch = file.read(min(size - self._at, _STRETCH_BYTES)) if self._schema else b""
+        except FileNotFoundError as error:
+            if self._schema is None and not final:
+                return []
+            raise InputError(f"{self.path}: is not there any more; expected a recording's archive") from error
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be read ({error.strerror}); try again") from error
+        final &= self._at + len(stretch) >= size
+        found = self._found(stretch, final=final)
+        if not found and len(stretch) == _STRETCH_BYTES:  # a sound batch may begin in its second half
+            found = self._found(stretch[: _STRETCH_BYTES // 2], final=True)
+        return found
+
+    def _begin(self, head: bytes, *, final: bool) -> None:
+        """Read what stands before the first batch, where it is there."""
+        schema, first = _schema_at_start(pa.py_buffer(head))
+        if schema is None and not final and len(head) < _MOST_HEAD_BYTES:
+            return
+        self.about = _checked_about(self.path, schema)
+        self._schema, self._head, self._at = schema, head[:first], first
+
+    def _found(self, stretch: bytes, *, final: bool) -> list[Piece]:
+        if self._schema is None or not stretch:
+            return []
+        found = list(_pieces(pa.py_buffer(stretch), 0, self._schema, self._next_row, final=final))
+        while found and not final and found[-1][0].spoilt_bytes:  # on a shared folder zeros may come first
+            found.pop()
+        read = 0
+        if found:
+            _, read, self._next_row = found[-1]
+        self._at += read
+        pieces = [piece for piece, _, _ in found]
+        self.ended |= stretch[read:] == _END_OF_STREAM or any(END in piece.kind for piece in pieces)
+        return pieces
+
+
+def _pieces(
+    buffer: pa.Buffer, at: int, schema: pa.Schema, next_row: int, *, final: bool
+) -> Iterator[tuple[Piece, int, int]]:
+    """Give the batches from a place on in turn, where each ends, and the number of the row behind it.
+
+    final : nothing follows, so that a last piece without a row may tell of bytes at the end that were none.
+    """
+    lost, view = 0, memoryview(buffer).cast("B")
+    while at + 8 <= len(view):
+        if view[at : at + 8] == _END_OF_STREAM:
+            at += 8
+            continue
+        batch, size = _batch_at(buffer, at, schema)
+        if batch is None:
+            following = _next_message(view, at + 1)
+            lost += following - at
+            at = following
+            continue
+        piece, next_row = _piece(batch, lost, next_row)
+        at, lost = at + size, 0
+        yield piece, at, next_row
+    lost += len(view) - at
+    if lost and final:
+        yield Piece.nothing(lost), len(view), next_row
 
 
 def open_archive(path: Path) -> Archive:
@@ -273,8 +403,13 @@ def open_archive(path: Path) -> Archive:
         with path.open("rb") as file:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     buffer = pa.py_buffer(mapped)
-    not_one = InputError(f"{path}: does not begin as a raw capture does; expected what `record` writes")
     schema, first = _schema_at_start(buffer)
+    return Archive(path, _checked_about(path, schema), buffer, mapped, first, schema)
+
+
+def _checked_about(path: Path, schema: pa.Schema | None) -> Mapping[str, Any]:
+    """Give what an archive says of itself. Raises InputError where its schema is that of no archive."""
+    not_one = InputError(f"{path}: does not begin as a raw capture does; expected what `record` writes")
     if schema is None:
         raise not_one
     try:
@@ -292,8 +427,8 @@ def open_archive(path: Path) -> Archive:
     if not schema.equals(pa.schema(_fields(columns)), check_metadata=False):
         raise not_one
     if named[1] != FIRST_VERSION and not sound:  # what it says is for people; the recording is in its rows
-        about = {"damaged": "what this recording says of itself does not have its checksum; left out"}
-    return Archive(path, about, buffer, mapped, first, schema)
+        return {"damaged": "what this recording says of itself does not have its checksum; left out"}
+    return about
 
 
 def _schema_at_start(buffer: pa.Buffer) -> tuple[pa.Schema | None, int]:

@@ -38,6 +38,12 @@ def build_parser() -> argparse.ArgumentParser:
         "--lsl-outlet", nargs="?", const="shukotsu", metavar="NAME", help="send it as an LSL stream too"
     )
     parser.add_argument("--note", action="append", default=[], metavar="TEXT", help="kept with the recording")
+    parser.add_argument(
+        "--marks",
+        action="store_true",
+        help='keep lines of JSON from standard input, read in place of keys: {"kind": "stop"} ends it',
+    )
+    parser.add_argument("--quiet", action="store_true", help="show no state, only notes and the summary")
     return parser
 
 
@@ -49,6 +55,7 @@ def main(argv: list[str]) -> int:
 def record_tracker(options: argparse.Namespace) -> None:
     """Record, and say what was kept."""
     from shukotsu.trackers.record import session
+    from shukotsu.trackers.record.marks import Marks
     from shukotsu.trackers.record.port import open_port
     from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal, stop_on_signals
 
@@ -58,8 +65,9 @@ def record_tracker(options: argparse.Namespace) -> None:
     with stop_on_signals(stop):
         port = open_port(options.port, options.baud, options.line_rate)
         try:
-            with Terminal(sys.stderr, sys.stdin) as terminal:
-                ending = session.record(plan, port, terminal, stop, about)
+            marks = Marks(0, stop) if options.marks else None
+            with Terminal(sys.stderr, None if marks else sys.stdin) as terminal:
+                ending = session.record(plan, port, terminal, stop, about, marks=marks)
         finally:
             port.close()
     _report(options.out, options.port, ending)
@@ -90,6 +98,7 @@ def recording_plan(options: argparse.Namespace) -> RecordingPlan:
         tuple(options.note),
         options.allow_slower,
         outlet,
+        options.quiet,
     )
 
 

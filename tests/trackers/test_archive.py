@@ -14,7 +14,18 @@ import pyarrow as pa
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, ArchiveWriter, open_archive
+from shukotsu.trackers.archive import (
+    END,
+    EVENT,
+    RECEIVED,
+    SENT,
+    SETTINGS,
+    ArchiveWriter,
+    FollowedArchive,
+    Piece,
+    append_event,
+    open_archive,
+)
 
 
 def written(path: Path, batches: int = 6, rows: int = 4) -> Path:
@@ -166,3 +177,101 @@ def test_killed_it_keeps_what_was_flushed(tmp_path: Path) -> None:
     kept = data_of(path)
     assert [int.from_bytes(data[:4], "little") for data in kept] == list(range(len(kept)))
     assert len(kept) > flushed
+
+
+def test_an_event_is_added_behind_the_end(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.arrows")
+    rows = data_of(path)
+    append_event(path, "verdict", 100_000, name="index", event="other")
+    append_event(path, "verdict", 100_001)
+    assert data_of(path) == [*rows, b'{"event": "verdict", "name": "index"}', b'{"event": "verdict"}']
+    pieces = list(open_archive(path).pieces())
+    assert [piece.missing_rows + piece.unreadable_bytes + piece.spoilt_bytes for piece in pieces] == [0] * 9
+    assert (pieces[-2].host_ns, pieces[-2].utc_offset_ns, pieces[-2].kind) == (100_000, 7, EVENT)
+    assert pa.ipc.open_stream(path).read_all().column("row").to_pylist() == list(range(27))
+
+
+@pytest.mark.parametrize("cut", [1, 8, 400])
+def test_nothing_is_added_to_what_was_not_ended(tmp_path: Path, cut: int) -> None:
+    path = written(tmp_path / "a.arrows")
+    os.truncate(path, path.stat().st_size - cut)
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="was not ended, or is damaged at its end; nothing can be added"):
+        append_event(path, "verdict", 1)
+    assert path.read_bytes() == before
+
+
+def grown(
+    whole: bytes, path: Path, step: int, hidden: range = range(0)
+) -> tuple[FollowedArchive, list[Piece]]:
+    """Follow a file that grows by some bytes a time; some are zeros until what is behind them is there."""
+    followed, pieces = FollowedArchive(path), []
+    assert followed.read() == []
+    for length in [*range(0, len(whole), step), len(whole)]:
+        shown = bytearray(whole[:length])
+        if length < hidden.stop:
+            shown[hidden.start : length] = bytes(max(0, length - hidden.start))
+        path.write_bytes(shown)
+        pieces += followed.read()
+    return followed, pieces + followed.read(final=True)
+
+
+@pytest.mark.parametrize(("step", "hidden"), [(41, range(0)), (800, range(0)), (41, range(4000, 4300))])
+def test_followed_while_it_grows_it_gives_the_same(tmp_path: Path, step: int, hidden: range) -> None:
+    path = written(tmp_path / "a.arrows")
+    followed, pieces = grown(path.read_bytes(), tmp_path / "b.arrows", step, hidden)
+    assert [data for piece in pieces for data in piece.data] == data_of(path)
+    assert sum(piece.spoilt_bytes + piece.unreadable_bytes + piece.missing_rows for piece in pieces) == 0
+    assert followed.about == {"port": "made up"}
+    assert followed.ended
+    append_event(tmp_path / "b.arrows", "verdict", 3)
+    assert [piece.data for piece in followed.read()] == [[b'{"event": "verdict"}']]
+
+
+def test_followed_it_skips_damage_and_counts_it(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.arrows")
+    whole = bytearray(path.read_bytes())
+    begin = whole.index(data_of(path)[4])
+    for place in range(begin - 300, begin + 200, 29):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x5A]) + whole[place + 1 :])
+        expected = [
+            (p.data, p.spoilt_bytes, p.unreadable_bytes, p.missing_rows) for p in open_archive(path).pieces()
+        ]
+        _, found = grown(path.read_bytes(), tmp_path / "b.arrows", 200)
+        assert [(p.data, p.spoilt_bytes, p.unreadable_bytes, p.missing_rows) for p in found] == expected
+        (tmp_path / "b.arrows").unlink()
+
+
+def test_a_long_file_is_followed_in_stretches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also over a stretch without a sound batch."""
+    monkeypatch.setattr("shukotsu.trackers.archive._STRETCH_BYTES", 2048)
+    path = written(tmp_path / "a.arrows")
+    whole, rows = path.read_bytes(), data_of(path)
+    begin = whole.index(rows[4]) - 500
+    path.write_bytes(whole[:begin] + bytes(4000) + whole[begin + 4000 :])
+    followed = FollowedArchive(path)
+    calls = list(iter(lambda: followed.read(final=True), []))
+    assert max(len(pieces) for pieces in calls) == 1
+    kept = [data for pieces in calls for piece in pieces for data in piece.data]
+    assert kept == data_of(path)
+    assert (kept[0], kept[-1], followed.ended) == (rows[0], rows[-1], True)
+
+
+@pytest.mark.parametrize("what", ["cut", "another", "gone", "none", "absent"])
+def test_followed_it_refuses_another_file(tmp_path: Path, what: str) -> None:
+    path = written(tmp_path / "a.arrows")
+    followed = FollowedArchive(path)
+    assert followed.read()
+    if what == "cut":
+        os.truncate(path, path.stat().st_size - 1000)
+    elif what == "another":
+        path.write_bytes(path.read_bytes().replace(b"made up", b"made it"))
+    else:
+        path.unlink()
+        followed = followed if what == "gone" else FollowedArchive(path)
+    if what == "none":
+        path.write_text("hello")
+        assert followed.read() == []
+    words = "does not begin" if what == "none" else "was replaced or cut|is not there"
+    with pytest.raises(InputError, match=words):
+        followed.read(final=what in ("none", "absent"))

@@ -6,6 +6,7 @@ import json
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -84,16 +85,16 @@ def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) ->
                     raise InputError(
                         f"{archive.path}: holds the tracker's settings twice; expected one recording"
                     )
-                stream = ChunkDecoder(settings_from_json(_json(archive, data), str(archive.path)))
+                stream = ChunkDecoder(settings_from_json(entry_of(data, archive.path), str(archive.path)))
                 tally.started_ns = int(host_ns)
             elif kind == EVENT:
-                tally.events.append({**_json(archive, data), "host_ns": int(host_ns)})
+                tally.events.append({**entry_of(data, archive.path), "host_ns": int(host_ns)})
                 if tally.events[-1].get("event") == "started":
                     tally.started_ns = int(host_ns)
                 elif tally.events[-1].get("event") == "stopped":
                     tally.ended_ns = int(host_ns)
             elif kind == END:
-                tally.summary = _json(archive, data)
+                tally.summary = entry_of(data, archive.path)
                 tally.ended_ns = tally.ended_ns or int(host_ns)
             elif kind == RECEIVED and stream is not None:
                 stream.add(data, int(host_ns))
@@ -121,13 +122,14 @@ def _count(tally: Tally, piece: Piece) -> None:
     )
 
 
-def _json(archive: Archive, data: bytes) -> dict[str, Any]:
+def entry_of(data: bytes, path: Path) -> dict[str, Any]:
+    """Read an entry of the recorder; InputError where it is no JSON object."""
     try:
         loaded = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{archive.path}: an entry of the recorder in it is no JSON ({error})") from error
+        raise InputError(f"{path}: an entry of the recorder in it is no JSON ({error})") from error
     if not isinstance(loaded, dict):
-        raise InputError(f"{archive.path}: an entry of the recorder in it is {loaded!r}; expected an object")
+        raise InputError(f"{path}: an entry of the recorder in it is {loaded!r}; expected an object")
     return loaded
 
 

@@ -75,8 +75,10 @@ class ConsoleKeyboard(Keyboard):
         return keys
 
 
-def keyboard_of(stream: TextIO) -> Keyboard:
+def keyboard_of(stream: TextIO | None) -> Keyboard:
     """Give the keyboard behind a stream; one of a program in the background would stop it for trying."""
+    if stream is None:
+        return Keyboard()
     try:
         descriptor = stream.fileno()
         if not os.isatty(descriptor):

@@ -29,13 +29,13 @@ IGNORED_SIGNALS = _signals("SIGTSTP", "SIGTTOU")
 
 
 class Terminal:
-    """Shows on `out` and reads keys from `keyboard`; use it with `with`.
+    """Shows on `out` and reads keys from `keyboard`, where there is one; use it with `with`.
 
     in_place : whether `out` is a terminal, where lines can be rewritten. A terminal that goes away while it
     is used is no error: the recording goes on without it.
     """
 
-    def __init__(self, out: TextIO, keyboard: TextIO) -> None:
+    def __init__(self, out: TextIO, keyboard: TextIO | None) -> None:
         self.in_place = out.isatty()
         self._out: TextIO | None = out
         self._keyboard = keyboard_of(keyboard)

@@ -21,6 +21,7 @@ from shukotsu.trackers.record import display
 from shukotsu.trackers.record.conversation import Chunk, Conversation, StoppedError
 from shukotsu.trackers.record.driver import Driver, driver_of
 from shukotsu.trackers.record.line_load import line_bytes_per_s, overload, too_slow
+from shukotsu.trackers.record.marks import Marks
 from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
 from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 from shukotsu.trackers.record.request import RecordingRequest
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 TICK_S = 0.05
 FLUSH_S = 0.25
 VIEW_S = 0.2
+QUIET_S = 2.0
+"""Where nobody looks what came is decoded so seldom, which is cheap: losses and absences are still told."""
+
 LOG_S = 1.0
 CLOCK_JUMP_NS = 100_000_000
 LAST_BYTES_S = 0.5
@@ -46,7 +50,7 @@ PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
 class RecordingPlan:
     """Hold what to record and how long: duration_s None until it is stopped; notes go into the archive.
 
-    outlet : makes that to which it is sent too.
+    outlet : makes that to which it is sent too. quiet : shows no state of the recording, only notes.
     """
 
     out: Path
@@ -56,6 +60,7 @@ class RecordingPlan:
     notes: tuple[str, ...] = ()
     allow_slower: bool = False
     outlet: Callable[[StreamSettings], Outlet] | None = None
+    quiet: bool = False
 
 
 @dataclass(frozen=True)
@@ -79,10 +84,12 @@ def record(
     stop: StopRequest,
     about: Mapping[str, Any],
     utc_offset_ns: Callable[[], int] = lambda: time.time_ns() - time.perf_counter_ns(),
+    marks: Marks | None = None,
 ) -> Ending:
     """Record a tracker until the time is up, somebody asks for the end, or it cannot go on.
 
-    Raises InputError where nothing could be recorded; then there is no archive either.
+    marks : what another program says of the recording, kept with it. Raises InputError where nothing could
+    be recorded; then there is no archive either.
     """
     archive = ArchiveWriter(plan.out, about, utc_offset_ns)
     conversation = Conversation(port, archive, lambda: bool(stop))
@@ -106,7 +113,7 @@ def record(
                 raise InputError(f"{plan.out}: cannot be written ({error.strerror})") from error
             raise
         session = _Session(
-            plan, conversation, driver, settings, archive, terminal, stop, utc_offset_ns, outlet
+            plan, conversation, driver, settings, archive, terminal, stop, utc_offset_ns, outlet, marks
         )
         try:
             return session.run()
@@ -154,6 +161,8 @@ class _Session:
     _stop: StopRequest
     _utc_offset_ns: Callable[[], int]
     _outlet: Outlet | None = None
+    _marks: Marks | None = None
+    _refused_marks: int = 0
     _view_failed: bool = False
     _failure: str = ""
     _dropped_bytes: int = 0
@@ -172,11 +181,12 @@ class _Session:
         self._start()
         shown_s = VIEW_S if self._terminal.in_place else LOG_S
         flush_at = time.perf_counter()
-        look_s = TICK_S if self._outlet else VIEW_S
+        look_s = TICK_S if self._outlet else QUIET_S if self._plan.quiet else VIEW_S
         look_at, show_at = flush_at + look_s, flush_at + shown_s
         while not self._over():
             time.sleep(TICK_S)
             self._keep()
+            self._take_marks()
             self._watch_clock()
             now = time.perf_counter()
             if now >= flush_at:
@@ -185,7 +195,7 @@ class _Session:
             if now >= look_at:
                 look_at = max(look_at + look_s, now)
                 self._guarded(self._look)
-            if now >= show_at:
+            if now >= show_at and not self._plan.quiet:
                 show_at = max(show_at + shown_s, now)
                 self._guarded(self._show)
         return self._end()
@@ -261,6 +271,16 @@ class _Session:
         self._watch_dropped()
         return chunks
 
+    def _take_marks(self) -> None:
+        """Keep what another program says of the recording; of lines that are no marks the first is told."""
+        for mark in self._marks.taken() if self._marks else ():
+            self._archive.event(mark.name, mark.host_ns, **mark.details)
+            if mark.name == "marks-ended" and not self._stop:
+                self._notice("standard input has ended; the recording goes on until a signal ends it")
+            if mark.reason and not self._refused_marks:
+                self._notice(f"a line on standard input {mark.reason}; it is no mark")
+            self._refused_marks += bool(mark.reason)
+
     def _watch_dropped(self) -> None:
         """Note what came faster than it could be kept."""
         dropped = self._conversation.dropped_bytes - self._dropped_bytes
@@ -319,7 +339,7 @@ class _Session:
 
     def _notice(self, text: str) -> None:
         self._notices.append(text)
-        if not self._terminal.in_place or self._view_failed:
+        if not self._terminal.in_place or self._view_failed or self._plan.quiet:
             self._terminal.say(f"note: {text}")
 
     def _show(self) -> None:
@@ -363,12 +383,15 @@ class _Session:
         except PortGoneError as error:
             if not self._failure:
                 self._fail(PORT_GONE, str(error))
+        self._take_marks()
         self._guarded(lambda: self._count(final=True))
         self._send("mark", "stop")
         totals = self._statistics.totals(end_ns)
         self._notices += display.advice(totals, self._settings)
         if self._dropped_bytes:
             self._notices.append(f"{self._dropped_bytes} bytes came faster than they could be kept; lost")
+        if self._refused_marks > 1:
+            self._notices.append(f"{self._refused_marks} lines on standard input were no marks")
         reason = self._failure or self._stop.reason
         try:
             self._archive.close(
