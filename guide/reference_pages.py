@@ -16,7 +16,7 @@ from typing import Any
 from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.config_files import json_schema, shipped
 from shukotsu.schemas.findings import mistakes_page
-from shukotsu.schemas.sheets import SHEETS
+from shukotsu.schemas.sheets import SHEETS, Cell
 from shukotsu.schemas.table_columns import OF_RECORDING
 from shukotsu.schemas.tables import Column, Table
 
@@ -97,11 +97,13 @@ def configuration_page() -> str:
     for sheet in SHEETS.values():
         more = " Further columns are kept." if sheet.more_columns else ""
         lines += ["", f"### {sheet.name}", "", f"A row is one {', '.join(sheet.key)}.{more}", ""]
-        lines += [
-            f"- `{cell.name}`{' **needed**' if cell.required else ''}: {_linked(cell.description)}"
-            for cell in sheet.cells
-        ]
+        lines += [f"- `{cell.name}`{_need(cell)}: {_linked(cell.description)}" for cell in sheet.cells]
     return "\n".join(lines) + "\n"
+
+
+def _need(cell: Cell) -> str:
+    unless = f" unless `{cell.unless}` is there" if cell.unless else ""
+    return f" **needed**{unless}" if cell.required else ""
 
 
 def _table(table: Table, shared: Mapping[str, Column]) -> Iterator[str]:

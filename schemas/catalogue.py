@@ -594,6 +594,26 @@ PROBLEMS = Table(
     (),
 )
 
+ROOM_MAP = Table(
+    "room_map",
+    1,
+    "cell of a cubic grid in the room, with what a rigid bar of two receivers says of the tracker there",
+    (
+        *_xyz("", "mm", "the cell's centre, in the transmitter frame"),
+        Column("cell_mm", REAL, "mm", "its edge"),
+        Column("bar_mm", REAL, "mm", "distance of the bar's two receivers"),
+        Column("n_frames", WHOLE, "", "poses of either receiver in it"),
+        _real("error_mm", "rms error of a receiver's position there in 3-D, without noise; null: few data"),
+        _real("error_deg", "the same of its rotation"),
+        _real("error_sd_mm", "1-sigma error of error_mm, by the number of passes through the cell"),
+        _real("error_sd_deg", "the same of error_deg"),
+        _real("noise_mm", "rms noise of a receiver's position there in 3-D, by successive frames"),
+        _real("noise_deg", "the same of its rotation"),
+        Column("trusted", YES_NO, "", "enough data, and error and noise together are within 1 mm and 1 deg"),
+    ),
+    ("x_mm", "y_mm", "z_mm"),
+)
+
 TABLES = {
     table.name: table
     for table in (
@@ -617,6 +637,7 @@ TABLES = {
         JOINT_ERRORS,
         RECORDINGS,
         PROBLEMS,
+        ROOM_MAP,
         *MOVEMENT_TABLES,
         *MODEL_TABLES,
     )

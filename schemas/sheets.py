@@ -23,13 +23,21 @@ MAX_MESSAGES = 5
 
 @dataclass(frozen=True)
 class Cell:
-    """One column of a sheet: how to read it, what it means, and whether it may be missing."""
+    """One column of a sheet: how to read it, what it means, and whether it may be missing.
+
+    unless : another column; where that has a cell, this one needs none though it is required else.
+    """
 
     name: str
     read: Callable[[str], Any]
     description: str
     required: bool = True
     default: Any = None
+    unless: str = ""
+
+    def needed(self, given: Collection[str]) -> bool:
+        """Say whether it must be there, where those other columns are."""
+        return self.required and not (self.unless and self.unless in given)
 
 
 @dataclass(frozen=True)
@@ -231,18 +239,25 @@ TOUCHES = Sheet(
         Cell(
             "part",
             _one_of("tip", "pad"),
-            "what touched: tip, the very end of the digit, skin and all, or pad",
+            "what touched: tip, the very end of the digit, skin and all, or pad; empty: pad where digits "
+            "meet, else tip",
             False,
-            "tip",
+            "",
         ),
+        Cell("meets", _text, "the digit that it met, part on part; then no point is needed", False, ""),
         Cell("from_s", _number, "begin of the touch, device time of the recording"),
         Cell("to_s", _number, "its end"),
-        Cell("x_mm", _number, "the point in the transmitter frame, x"),
-        Cell("y_mm", _number, "the point in the transmitter frame, y"),
-        Cell("z_mm", _number, "the point in the transmitter frame, z"),
-        Cell("sd_mm", _positive, "1-sigma error of the point, per direction"),
+        Cell("x_mm", _number, "the point in the transmitter frame, x", unless="meets"),
+        Cell("y_mm", _number, "the point in the transmitter frame, y", unless="meets"),
+        Cell("z_mm", _number, "the point in the transmitter frame, z", unless="meets"),
+        Cell(
+            "sd_mm",
+            _positive,
+            "1-sigma error of the point, per direction; of digits that meet 1.5 mm",
+            unless="meets",
+        ),
     ),
-    ("subject", "session", "hand", "task", "trial", "digit", "from_s"),
+    ("subject", "session", "hand", "task", "trial", "digit", "meets", "from_s"),
 )
 
 EVENTS = Sheet(
@@ -276,7 +291,11 @@ def read_sheet(path: Path | None, sheet: Sheet, more: Collection[str] = ()) -> l
     """
     if path is None:
         return []
-    text = read_text(path, f"the sheet of {sheet.name}", limits.SHEET_BYTES)
+    return sheet_rows(path, read_text(path, f"the sheet of {sheet.name}", limits.SHEET_BYTES), sheet, more)
+
+
+def sheet_rows(path: Path, text: str, sheet: Sheet, more: Collection[str] = ()) -> list[Row]:
+    """Read the text of a sheet as `read_sheet` does; path : what messages call it. Raises as that does."""
     numbered = [
         (number, [cell.strip() for cell in line.split("\t")])
         for number, line in enumerate(text.split("\n"), 1)
@@ -304,7 +323,7 @@ def _columns(sheet: Sheet) -> str:
 
 def _check_header(path: Path, sheet: Sheet, header: list[str], more: Collection[str]) -> None:
     known = [cell.name for cell in sheet.cells]
-    missing = [cell.name for cell in sheet.cells if cell.required and cell.name not in header]
+    missing = [cell.name for cell in sheet.cells if cell.needed(header) and cell.name not in header]
     if missing:
         hint = "; are the columns separated by tabs?" if len(header) == 1 else ""
         raise InputError(
@@ -325,13 +344,14 @@ def _read_row(sheet: Sheet, header: list[str], line: int, cells: list[str]) -> t
         return Row(line, {}), [f"row {line}: has {len(cells)} cells; expected {len(header)}"]
     given = dict(zip_longest(header, cells, fillvalue=""))
     values: dict[str, Any] = {k: v for k, v in given.items() if k not in {c.name for c in sheet.cells}}
-    messages = []
+    messages, filled = [], {name for name, text in given.items() if text}
     for cell in sheet.cells:
         text = given.get(cell.name, "")
         try:
-            values[cell.name] = cell.default if not text and not cell.required else cell.read(text)
+            values[cell.name] = cell.read(text) if text or cell.needed(filled) else cell.default
         except ValueError as error:
-            messages.append(f"row {line}, column {cell.name}: {error}")
+            other = f", or a cell in column {cell.unless}" if cell.unless and not text else ""
+            messages.append(f"row {line}, column {cell.name}: {error}{other}")
     return Row(line, values), messages
 
 

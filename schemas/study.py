@@ -142,6 +142,7 @@ class Study:
     config: dict[str, Any]
     unusable: tuple[UnusableRow, ...] = ()
     questions: tuple[Question, ...] = ()
+    room: Path | None = None
 
     @property
     def hands(self) -> tuple[Hand, ...]:
@@ -293,6 +294,7 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
         config,
         unusable,
         questions,
+        folder / config["room"] if "room" in config else None,
     )
 
 

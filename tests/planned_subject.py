@@ -32,7 +32,7 @@ metacarpals: {unmeasured: fitted, measured: fitted}
 """
 SHEETS = {
     "measurements": "subject\thand\tquantity\tvalue_mm\tsd_mm",
-    "touches": "subject\thand\ttask\tdigit\tpart\tfrom_s\tto_s\tx_mm\ty_mm\tz_mm\tsd_mm",
+    "touches": "subject\thand\ttask\tdigit\tpart\tfrom_s\tto_s\tx_mm\ty_mm\tz_mm\tsd_mm\tmeets",
 }
 Row = dict[str, Any]
 

@@ -13,6 +13,7 @@ from typing import Any
 from shukotsu.anatomy.known_digits import known_digits, refusal
 from shukotsu.errors import InputError, listed
 from shukotsu.files.whole_files import write_text
+from shukotsu.schemas.catalogue import ROOM_MAP
 from shukotsu.schemas.config_files import (
     REFERENCE,
     as_yaml_1_1,
@@ -45,6 +46,7 @@ from shukotsu.schemas.results import (
     Results,
 )
 from shukotsu.schemas.study import Recording, Study, SubjectSession, path_token, read_study
+from shukotsu.schemas.tables import read_table
 from shukotsu.stages.capture.formats.readers import files_read
 from shukotsu.workflow.file_digests import FileDigests
 from shukotsu.workflow.former_results import remove_former_results
@@ -63,6 +65,8 @@ class StudyFiles:
         self.file = _relative(study_file)
         self.study: Study = read_study(Path(self.file))
         self.results = Results.of(self.study.name)
+        if self.study.room is not None:  # not in jobs that read the study: they do not declare it
+            read_table(self.study.room, ROOM_MAP, ["trusted"])
         self._digests = FileDigests()
         plans = StudyPlans(self.study, self.results.folder)
         self._contents = {who.token: plans.content(*who) for who in self.study.sessions}
@@ -76,7 +80,7 @@ class StudyFiles:
 
             check_font(self.study.language)
         folders = [_relative(self._simulation_folder())] if self.study.simulation else []
-        for path in (*self._configuration, *folders):
+        for path in (*self._configuration, *self.room, *folders):
             if not _can_be_declared(path):
                 raise InputError(
                     f"{path}: its path holds {{...}} or <...>, which Snakemake reads as its own; rename "
@@ -106,6 +110,7 @@ class StudyFiles:
             plan.who.token: [
                 *self._event_files(token),
                 *(p for r in plan.recordings for p in self._files_of(r)),
+                *self.room,
             ]
             for token, plan in self._plans.items()
         }
@@ -282,6 +287,16 @@ class StudyFiles:
         """Digest of the plan of a fit of the whole hand."""
         model = self.model(wildcards)
         return plan_digest(fit_part(self._contents[wildcards.subject], wildcards.hand, model))
+
+    @property
+    def room(self) -> list[str]:
+        """The room's map, where the study has one."""
+        return [] if self.study.room is None else [_relative(self.study.room)]
+
+    @property
+    def room_digest(self) -> str:
+        """Digest of what is in it; empty where there is none."""
+        return self._digests.of(self.room) if self.room else ""
 
     def truth(self, wildcards: Wildcards) -> list[str]:
         """Tables of the truth beside the subject's simulated recordings."""

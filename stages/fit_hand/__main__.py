@@ -53,6 +53,7 @@ def fit(arguments: argparse.Namespace) -> None:
     plan = _plan(arguments)
     parts = _parts(arguments, plan)
     files = [*subject_stage.poses_files(plan), *arguments.other_poses]
+    files += [] if plan.room is None else [plan.room]
     files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
     with open_tables(arguments.out, FIT, Provenance.of(files, plan.folder)) as tables:
         for part in parts:
@@ -106,6 +107,7 @@ def _fit_part(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path], tables: Mapping[str, PartsWriter]
 ) -> None:
     from shukotsu.schemas.poses import usable_poses
+    from shukotsu.sentences.messages import joined
     from shukotsu.stages.fit_hand.calibration import calibrated_hand, partner_poses, read_thinned
     from shukotsu.stages.fit_hand.gains import gains
     from shukotsu.stages.fit_hand.hand_tables import (
@@ -113,6 +115,7 @@ def _fit_part(
         joint_rows,
         receiver_rows,
     )
+    from shukotsu.stages.fit_hand.mapped_room import MappedRoom, widened
     from shukotsu.stages.fit_hand.posed_tables import posed_blocks, posed_sample
     from shukotsu.stages.fit_hand.receiver_costs import FRAMES, receiver_costs
 
@@ -122,9 +125,14 @@ def _fit_part(
         print(f"note: {alone}", file=sys.stderr)
     tips, unsteady = calibrated_hand(plan, part, other_poses or partner)
     weighed = not plan.models[part.model].is_reference
-    tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
+    fit, notes = tips.fit, [alone]
+    if plan.room is not None and weighed:
+        fit, recorded_where = widened(fit, MappedRoom.read(plan.room))
+        notes.append(recorded_where)
+    note = joined(notes)
+    tables["fitted_joints"].rows(part, joint_rows(fit, weighed=weighed))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
-    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
+    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": note} if note else {}))
     tables["gains"].rows(part, gains(tips) if weighed else [])
     for name in ("receiver_costs", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,7 +29,7 @@ from shukotsu.schemas.sheets import Row
 from shukotsu.sentences.messages import joined, message_of
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.contacts import find_contacts
-from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
+from shukotsu.stages.fit_hand.fingertips import PAD, TIP, Fingertips, fingertips
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
 from shukotsu.stages.fit_hand.left_out import (
     Unsteady,
@@ -39,8 +40,9 @@ from shukotsu.stages.fit_hand.left_out import (
 )
 from shukotsu.stages.fit_hand.loose_receivers import Displaced, displaced_in
 from shukotsu.stages.fit_hand.measurements import Measurement, measurable
+from shukotsu.stages.fit_hand.operations import Index
 from shukotsu.stages.fit_hand.shared_lengths import share_lengths
-from shukotsu.stages.fit_hand.touches import Touch, touch_in, with_touches
+from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, contact_in, touch_in, with_touches
 
 MOST_FRAMES = 60_000
 """Of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is looked at."""
@@ -192,19 +194,30 @@ def _with_fingertips(plan: SubjectPlan, part: Part, calibration: Calibration) ->
 def _touches(plan: SubjectPlan, hand: str, calibration: Calibration, tips: Fingertips) -> list[Touch]:
     """The sheet's touches in recordings that calibrate the hand."""
     recordings = {(name.task, name.trial): poses for name, poses in calibration.recordings.items()}
+    own = [r for r in plan.touches if r["hand"] == hand and (r["task"], r["trial"]) in recordings]
+    met = Counter(frozenset((row["digit"], row["meets"])) for row in own if not row["sd_mm"])
     touches = []
-    for row in plan.touches:
-        poses = recordings.get((row["task"], row["trial"]))
-        if row["hand"] != hand or poses is None:
-            continue
+    for row in own:
+        poses = recordings[row["task"], row["trial"]]
+        # one person's way of putting pads together repeats itself: all of a pair share the weight of one
+        shared_mm = CONTACT_SD_MM * met[frozenset((row["digit"], row["meets"]))] ** 0.5
         rows = np.flatnonzero((poses.time_s >= row["from_s"]) & (poses.time_s <= row["to_s"]))
-        point_mm = np.array([row["x_mm"], row["y_mm"], row["z_mm"]])
         try:
-            touch = touch_in(tips, poses, rows, row["digit"], point_mm, sd_mm=row["sd_mm"], part=row["part"])
+            touches.append(_touch(tips, poses, rows, row, row["sd_mm"] or shared_mm))
         except InputError as error:
             raise InputError(f"{_place(plan, 'touches', row)}: {error}") from None
-        touches.append(touch)
     return touches
+
+
+def _touch(tips: Fingertips, poses: Poses, rows: Index, row: Row, sd_mm: float) -> Touch:
+    """What a row of the sheet says of those frames: a point that was touched, or two digits that met."""
+    if not row["meets"]:
+        point_mm = np.array([row["x_mm"], row["y_mm"], row["z_mm"]])
+        return touch_in(tips, poses, rows, row["digit"], point_mm, sd_mm=sd_mm, part=row["part"] or TIP)
+    digits = (row["digit"], row["meets"])
+    if digits[0] == digits[1]:
+        raise InputError(f"column meets: is {digits[1]!r} as column digit is; expected another digit")
+    return contact_in(tips, poses, rows, digits, sd_mm=sd_mm, part=row["part"] or PAD)
 
 
 def _place(plan: SubjectPlan, sheet: str, row: Row, column: str = "") -> str:

@@ -70,10 +70,16 @@ def touch_in(
 
 
 def contact_in(
-    tips: Fingertips, poses: Poses, rows: Index, digits: tuple[str, str], *, sd_mm: float = CONTACT_SD_MM
+    tips: Fingertips,
+    poses: Poses,
+    rows: Index,
+    digits: tuple[str, str],
+    *,
+    sd_mm: float = CONTACT_SD_MM,
+    part: str = PAD,
 ) -> Touch:
-    """Two pads on each other for some frames of a recording; InputError where none has both receivers."""
-    return Touch(digits, *_held(tips, poses, rows, *digits), PAD, sd_mm)
+    """Two digits on each other for some frames of a recording; InputError where none has both receivers."""
+    return Touch(digits, *_held(tips, poses, rows, *digits), part, sd_mm)
 
 
 def _held(tips: Fingertips, poses: Poses, rows: Index, *digits: str) -> tuple[Array, Array]:

@@ -127,8 +127,8 @@ def test_what_the_study_asks_of_a_joint_concerns_those_who_judge_alone(tmp_path:
     ("spoil", "message"),
     [
         (lambda text: text[:-100], "not a subject's plan"),
-        (lambda _: "[]", "not a subject's plan of version 2"),
-        (lambda text: text.replace('"plan": 2', '"plan": 0'), "not a subject's plan of version 2"),
+        (lambda _: "[]", "not a subject's plan of version 3"),
+        (lambda text: text.replace('"plan": 3', '"plan": 0'), "not a subject's plan of version 3"),
         (lambda text: text.replace('"recordings"', '"recording"'), "a damaged plan"),
         (lambda text: text.replace('"role"', '"rule"'), "a damaged plan"),
         (lambda text: text.replace('"models": [', '"models": 1, "x": ['), "a damaged plan"),

@@ -12,6 +12,7 @@ from shukotsu.schemas.sheets import (
     MEASUREMENTS,
     PARTICIPANTS,
     RECORDINGS,
+    TOUCHES,
     Sheet,
     read_sheet,
 )
@@ -47,6 +48,25 @@ def test_the_same_sheet_however_it_is_saved(tmp_path: Path, end: str, encoding: 
         "pulses": "",
     }
     assert row.values == given_values | defaults
+
+
+TOUCH = "subject\thand\ttask\tdigit\tfrom_s\tto_s"
+
+
+def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
+    cells = "01\tleft\trom\tthumb\t1\t2"
+    (row,) = read_sheet(written(tmp_path, [f"{TOUCH}\tmeets", f"{cells}\tindex"]), TOUCHES)
+    assert (row["meets"], row["part"], row["x_mm"], row["sd_mm"]) == ("index", "", None, None)
+    for header, more, sentence in (
+        ("", "", "row 1: column x_mm, y_mm, z_mm, sd_mm is missing"),
+        (
+            "\tmeets\tx_mm\ty_mm\tz_mm\tsd_mm",
+            "\t\t1\t2\t\t0.4",
+            "row 2, column z_mm: is ''; expected a number",
+        ),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            read_sheet(written(tmp_path, [TOUCH + header, cells + more]), TOUCHES)
 
 
 @pytest.mark.parametrize(
