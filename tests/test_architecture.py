@@ -25,6 +25,7 @@ BELOW: Mapping[str, Sequence[str]] = {
     "checks": ("anatomy", "skeleton", *_LOW),
     "trackers": ("anatomy", "skeleton", *_LOW),
     "stages": _OF_STAGES,
+    "coach": ("stages", *_OF_STAGES),
     "workflow": ("stages", *_OF_STAGES),
     "guide": ("stages", "anatomy", "skeleton", *_LOW),
 }

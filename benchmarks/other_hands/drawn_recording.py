@@ -50,17 +50,19 @@ def record(
     stiff: tuple[str, ...] = (),
     dropouts: bool = False,
     angles_deg: dict[str, Array] | None = None,
+    place_mm: Array | None = None,
 ) -> Recording:
     """Record a person's hand at a task (`gestures.TASKS`), with the receivers as `person.worn` has them.
 
     Recordings of one person share bones, skin, receivers and room; `seed` draws the movement and the noise.
     stiff : joints of the layout that hardly move. angles_deg : of all joints, in place of the task's own.
+    place_mm : (3,) from the transmitter about which the palm moves, in place of one that is drawn.
     """
     moves, skins, tracker = (np.random.default_rng([seed, part]) for part in range(3))
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     if angles_deg is None:
         angles_deg = move_joints(person, task, moves, time_s, stiff)
-    palm_mm, turned, on_table = move_arm(task, table_stands(person.seed), moves, time_s)
+    palm_mm, turned, on_table = move_arm(task, table_stands(person.seed), moves, time_s, place_mm)
     bones, centres = carry(person, angles_deg)
     worn = [one for one in person.worn[side] if forearm or one.bone != "forearm"]
     extras = {one.bone: _wander_on_skin(one.bone, time_s, skins) for one in worn}

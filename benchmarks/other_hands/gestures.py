@@ -219,7 +219,7 @@ def move_joints(
 
 
 def move_arm(
-    task: str, stands: Rotation, rng: np.random.Generator, time_s: Array
+    task: str, stands: Rotation, rng: np.random.Generator, time_s: Array, place_mm: Array | None = None
 ) -> tuple[Array, Rotation, Array]:
     """Return the palm's place, (T, 3) mm from the transmitter, its rotation to it, and how much of the
     hand's weight lies on the table, (T,) 0 to 1. `stands` turns the table to the transmitter.
@@ -233,6 +233,7 @@ def move_arm(
         "keyboard": (30.0, 0.0, 4.0),
     }[task]
     middle = np.array([rng.uniform(270, 380), rng.uniform(-90, 90), rng.uniform(-70, 70)])
+    middle = middle if place_mm is None else place_mm
     knots = 2 + int(time_s[-1] // every_s) + 1
     at_s = np.cumsum(rng.uniform(0.6, 1.4, knots)) * every_s
     at_s -= at_s[0]

@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from shukotsu.trackers.record.request import RecordingRequest
 
 
-def add_tracker(command_parser: argparse.ArgumentParser) -> None:
+def add_tracker(command_parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     """Add the options that say which tracker and how it shall send."""
     add = command_parser.add_argument
     add(
         "--port",
-        required=True,
+        required=required,
         help="such as /dev/ttyUSB0, COM3, usb:, socket://host:4001, igtl://host:18944, lsl:NAME",
     )
     add("--tracker", choices=tuple(FAMILIES), help=f"default: {USUAL}, or what the port says")

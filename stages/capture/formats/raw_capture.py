@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,10 +20,14 @@ from shukotsu.trackers.decode.findings import findings
 from shukotsu.trackers.decode.records_table import UNUSABLE, FlaggedRecords, flagged_records
 from shukotsu.trackers.decode.survey import Survey, survey_archive
 from shukotsu.trackers.families import FAMILIES
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
 
+
+COACH_SUMMARY = "coach-summary"
+"""Name of the archive's event in which the coach says, as `sentence`, what a calibration came to."""
 
 _TO_TRACKER = re.compile(r"To([A-Z]\w*)?$")
 """What PLUS puts behind a tool's name, perhaps cut."""
@@ -42,8 +46,10 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
     losses = tuple(findings(survey))
     if not survey.records:
         raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
-    segment_of = _segments(path, survey, layout, mapping)
-    notes = (*_left_out(path, survey, segment_of, layout), *losses)
+    segment_of = segments_of_receivers(path, survey.settings, {*survey.records}, layout, mapping)
+    summaries = [own for own in survey.tally.events if own.get("event") == COACH_SUMMARY]
+    coached = [str(own.get("sentence", "")) for own in summaries]
+    notes = (*_left_out(path, survey, segment_of, layout), *losses, *coached[-1:])
     segment = np.full(max({*survey.records, *segment_of}) + 1, -1)
     segment[list(segment_of)] = list(segment_of.values())
     missing_frames = survey.losses.all.lost
@@ -61,16 +67,19 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
         raise InputError(f"{path}: holds no pose that can be believed ({'; '.join(losses)}); record again")
 
 
-def _segments(path: Path, survey: Survey, layout: Layout, mapping: FileMapping | None) -> dict[int, int]:
-    """Station -> index into `layout.measured`. Raises InputError where a mapping is of another recording."""
-    names = survey.settings.names
+def segments_of_receivers(
+    path: Path, settings: StreamSettings, there: Collection[int], layout: Layout, mapping: FileMapping | None
+) -> dict[int, int]:
+    """Give by station its index into `layout.measured`; there : the stations that sent anything.
+
+    Raises InputError where a mapping is of another recording.
+    """
+    names = settings.names
     if mapping is not None:
         unit = mapping.config["position_unit"]
-        if unit != survey.settings.unit:
-            raise InputError(
-                f"{mapping.where}: position_unit: is {unit}, but {path} has {survey.settings.unit}"
-            )
-        stations = {str(station): station for station in survey.records}
+        if unit != settings.unit:
+            raise InputError(f"{mapping.where}: position_unit: is {unit}, but {path} has {settings.unit}")
+        stations = {str(station): station for station in there}
         stations |= {name: station for station, name in names.items()}
         sources = [name_in_file(mapping, own, "value", [*stations], str(path)) for own in mapping.receivers]
         return dict(zip((stations[name] for name in sources), mapped_segments(mapping, layout), strict=True))

@@ -1,0 +1,238 @@
+"""Make poses of an archive that grows: decoded piece by piece, each frame once it is whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.rotations import Array
+from shukotsu.stages.capture.formats.raw_capture import segments_of_receivers
+from shukotsu.stages.capture.spikes import spikes
+from shukotsu.trackers.archive import END, EVENT, RECEIVED, SETTINGS, Piece
+from shukotsu.trackers.decode.records_table import SOURCE_FAILURES
+from shukotsu.trackers.decode.stream import ChunkDecoder, entry_of
+from shukotsu.trackers.protocols.records import Records
+from shukotsu.trackers.protocols.stream_settings import settings_from_json
+
+MOST_FRAMES = 6000
+"""Kept of a recording: of a longer one every second, every fourth frame. Who chooses frames to fit looks at
+1500."""
+
+NORM_TOLERANCE = 0.01
+LATE_FRAMES = 2
+"""A frame is whole once one that is so much later has begun."""
+
+
+@dataclass(frozen=True)
+class Arrived:
+    """Poses that are whole, and the host's time (T,) in ns at which each frame had come."""
+
+    poses: Poses
+    host_ns: npt.NDArray[np.int64]
+
+
+class LivePoses:
+    """Turns the pieces of an archive, in order, into poses and events.
+
+    where : the archive's name, for messages. events : all so far, each with its host_ns. ended : whether the
+    recorder closed the archive.
+    """
+
+    def __init__(self, layout: Layout, where: Path) -> None:
+        self.events: list[dict[str, Any]] = []
+        self.ended = False
+        self._layout, self._where = layout, where
+        self._decoder: ChunkDecoder | None = None
+        self._segment: npt.NDArray[np.int64] = np.full(256, -1)
+        self._stations: set[int] = set()
+        self._first: int | None = None
+        self._first_ns = 0
+        self._rate_hz = 0.0
+        self._waiting = _Samples.none()
+        self._button: dict[int, int] = {}
+        self._mirrored = np.ones(len(layout.measured))
+        self._before = np.full((len(layout.measured), 3), np.nan)
+
+    @staticmethod
+    def events_of(pieces: Iterable[Piece], where: Path) -> list[dict[str, Any]]:
+        """Give all events of an archive. Raises InputError where one is none."""
+        return [
+            entry_of(data, where)
+            for piece in pieces
+            for kind, data in zip(piece.kind, piece.data, strict=True)
+            if kind == EVENT
+        ]
+
+    def add(self, piece: Piece) -> Arrived | None:
+        """Take a piece; give the frames that it completed, if any. Raises InputError where stations are not
+        the layout's.
+        """
+        for kind, data, host_ns in zip(piece.kind, piece.data, piece.host_ns, strict=True):
+            if kind == SETTINGS:
+                if self._decoder is not None:
+                    raise InputError(
+                        f"{self._where}: holds the tracker's settings twice; expected one recording"
+                    )
+                self._decoder = ChunkDecoder(
+                    settings_from_json(entry_of(data, self._where), str(self._where))
+                )
+                self._rate_hz = self._decoder.settings.rate_hz
+            elif kind == EVENT:
+                self.events.append({**entry_of(data, self._where), "host_ns": int(host_ns)})
+            elif kind == END:
+                self.ended = True
+            elif kind == RECEIVED and self._decoder is not None:
+                self._decoder.add(data, int(host_ns))
+        if self._decoder is None or not (self._decoder.waiting_bytes or self.ended):
+            return None
+        block = self._decoder.decode(final=self.ended)
+        records = block.records.take(block.good)
+        self._press(records, block.host_ns[block.good])
+        self._know({*np.unique(records.station).tolist()}, block.settings)
+        numbers = np.concatenate([records.position_mm, records.quaternion], -1)
+        numbers[np.isin(records.error, list(SOURCE_FAILURES))] = np.nan
+        own = _Samples(records.frame, self._segment[records.station], numbers, block.host_ns[block.good])
+        self._waiting = self._waiting.then(own)
+        return self._whole(counted=block.counted)
+
+    def _press(self, records: Records, host_ns: npt.NDArray[np.int64]) -> None:
+        """Note, as a mark, that a stylus's button went down."""
+        for station in np.unique(records.station[records.button > 0]).tolist():
+            own = records.station == station
+            button = np.concatenate([[self._button.get(station, 0)], records.button[own]])
+            for row in np.flatnonzero((button[:-1] <= 0) & (button[1:] > 0)):
+                self.events.append({"event": "mark", "kind": "button", "host_ns": int(host_ns[own][row])})
+        for station in {*self._button, *np.unique(records.station[records.button > 0]).tolist()}:
+            own = records.station == station
+            if own.any():
+                self._button[station] = int(records.button[own][-1])
+
+    def _know(self, stations: set[int], settings: Any) -> None:
+        if stations <= self._stations:
+            return
+        self._stations |= stations
+        places = segments_of_receivers(self._where, settings, self._stations, self._layout, None)
+        self._segment[:] = -1
+        for station, place in places.items():
+            self._segment[station] = place
+
+    def _whole(self, *, counted: bool) -> Arrived | None:
+        last = int(self._waiting.frame.max(initial=0))
+        whole = self._waiting.frame <= (last if self.ended else last - LATE_FRAMES)
+        ready, self._waiting = self._waiting.take(whole), self._waiting.take(~whole)
+        if not len(ready.frame):
+            return None
+        frame, row = np.unique(ready.frame, return_inverse=True)
+        host_ns = np.zeros(len(frame), np.int64)
+        np.maximum.at(host_ns, row, ready.host_ns)
+        numbers, worn = np.full((len(frame), len(self._layout.measured), 7), np.nan), ready.place >= 0
+        numbers[row[worn], ready.place[worn]] = ready.numbers[worn]
+        if self._first is None:
+            self._first, self._first_ns = int(frame[0]), int(host_ns[0])
+        device_s, host_s = (frame - self._first) / self._rate_hz, (host_ns - self._first_ns) * 1e-9
+        time_s = np.asarray(device_s if counted else host_s, float)
+        valid = np.isfinite(numbers).all(-1)
+        norm = np.linalg.norm(numbers[..., 3:], axis=-1)
+        valid &= np.abs(norm - 1) <= NORM_TOLERANCE
+        numbers[..., 3:] /= np.where(valid, norm, 1.0)[..., None]
+        valid &= self._one_side(numbers[..., :3], valid)
+        for place in range(valid.shape[1]):
+            rows = np.flatnonzero(valid[:, place])
+            valid[rows[spikes(numbers[rows, place])], place] = False
+        measured = self._layout.measured
+        return Arrived(Poses(measured, frame, time_s, numbers[..., :3], numbers[..., 3:], valid), host_ns)
+
+    def _one_side(self, position_mm: Array, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        """Tell of which poses (T, S) the receiver has not jumped to its mirror image."""
+        same = np.ones(valid.shape, bool)
+        for place in range(valid.shape[1]):
+            rows = np.flatnonzero(valid[:, place])
+            if not len(rows):
+                continue
+            own = position_mm[rows, place]
+            before = np.concatenate([self._before[[place]], own[:-1]])
+            step, mirrored = np.linalg.norm(own - before, axis=1), np.linalg.norm(own + before, axis=1)
+            sign = self._mirrored[place] * np.cumprod(
+                np.where((step > MIRROR_STEP_MM) & (mirrored < MIRROR_SHARE * step), -1.0, 1.0)
+            )
+            same[rows, place] = sign > 0
+            self._mirrored[place], self._before[place] = sign[-1], own[-1]
+        return same
+
+
+MIRROR_STEP_MM, MIRROR_SHARE = 60.0, 0.3
+"""No hand goes so far between two frames, and lands so near to the mirror image of where it was."""
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Records that wait for the rest of their frame: frame, place in the layout and host_ns (N,), numbers (N,
+    7).
+    """
+
+    frame: npt.NDArray[np.int64]
+    place: npt.NDArray[np.int64]
+    numbers: Array
+    host_ns: npt.NDArray[np.int64]
+
+    @classmethod
+    def none(cls) -> _Samples:
+        empty = np.zeros(0, np.int64)
+        return cls(empty, empty, np.zeros((0, 7)), empty)
+
+    def take(self, rows: npt.NDArray[np.bool_]) -> _Samples:
+        return _Samples(self.frame[rows], self.place[rows], self.numbers[rows], self.host_ns[rows])
+
+    def then(self, other: _Samples) -> _Samples:
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return _Samples(*(np.concatenate(pair) for pair in pairs))
+
+
+class EvenFrames:
+    """Keeps frames of a recording of any length, evenly: at most MOST_FRAMES, of which it drops every second
+    when they are too many.
+    """
+
+    def __init__(self) -> None:
+        self._parts: list[Poses] = []
+        self._stride, self._seen, self._kept = 1, 0, 0
+
+    def __len__(self) -> int:
+        return self._kept
+
+    def add(self, poses: Poses) -> None:
+        """Take frames, in order."""
+        rows = np.arange(self._seen, self._seen + len(poses.frame)) % self._stride == 0
+        self._seen += len(poses.frame)
+        self._parts.append(poses.take(np.flatnonzero(rows)))
+        self._kept += int(rows.sum())
+        while self._kept > MOST_FRAMES:
+            whole = self.poses().take(slice(None, None, 2))
+            self._stride *= 2
+            self._parts, self._kept = [whole], len(whole.frame)
+
+    def poses(self) -> Poses:
+        """Give the frames kept, in order."""
+        self._parts = [concatenated(self._parts)]
+        return self._parts[0]
+
+
+def concatenated(parts: list[Poses]) -> Poses:
+    """Put poses of the same receivers one behind the other."""
+    if len(parts) == 1:
+        return parts[0]
+    names = ("frame", "time_s", "position_mm", "quaternion", "valid")
+    return Poses(parts[0].segments, *(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+
+
+def marks_of(events: list[dict[str, Any]]) -> Iterator[Mapping[str, Any]]:
+    """Give the marks among an archive's events, in order."""
+    return (event for event in events if event.get("event") == "mark")

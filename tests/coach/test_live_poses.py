@@ -1,0 +1,51 @@
+"""Poses of a growing archive against those that importing the whole gives."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from coached_hands import archive, one_after_another, setup
+
+from shukotsu.coach.live_poses import LivePoses, concatenated
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import read_poses
+from shukotsu.stages.capture.__main__ import main as capture
+from shukotsu.trackers.archive import FollowedArchive, open_archive
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return archive(tmp_path_factory.mktemp("recorded"), one_after_another((("free", 3.0),)))
+
+
+def test_they_are_the_poses_of_an_import(recorded: Path, tmp_path: Path) -> None:
+    live = LivePoses(setup().layout_of_hand(), recorded)
+    parts = [came.poses for piece in open_archive(recorded).pieces() if (came := live.add(piece)) is not None]
+    poses, table = concatenated(parts), tmp_path / "poses.parquet"
+    who = ["--layout=liberty16", "--subject=03", "--hand=left", "--task=rom"]
+    assert capture(["import", f"--in={recorded}", f"--out={table}", *who]) == 0
+    expected = read_poses(table, read_layout("liberty16").measured)
+    assert live.ended
+    np.testing.assert_array_equal(poses.frame, expected.frame)
+    np.testing.assert_array_equal(poses.valid, expected.valid)
+    np.testing.assert_allclose(
+        poses.position_mm[poses.valid], expected.position_mm[expected.valid], atol=1e-9
+    )
+    np.testing.assert_allclose(poses.quaternion[poses.valid], expected.quaternion[expected.valid], atol=1e-9)
+    assert np.ptp(poses.time_s - expected.time_s) < 1e-4
+
+
+def test_a_file_that_grows_gives_the_same(recorded: Path, tmp_path: Path) -> None:
+    data, growing = recorded.read_bytes(), tmp_path / "growing.arrows"
+    whole = LivePoses(setup().layout_of_hand(), recorded)
+    expected = [came for piece in open_archive(recorded).pieces() if (came := whole.add(piece)) is not None]
+    live, followed, came = LivePoses(setup().layout_of_hand(), growing), FollowedArchive(growing), []
+    for end in (*range(1000, len(data), 77_777), len(data)):
+        growing.write_bytes(data[:end])
+        came += [own for piece in followed.read() if (own := live.add(piece)) is not None]
+    assert followed.ended
+    assert [len(own.poses.frame) for own in came] == [len(own.poses.frame) for own in expected]
+    for own, other in zip(came, expected, strict=True):
+        np.testing.assert_array_equal(own.poses.position_mm, other.poses.position_mm)

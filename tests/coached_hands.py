@@ -1,0 +1,83 @@
+"""Simulated calibrations for the coach: what somebody does, as it arrives, and as an archive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.coached.people import draw
+from shukotsu.coach.live_poses import Arrived, concatenated
+from shukotsu.coach.setup import CoachSetup
+from shukotsu.schemas.config_files import config_path, read_config
+from shukotsu.schemas.poses import Poses
+from shukotsu.stages.capture.__main__ import main as capture
+
+SEED, RATE_HZ, CHUNK = 7001, 240, 60
+HAND = "left"
+PERIOD_NS = round(1e9 / RATE_HZ)
+CALIBRATION = (("rest", 1.0), ("free", 9.0), ("rest", 1.0), ("spread", 5.0), ("thumb-circle", 6.0))
+
+
+def setup(**changes: object) -> CoachSetup:
+    """Give the setup of the simulated hand."""
+    layout = read_config(config_path("liberty16", "layout", Path()), "layout") | {"wanted_mm": 2.0}
+    model = read_config(config_path("whole-hand", "model", Path()), "model")
+    return replace(CoachSetup("piano", "03", HAND, "", "rom", layout, 2.0, model), **changes)  # type: ignore[arg-type]
+
+
+@cache
+def performed(movement: str, seconds: float, turn: int = 1) -> Poses:
+    """Give poses of a movement."""
+    return draw("own", SEED).perform(movement, seconds, 1.0, turn).poses
+
+
+def one_after_another(movements: Sequence[tuple[str, float]]) -> Poses:
+    """Give poses of movements in turn, as one recording."""
+    parts = [performed(name, seconds, turn) for turn, (name, seconds) in enumerate(movements, 1)]
+    whole = concatenated(list(parts))
+    frame = np.arange(len(whole.frame), dtype=np.int64)
+    return replace(whole, frame=frame, time_s=frame / RATE_HZ)
+
+
+def arriving(poses: Poses, chunk: int = CHUNK) -> Iterator[Arrived]:
+    """Give poses in chunks, as a recorder writes them."""
+    for start in range(0, len(poses.frame), chunk):
+        part = poses.take(slice(start, start + chunk))
+        yield Arrived(part, part.frame * PERIOD_NS)
+
+
+def swapped(poses: Poses, one: str, other: str) -> Poses:
+    """Give poses as if two receivers had been taken for each other."""
+    order = np.arange(len(poses.segments))
+    a, b = poses.index(one), poses.index(other)
+    order[[a, b]] = order[[b, a]]
+    return replace(poses, position_mm=poses.position_mm[:, order], quaternion=poses.quaternion[:, order])
+
+
+def write_tidy(path: Path, poses: Poses) -> Path:
+    """Write poses as a tidy recording."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    n_frames, n_segments = poses.valid.shape
+    columns = {
+        "frame": np.repeat(poses.frame, n_segments),
+        "time_s": np.repeat(poses.time_s, n_segments),
+        "segment": np.tile(np.array(poses.segments), n_frames),
+        **{f"{axis}_mm": poses.position_mm[..., i].ravel() for i, axis in enumerate("xyz")},
+        **{f"q{part}": poses.quaternion[..., i].ravel() for i, part in enumerate("wxyz")},
+    }
+    pq.write_table(pa.table(columns), path)
+    return path
+
+
+def archive(folder: Path, poses: Poses) -> Path:
+    """Write poses as the archive that a LIBERTY would have given."""
+    recording = write_tidy(folder / "recording.parquet", poses)
+    out = folder / "recording.arrows"
+    assert capture(["emulate", f"--archive={out}", f"--recording={recording}"]) == 0
+    return out
