@@ -27,8 +27,12 @@ COMMANDS = {
         "shukotsu.commands.export_study", "write a study's moving skeletons for other programs"
     ),
     "record": Command(CAPTURE, "record a tracker into a raw capture", ("record",)),
+    "coach": Command(
+        "shukotsu.commands.coach_hand", "record a hand's calibration and coach it while it is recorded"
+    ),
     "devices": Command(CAPTURE, "list the ports at which a tracker may be", ("devices",)),
     "tracker": Command(CAPTURE, "say what a tracker answers, without recording", ("check",)),
+    "wand": Command("shukotsu.commands.map_room", "say where in the room the tracker may be trusted"),
     "emulate": Command(CAPTURE, "be a tracker, for a recorder without one at hand", ("emulate",)),
     "inspect": Command(CAPTURE, "say what is in a file, and draft the mapping that it needs", ("inspect",)),
     "import": Command(CAPTURE, "turn a recording's file into the poses table", ("import",)),

@@ -1,0 +1,41 @@
+"""A recorded archive as it came, at any speed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from shukotsu.trackers.archive import Piece, open_archive
+
+
+class Replayed:
+    """The pieces of an archive, each no earlier than it came; speed : 2 for twice as fast, 0 for as fast as
+    they are read.
+    """
+
+    def __init__(self, path: Path, speed: float) -> None:
+        self.ended = False
+        self._speed = speed
+        self._pieces: Iterator[Piece] = open_archive(path).pieces()
+        self._next: Piece | None = next(self._pieces, None)
+        self._first_ns: int | None = None
+        self._began = time.perf_counter()
+
+    def read(self) -> list[Piece]:
+        """Give what has come by now."""
+        found: list[Piece] = []
+        while self._next is not None and self._is_due(self._next) and not (found and not self._speed):
+            found.append(self._next)
+            self._next = next(self._pieces, None)
+        self.ended = self._next is None
+        return found
+
+    def _is_due(self, piece: Piece) -> bool:
+        if not self._speed or not len(piece.host_ns):
+            return True
+        if self._first_ns is None:
+            self._first_ns = int(piece.host_ns[0])
+        return (int(piece.host_ns[-1]) - self._first_ns) * 1e-9 <= (
+            time.perf_counter() - self._began
+        ) * self._speed

@@ -1,0 +1,149 @@
+"""What a study says of a hand before it is calibrated, and what it is told afterwards."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from shukotsu.coach.setup import CoachSetup, checked_setup
+from shukotsu.coach.study_sheets import HandDone, add_row, hands_of, name_sheet
+from shukotsu.errors import InputError
+from shukotsu.files.text_files import read_text
+from shukotsu.schemas.config_files import config_path, read_config
+from shukotsu.schemas.layout import FINGER_MM
+from shukotsu.schemas.model import model_from_config
+from shukotsu.schemas.plan import rows_of_session
+from shukotsu.schemas.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
+from shukotsu.schemas.study import path_token
+
+CAPTURES = "captures"
+"""Folder of archives, beside the study file."""
+
+USUAL_MODEL = "whole-hand"
+
+
+def next_hand(study: Path, hand: str | None = None) -> HandDone | None:
+    """Give the study's first hand (of that side) without a calibration; None where all have one."""
+    return next((own for own in hands_of(study) if not own.done and hand in (None, own.hand)), None)
+
+
+def setup_of(study: Path, subject: str, hand: str, session: str, task: str) -> CoachSetup:
+    """Give what a study says of a hand. Raises InputError where the study cannot be read, or has no model
+    that fits a whole hand.
+    """
+    config = read_config(study, "study")
+    folder = study.parent
+    layout = read_config(config_path(config["layout"], "layout", folder), "layout")
+    layout = layout | {"wanted_mm": config["wanted_mm"] or layout["wanted_mm"] or FINGER_MM}
+    people = _rows(folder, config, PARTICIPANTS.name, config["factors"])
+    person = next((row.values for row in people if row["subject"] == subject), {})
+    own = [
+        row
+        for row in _rows(folder, config, MEASUREMENTS.name)
+        if (row["subject"], row["hand"]) == (subject, hand)
+    ]
+    return checked_setup(
+        CoachSetup(
+            study=config["study"],
+            subject=subject,
+            hand=hand,
+            session=session,
+            task=task,
+            trial=_free_trial(_rows(folder, config, RECORDINGS.name, None), subject, hand, session, task),
+            layout=layout,
+            wanted_mm=float(layout["wanted_mm"]),
+            model=_model(config, folder),
+            hand_length_mm=person.get("hand_length_mm"),
+            hand_breadth_mm=person.get("hand_breadth_mm"),
+            measurements=tuple(
+                {name: row[name] for name in ("quantity", "value_mm", "sd_mm")}
+                for row in rows_of_session(own, MEASUREMENTS, session)
+            ),
+        )
+    )
+
+
+def _model(config: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Give the content of the study's model that fits the whole hand, or of the one that ships."""
+    for name in [*config["models"], USUAL_MODEL]:
+        content = read_config(config_path(name, "model", folder), "model")
+        fitting = model_from_config(content, name).fitting
+        if fitting is not None and fitting.steps:
+            return content
+    raise InputError(f"models: expected one that fits the whole hand, such as {USUAL_MODEL}")
+
+
+def _rows(folder: Path, config: Mapping[str, Any], name: str, more: Sequence[str] | None = ()) -> list[Row]:
+    if name not in config:
+        return []
+    if more is None:
+        known = (folder / config[name]).is_file()
+        text = read_text(folder / config[name], f"the sheet of {name}") if known else ""
+        more = [cell.strip() for cell in text.split("\n", 1)[0].split("\t")]
+    return read_sheet(folder / config[name], SHEETS[name], more)
+
+
+def _free_trial(rows: Sequence[Row], subject: str, hand: str, session: str, task: str) -> str:
+    """Give the first repetition of the task that the sheet does not have yet; empty for the first."""
+    whose = (subject, session, hand, task)
+    known = {
+        row["trial"] for row in rows if (row["subject"], row["session"], row["hand"], row["task"]) == whose
+    }
+    return next(trial for trial in ("", *map(str, range(2, len(known) + 3))) if trial not in known)
+
+
+def archive_of(study: Path, setup: CoachSetup) -> Path:
+    """Give where the hand's archive goes, a name that is not there yet: captures/03_right_rom.arrows beside
+    the study file.
+    """
+    parts = [
+        setup.subject,
+        *filter(None, [setup.session and f"ses-{setup.session}"]),
+        setup.hand,
+        setup.task,
+        setup.trial,
+    ]
+    stem = "_".join(path_token(part) for part in parts if part)
+    folder = study.parent / CAPTURES
+    names = [stem, *(f"{stem}_{number}" for number in range(2, 1000))]
+    return next(path for name in names if not (path := folder / f"{name}.arrows").exists())
+
+
+def enter_recording(
+    study: Path,
+    setup: CoachSetup,
+    archive: Path,
+    exclude: str,
+    rows: Mapping[str, Sequence[Mapping[str, Any]]],
+) -> list[Path]:
+    """Enter a recording, its touches and lengths into the study's sheets; give those that were written.
+
+    exclude : why the study shall leave it out; empty for one that it uses.
+    """
+    config = read_config(study, "study")
+    sheets = [study.parent / config["recordings"]]
+    row = {
+        "subject": setup.subject,
+        "hand": setup.hand,
+        "session": setup.session,
+        "task": setup.task,
+        "trial": setup.trial,
+    }
+    row |= {"role": "calibration", "file": _relative(archive, study.parent), "exclude": exclude}
+    add_row(sheets[0], RECORDINGS, row)
+    for name, own in rows.items():
+        if own and not exclude:
+            sheets.append(name_sheet(study, name, f"{name}.tsv"))
+            for each in own:
+                try:
+                    add_row(sheets[-1], SHEETS[name], each)
+                except InputError as error:
+                    print(f"note: not entered: {error}", file=sys.stderr)
+    return sheets
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return Path(os.path.relpath(path, folder)).as_posix()
