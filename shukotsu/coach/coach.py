@@ -327,6 +327,8 @@ class Coach:
             if self.phase != ENOUGH:
                 self.phase, self.enough_s = ENOUGH, self.time_s
                 self.left = self.summary()["left"]
+                if self.done is not None and self.done["kind"] not in ("done", "entered"):
+                    self.done = None  # nothing is to be done any further
                 self._say({"kind": "enough", **self.summary()})
             self.request = None
             return
