@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shukotsu.coach.requests import MEASURE, TOUCHING
-from shukotsu.schemas.verdict import BELIEVE, MOVED_LITTLE, RADIUS_SD
+from shukotsu.schemas.verdict import BELIEVE, HALVES, MOVED_LITTLE, RADIUS_SD
 from shukotsu.sentences.finding_sentences import in_quotes
 from shukotsu.sentences.translation import N_, language, listed, tr, word
 from shukotsu.skeleton.rotations import Array
@@ -159,6 +159,8 @@ def summary_sentence(summary: Mapping[str, Any]) -> str:
 def _reason(left: Mapping[str, Any]) -> str:
     if left["reason"] == MOVED_LITTLE or left["range_deg"] < 15.0:
         return tr("it hardly bends")
+    if left["reason"] == HALVES:
+        return tr("its two receivers disagree")
     return tr("no movement would tell more")
 
 

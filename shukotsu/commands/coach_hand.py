@@ -187,6 +187,7 @@ def _record(arguments: argparse.Namespace, board: Board, face: TerminalFace, sto
     from shukotsu.coach.recorder import Recorder
     from shukotsu.coach.study_setup import archive_of, enter_recording
     from shukotsu.coach.study_sheets import hands_of
+    from shukotsu.stages.capture.record_tracker import EXIT_CUT_SHORT
     from shukotsu.stages.fit_hand.compile_kernel import compile_all
 
     study, setup = _study(arguments), _setup(arguments)
@@ -207,8 +208,8 @@ def _record(arguments: argparse.Namespace, board: Board, face: TerminalFace, sto
         enter_recording(study, setup, archive, "receivers were put right in it", {})
         return True
     _finish(study, setup, session, archive)
-    if code not in (0, None):
-        sys.exit(code)
+    if code:
+        sys.exit(EXIT_CUT_SHORT)
     return False
 
 
