@@ -34,8 +34,8 @@ def build_parser() -> argparse.ArgumentParser:
     """Give the command's argument parser."""
     parser = command_line.parser(
         "shukotsu coach",
-        "Record a hand's calibration and say, while the receivers are on it, what is worn wrongly, which "
-        "movement or measurement helps most next, how sure each joint is, and when it is enough. A page on "
+        "Record a hand's calibration and say, while the receivers are on it, what is worn wrongly, which\n"
+        "movement or measurement helps most next, how sure each joint is, and when it is enough. A page on\n"
         "this computer shows the same; its address is printed.",
         "shukotsu coach --port /dev/ttyUSB0 --study study.yaml --subject 03 --hand right\n"
         "  shukotsu coach --follow captures/03.arrows --study study.yaml --subject 03 --hand right\n"
