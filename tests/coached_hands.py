@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.coached.people import draw
-from shukotsu.coach.live_poses import Arrived, concatenated
+from shukotsu.coach.live_poses import Arrived
 from shukotsu.coach.setup import CoachSetup
 from shukotsu.schemas.config_files import config_path, read_config
 from shukotsu.schemas.poses import Poses
 from shukotsu.stages.capture.__main__ import main as capture
+from shukotsu.stages.fit_hand.receiver_frames import concatenated
 
 SEED, RATE_HZ, CHUNK = 7001, 240, 60
 HAND = "left"

@@ -19,7 +19,7 @@ from shukotsu.coach import wording
 from shukotsu.coach.board import checked_entry
 from shukotsu.coach.estimate import Estimate, MarkedTouch, estimate
 from shukotsu.coach.expected_gains import imagined_states
-from shukotsu.coach.live_poses import Arrived, EvenFrames, concatenated
+from shukotsu.coach.live_poses import Arrived, EvenFrames
 from shukotsu.coach.movements import Movement, movements_of
 from shukotsu.coach.progress import POSED_HZ, Progress
 from shukotsu.coach.requests import LISTEN_S, MOVEMENT, TOUCHING, Option, choose
@@ -30,6 +30,7 @@ from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.loose_receivers import displaced_in
 from shukotsu.stages.fit_hand.measurements import Measurement
+from shukotsu.stages.fit_hand.receiver_frames import concatenated
 from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, TOUCH_SD_MM
 
 TICK_S = 0.5

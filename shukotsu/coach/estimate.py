@@ -26,8 +26,6 @@ from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
 from shukotsu.stages.fit_hand.hand_tables import joint_rows
 from shukotsu.stages.fit_hand.measurements import Measurement
-from shukotsu.stages.fit_hand.posterior import centre_by_unknowns, places_of
-from shukotsu.stages.fit_hand.posterior_summary import unshown_mm2
 from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, contact_in, touch_in, with_touches
 
 LEAST_FRAMES = 240
@@ -137,38 +135,3 @@ def _touch(tips: Fingertips, poses: Poses, mark: MarkedTouch) -> Touch | None:
         return touch_in(tips, poses, rows, mark.digit, point, sd_mm=mark.sd_mm, part=mark.part)
     except InputError:
         return None
-
-
-@dataclass(frozen=True)
-class CentreRows:
-    """How joint centres hang on the hand's unknowns: by_x (J, 6, G), and what skin adds that nothing takes
-    away (J, 2), mm2.
-    """
-
-    by_x: Array
-    skin_mm2: Array
-
-    @classmethod
-    def of(cls, known: Estimate) -> CentreRows:
-        """Give those of the joints that are asked for, in the order of the rows."""
-        fit = known.fit
-        evidence = fit.evidence
-        places = places_of(evidence.model, evidence.posterior)
-        by_x = [centre_by_unknowns(evidence.layout.joints[name], places, evidence)[1] for name in known.rows]
-        skin = [
-            [
-                np.trace(unshown_mm2(segment, point, evidence)) if segment else 0.0
-                for segment, point in ((own.parent_segment, own.parent_mm), (own.child_segment, own.child_mm))
-            ]
-            for own in (fit.joints[name] for name in known.rows)
-        ]
-        return cls(np.array(by_x), np.array(skin))
-
-    def sd_mm(self, precision: Array) -> Array:
-        """Stated errors (J,) of the centres if the unknowns had this precision (G, G)."""
-        from scipy.linalg import cho_factor, cho_solve
-
-        flat = self.by_x.reshape(-1, self.by_x.shape[-1])
-        solved = cho_solve(cho_factor(precision, check_finite=False), flat.T, check_finite=False)
-        variance = (flat.T * solved).sum(0).reshape(-1, 2, 3).sum(-1)
-        return np.asarray(np.sqrt(np.maximum(variance + self.skin_mm2, 0.0).max(-1)))

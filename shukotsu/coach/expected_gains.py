@@ -23,8 +23,8 @@ FRAMES = 9
 """Imagined, of each movement."""
 
 SAMPLES_PER_S = 1.2
-"""Independent samples that a second of movement adds: skin wanders for about half a second, and the fit of
-simulated hands of two drawings found 0.6 to 1.4."""
+"""Independent samples that a second of movement adds, by which fits of half a minute are weighed too (our
+choice; those found in simulated hands are 0.6 and more)."""
 
 
 def imagined_states(fit: HandFit, movement: Movement, n_frames: int = FRAMES) -> Array:

@@ -16,6 +16,7 @@ from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.formats.raw_capture import segments_of_receivers
 from shukotsu.stages.capture.spikes import spikes
+from shukotsu.stages.fit_hand.receiver_frames import concatenated
 from shukotsu.trackers.archive import END, EVENT, RECEIVED, SETTINGS, Piece
 from shukotsu.trackers.decode.records_table import SOURCE_FAILURES
 from shukotsu.trackers.decode.stream import ChunkDecoder, entry_of
@@ -223,14 +224,6 @@ class EvenFrames:
         """Give the frames kept, in order."""
         self._parts = [concatenated(self._parts)]
         return self._parts[0]
-
-
-def concatenated(parts: list[Poses]) -> Poses:
-    """Put poses of the same receivers one behind the other."""
-    if len(parts) == 1:
-        return parts[0]
-    names = ("frame", "time_s", "position_mm", "quaternion", "valid")
-    return Poses(parts[0].segments, *(np.concatenate([getattr(p, name) for p in parts]) for name in names))
 
 
 def marks_of(events: list[dict[str, Any]]) -> Iterator[Mapping[str, Any]]:

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shukotsu.coach.estimate import CentreRows, Estimate
+from shukotsu.coach.estimate import Estimate
 from shukotsu.coach.expected_gains import SAMPLES_PER_S, imagined_states, information
 from shukotsu.coach.movements import Movement
 from shukotsu.coach.setup import CoachSetup
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.fit_hand.gains import TOUCH, expected_sd_mm
+from shukotsu.stages.fit_hand.gains import TOUCH, CentreRows, expected_sd_mm
 
 MOVEMENT, TOUCHING, MEASURE = "movement", "touch", "measure"
 LISTEN_S = 1.0
@@ -62,7 +62,7 @@ def choose(
     """
     fit = known.fit
     rows, precision = (
-        CentreRows.of(known),
+        CentreRows.of(fit, list(known.rows)),
         np.asarray(np.linalg.inv(fit.evidence.posterior.covariance), float),
     )
     for name, movement in movements.items():

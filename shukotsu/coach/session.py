@@ -84,7 +84,7 @@ class Session:
     oldest_s: float = 0.0
     frames: int = 0
     _stop: threading.Event = field(default_factory=threading.Event)
-    _failed: BaseException | None = None
+    _failed: Exception | None = None
     _heard: float = math.inf
     _hands: list[dict[str, Any]] = field(default_factory=list)
     _lost: int = 0
@@ -175,7 +175,7 @@ class Session:
                 if ended and not pieces:
                     break
                 time.sleep(0 if pieces else READ_S)
-        except BaseException as error:  # told by the thread that the user hears
+        except Exception as error:  # whatever it is: raised again by the thread that waits for this one
             self._failed = error
         self._put(waiting, None)
 

@@ -12,9 +12,10 @@ import pytest
 from coached_hands import CALIBRATION, arriving, one_after_another, setup, swapped
 
 from shukotsu.coach.coach import CHECKING, ENOUGH, FIRST, MOST_ASKED, Coach, Request
-from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames, concatenated
+from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames
 from shukotsu.coach.requests import MEASURE, TOUCHING, Option
 from shukotsu.schemas.poses import Poses
+from shukotsu.stages.fit_hand.receiver_frames import concatenated
 
 
 def coached(poses: Poses, coach: Coach | None = None) -> Iterator[tuple[Coach, dict[str, Any]]]:

@@ -16,13 +16,13 @@ import pytest
 from coached_hands import CALIBRATION, archive, one_after_another, swapped, write_tidy
 from tracker_processes import emulator
 
-from shukotsu.coach.live_poses import concatenated
 from shukotsu.commands.coach_hand import main as coach
 from shukotsu.commands.new_study import main as new_study
 from shukotsu.schemas.catalogue import JOINT_CENTRES
 from shukotsu.schemas.poses import Poses
 from shukotsu.schemas.sheets import RECORDINGS, read_sheet
 from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.stages.fit_hand.receiver_frames import concatenated
 from shukotsu.trackers.archive import open_archive
 
 

@@ -8,15 +8,20 @@ import numpy as np
 import pytest
 from coached_hands import one_after_another, setup
 
-from shukotsu.coach.estimate import CentreRows, Estimate, estimate
+from shukotsu.coach.estimate import Estimate, estimate
 from shukotsu.coach.expected_gains import imagined_states, information
 from shukotsu.coach.movements import movements_of
 from shukotsu.coach.requests import excess_mm
+from shukotsu.stages.fit_hand.gains import CentreRows
 
 
 @cache
 def known() -> Estimate:
     return estimate(setup(), setup().layout_of_hand(), one_after_another((("free", 3.0),)))
+
+
+def centre_rows() -> CentreRows:
+    return CentreRows.of(known().fit, list(known().rows))
 
 
 def test_imagined_frames_say_what_measured_ones_of_the_same_postures_said() -> None:
@@ -25,13 +30,13 @@ def test_imagined_frames_say_what_measured_ones_of_the_same_postures_said() -> N
     problem, n_frames = evidence.problem, len(evidence.states)
     before = np.diag(problem.precision) + problem.observations.rows.T @ problem.observations.rows
     said = information(known().fit, evidence.states, problem.temper * n_frames)
-    again_mm = CentreRows.of(known()).sd_mm(before + said)
+    again_mm = centre_rows().sd_mm(before + said)
     np.testing.assert_allclose(again_mm, known().sd_mm, rtol=0.15)
 
 
 def test_the_stated_errors_are_those_of_the_posterior() -> None:
     precision = np.linalg.inv(known().fit.evidence.posterior.covariance)
-    np.testing.assert_allclose(CentreRows.of(known()).sd_mm(precision), known().sd_mm, rtol=1e-6)
+    np.testing.assert_allclose(centre_rows().sd_mm(precision), known().sd_mm, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -44,7 +49,10 @@ def test_the_stated_errors_are_those_of_the_posterior() -> None:
 )
 def test_a_movement_gains_most_for_its_own_joints(movement: str, joints: set[str]) -> None:
     fit, movements = known().fit, movements_of(setup().layout_of_hand())
-    rows, precision = CentreRows.of(known()), np.linalg.inv(fit.evidence.posterior.covariance)
+    rows, precision = (
+        centre_rows(),
+        np.linalg.inv(fit.evidence.posterior.covariance),
+    )
     now = rows.sd_mm(precision)
     rest = rows.sd_mm(precision + information(fit, imagined_states(fit, movements["knuckles"]), 5.0))
     after = rows.sd_mm(precision + information(fit, imagined_states(fit, movements[movement]), 5.0))
@@ -54,7 +62,10 @@ def test_a_movement_gains_most_for_its_own_joints(movement: str, joints: set[str
 
 def test_more_of_a_movement_gains_more_and_less_each_time() -> None:
     fit = known().fit
-    rows, precision = CentreRows.of(known()), np.linalg.inv(fit.evidence.posterior.covariance)
+    rows, precision = (
+        centre_rows(),
+        np.linalg.inv(fit.evidence.posterior.covariance),
+    )
     once = information(fit, imagined_states(fit, movements_of(setup().layout_of_hand())["spread"]), 5.0)
     sd_mm = [excess_mm(rows.sd_mm(precision + times * once), 0.0) for times in range(4)]
     steps = -np.diff(sd_mm)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from coached_hands import archive, one_after_another, setup
 
-from shukotsu.coach.live_poses import LivePoses, concatenated
+from shukotsu.coach.live_poses import LivePoses
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import read_poses
 from shukotsu.stages.capture.__main__ import main as capture
+from shukotsu.stages.fit_hand.receiver_frames import concatenated
 from shukotsu.trackers.archive import FollowedArchive, open_archive
 
 

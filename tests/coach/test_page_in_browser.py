@@ -192,4 +192,5 @@ def test_another_computer_gives_the_password(watched_page: WatchedPage) -> None:
         watched_page.page.locator("[name=password]").fill("long enough")
         watched_page.page.get_by_role("button", name="Open").click()
         watched_page.page.get_by_text("4 of 10").wait_for()
+        assert not watched_page.page.locator("[name=password]").is_visible()
         watched_page.console.clear()  # that it was refused first
