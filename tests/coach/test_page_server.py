@@ -147,7 +147,8 @@ def test_bytes_that_are_no_request_get_no_data_and_end(server: PageServer, sent:
     link = socket.create_connection(("127.0.0.1", server.port), timeout=60)
     with link, suppress(ConnectionError):
         link.sendall(sent)
-        link.shutdown(socket.SHUT_WR)
+        with suppress(OSError):  # already reset by the server, which refused
+            link.shutdown(socket.SHUT_WR)
         while part := link.recv(4096):
             found += part
     assert not any(text in found for text in (b"subject 03", b"Traceback", b"Access-Control"))
