@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -320,7 +321,8 @@ def test_no_file_comes_under_the_number_of_a_stream_that_is_closed(tmp_path: Pat
 def test_what_is_interrupted_leaves_no_file_and_no_traceback(tmp_path: Path, number: str, code: int) -> None:
     write = "from shukotsu.files.whole_files import replacing\n"
     write += f"    with replacing(Path({str(tmp_path / 'table')!r})) as own: "
-    done = ended(f"{write}own.touch(); os.kill(os.getpid(), signal.{number}); time.sleep(9)")
+    work = f"{write}own.touch(); os.kill(os.getpid(), signal.{number}); time.sleep(9)"
+    done = ended(work, preexec_fn=partial(signal.signal, signal.SIGHUP, signal.SIG_DFL))  # whoever ignores it
     assert done.returncode == code
     assert done.stderr == ("error: interrupted\n" if code == 130 else "")
     assert not list(tmp_path.iterdir())
