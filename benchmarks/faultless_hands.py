@@ -139,6 +139,16 @@ def _scaled(planted: Planted, factor: float) -> Planted:
     return replace(changed(planted, position_mm=planted.poses.position_mm * factor), truth=truth)
 
 
+def exchanged(poses: Poses, *pairs: tuple[str, str]) -> Poses:
+    """Give poses as they come where receivers, two and two, are taken for each other."""
+    order = list(range(len(poses.segments)))
+    for one, other in pairs:
+        i, j = poses.index(one), poses.index(other)
+        order[i], order[j] = j, i
+    arrays = {name: getattr(poses, name)[:, order] for name in ("position_mm", "quaternion", "valid")}
+    return replace(poses, **arrays)
+
+
 def changed(planted: Planted, **arrays: Any) -> Planted:
     """Give the recording with other arrays of its poses."""
     return replace(planted, poses=replace(planted.poses, **arrays))

@@ -11,7 +11,7 @@ from itertools import permutations
 import numpy as np
 
 from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_person
-from benchmarks.faultless_hands import FINGERS, Planted, changed, faultless, other_hand, own_hand
+from benchmarks.faultless_hands import FINGERS, Planted, changed, exchanged, faultless, other_hand, own_hand
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
 from shukotsu.checks.compared_recordings import compared
 from shukotsu.checks.declared import Declared
@@ -150,17 +150,7 @@ def _exchanged(pairs: Callable[[np.random.Generator], Sequence[tuple[str, str]]]
     """Receivers stand for each other's segments."""
 
     def plant(planted: Planted, rng: np.random.Generator) -> Planted:
-        poses = planted.poses
-        order = list(range(len(poses.segments)))
-        for one, other in pairs(rng):
-            i, j = poses.index(one), poses.index(other)
-            order[i], order[j] = j, i
-        return changed(
-            planted,
-            position_mm=poses.position_mm[:, order],
-            quaternion=poses.quaternion[:, order],
-            valid=poses.valid[:, order],
-        )
+        return replace(planted, poses=exchanged(planted.poses, *pairs(rng)))
 
     return plant
 

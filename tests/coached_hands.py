@@ -16,6 +16,7 @@ from shukotsu.schemas.config_files import config_path, read_config
 from shukotsu.schemas.poses import Poses
 from shukotsu.stages.capture.__main__ import main as capture
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
+from shukotsu.stages.simulate.recording import write_recording
 
 SEED, RATE_HZ, CHUNK = 7001, 240, 60
 HAND = "left"
@@ -51,34 +52,10 @@ def arriving(poses: Poses, chunk: int = CHUNK) -> Iterator[Arrived]:
         yield Arrived(part, part.frame * PERIOD_NS)
 
 
-def swapped(poses: Poses, one: str, other: str) -> Poses:
-    """Give poses as if two receivers had been taken for each other."""
-    order = np.arange(len(poses.segments))
-    a, b = poses.index(one), poses.index(other)
-    order[[a, b]] = order[[b, a]]
-    return replace(poses, position_mm=poses.position_mm[:, order], quaternion=poses.quaternion[:, order])
-
-
-def write_tidy(path: Path, poses: Poses) -> Path:
-    """Write poses as a tidy recording."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    n_frames, n_segments = poses.valid.shape
-    columns = {
-        "frame": np.repeat(poses.frame, n_segments),
-        "time_s": np.repeat(poses.time_s, n_segments),
-        "segment": np.tile(np.array(poses.segments), n_frames),
-        **{f"{axis}_mm": poses.position_mm[..., i].ravel() for i, axis in enumerate("xyz")},
-        **{f"q{part}": poses.quaternion[..., i].ravel() for i, part in enumerate("wxyz")},
-    }
-    pq.write_table(pa.table(columns), path)
-    return path
-
-
 def archive(folder: Path, poses: Poses) -> Path:
     """Write poses as the archive that a LIBERTY would have given."""
-    recording = write_tidy(folder / "recording.parquet", poses)
+    recording = folder / "recording.parquet"
+    write_recording(recording, poses)
     out = folder / "recording.arrows"
     assert capture(["emulate", f"--archive={out}", f"--recording={recording}"]) == 0
     return out

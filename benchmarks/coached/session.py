@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from benchmarks.coached.people import FREE, RATE_HZ, REST, Person
+from benchmarks.faultless_hands import exchanged
 from shukotsu.coach.coach import ENOUGH, Coach
 from shukotsu.coach.live_poses import Arrived
+from shukotsu.coach.movements import MOVEMENTS
 from shukotsu.coach.requests import MOVEMENT
 from shukotsu.coach.setup import CoachSetup
-from shukotsu.schemas.poses import Poses
 from shukotsu.schemas.verdict import BELIEVE
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.posterior_summary import FittedJoint
@@ -98,8 +99,8 @@ class Room:
         if rng.random() < TALK:
             self._do(FREE, rng.uniform(0.8, 1.5), TALKING)
         self._do(REST, rng.uniform(0.7, 1.3))
-        name = str(rng.choice(list(self.coach.movements))) if rng.random() < OTHER_MOVEMENT else name
-        self._do(name, self.coach.movements[name].seconds, 0.5 if rng.random() < HALF_RANGE else 1.0)
+        name = str(rng.choice(list(MOVEMENTS))) if rng.random() < OTHER_MOVEMENT else name
+        self._do(name, MOVEMENTS[name].seconds, 0.5 if rng.random() < HALF_RANGE else 1.0)
         for _ in range(4):
             if self._asked() == asked:
                 self._do(REST, 0.5)
@@ -113,11 +114,11 @@ class Room:
 
     def _do(self, movement: str, seconds: float, reach: float = 1.0) -> None:
         """Record a movement, and let the coach see it piece by piece."""
-        made = self.person.perform(movement, seconds, reach, turn=len(self._parts) + 1)
-        poses = made.poses if self.swapped is None else _exchanged(made.poses, *self.swapped)
+        performed = self.person.perform(movement, seconds, reach, turn=len(self._parts) + 1)
+        poses = performed.poses if self.swapped is None else exchanged(performed.poses, self.swapped)
         frame = self._frames + np.arange(len(poses.frame))
         poses = replace(poses, frame=frame, time_s=frame / RATE_HZ)
-        self._parts.append((self._frames, made.halves))
+        self._parts.append((self._frames, performed.halves))
         for start in range(0, len(frame), CHUNK_FRAMES):
             rows = slice(start, start + CHUNK_FRAMES)
             self._frames += len(frame[rows])
@@ -140,11 +141,3 @@ class Room:
         counts = np.diff(np.maximum(starts, round(self.coach.began_s * RATE_HZ)))
         parts = [halves for _, halves in self._parts]
         return {n: np.average([own[n] for own in parts], axis=0, weights=counts) for n in parts[0]}
-
-
-def _exchanged(poses: Poses, one: str, other: str) -> Poses:
-    """Give poses as they come where two receivers are swapped."""
-    order = np.arange(len(poses.segments))
-    order[[poses.index(one), poses.index(other)]] = order[[poses.index(other), poses.index(one)]]
-    changed = {name: getattr(poses, name)[:, order] for name in ("position_mm", "quaternion", "valid")}
-    return replace(poses, **changed)

@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from threading import Condition
 from typing import Any
 
+import numpy as np
+
 from shukotsu.errors import InputError
 
 MOST_BATCHES = 12
@@ -76,12 +78,6 @@ class Board:
         self.viewers: set[Viewer] = set()
         self._entries: deque[dict[str, Any]] = deque()
 
-    @property
-    def state(self) -> dict[str, Any] | None:
-        """Give the newest state, a copy of its own; None before the first."""
-        text = self._text
-        return None if text is None else dict(json.loads(text))
-
     def publish(self, state: Mapping[str, Any]) -> None:
         """Make a state the newest one; numbers that are not finite become null."""
         self._show("state", json.dumps(_plain(state), ensure_ascii=False, allow_nan=False))
@@ -90,11 +86,14 @@ class Board:
         """Show a batch of live poses.
 
         times_s : (n,) s of the recording. poses : (n, receivers, 7) position in mm and quaternion (w, x, y,
-        z) in the order of the state's `receivers`, lists or an array; NaN or None where one has no pose.
+        z) in the order of the state's `receivers`; NaN where one has no pose.
         """
-        rounded = [[_rounded(pose) for pose in frame] for frame in _plain(poses)]
-        times = [round(time_s, 4) for time_s in _plain(times_s)]
-        self._show("poses", json.dumps({"times_s": times, "poses": rounded}, separators=(",", ":")))
+        numbers = np.asarray(poses, float)
+        rounded = np.concatenate([numbers[..., :3].round(2), numbers[..., 3:].round(5)], -1).astype(object)
+        rounded[~np.isfinite(numbers).all(-1)] = None
+        shown = [[None if pose[0] is None else pose for pose in frame] for frame in rounded.tolist()]
+        times = np.round(times_s, 4).tolist()
+        self._show("poses", json.dumps({"times_s": times, "poses": shown}, separators=(",", ":")))
 
     def _show(self, kind: str, text: str) -> None:
         with self.changed:
@@ -158,9 +157,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(own) for own in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _rounded(pose: list[float | None]) -> list[float] | None:
-    """Give a pose to 0.01 mm and 1e-5 of a quaternion; None where it lacks a number."""
-    known = [x for x in pose or () if x is not None]
-    return [round(x, 2 if at < 3 else 5) for at, x in enumerate(known)] if len(known) == 7 else None

@@ -17,10 +17,11 @@ from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.declared import Declared
 from shukotsu.coach import wording
 from shukotsu.coach.board import checked_entry
+from shukotsu.coach.drawn_hand import drawn
 from shukotsu.coach.estimate import Estimate, MarkedTouch, estimate
 from shukotsu.coach.expected_gains import imagined_states
 from shukotsu.coach.live_poses import Arrived, EvenFrames
-from shukotsu.coach.movements import Movement, movements_of
+from shukotsu.coach.movements import MOVEMENTS, Movement
 from shukotsu.coach.progress import POSED_HZ, Progress
 from shukotsu.coach.requests import LISTEN_S, MOVEMENT, TOUCHING, Option, choose
 from shukotsu.coach.setup import KIND, CoachSetup, check_names
@@ -79,18 +80,15 @@ class Coach:
     """One hand's calibration.
 
     skipped : numbers of ticks at which no estimate is made, as a machine that was too slow made none;
-    is_behind : says whether frames have come that are seconds later than those being taken; left_out : is
-    told of a tick at which no estimate was made for that.
+    leaves_out : whether this machine is too slow for an estimate at a tick and its time.
     """
 
     setup: CoachSetup
     skipped: set[int] = field(default_factory=set)
-    is_behind: Callable[[float], bool] = lambda _: False
-    left_out: Callable[[int], None] = lambda _: None
+    leaves_out: Callable[[int, float], bool] = lambda *_: False
 
     def __post_init__(self) -> None:
         self.layout = self.setup.layout_of_hand()
-        self.movements: dict[str, Movement] = movements_of(self.layout)
         self.known: Estimate | None = None
         self.request: Request | None = None
         self.phase = WAITING
@@ -165,19 +163,15 @@ class Coach:
         self.time_s = time_s
         if self.phase in (WAITING, CHECKING) and self.request is None and not self.findings:
             self.phase = CHECKING
-            self._ask(
-                Option(MOVEMENT, FIRST, self.movements[FIRST].seconds, np.zeros(0))
-            ) if FIRST in self.movements else None
+            self._ask(Option(MOVEMENT, FIRST, MOVEMENTS[FIRST].seconds, np.zeros(0)))
         of_three = self._tick % ESTIMATE_TICKS
         if time_s >= self._next_check_s and (of_three == 1 or self.phase == CHECKING):
             self._check()
             self._next_check_s = time_s + (CHECKED_S / 2 if self.findings else CHECKED_S)
         if not self.findings and self.phase != CHECKING:
             if of_three == 0 and time_s - self.began_s >= FIRST_ESTIMATE_S:
-                if self.known is not None and self.is_behind(time_s):
-                    self.skipped.add(self._tick)
-                    self.left_out(self._tick)
-                if self._tick not in self.skipped:
+                late = self.known is not None and self.leaves_out(self._tick, time_s)
+                if not late and self._tick not in self.skipped:
                     self._estimate()
             elif of_three == 2 and time_s >= self._next_loose_s and self.known is not None:
                 self._next_loose_s = time_s + LOOSE_S
@@ -266,12 +260,10 @@ class Coach:
             if elapsed_s > PATIENCE * request.option.seconds * MOST_ASKED:
                 self._give_up(request)
             return
-        movement = self.movements[request.option.name]
-        if request.progress.is_done(movement) and elapsed_s >= 0.5 * movement.seconds:
-            self.done = {"number": request.number, "kind": "done", "name": movement.name}
-            self._finish(request, elapsed_s)
-        elif elapsed_s > LISTEN_S + PATIENCE * movement.seconds * request.times:
-            self._tried(request, movement, elapsed_s)
+        movement = MOVEMENTS[request.option.name]
+        could_be_done = request.progress.is_done(movement) and elapsed_s >= 0.5 * movement.seconds
+        if could_be_done or elapsed_s > LISTEN_S + PATIENCE * movement.seconds * request.times:
+            self._look_at(request, movement)
 
     def _is_worse(self, known: Estimate) -> bool:
         """Say whether a joint that was good enough is clearly no more, after it was said to be enough."""
@@ -341,7 +333,7 @@ class Coach:
         if self.known is None or not self.known.open_joints:
             return None
         refused = self._refused | {name for name, times in self._asked.items() if times >= MOST_ASKED}
-        return choose(self.setup, self.known, self.movements, refused, self._since, self._gains)
+        return choose(self.setup, self.known, refused, self._since, self._gains)
 
     def _ask(self, option: Option) -> None:
         self._number += 1
@@ -355,8 +347,8 @@ class Coach:
         """Postures of a movement as the hand that is known does it; None before it is."""
         if self.known is None or option.kind != MOVEMENT:
             return None
-        states = imagined_states(self.known.fit, self.movements[option.name], wording.DRAWN_FRAMES)
-        return wording.drawn(self.known.tips, states)
+        states = imagined_states(self.known.fit, MOVEMENTS[option.name])
+        return drawn(self.known.tips, states)
 
     def _mark(self, mark: Mapping[str, Any]) -> None:
         """Take what somebody entered: a touch, a length, or a word on the request.
@@ -392,7 +384,7 @@ class Coach:
             if kind == "skip":
                 self._give_up(request)
             elif request.option.kind == MOVEMENT and self.time_s - request.began_s >= SOONEST_S:
-                self._look_at(request, self.movements[request.option.name])
+                self._look_at(request, MOVEMENTS[request.option.name])
         if kind in ("touch", "length") and request is not None and self.known is not None:
             name = str(entry.get("quantity", entry.get("digit")))
             if request.option.name == name:
@@ -402,7 +394,7 @@ class Coach:
         return True
 
     def _look_at(self, request: Request, movement: Movement) -> None:
-        """See at once whether a movement is done that somebody says to be."""
+        """See whether a movement is done, that may be."""
         elapsed_s = self.time_s - request.began_s
         if request.progress.is_done(movement):
             self.done = {"number": request.number, "kind": "done", "name": movement.name}
@@ -467,18 +459,20 @@ class Coach:
         rows = {} if self.known is None else self.known.rows
         return {
             "seconds": round((self.enough_s or self.time_s) - self.began_s, 1),
-            "left": [
-                {"joint": name, "sd_mm": round(float(rows[name]["sd_mm"]), 2), "reason": rows[name]["reason"],
-                 "range_deg": round(float(rows[name]["range_deg"]), 1)}
-                for name in left
-            ],
+            "left": [left_row(rows[name]) for name in left],
             "believed": len(rows) - len(left),
             "of": len(rows),
-        }  # fmt: skip
+        }
 
     def state(self) -> dict[str, Any]:
         """Give the state that the faces show (see the module `wording`)."""
         return wording.state_of(self)
+
+
+def left_row(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Say of a judged row of a joint that is left why it is, in JSON types."""
+    rounded = {name: round(float(row[name]), digits) for name, digits in (("sd_mm", 2), ("range_deg", 1))}
+    return {"joint": row["joint"], "reason": row["reason"], **rounded}
 
 
 def _what(finding: Mapping[str, Any]) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.coach.movements import movements_of
+from shukotsu.coach.movements import MOVEMENTS
 from shukotsu.coach.setup import CoachSetup
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
@@ -95,7 +95,7 @@ def estimate(
     if len(poses.frame) < LEAST_FRAMES:
         raise InputError(f"{len(poses.frame)} frames are too few for an estimate; expected {LEAST_FRAMES}")
     typed = {own.quantity for own in measured}
-    moved = {name for one in movements_of(layout).values() for posture in one.postures for name in posture}
+    moved = {name for one in MOVEMENTS.values() for posture in one.postures for name in posture}
     own = [
         Measurement(row["quantity"], row["value_mm"], row["sd_mm"])
         for row in setup.measurements

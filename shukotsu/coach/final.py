@@ -5,8 +5,8 @@ archive and the sheets' rows.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, redirect_stderr
+from collections.abc import Mapping
+from contextlib import redirect_stderr
 from gettext import NullTranslations
 from io import StringIO
 from pathlib import Path
@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.coach.coach import Coach
+from shukotsu.coach.coach import Coach, left_row
 from shukotsu.coach.estimate import MarkedTouch
-from shukotsu.coach.live_poses import LivePoses
+from shukotsu.coach.live_poses import marks_in
 from shukotsu.coach.setup import KIND, LEFT_OUT, CoachSetup, setup_from_json
 from shukotsu.coach.wording import summary_sentence
 from shukotsu.errors import InputError
@@ -26,7 +26,7 @@ from shukotsu.schemas.poses import Poses, read_poses
 from shukotsu.schemas.sheets import MEASUREMENTS, TOUCHES
 from shukotsu.schemas.verdict import BELIEVE, judged_joint
 from shukotsu.sentences.translation import ENGLISH, translating
-from shukotsu.stages.capture.formats.raw_capture import COACH_SUMMARY
+from shukotsu.trackers.archive import open_archive
 
 
 def sheet_rows_of(coach: Coach, poses: Poses) -> dict[str, list[dict[str, Any]]]:
@@ -34,13 +34,12 @@ def sheet_rows_of(coach: Coach, poses: Poses) -> dict[str, list[dict[str, Any]]]
     imports the archive.
     """
     setup = coach.setup
-    whose = {"subject": setup.subject, "hand": setup.hand, "session": setup.session}
     rows = (_touch_row(mark, coach.layout, poses) for mark in coach.touches)
     touches = [row for row in rows if row is not None]
     return {
-        TOUCHES.name: [whose | {"task": setup.task, "trial": setup.trial} | row for row in touches],
+        TOUCHES.name: [setup.whose | {"task": setup.task, "trial": setup.trial} | row for row in touches],
         MEASUREMENTS.name: [
-            whose | {"quantity": own.quantity, "value_mm": own.value_mm, "sd_mm": own.sd_mm}
+            setup.whose | {"quantity": own.quantity, "value_mm": own.value_mm, "sd_mm": own.sd_mm}
             for own in coach.measured
         ],
     }
@@ -63,29 +62,19 @@ def _touch_row(mark: MarkedTouch, layout: Layout, poses: Poses) -> dict[str, Any
     return own | ({"meets": mark.meets} if mark.meets else {"x_mm": x, "y_mm": y, "z_mm": z})
 
 
-@contextmanager
-def imported(archive: Path, setup: CoachSetup) -> Iterator[tuple[Path, Path]]:
-    """Import an archive as the study does, into a folder that is removed again; give its poses table and that
-    folder.
-    """
+def _imported(archive: Path, setup: CoachSetup, folder: Path) -> Path:
+    """Import an archive into a folder as the study does; give its poses table."""
     from shukotsu.schemas.config_files import yaml_text
     from shukotsu.stages.capture import import_recording
 
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        layout, poses = folder / f"{setup.layout['layout']}.yaml", folder / "poses.parquet"
-        layout.write_text(yaml_text(dict(setup.layout)), "utf-8")
-        argv = [
-            f"--in={archive}",
-            f"--out={poses}",
-            f"--layout={layout}",
-            f"--subject={setup.subject}",
-            f"--hand={setup.hand}",
-        ]
-        argv += [f"--task={setup.task}", f"--trial={setup.trial}", f"--session={setup.session}"]
-        with redirect_stderr(StringIO()):
-            import_recording.import_recording(import_recording.build_parser().parse_args(argv))
-        yield poses, folder
+    layout, poses = folder / f"{setup.layout['layout']}.yaml", folder / "poses.parquet"
+    layout.write_text(yaml_text(dict(setup.layout)), "utf-8")
+    whose = setup.whose | {"task": setup.task, "trial": setup.trial}
+    argv = [f"--in={archive}", f"--out={poses}", f"--layout={layout}"]
+    argv += [f"--{name}={value}" for name, value in whose.items()]
+    with redirect_stderr(StringIO()):
+        import_recording.import_recording(import_recording.build_parser().parse_args(argv))
+    return poses
 
 
 def final_summary(archive: Path, coach: Coach) -> tuple[dict[str, Any], dict[str, list[dict[str, Any]]]]:
@@ -102,11 +91,14 @@ def final_summary(archive: Path, coach: Coach) -> tuple[dict[str, Any], dict[str
     from shukotsu.stages.fit_hand.hand_tables import joint_rows
 
     setup, layout = coach.setup, coach.layout
-    with imported(archive, setup) as (table, folder):
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        table = _imported(archive, setup, folder)
         rows = sheet_rows_of(coach, read_poses(table, layout.measured))
         sheets: dict[str, Path | None] = {}
         for sheet in (TOUCHES, MEASUREMENTS):
-            known = [*rows[sheet.name], *(_own_measurements(setup) if sheet is MEASUREMENTS else [])]
+            own = setup.measurements if sheet is MEASUREMENTS else ()
+            known = [*rows[sheet.name], *({**setup.whose, **row} for row in own)]
             for row in {_key(row, sheet.key): row for row in reversed(known)}.values():
                 sheets[sheet.name] = folder / f"{sheet.name}.tsv"
                 add_row(folder / f"{sheet.name}.tsv", sheet, row)
@@ -120,7 +112,7 @@ def final_summary(archive: Path, coach: Coach) -> tuple[dict[str, Any], dict[str
     judged = [
         judged_joint(row, setup.wanted_mm) for row in joint_rows(tips.fit) if row["joint"] in tips.fit.joints
     ]
-    left = [_left(row) for row in judged if row["verdict"] != BELIEVE]
+    left = [left_row(row) for row in judged if row["verdict"] != BELIEVE]
     summary = coach.summary() | {
         "left": left,
         "believed": len(judged) - len(left),
@@ -136,34 +128,17 @@ def final_summary(archive: Path, coach: Coach) -> tuple[dict[str, Any], dict[str
     return summary, rows
 
 
-def _own_measurements(setup: CoachSetup) -> list[dict[str, Any]]:
-    whose = {"subject": setup.subject, "hand": setup.hand, "session": setup.session}
-    return [
-        whose | {name: row[name] for name in ("quantity", "value_mm", "sd_mm")} for row in setup.measurements
-    ]
-
-
 def _key(row: Mapping[str, Any], names: tuple[str, ...]) -> str:
     return json.dumps([row.get(name) for name in names])
 
 
-def _left(row: Mapping[str, Any]) -> dict[str, Any]:
-    number = {name: round(float(row[name]), digits) for name, digits in (("sd_mm", 2), ("range_deg", 1))}
-    return {"joint": row["joint"], "reason": row["reason"], **number}
-
-
-def read_setup(archive: Path) -> tuple[CoachSetup | None, set[int], Mapping[str, Any] | None]:
-    """Give the coach's setup, the ticks that it left out and its summary, as an archive has them."""
-    from shukotsu.trackers.archive import open_archive
-
-    poses, setup = LivePoses.events_of(open_archive(archive).pieces(), archive), None
-    skipped, summary = set[int](), None
-    for event in poses:
-        mark = event.get("kind") if event.get("event") == "mark" else None
-        if mark == KIND:
-            setup = setup_from_json(event.get("setup"), str(archive))
-        elif mark == LEFT_OUT and isinstance(event.get("tick"), int):
-            skipped.add(event["tick"])
-        elif event.get("event") == COACH_SUMMARY:
-            summary = event
-    return setup, skipped, summary
+def read_setup(archive: Path) -> tuple[CoachSetup | None, set[int]]:
+    """Give the coach's setup and the ticks that it left out, as an archive has them."""
+    setup, skipped = None, set[int]()
+    for piece in open_archive(archive).pieces():
+        for mark in marks_in(piece, archive):
+            if mark.get("kind") == KIND:
+                setup = setup_from_json(mark.get("setup"), str(archive))
+            elif mark.get("kind") == LEFT_OUT and isinstance(mark.get("tick"), int):
+                skipped.add(mark["tick"])
+    return setup, skipped

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.formats.raw_capture import segments_of_receivers
+from shukotsu.stages.capture.poses_table import NORM_TOLERANCE
 from shukotsu.stages.capture.spikes import spikes
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
 from shukotsu.trackers.archive import END, EVENT, RECEIVED, SETTINGS, Piece
@@ -27,7 +27,6 @@ MOST_FRAMES = 6000
 """Kept of a recording: of a longer one every second, every fourth frame. Who chooses frames to fit looks at
 1500."""
 
-NORM_TOLERANCE = 0.01
 LATE_FRAMES = 2
 """A frame is whole once one that is so much later has begun."""
 
@@ -40,15 +39,20 @@ class Arrived:
     host_ns: npt.NDArray[np.int64]
 
 
+def marks_in(piece: Piece, where: Path) -> list[dict[str, Any]]:
+    """Give the marks in a piece of an archive, each with its host_ns. Raises InputError where one is none."""
+    rows = zip(piece.kind, piece.data, piece.host_ns, strict=True)
+    events = [{**entry_of(data, where), "host_ns": int(at)} for kind, data, at in rows if kind == EVENT]
+    return [event for event in events if event.get("event") == "mark"]
+
+
 class LivePoses:
     """Turns the pieces of an archive, in order, into poses and events.
 
-    where : the archive's name, for messages. events : all so far, each with its host_ns. ended : whether the
-    recorder closed the archive.
+    where : the archive's name, for messages. ended : whether the recorder closed the archive.
     """
 
     def __init__(self, layout: Layout, where: Path) -> None:
-        self.events: list[dict[str, Any]] = []
         self.ended = False
         self._layout, self._where = layout, where
         self._decoder: ChunkDecoder | None = None
@@ -58,24 +62,21 @@ class LivePoses:
         self._first_ns = 0
         self._rate_hz = 0.0
         self._waiting = _Samples.none()
+        self._marks: list[dict[str, Any]] = []
         self._button: dict[int, int] = {}
         self._mirrored = np.ones(len(layout.measured))
         self._before = np.full((len(layout.measured), 3), np.nan)
 
-    @staticmethod
-    def events_of(pieces: Iterable[Piece], where: Path) -> list[dict[str, Any]]:
-        """Give all events of an archive. Raises InputError where one is none."""
-        return [
-            entry_of(data, where)
-            for piece in pieces
-            for kind, data in zip(piece.kind, piece.data, strict=True)
-            if kind == EVENT
-        ]
+    def marks(self) -> list[dict[str, Any]]:
+        """Give what was marked since the last call, each with its host_ns."""
+        found, self._marks = self._marks, []
+        return found
 
     def add(self, piece: Piece) -> Arrived | None:
         """Take a piece; give the frames that it completed, if any. Raises InputError where stations are not
         the layout's.
         """
+        self._marks += marks_in(piece, self._where)
         for kind, data, host_ns in zip(piece.kind, piece.data, piece.host_ns, strict=True):
             if kind == SETTINGS:
                 if self._decoder is not None:
@@ -86,8 +87,6 @@ class LivePoses:
                     settings_from_json(entry_of(data, self._where), str(self._where))
                 )
                 self._rate_hz = self._decoder.settings.rate_hz
-            elif kind == EVENT:
-                self.events.append({**entry_of(data, self._where), "host_ns": int(host_ns)})
             elif kind == END:
                 self.ended = True
             elif kind == RECEIVED and self._decoder is not None:
@@ -110,7 +109,7 @@ class LivePoses:
             own = records.station == station
             button = np.concatenate([[self._button.get(station, 0)], records.button[own]])
             for row in np.flatnonzero((button[:-1] <= 0) & (button[1:] > 0)):
-                self.events.append({"event": "mark", "kind": "button", "host_ns": int(host_ns[own][row])})
+                self._marks.append({"kind": "button", "host_ns": int(host_ns[own][row])})
         for station in {*self._button, *np.unique(records.station[records.button > 0]).tolist()}:
             own = records.station == station
             if own.any():
@@ -206,9 +205,6 @@ class EvenFrames:
         self._parts: list[Poses] = []
         self._stride, self._seen, self._kept = 1, 0, 0
 
-    def __len__(self) -> int:
-        return self._kept
-
     def add(self, poses: Poses) -> None:
         """Take frames, in order."""
         rows = np.arange(self._seen, self._seen + len(poses.frame)) % self._stride == 0
@@ -224,8 +220,3 @@ class EvenFrames:
         """Give the frames kept, in order."""
         self._parts = [concatenated(self._parts)]
         return self._parts[0]
-
-
-def marks_of(events: list[dict[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    """Give the marks among an archive's events, in order."""
-    return (event for event in events if event.get("event") == "mark")

@@ -11,9 +11,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from shukotsu.anatomy.known_digits import known_digits
-from shukotsu.schemas.layout import Layout
-
 FINGERS = ("index", "middle", "ring", "little")
 Posture = Mapping[str, tuple[float, float]]
 
@@ -37,20 +34,6 @@ class Movement:
     def joints(self) -> tuple[str, ...]:
         """Joints that it is for, in its own order."""
         return tuple(dict.fromkeys(joint for joint, _ in self.shown))
-
-
-def movements_of(layout: Layout) -> dict[str, Movement]:
-    """Give the movements of a layout's digits by name, in the protocol's order; the order settles ties."""
-    digits = {digit.name for digit in known_digits(layout)}
-    fingers = [finger for finger in FINGERS if finger in digits]
-    found: list[Movement] = []
-    if fingers:
-        found += _of_fingers(fingers)
-    if "thumb" in digits:
-        found += _of_thumb()
-    if {"thumb", *FINGERS} <= digits:
-        found = [_free(), *found, *_of_all()]
-    return {movement.name: movement for movement in found}
 
 
 def _bent(fingers: list[str], **deg: float) -> dict[str, tuple[float, float]]:
@@ -94,7 +77,8 @@ def _free() -> Movement:
     return Movement("free", tuple(postures), shown, 6.0)
 
 
-def _of_fingers(fingers: list[str]) -> list[Movement]:
+def _of_fingers() -> list[Movement]:
+    fingers = list(FINGERS)
     flat = _bent(fingers, mcp=0.0, pip=2.0, dip=0.0)
     back = flat | _bent(fingers, mcp=-15.0)
     spread = flat | {f"{finger}_mcp": (0.0, _SPREAD_DEG[finger]) for finger in fingers}
@@ -201,3 +185,9 @@ def _of_all() -> list[Movement]:
             8.0,
         ),
     ]
+
+
+MOVEMENTS: Mapping[str, Movement] = {
+    own.name: own for own in (_free(), *_of_fingers(), *_of_thumb(), *_of_all())
+}
+"""All of them by name, in the protocol's order; the order settles ties."""

@@ -13,16 +13,21 @@ from pathlib import Path
 from typing import Any
 
 from shukotsu.errors import InputError
+from shukotsu.trackers.archive import FollowedArchive, Piece
 
 MOST_NOTES = 20
 ENDS_WITHIN_S = 20.0
 
 
 class Recorder:
-    """Records into an archive until `stop`. notes : what it last said, newest last."""
+    """Records into an archive until `stop`, and gives what it has written.
+
+    notes : what it last said, newest last.
+    """
 
     def __init__(self, out: Path, options: Sequence[str]) -> None:
         argv = [sys.executable, "-m", "shukotsu", "record", *options, f"--out={out}", "--marks", "--quiet"]
+        self._archive = FollowedArchive(out)
         self.notes: deque[str] = deque(maxlen=MOST_NOTES)
         self._process = subprocess.Popen(
             argv,
@@ -44,6 +49,15 @@ class Recorder:
     def exit_code(self) -> int | None:
         """Give how it ended; None while it records."""
         return self._process.poll()
+
+    @property
+    def ended(self) -> bool:
+        """Say whether no more will come."""
+        return self._archive.ended or self.exit_code is not None
+
+    def read(self) -> list[Piece]:
+        """Give what was written since the last call."""
+        return self._archive.read()
 
     def send(self, entry: Mapping[str, Any]) -> None:
         """Have an entry put into the archive. Raises InputError where the recorder is gone."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from shukotsu.coach.estimate import Estimate
 from shukotsu.coach.expected_gains import SAMPLES_PER_S, imagined_states, information
-from shukotsu.coach.movements import Movement
+from shukotsu.coach.movements import MOVEMENTS
 from shukotsu.coach.setup import CoachSetup
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.gains import TOUCH, CentreRows, expected_sd_mm
@@ -51,7 +51,6 @@ def excess_mm(sd_mm: Array, wanted_mm: float) -> float:
 def choose(
     setup: CoachSetup,
     known: Estimate,
-    movements: Mapping[str, Movement],
     refused: Collection[str],
     since: Mapping[str, float],
     gains: dict[str, Array],
@@ -65,7 +64,7 @@ def choose(
         CentreRows.of(fit, list(known.rows)),
         np.asarray(np.linalg.inv(fit.evidence.posterior.covariance), float),
     )
-    for name, movement in movements.items():
+    for name, movement in MOVEMENTS.items():
         if name not in gains and (name in since or name not in refused):
             gains[name] = information(fit, imagined_states(fit, movement), SAMPLES_PER_S)
     for name, seconds in since.items():
@@ -73,7 +72,7 @@ def choose(
     now_mm = rows.sd_mm(precision)
     moves = [
         Option(MOVEMENT, name, own.seconds, rows.sd_mm(precision + own.seconds * gains[name]))
-        for name, own in movements.items()
+        for name, own in MOVEMENTS.items()
         if name not in refused
     ]
     options = [*moves, *_measuring(setup, known, refused)]
@@ -81,13 +80,9 @@ def choose(
     worth = [
         own
         for own in options
-        if _helps(own.sd_mm, np.maximum((1 - WORTH) * now_mm, setup.wanted_mm), still_open)
+        if (own.sd_mm <= np.maximum((1 - WORTH) * now_mm, setup.wanted_mm))[still_open].any()
     ]
     return max(worth, key=lambda option: _rate(option, now_mm, setup.wanted_mm), default=None)
-
-
-def _helps(after_mm: Array, enough_mm: Array, still_open: Array) -> bool:
-    return bool((after_mm <= enough_mm)[still_open].any())
 
 
 def _rate(option: Option, now_mm: Array, wanted_mm: float) -> float:
@@ -98,7 +93,7 @@ def _rate(option: Option, now_mm: Array, wanted_mm: float) -> float:
 def _measuring(setup: CoachSetup, known: Estimate, refused: Collection[str]) -> Iterator[Option]:
     if not (setup.calliper or setup.points):
         return
-    quantities, _, after = expected_sd_mm(known.tips)
+    quantities, after = expected_sd_mm(known.tips)
     shown = [list(known.fit.joints).index(name) for name in known.rows]
     for quantity, sd_mm in zip(quantities, after.T[:, shown], strict=True):
         digit, _, part = quantity.rpartition(".")

@@ -12,21 +12,24 @@ import math
 import queue
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, TextIO
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 import numpy as np
 
 from shukotsu.coach.board import Board, checked_entry
 from shukotsu.coach.coach import ENDED, Coach
-from shukotsu.coach.live_poses import Arrived, LivePoses, marks_of
+from shukotsu.coach.live_poses import Arrived, LivePoses
 from shukotsu.coach.setup import LEFT_OUT, check_names, names_of
 from shukotsu.errors import InputError
 from shukotsu.sentences.translation import tr
 from shukotsu.trackers.archive import Piece
+
+if TYPE_CHECKING:
+    from shukotsu.coach.terminal_face import TerminalFace
 
 SHOWN_HZ = 30.0
 READ_S = 0.1
@@ -53,16 +56,6 @@ class Source(Protocol):
         """Give what came since the last call."""
 
 
-class Face(Protocol):
-    """Where the operator looks and types, beside the page."""
-
-    def show(self, state: Mapping[str, Any]) -> None:
-        """Show a state."""
-
-    def entered(self) -> list[dict[str, Any]]:
-        """Give what was entered since the last call."""
-
-
 @dataclass
 class Session:
     """One archive, coached. send : hands an entry to the recorder; None where nobody records for this
@@ -75,10 +68,10 @@ class Session:
     coach: Coach
     source: Source
     board: Board
-    face: Face
+    face: TerminalFace
     title: Mapping[str, Any]
     send: Callable[[Mapping[str, Any]], None] | None = None
-    hands: Callable[[], list[dict[str, Any]]] = list
+    hands: Sequence[Mapping[str, Any]] = ()
     log: TextIO | None = None
     ending: Callable[[], str] = str
     oldest_s: float = 0.0
@@ -86,10 +79,8 @@ class Session:
     _stop: threading.Event = field(default_factory=threading.Event)
     _failed: Exception | None = None
     _heard: float = math.inf
-    _hands: list[dict[str, Any]] = field(default_factory=list)
     _lost: int = 0
     _finish: bool = False
-    _revision: int = 0
     _newest_s: float = 0.0
 
     def run(self, stopped: Callable[[], bool]) -> None:
@@ -99,12 +90,9 @@ class Session:
 
         Raises InputError where the archive cannot be read.
         """
-        self._revision = (self.board.state or {}).get("revision", 0)
-        self._hands = self.hands()
         waiting: queue.Queue[_Came | None] = queue.Queue(MOST_WAITING)
         if self.send is not None:
-            self.coach.is_behind = lambda time_s: self._newest_s - time_s > BEHIND_S
-            self.coach.left_out = self._leave_out
+            self.coach.leaves_out = self._leaves_out
         reader = threading.Thread(target=self._read, args=(waiting,), daemon=True)
         reader.start()
         self._publish(self.coach.state())
@@ -161,28 +149,21 @@ class Session:
         return self.send is not None and self.coach.restarts > 0
 
     def _read(self, waiting: queue.Queue[Any]) -> None:
-        poses = LivePoses(self.coach.layout, self.title_path)
-        n_events = 0
+        poses = LivePoses(self.coach.layout, Path(str(self.title["file"])))
         try:
             while not self._stop.is_set():
                 ended, pieces = self.source.ended, self.source.read()
                 for piece in pieces:
                     arrived = poses.add(piece)
-                    marks, n_events = list(marks_of(poses.events[n_events:])), len(poses.events)
                     if arrived is not None:
                         self._live(arrived)
-                    self._put(waiting, (arrived, marks))
+                    self._put(waiting, (arrived, poses.marks()))
                 if ended and not pieces:
                     break
                 time.sleep(0 if pieces else READ_S)
         except Exception as error:  # whatever it is: raised again by the thread that waits for this one
             self._failed = error
         self._put(waiting, None)
-
-    @property
-    def title_path(self) -> Path:
-        """The archive's name, for messages."""
-        return Path(str(self.title["file"]))
 
     def _put(self, waiting: queue.Queue[Any], what: Any) -> None:
         while not self._stop.is_set():
@@ -217,11 +198,13 @@ class Session:
             except InputError as error:
                 self._publish(self.coach.state(), str(error))
 
-    def _leave_out(self, tick: int) -> None:
-        """Have the archive keep that a tick had no estimate: a replay has none there either."""
-        assert self.send is not None
+    def _leaves_out(self, tick: int, time_s: float) -> bool:
+        """Say whether a tick has no estimate for frames that wait; the archive keeps that, for a replay."""
+        if self.send is None or self._newest_s - time_s <= BEHIND_S:
+            return False
         with suppress(InputError):
             self.send({"kind": LEFT_OUT, "tick": tick})
+        return True
 
     def _keep(self, state: Mapping[str, Any]) -> None:
         if self.log is not None:
@@ -239,9 +222,8 @@ class Session:
         self._lost = times
 
     def _publish(self, state: Mapping[str, Any], message: str = "") -> None:
-        self._revision += 1
-        whole = {**state, "revision": self._revision, "title": self.title, "message": message}
-        whole["hands"] = self._hands
+        whole = {**state, "title": self.title, "message": message}
+        whole["hands"] = list(self.hands)
         whole["marks"] = names_of(self.coach.layout, self.coach.setup.points)
         self.board.publish(whole)
         self.face.show(whole)

@@ -49,6 +49,11 @@ class CoachSetup:
     points: Mapping[str, tuple[float, float, float, float]] = field(default_factory=dict)
     calliper: bool = False
 
+    @property
+    def whose(self) -> dict[str, str]:
+        """Cells of a sheet's row that say whose it is."""
+        return {"subject": self.subject, "hand": self.hand, "session": self.session}
+
     def to_json(self) -> str:
         """Give it as the text of a JSON object: in an archive's event the order of a layout's segments would
         be lost.

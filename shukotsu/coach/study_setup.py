@@ -1,4 +1,4 @@
-"""What a study says of a hand before it is calibrated, and what it is told afterwards."""
+"""Read from a study what the coach must know of a hand, and enter there what came of it."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from shukotsu.coach.setup import CoachSetup, checked_setup
-from shukotsu.coach.study_sheets import HandDone, add_row, hands_of, name_sheet
+from shukotsu.coach.study_sheets import HandDone, add_row, further_columns, hands_of, name_sheet
 from shukotsu.errors import InputError
-from shukotsu.files.text_files import read_text
 from shukotsu.schemas.config_files import config_path, read_config
 from shukotsu.schemas.layout import FINGER_MM
 from shukotsu.schemas.model import model_from_config
@@ -38,6 +37,7 @@ def setup_of(study: Path, subject: str, hand: str, session: str, task: str) -> C
     folder = study.parent
     layout = read_config(config_path(config["layout"], "layout", folder), "layout")
     layout = layout | {"wanted_mm": config["wanted_mm"] or layout["wanted_mm"] or FINGER_MM}
+    recordings = _rows(folder, config, RECORDINGS.name, further_columns(config))
     people = _rows(folder, config, PARTICIPANTS.name, config["factors"])
     person = next((row.values for row in people if row["subject"] == subject), {})
     own = [
@@ -52,7 +52,7 @@ def setup_of(study: Path, subject: str, hand: str, session: str, task: str) -> C
             hand=hand,
             session=session,
             task=task,
-            trial=_free_trial(_rows(folder, config, RECORDINGS.name, None), subject, hand, session, task),
+            trial=_free_trial(recordings, subject, hand, session, task),
             layout=layout,
             wanted_mm=float(layout["wanted_mm"]),
             model=_model(config, folder),
@@ -76,14 +76,8 @@ def _model(config: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     raise InputError(f"models: expected one that fits the whole hand, such as {USUAL_MODEL}")
 
 
-def _rows(folder: Path, config: Mapping[str, Any], name: str, more: Sequence[str] | None = ()) -> list[Row]:
-    if name not in config:
-        return []
-    if more is None:
-        known = (folder / config[name]).is_file()
-        text = read_text(folder / config[name], f"the sheet of {name}") if known else ""
-        more = [cell.strip() for cell in text.split("\n", 1)[0].split("\t")]
-    return read_sheet(folder / config[name], SHEETS[name], more)
+def _rows(folder: Path, config: Mapping[str, Any], name: str, more: Sequence[str] = ()) -> list[Row]:
+    return read_sheet(folder / config[name], SHEETS[name], more) if name in config else []
 
 
 def _free_trial(rows: Sequence[Row], subject: str, hand: str, session: str, task: str) -> str:
@@ -125,14 +119,9 @@ def enter_recording(
     """
     config = read_config(study, "study")
     sheets = [study.parent / config["recordings"]]
-    row = {
-        "subject": setup.subject,
-        "hand": setup.hand,
-        "session": setup.session,
-        "task": setup.task,
-        "trial": setup.trial,
-    }
-    row |= {"role": "calibration", "file": _relative(archive, study.parent), "exclude": exclude}
+    file = Path(os.path.relpath(archive, study.parent)).as_posix()
+    row = setup.whose | {"task": setup.task, "trial": setup.trial}
+    row |= {"role": "calibration", "file": file, "exclude": exclude}
     add_row(sheets[0], RECORDINGS, row)
     for name, own in rows.items():
         if own and not exclude:
@@ -143,7 +132,3 @@ def enter_recording(
                 except InputError as error:
                     print(f"note: not entered: {error}", file=sys.stderr)
     return sheets
-
-
-def _relative(path: Path, folder: Path) -> str:
-    return Path(os.path.relpath(path, folder)).as_posix()

@@ -37,8 +37,7 @@ def hands_of(study: Path) -> list[HandDone]:
     Raises InputError as `read_config` and `read_sheet` do.
     """
     config, folder = read_config(study, "study"), study.parent
-    more = [*config["factors"], *columns_asked(config["questions"])]
-    recordings = read_sheet(folder / config["recordings"], RECORDINGS, more)
+    recordings = read_sheet(folder / config["recordings"], RECORDINGS, further_columns(config))
     named = read_sheet(folder / config["participants"], PARTICIPANTS) if "participants" in config else []
     done = {
         (row["subject"], row["hand"])
@@ -48,6 +47,11 @@ def hands_of(study: Path) -> list[HandDone]:
     hands = dict.fromkeys(row["hand"] for row in recordings) or ("right", "left")
     subjects = dict.fromkeys(row["subject"] for row in [*named, *recordings])
     return [HandDone(own, hand, (own, hand) in done) for own in subjects for hand in hands]
+
+
+def further_columns(config: Mapping[str, Any]) -> list[str]:
+    """Give columns of the sheet of recordings that a study's factors and questions ask for."""
+    return [*config["factors"], *columns_asked(config["questions"])]
 
 
 def add_row(path: Path, sheet: Sheet, row: Mapping[str, Any]) -> None:

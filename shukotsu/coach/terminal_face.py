@@ -34,15 +34,6 @@ class TerminalFace:
         self._message = ""
         self._said = ""
 
-    @property
-    def in_place(self) -> bool:
-        """Say whether somebody sits at a terminal."""
-        return self._terminal.in_place
-
-    def pressed(self) -> str:
-        """Give the keys that were pressed since the last call."""
-        return self._terminal.pressed()
-
     def show(self, state: Mapping[str, Any]) -> None:
         """Show a state: the whole view in place, or what is new in it, a line each."""
         self._state = state

@@ -6,26 +6,20 @@ Words of the body, one instruction at a time, never a number for what was not do
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from shukotsu.coach.drawn_hand import skeleton
+from shukotsu.coach.movements import MOVEMENTS
 from shukotsu.coach.requests import MEASURE, TOUCHING
-from shukotsu.schemas.verdict import BELIEVE, HALVES, MOVED_LITTLE, RADIUS_SD
+from shukotsu.schemas.verdict import BELIEVE, HALVES, MOVED_LITTLE
 from shukotsu.sentences.finding_sentences import in_quotes
 from shukotsu.sentences.translation import N_, language, listed, tr, word
-from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.fit_hand.chain_builder import centre, receiver
 from shukotsu.stages.report.belief import reasons_of
 
 if TYPE_CHECKING:
     from shukotsu.coach.coach import Coach
-    from shukotsu.stages.fit_hand.fingertips import Fingertips
-    from shukotsu.stages.fit_hand.fit import HandFit
 
 MOST_LOGGED = 50
-DRAWN_FRAMES = 9
 _JOINTS = {
     "thumb_cmc": N_("base of the thumb (CMC)"),
     "thumb_mcp": N_("middle joint of the thumb (MCP)"),
@@ -75,7 +69,7 @@ _SEEN = {
 """What is said of what was done."""
 
 
-def joint_words(joint: str) -> str:
+def joint_name(joint: str) -> str:
     """Name a joint in words of the body."""
     digit, _, kind = joint.rpartition("_")
     sentence = _JOINTS.get(joint) or _JOINTS.get(kind if digit else "")
@@ -116,7 +110,7 @@ def sentence_of(what: Mapping[str, Any], coach: Coach) -> str:
     if kind == "no-estimate":
         return tr("No estimate yet: {reason}.", reason=what["reason"])
     values = {
-        name: joint_words(what[own]) for name, own in (("body", "joint"), ("moved", "other")) if own in what
+        name: joint_name(what[own]) for name, own in (("body", "joint"), ("moved", "other")) if own in what
     }
     return tr(_SEEN[kind], deg=what.get("deg"), **values)
 
@@ -146,7 +140,7 @@ def summary_sentence(summary: Mapping[str, Any]) -> str:
     """Say what a calibration came to: the seconds, and the joints that are left, by why they are."""
     by_reason: dict[str, list[str]] = {}
     for own in summary["left"]:
-        named = tr("{body} at {sd_mm:.1f} mm", body=joint_words(own["joint"]), sd_mm=own["sd_mm"])
+        named = tr("{body} at {sd_mm:.1f} mm", body=joint_name(own["joint"]), sd_mm=own["sd_mm"])
         by_reason.setdefault(_reason(own), []).append(named)
     whole = tr(
         "Calibrated in {seconds:.0f} s, {believed} of {of} joints good enough",
@@ -185,7 +179,6 @@ def state_of(coach: Coach) -> dict[str, Any]:
             for time_s, what in coach.log[-MOST_LOGGED:]
         ],
         "logged": len(coach.log),
-        "restarts": coach.restarts,
         "summary": summary_sentence(coach.summary()) if coach.phase in ("enough", "ended") and rows else None,
     }
 
@@ -201,11 +194,9 @@ def _joint(name: str, row: Mapping[str, Any]) -> dict[str, Any]:
     sd_mm = float(row["sd_mm"])
     return {
         "joint": name,
-        "name": joint_words(name),
+        "name": joint_name(name),
         "sd_mm": round(sd_mm, 3),
-        "radius_95_mm": round(RADIUS_SD * sd_mm, 3),
         "verdict": row["verdict"],
-        "range_deg": round(float(row["range_deg"]), 1),
         "reason": "" if row["verdict"] == BELIEVE else next(iter(reasons_of(row)), ""),
     }
 
@@ -214,7 +205,7 @@ def _request(coach: Coach) -> dict[str, Any] | None:
     request = coach.request
     if request is None:
         return None
-    option, movement = request.option, coach.movements.get(request.option.name)
+    option, movement = request.option, MOVEMENTS.get(request.option.name)
     return {
         "number": request.number,
         "kind": option.kind,
@@ -223,83 +214,5 @@ def _request(coach: Coach) -> dict[str, Any] | None:
         "times": request.times,
         "seconds": option.seconds,
         "joints": [] if movement is None else list(movement.joints),
-        "began_s": request.began_s,
         "drawing": request.drawing,
     }
-
-
-def points_of(fit: HandFit) -> tuple[list[str], list[str], list[list[int]]]:
-    """Give the skeleton's points, the segment that carries each, and its lines: pairs of points. A digit's
-    end is `DIGIT_tip`.
-    """
-    layout = fit.evidence.layout
-    points, carried, lines = [], [], []
-    for digit in layout.digits.values():
-        before = None
-        for joint, segment in zip(digit.joints, digit.segments, strict=True):
-            if joint not in fit.joints:
-                continue
-            points.append(joint)
-            carried.append(layout.joints[joint].child)
-            if before is not None:
-                lines.append([before, len(points) - 1])
-            before = len(points) - 1
-            last = segment
-        if before is not None and last in fit.bones:
-            points.append(f"{digit.name}_tip")
-            carried.append(last)
-            lines.append([before, len(points) - 1])
-    bases = [index for index, name in enumerate(points) if not any(line[1] == index for line in lines)]
-    lines += [[a, b] for a, b in pairwise(bases)]
-    if bases and "wrist" in fit.summary.fixed:
-        points.append("wrist")
-        carried.append(fit.evidence.model.receivers[0])
-        lines += [[len(points) - 1, index] for index in (bases[0], bases[-1])]
-    return points, carried, lines
-
-
-def skeleton(tips: Fingertips) -> dict[str, Any]:
-    """Give the hand's points, each in the frame of the receiver that carries it, mm, and the lines between
-    them.
-    """
-    fit = tips.fit
-    points, carried, lines = points_of(fit)
-    at_mm = []
-    for name in points:
-        if name.endswith("_tip"):
-            at = tips[name.removesuffix("_tip")].soft_tip_mm
-        elif name in fit.joints:
-            at = fit.joints[name].child_mm
-        else:
-            at = fit.summary.fixed[name].child_mm
-        at_mm.append([round(float(value), 2) for value in at])
-    joint_of = [name if name in fit.joints else "" for name in points]
-    return {"points": points, "carried_by": carried, "at_mm": at_mm, "lines": lines, "joint_of": joint_of}
-
-
-def drawn(tips: Fingertips, states: Array) -> list[list[list[float]]]:
-    """Give the skeleton's points (frames, points, 3) in mm of postures (F, S), in the hand's own frame, a
-    left hand's mirrored.
-    """
-    evidence = tips.fit.evidence
-    problem, x = evidence.problem, evidence.posterior.x
-    root, root_mm = np.tile(np.eye(3), (len(states), 1, 1)), np.zeros((len(states), 3))
-    marks: dict[str, tuple[Array, Array]] = {}
-    for branch in problem.branches:
-        reached = branch.reach(x, states, root, root_mm)
-        for mark, name in enumerate(branch.marks):
-            marks[name] = (reached.rotation[mark], reached.position_mm[mark])
-    at = skeleton(tips)
-    frames = np.zeros((len(states), len(at["points"]), 3))
-    for column, (name, segment, own_mm) in enumerate(
-        zip(at["points"], at["carried_by"], at["at_mm"], strict=True)
-    ):
-        if centre(name) in marks:
-            frames[:, column] = marks[centre(name)][1]
-        elif receiver(segment) in marks:
-            rotation, position = marks[receiver(segment)]
-            own = evidence.convention.point_matrix(segment).T @ np.array(own_mm)
-            frames[:, column] = position + rotation @ own
-    if evidence.convention.left:
-        frames *= [1.0, -1.0, 1.0]
-    return [[[round(float(value), 1) for value in point] for point in frame] for frame in frames]

@@ -19,12 +19,10 @@ from shukotsu.stages.capture import tracker_options
 
 if TYPE_CHECKING:
     from shukotsu.coach.board import Board
-    from shukotsu.coach.coach import Coach
-    from shukotsu.coach.recorder import Recorder
     from shukotsu.coach.session import Session
     from shukotsu.coach.setup import CoachSetup
     from shukotsu.coach.terminal_face import TerminalFace
-    from shukotsu.trackers.record.recording_terminal import StopRequest
+    from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 
 SOLVING = N_("Ended. The hand is now solved as the study will.")
 SOURCES = ("port", "follow", "replay")
@@ -84,29 +82,24 @@ def coach(arguments: argparse.Namespace) -> None:
     from shukotsu.coach.board import Board
     from shukotsu.coach.terminal_face import TerminalFace
     from shukotsu.files.text_files import reading
+    from shukotsu.stages.report.wording import speaking
     from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal, stop_on_signals
 
-    if arguments.log is not None:
-        with reading(arguments.log, "a log to write"):
-            arguments.log.write_text("", "utf-8")  # one for all hands
     stop = StopRequest()
-    with stop_on_signals(stop), _in_language(arguments.language), ExitStack() as stack:
+    with stop_on_signals(stop), speaking(arguments.language), ExitStack() as stack:
+        if arguments.log is not None:
+            with reading(arguments.log, "a log to write"):
+                arguments.log = stack.enter_context(arguments.log.open("w", encoding="utf-8"))
         board = Board()
         if not arguments.no_page:
             _open_page(arguments, board, stack)
         terminal = stack.enter_context(Terminal(sys.stderr, sys.stdin))
         face = TerminalFace(terminal)
         if arguments.port is not None:
-            while _record(arguments, board, face, stop) or _goes_on(arguments, face, stop):
+            while _record(arguments, board, face, stop) or _goes_on(arguments, terminal, stop):
                 pass
             return
         _coach_archive(arguments, board, face, stop)
-
-
-def _in_language(code: str) -> Any:
-    from shukotsu.stages.report.wording import speaking
-
-    return speaking(code)
 
 
 def _open_page(arguments: argparse.Namespace, board: Board, stack: ExitStack) -> None:
@@ -185,20 +178,25 @@ def _record(arguments: argparse.Namespace, board: Board, face: TerminalFace, sto
     """Record and coach one hand; tell whether the same one is to be recorded anew."""
     from shukotsu.coach.coach import Coach
     from shukotsu.coach.recorder import Recorder
+    from shukotsu.coach.session import Session
+    from shukotsu.coach.setup import KIND
     from shukotsu.coach.study_setup import archive_of, enter_recording
     from shukotsu.coach.study_sheets import hands_of
+    from shukotsu.sentences.translation import tr
     from shukotsu.stages.capture.record_tracker import EXIT_CUT_SHORT
     from shukotsu.stages.fit_hand.compile_kernel import compile_all
 
     study, setup = _study(arguments), _setup(arguments)
-    hands = [own._asdict() for own in hands_of(study)]
+    hands = [own._asdict() for own in hands_of(study)]  # as long as none of them is entered yet
     compile_all()  # and all is imported, before anything comes
     coach, archive = Coach(setup), archive_of(study, setup)
     recorder = Recorder(archive, _tracker_options(arguments))
     try:
-        session = _recorded_session(coach, recorder, archive, board, face)
-        session.hands = lambda: hands
-        _run(arguments, session, stop)
+        recorder.send({"kind": KIND, "setup": setup.to_json()})
+        title = _title(setup, archive)
+        session = Session(coach, recorder, board, face, title, recorder.send, hands, arguments.log)
+        session.ending = lambda: recorder.last_note if recorder.exit_code is not None else tr(SOLVING)
+        session.run(lambda: bool(stop))
     finally:
         code = recorder.stop()
         print("\n".join(recorder.notes), file=sys.stderr)
@@ -213,22 +211,7 @@ def _record(arguments: argparse.Namespace, board: Board, face: TerminalFace, sto
     return False
 
 
-def _recorded_session(
-    coach: Coach, recorder: Recorder, archive: Path, board: Board, face: TerminalFace
-) -> Session:
-    from shukotsu.coach.session import Session
-    from shukotsu.coach.setup import KIND
-    from shukotsu.sentences.translation import tr
-    from shukotsu.trackers.archive import FollowedArchive
-
-    recorder.send({"kind": KIND, "setup": coach.setup.to_json()})
-    source = _Recorded(FollowedArchive(archive), recorder)
-    session = Session(coach, source, board, face, _title(coach.setup, archive), recorder.send)
-    session.ending = lambda: recorder.last_note if recorder.exit_code is not None else tr(SOLVING)
-    return session
-
-
-def _goes_on(arguments: argparse.Namespace, face: TerminalFace, stop: StopRequest) -> bool:
+def _goes_on(arguments: argparse.Namespace, terminal: Terminal, stop: StopRequest) -> bool:
     """Say who is done, and ask on a terminal whether the next hand follows; set the options to that."""
     from time import sleep
 
@@ -239,30 +222,16 @@ def _goes_on(arguments: argparse.Namespace, face: TerminalFace, stop: StopReques
     done = [f"{own.subject} {own.hand}" for own in hands_of(study) if own.done]
     following = next_hand(study)
     print(f"done: {', '.join(done) or 'none'}", file=sys.stderr)
-    if following is None or not face.in_place or stop:
+    if following is None or not terminal.in_place or stop:
         return False
     print(f"next: {following.subject} {following.hand}; Return begins, q ends", file=sys.stderr)
     arguments.subject, arguments.hand = following.subject, following.hand
     while not stop:
-        pressed = face.pressed().lower()
+        pressed = terminal.pressed().lower()
         if "q" in pressed or "\r" in pressed or "\n" in pressed:
             return "q" not in pressed
         sleep(0.1)
     return False
-
-
-class _Recorded:
-    """A growing archive whose recorder is ours: it ends when that does."""
-
-    def __init__(self, archive: Any, recorder: Recorder) -> None:
-        self._archive, self._recorder = archive, recorder
-
-    @property
-    def ended(self) -> bool:
-        return bool(self._archive.ended) or self._recorder.exit_code is not None
-
-    def read(self) -> list[Any]:
-        return list(self._archive.read())
 
 
 def _tracker_options(arguments: argparse.Namespace) -> list[str]:
@@ -277,13 +246,6 @@ def _tracker_options(arguments: argparse.Namespace) -> list[str]:
         for name in ("ascii", "no_filters", "allow_slower")
         if getattr(arguments, name)
     ]
-
-
-def _run(arguments: argparse.Namespace, session: Session, stop: StopRequest) -> None:
-    with ExitStack() as stack:
-        if arguments.log is not None:
-            session.log = stack.enter_context(arguments.log.open("a", encoding="utf-8"))
-        session.run(lambda: bool(stop))
 
 
 def _finish(study: Path, setup: CoachSetup, session: Session, archive: Path) -> None:
@@ -335,10 +297,11 @@ def _coach_archive(
     archive: Path = arguments.replay or arguments.follow
     setup, skipped = None, set[int]()
     if arguments.replay is not None or archive.exists():
-        setup, skipped, _ = read_setup(archive)
+        setup, skipped = read_setup(archive)
     setup = setup or _setup(arguments)
     source = FollowedArchive(archive) if arguments.replay is None else Replayed(archive, arguments.speed)
-    session = Session(Coach(setup, skipped), source, board, face, _title(setup, archive))
-    _run(arguments, session, stop)
+    title = _title(setup, archive)
+    session = Session(Coach(setup, skipped), source, board, face, title, log=arguments.log)
+    session.run(lambda: bool(stop))
     if session.coach.known is not None and source.ended:
         print(summary_sentence(final_summary(archive, session.coach)[0]))

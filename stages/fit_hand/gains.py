@@ -58,13 +58,13 @@ def gains(tips: Fingertips) -> list[dict[str, Any]]:
     return sorted(all_gains, key=lambda gain: float(gain["mean_sd_after_mm"]))
 
 
-def expected_sd_mm(tips: Fingertips) -> tuple[list[str], Array, Array]:
-    """Give what could be measured (K), the joints' stated errors as they are (J,), and after each (J, K).
+def expected_sd_mm(tips: Fingertips) -> tuple[list[str], Array]:
+    """Give what could be measured (K), and the joints' stated errors after each (J, K).
 
     A digit's touch of a known point is `DIGIT.touch`.
     """
     quantities, _, rows = _candidates(tips)
-    return quantities, *_sd_mm(tips, rows)
+    return quantities, _sd_mm(tips, rows)[1]
 
 
 def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:

@@ -1,4 +1,4 @@
-"""A simulated recording as a file: the tidy format that any lab can bring, CSV or Parquet."""
+"""A recording as a file: the tidy format that any lab can bring, CSV or Parquet."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 from shukotsu.errors import InputError
 from shukotsu.files.parquet_files import store_digest
 from shukotsu.files.whole_files import replacing
+from shukotsu.schemas.poses import Poses
 from shukotsu.stages.simulate.simulation import Simulated
 
 ENDINGS = (".parquet", ".csv")
@@ -23,32 +24,32 @@ def check_ending(path: Path) -> None:
         raise InputError(f"{path}: the ending says the format; expected {' or '.join(ENDINGS)}")
 
 
-def tidy(simulated: Simulated) -> pa.Table:
+def tidy(recording: Simulated | Poses) -> pa.Table:
     """Give the recording as a tidy table: one row per frame and segment, by frame, in the layout's order."""
-    n_frames, n_segments = simulated.position_mm.shape[:2]
+    n_frames, n_segments = recording.position_mm.shape[:2]
     columns = {
-        "frame": pa.array(np.repeat(simulated.frame, n_segments)),
-        "time_s": pa.array(np.repeat(simulated.time_s, n_segments)),
-        "segment": pa.array(list(simulated.segments) * n_frames, pa.string()),
+        "frame": pa.array(np.repeat(recording.frame, n_segments)),
+        "time_s": pa.array(np.repeat(recording.time_s, n_segments)),
+        "segment": pa.array(list(recording.segments) * n_frames, pa.string()),
     }
     for i, axis in enumerate("xyz"):
-        columns[f"{axis}_mm"] = pa.array(simulated.position_mm[..., i].ravel())
+        columns[f"{axis}_mm"] = pa.array(recording.position_mm[..., i].ravel())
     for i, part in enumerate("wxyz"):
-        columns[f"q{part}"] = pa.array(simulated.quaternion[..., i].ravel())
+        columns[f"q{part}"] = pa.array(recording.quaternion[..., i].ravel())
     return pa.table(columns)
 
 
-def write_recording(path: Path, simulated: Simulated) -> None:
+def write_recording(path: Path, recording: Simulated | Poses) -> None:
     """Write the recording, atomically; numbers in CSV read back to the very same values."""
     check_ending(path)
     with replacing(path) as temporary:
         if path.suffix == ".csv":
             options = pyarrow.csv.WriteOptions(quoting_style="needed")
-            pyarrow.csv.write_csv(tidy(simulated), temporary, options)
+            pyarrow.csv.write_csv(tidy(recording), temporary, options)
         else:
             dictionary = ["frame", "time_s", "segment"]
             pq.write_table(
-                tidy(simulated),
+                tidy(recording),
                 temporary,
                 compression="zstd",
                 use_dictionary=dictionary,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated_poses import hand_of
 
-from benchmarks.faultless_hands import Planted, changed, faultless, other_hand
+from benchmarks.faultless_hands import Planted, changed, exchanged, faultless, other_hand
 from benchmarks.mistakes import MISTAKES
 from shukotsu.checks.checked_recording import check_recording, poses_digest
 from shukotsu.checks.declared import Declared
@@ -67,17 +67,10 @@ def inverted(planted: Planted) -> Planted:
     return changed(planted, quaternion=conjugate(planted.poses.quaternion))
 
 
-def exchanged(planted: Planted, one: str, other: str) -> Planted:
-    poses = planted.poses
-    order = list(range(len(poses.segments)))
-    i, j = poses.index(one), poses.index(other)
-    order[i], order[j] = j, i
-    position, quaternion = poses.position_mm[:, order], poses.quaternion[:, order]
-    return replace(planted, poses=replace(poses, position_mm=position, quaternion=quaternion))
-
-
 def test_a_sentence_says_what_is_seen_and_what_to_write(planted: Planted) -> None:
-    (swapped,) = exchanged(planted, "index_proximal", "index_middle").findings()
+    (swapped,) = replace(
+        planted, poses=exchanged(planted.poses, ("index_proximal", "index_middle"))
+    ).findings()
     assert swapped.message.startswith("The receivers index_proximal and index_middle seem to be swapped: ")
     assert "put right" in swapped.message
     assert swapped.message.endswith("their station numbers in the layout.")

@@ -46,7 +46,7 @@ def batch(hand: str, start: int, n: int = 7) -> tuple[list[float], Any]:
     return (shown / SHOWN_HZ).tolist(), np.stack(poses, 1)
 
 
-def state(revision: int = 1, hand: str = "right", **changes: Any) -> dict[str, Any]:
+def state(time_s: float = 91.5, hand: str = "right", **changes: Any) -> dict[str, Any]:
     """Give a state in which every part says something; changes replace parts."""
     own = skeleton(hand)
     rows = zip(filter(None, own["joint_of"]), VERDICTS * 9, strict=False)
@@ -60,8 +60,7 @@ def state(revision: int = 1, hand: str = "right", **changes: Any) -> dict[str, A
         "drawing": [(flat * [1.0, spread, 1.0]).tolist() for spread in (0.8, 0.9, 1.0)],
     }
     return {
-        "revision": revision,
-        "time_s": 91.5,
+        "time_s": time_s,
         "phase": "calibrating",
         "title": {"study": "piano", "subject": "03", "hand": hand, "file": "03_rom.arrows", "since": "14:02"},
         "message": "",

@@ -18,14 +18,11 @@ def poses(x: float) -> list[list[list[float]]]:
 
 
 def test_the_newest_state_is_given_and_nobody_shares_it() -> None:
-    board, state = Board(), {"revision": 1, "sd": [math.nan, np.float64(1.5)], "at": np.zeros(2)}
-    assert board.state is None
+    board, state = Board(), {"time_s": 1, "sd": [math.nan, np.float64(1.5)], "at": np.zeros(2)}
+    assert board.subscribe().take(0) == []
     board.publish(state)
-    expected = {"revision": 1, "sd": [None, 1.5], "at": [0.0, 0.0]}
-    state["revision"] = 2
-    assert board.state is not None
-    board.state["revision"] = 3
-    assert board.state == expected
+    expected = {"time_s": 1, "sd": [None, 1.5], "at": [0.0, 0.0]}
+    state["time_s"] = 2
     assert board.subscribe().take(0) == [("state", json.dumps(expected))]
 
 
@@ -34,11 +31,11 @@ def test_a_viewer_that_does_not_read_costs_the_oldest_batches_alone() -> None:
     slow, quick, gone = board.subscribe(), board.subscribe(), board.subscribe()
     gone.close()
     for x in range(1000):
-        board.publish({"revision": x})
+        board.publish({"time_s": x})
         board.show_poses([x], poses(x))
         assert [kind for kind, _ in quick.take(0)] == ["state", "poses"]
     found = slow.take(0)
-    assert found[0] == ("state", '{"revision": 999}')
+    assert found[0] == ("state", '{"time_s": 999}')
     assert [json.loads(text)["times_s"][0] for _, text in found[1:]] == [*range(1000 - MOST_BATCHES, 1000)]
     assert slow.take(0) == gone.take(0) == []
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from coached_hands import CALIBRATION, arriving, one_after_another, setup, swapped
+from coached_hands import CALIBRATION, arriving, one_after_another, setup
 
+from benchmarks.faultless_hands import exchanged
 from shukotsu.coach.coach import CHECKING, ENOUGH, FIRST, MOST_ASKED, Coach, Request
 from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames
 from shukotsu.coach.requests import MEASURE, TOUCHING, Option
@@ -72,7 +73,7 @@ def test_states_hang_on_the_frames_alone() -> None:
 @pytest.mark.slow
 def test_swapped_receivers_are_found_first_and_when_put_right_it_begins_anew() -> None:
     poses = one_after_another((("free", 9.0), ("spread", 5.0), ("thumb-circle", 6.0)))
-    wrong = swapped(poses.take(slice(0, 1500)), "index_middle", "middle_middle")
+    wrong = exchanged(poses.take(slice(0, 1500)), ("index_middle", "middle_middle"))
     coach = Coach(setup())
     states = [state for _, state in coached(wrong, coach)]
     found = next(state for state in states if state["findings"])

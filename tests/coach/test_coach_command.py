@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import signal
 import subprocess
@@ -13,9 +12,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from coached_hands import CALIBRATION, archive, one_after_another, swapped, write_tidy
+from coached_hands import CALIBRATION, archive, one_after_another
 from tracker_processes import emulator
 
+from benchmarks.faultless_hands import exchanged
 from shukotsu.commands.coach_hand import main as coach
 from shukotsu.commands.new_study import main as new_study
 from shukotsu.schemas.catalogue import JOINT_CENTRES
@@ -23,7 +23,9 @@ from shukotsu.schemas.poses import Poses
 from shukotsu.schemas.sheets import RECORDINGS, read_sheet
 from shukotsu.schemas.tables import read_table, rows_of
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
+from shukotsu.stages.simulate.recording import write_recording
 from shukotsu.trackers.archive import open_archive
+from shukotsu.trackers.decode.survey import survey_archive
 
 
 @pytest.fixture
@@ -98,7 +100,8 @@ def until(process: subprocess.Popen[str], pattern: str) -> str:
 
 def played(folder: Path, poses: Poses) -> list[str]:
     """Give options of an emulator that plays poses."""
-    return [f"--recording={write_tidy(folder / 'played.parquet', poses)}"]
+    write_recording(folder / "played.parquet", poses)
+    return [f"--recording={folder / 'played.parquet'}"]
 
 
 @pytest.mark.slow
@@ -124,12 +127,7 @@ def test_a_calibration_from_a_tracker_is_what_the_study_makes_of_it(study: Path,
         "calibration",
         "captures/03_left_rom.arrows",
     )
-    events = [
-        json.loads(d)
-        for p in open_archive(recorded).pieces()
-        for k, d in zip(p.kind, p.data, strict=True)
-        if k == 3
-    ]
+    events = survey_archive(open_archive(recorded)).tally.events
     summary = next(event for event in events if event["event"] == "coach-summary")
     replay = study.parent / "replay.jsonl"
     assert coach([f"--replay={recorded}", "--speed=0", "--no-page", f"--log={replay}"]) == 0
@@ -149,7 +147,7 @@ def test_a_calibration_from_a_tracker_is_what_the_study_makes_of_it(study: Path,
 @pytest.mark.slow
 def test_receivers_that_are_put_right_begin_a_recording_of_their_own(study: Path, tmp_path: Path) -> None:
     poses = one_after_another((("free", 9.0), ("spread", 5.0), ("thumb-circle", 6.0)))
-    wrong = swapped(poses.take(slice(0, 1500)), "index_middle", "middle_middle")
+    wrong = exchanged(poses.take(slice(0, 1500)), ("index_middle", "middle_middle"))
     both = concatenated([wrong, poses.take(slice(1500, None))])
     with (
         emulator(*played(tmp_path, both)) as running,

@@ -10,8 +10,9 @@ from coached_hands import one_after_another, setup
 
 from shukotsu.coach.estimate import Estimate, estimate
 from shukotsu.coach.expected_gains import imagined_states, information
-from shukotsu.coach.movements import movements_of
+from shukotsu.coach.movements import MOVEMENTS
 from shukotsu.coach.requests import excess_mm
+from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.gains import CentreRows
 
 
@@ -20,8 +21,10 @@ def known() -> Estimate:
     return estimate(setup(), setup().layout_of_hand(), one_after_another((("free", 3.0),)))
 
 
-def centre_rows() -> CentreRows:
-    return CentreRows.of(known().fit, list(known().rows))
+def centre_rows() -> tuple[CentreRows, Array]:
+    """How centres hang on the unknowns, and how precisely these are known."""
+    fit = known().fit
+    return CentreRows.of(fit, list(known().rows)), np.linalg.inv(fit.evidence.posterior.covariance)
 
 
 def test_imagined_frames_say_what_measured_ones_of_the_same_postures_said() -> None:
@@ -30,13 +33,13 @@ def test_imagined_frames_say_what_measured_ones_of_the_same_postures_said() -> N
     problem, n_frames = evidence.problem, len(evidence.states)
     before = np.diag(problem.precision) + problem.observations.rows.T @ problem.observations.rows
     said = information(known().fit, evidence.states, problem.temper * n_frames)
-    again_mm = centre_rows().sd_mm(before + said)
+    again_mm = centre_rows()[0].sd_mm(before + said)
     np.testing.assert_allclose(again_mm, known().sd_mm, rtol=0.15)
 
 
 def test_the_stated_errors_are_those_of_the_posterior() -> None:
-    precision = np.linalg.inv(known().fit.evidence.posterior.covariance)
-    np.testing.assert_allclose(centre_rows().sd_mm(precision), known().sd_mm, rtol=1e-6)
+    rows, precision = centre_rows()
+    np.testing.assert_allclose(rows.sd_mm(precision), known().sd_mm, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -48,25 +51,17 @@ def test_the_stated_errors_are_those_of_the_posterior() -> None:
     ],
 )
 def test_a_movement_gains_most_for_its_own_joints(movement: str, joints: set[str]) -> None:
-    fit, movements = known().fit, movements_of(setup().layout_of_hand())
-    rows, precision = (
-        centre_rows(),
-        np.linalg.inv(fit.evidence.posterior.covariance),
-    )
+    fit, (rows, precision) = known().fit, centre_rows()
     now = rows.sd_mm(precision)
-    rest = rows.sd_mm(precision + information(fit, imagined_states(fit, movements["knuckles"]), 5.0))
-    after = rows.sd_mm(precision + information(fit, imagined_states(fit, movements[movement]), 5.0))
+    rest = rows.sd_mm(precision + information(fit, imagined_states(fit, MOVEMENTS["knuckles"]), 5.0))
+    after = rows.sd_mm(precision + information(fit, imagined_states(fit, MOVEMENTS[movement]), 5.0))
     assert (after <= now + 1e-9).all()
     assert list(known().rows)[int(np.argmax(rest - after))] in joints
 
 
 def test_more_of_a_movement_gains_more_and_less_each_time() -> None:
-    fit = known().fit
-    rows, precision = (
-        centre_rows(),
-        np.linalg.inv(fit.evidence.posterior.covariance),
-    )
-    once = information(fit, imagined_states(fit, movements_of(setup().layout_of_hand())["spread"]), 5.0)
+    fit, (rows, precision) = known().fit, centre_rows()
+    once = information(fit, imagined_states(fit, MOVEMENTS["spread"]), 5.0)
     sd_mm = [excess_mm(rows.sd_mm(precision + times * once), 0.0) for times in range(4)]
     steps = -np.diff(sd_mm)
     assert (steps > 0).all()

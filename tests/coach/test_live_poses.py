@@ -13,7 +13,7 @@ from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import read_poses
 from shukotsu.stages.capture.__main__ import main as capture
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
-from shukotsu.trackers.archive import FollowedArchive, open_archive
+from shukotsu.trackers.archive import open_archive
 
 
 @pytest.fixture(scope="module")
@@ -36,17 +36,3 @@ def test_they_are_the_poses_of_an_import(recorded: Path, tmp_path: Path) -> None
     )
     np.testing.assert_allclose(poses.quaternion[poses.valid], expected.quaternion[expected.valid], atol=1e-9)
     assert np.ptp(poses.time_s - expected.time_s) < 1e-4
-
-
-def test_a_file_that_grows_gives_the_same(recorded: Path, tmp_path: Path) -> None:
-    data, growing = recorded.read_bytes(), tmp_path / "growing.arrows"
-    whole = LivePoses(setup().layout_of_hand(), recorded)
-    expected = [came for piece in open_archive(recorded).pieces() if (came := whole.add(piece)) is not None]
-    live, followed, came = LivePoses(setup().layout_of_hand(), growing), FollowedArchive(growing), []
-    for end in (*range(1000, len(data), 77_777), len(data)):
-        growing.write_bytes(data[:end])
-        came += [own for piece in followed.read() if (own := live.add(piece)) is not None]
-    assert followed.ended
-    assert [len(own.poses.frame) for own in came] == [len(own.poses.frame) for own in expected]
-    for own, other in zip(came, expected, strict=True):
-        np.testing.assert_array_equal(own.poses.position_mm, other.poses.position_mm)

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from coached_hands import setup
 
-from shukotsu.coach.movements import Movement, movements_of
+from shukotsu.coach.movements import MOVEMENTS, Movement
 from shukotsu.coach.requests import MOVEMENT
 from shukotsu.coach.wording import request_sentence
 from shukotsu.schemas.layout import read_layout
-
-MOVEMENTS = movements_of(setup().layout_of_hand())
 
 
 @pytest.mark.parametrize("movement", MOVEMENTS.values(), ids=MOVEMENTS)
@@ -29,11 +26,3 @@ def test_a_movement_is_one_imperative_sentence_of_its_own(name: str) -> None:
     assert sentence.endswith(".")
     assert "{" not in sentence
     assert [other for other in MOVEMENTS if request_sentence(MOVEMENT, other, {}) == sentence] == [name]
-
-
-def test_a_layout_without_a_thumb_is_asked_for_no_thumb() -> None:
-    layout = read_layout("liberty16")
-    fingers = {name: digit for name, digit in layout.digits.items() if name != "thumb"}
-    own = movements_of(type(layout)(**{**vars(layout), "digits": fingers}))
-    assert "fist" in own
-    assert not [name for name in own if "thumb" in name or name in ("free", "opposition")]

@@ -23,7 +23,7 @@ PASSWORD = "生徒の合言葉 42"
 @pytest.fixture
 def server() -> Iterator[PageServer]:
     board = Board()
-    board.publish({"revision": 1, "secret": "subject 03"})
+    board.publish({"time_s": 1, "secret": "subject 03"})
     with closing(serve(board)) as served:
         yield served
 
@@ -67,7 +67,7 @@ def test_the_token_opens_the_page_and_its_frame_holds_nothing(server: PageServer
         assert "default-src 'self'" in answer.getheader("Content-Security-Policy", "")
         assert answer.getheader("Cache-Control") == "no-store"
         assert answer.getheader("Access-Control-Allow-Origin") is answer.getheader("Set-Cookie") is None
-    assert newest(ask(server, "/events"))["revision"] == 1
+    assert newest(ask(server, "/events"))["time_s"] == 1
     assert ask(server, "/enter", DONE).status == 204
     assert server.board.entered() == [{"kind": "done"}]
 
@@ -175,10 +175,10 @@ def test_viewers_are_capped_and_one_that_never_reads_holds_up_nobody(server: Pag
     assert [view.status for view in views] == [200] * MOST_VIEWERS + [503] * 4
     reader = views[MOST_VIEWERS - 1]
     large = "x" * 500_000  # the systems' buffers of who does not read are soon full
-    for revision in range(2, 30):
-        server.board.publish({"revision": revision, "large": large})
-        server.board.show_poses([revision], [[[0.0] * 7]])
-        while revision % 9 == 2 and newest(reader)["revision"] != revision:
+    for time_s in range(2, 30):
+        server.board.publish({"time_s": time_s, "large": large})
+        server.board.show_poses([time_s], [[[0.0] * 7]])
+        while time_s % 9 == 2 and newest(reader)["time_s"] != time_s:
             pass
     for view in views:
         view.close()

@@ -5,31 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
+from coached_hands import archive
 from wands import bar
 
 from shukotsu.commands.map_room import main
 from shukotsu.schemas.catalogue import ROOM_MAP
+from shukotsu.schemas.poses import Poses
 from shukotsu.schemas.tables import column_array, read_table
-from shukotsu.stages.capture.emulate_tracker import main as emulate
 
 SEGMENTS = ("index_middle", "index_distal")
 
 
-def capture(folder: Path, *segments: str, steel: bool = True) -> Path:
+def capture(folder: Path, *segments: str) -> Path:
     """Write what a tracker sends of a bar, as its raw capture."""
-    own, n = bar(steel=steel), len(segments)
-    columns = {f"{a}_mm": own.position_mm[:, :n, i].ravel() for i, a in enumerate("xyz")}
-    columns |= {f"q{p}": own.quaternion[:, :n, i].ravel() for i, p in enumerate("wxyz")}
-    frame = np.arange(len(own.time_s)).repeat(n)
-    rows = {"frame": frame, "time_s": frame / 240, "segment": [*segments] * len(own.time_s), **columns}
-    pq.write_table(pa.table(rows), folder / "bar.parquet")
-    out = folder / "wand.arrows"
-    given = [f"--recording={folder / 'bar.parquet'}", "--layout=liberty16", f"--archive={out}"]
-    assert emulate(given) == 0
-    return out
+    own, n = bar(steel=True), len(segments)
+    valid = np.ones((len(own.time_s), n), bool)
+    frame = np.arange(len(own.time_s))
+    return archive(
+        folder, Poses(segments, frame, frame / 240, own.position_mm[:, :n], own.quaternion[:, :n], valid)
+    )
 
 
 def test_a_room_with_steel_is_said_drawn_and_written(
@@ -52,6 +47,6 @@ def test_a_room_with_steel_is_said_drawn_and_written(
 
 def test_one_receiver_is_no_wand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([str(capture(tmp_path, SEGMENTS[0]))]) == 2
-    assert "wand.arrows: has receivers " in (said := capsys.readouterr().err)
+    assert "recording.arrows: has receivers " in (said := capsys.readouterr().err)
     assert said.count("\n") <= 2
     assert "expected two, on one rigid bar" in said

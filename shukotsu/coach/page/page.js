@@ -7,7 +7,7 @@
 const DELAY_S = .4, MOST_FRAMES = 300, SILENT_S = 5, STILL_S = 2, SURE_S = 4, SAID_S = 6, BAR_TIMES = 4;
 const TEXTS = {
   en: {
-    sound: "Sound", other: "日本語", password: "Password", open: "Open", ready: "Done", skip: "Skip", undo: "Undo",
+    sound: "Sound", password: "Password", open: "Open", ready: "Done", skip: "Skip", undo: "Undo",
     finish: "Finish", sure: "Finish: press again", believe: "settled", care: "with care", no: "not yet", asked: "asked for now",
     settled: "{settled} of {of} joints settled", scale: "Error (1 sd); the line is at the {wanted_mm} mm wanted.",
     touch: "A touch", fingertip: "Fingertip of", meets: "rests on", enter: "Enter", length: "A length", quantity: "Of",
@@ -19,7 +19,7 @@ const TEXTS = {
     right: "right", left: "left", thumb: "thumb", index: "index finger", middle: "middle finger", ring: "ring finger", little: "little finger",
   },
   ja: {
-    sound: "音", other: "English", password: "パスワード", open: "開く", ready: "できた", skip: "とばす", undo: "取り消す",
+    sound: "音", password: "パスワード", open: "開く", ready: "できた", skip: "とばす", undo: "取り消す",
     finish: "終了", sure: "終了:もう一度押す", believe: "決まった", care: "注意して使う", no: "まだ", asked: "いま動かす関節",
     settled: "{of} 関節のうち {settled} が決まった", scale: "誤差(1 sd)。線は目標の {wanted_mm} mm。",
     touch: "触れる", fingertip: "指先", meets: "触れる先", enter: "入力", length: "長さ", quantity: "どこ",
@@ -34,13 +34,13 @@ const TEXTS = {
 const $ = (id) => document.getElementById(id);
 const now = () => performance.now() / 1000;
 const calm = matchMedia("(prefers-reduced-motion: reduce)");
-const page = {state: null, language: document.documentElement.lang, heard: null, cut: false, refused: 0, said: 0, link: null, colours: {}, audio: null};
+const page = {state: null, heard: null, cut: false, refused: 0, said: 0, link: null, colours: {}, audio: null};
 const live = {frames: [], lag: null, heard: null, shown: null, dirty: false, base: null, box: null};
 const coach = window.coach = {page, live, drawn: [], points: []};
 
 /* ---- words ---- */
 
-const say = (key, values = {}) => (TEXTS[page.language][key] ?? key).replace(/\{(\w+)\}/g, (_, name) => values[name]);
+const say = (key, values = {}) => (TEXTS[document.documentElement.lang][key] ?? key).replace(/\{(\w+)\}/g, (_, name) => values[name]);
 const joined = (parts, mark = " · ") => parts.filter((part) => part).join(mark);
 
 function put(id, text) { // what has not changed is not said again by a screen reader
@@ -55,10 +55,8 @@ function make(tag, more = {}, ...inside) {
 }
 
 function speak() {
-  document.documentElement.lang = page.language;
   for (const part of document.querySelectorAll("[data-text]")) part.textContent = say(part.dataset.text);
   for (const id of ["hand", "drawing"]) $(id).setAttribute("aria-label", say(id));
-  if (page.state) show(page.state);
 }
 
 /* ---- vectors ---- */
@@ -221,8 +219,8 @@ function handItem({subject, hand, done}, title) {
 }
 
 function offer(select, choices) {
-  if (select.dataset.choices === JSON.stringify([choices, page.language])) return; // what was chosen stays chosen
-  select.dataset.choices = JSON.stringify([choices, page.language]);
+  if (select.dataset.choices === JSON.stringify(choices)) return; // what was chosen stays chosen
+  select.dataset.choices = JSON.stringify(choices);
   select.replaceChildren(...choices.map((value) => make("option", {value, textContent: say(value.replace(/^\w+ /, ""))})));
   if (select.name === "other") select.selectedIndex = 1; // a digit does not rest on itself
 }
@@ -364,7 +362,6 @@ function listen() {
     sessionStorage.token = (await reply.json()).token;
     location.reload();
   });
-  $("language").addEventListener("click", () => speak(page.language = page.language === "en" ? "ja" : "en"));
   $("sound").addEventListener("click", () => {
     page.audio = page.audio ? void page.audio.close() : new AudioContext();
     $("sound").setAttribute("aria-pressed", Boolean(page.audio));
