@@ -138,8 +138,9 @@ def checked_entry(entry: Any) -> dict[str, Any]:
         raise InputError(f"the entry has not the fields of its kind; expected one of: {expected}")
     for name, value in entry.items():
         if name.endswith("_mm"):
-            if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e4:
-                raise InputError(f"{name} of the entry: expected a number of mm above 0 and below 10000")
+            low = 0.0 if name == "sd_mm" else -1e4
+            if isinstance(value, bool) or not isinstance(value, int | float) or not low < value < 1e4:
+                raise InputError(f"{name} of the entry: expected mm above {low:g} and below 10000")
         elif name == "number":
             if isinstance(value, bool) or not isinstance(value, int) or not 0 < value < 1e6:
                 raise InputError("number of the entry: expected the number of a request")

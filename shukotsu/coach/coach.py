@@ -18,7 +18,7 @@ from shukotsu.checks.declared import Declared
 from shukotsu.coach import wording
 from shukotsu.coach.board import checked_entry
 from shukotsu.coach.drawn_hand import drawn
-from shukotsu.coach.estimate import Estimate, MarkedTouch, estimate
+from shukotsu.coach.estimate import HELD_S, Estimate, MarkedTouch, estimate
 from shukotsu.coach.expected_gains import imagined_states
 from shukotsu.coach.live_poses import Arrived, EvenFrames
 from shukotsu.coach.movements import MOVEMENTS, Movement
@@ -357,11 +357,11 @@ class Coach:
         """
         if mark.get("kind") in (KIND, "stop"):
             return
-        if mark.get("kind") == "button":
-            mark = {**mark, **self._pressed()}
+        entry = {name: mark[name] for name in mark if name not in ("event", "host_ns")}
         try:
-            entry = checked_entry({name: mark[name] for name in mark if name not in ("event", "host_ns")})
-            check_names(entry, self.layout, self.setup.points)
+            entry = checked_entry({"kind": "done"} if entry.get("kind") == "button" else entry)
+            entry = self._as_touch(entry)
+            check_names(entry, self.layout, self.setup)
         except InputError:
             return
         if self._obey(entry, int(mark["host_ns"])):
@@ -371,7 +371,8 @@ class Coach:
         """Do what an entry says; tell whether there was anything to do."""
         kind, request = entry["kind"], self.request
         if kind == "touch":
-            self._touch(entry, host_ns)
+            if not self._touch(entry, host_ns):
+                return False
         elif kind == "length":
             self._length(entry)
         elif kind == "undo":
@@ -383,7 +384,9 @@ class Coach:
                 return False
             if kind == "skip":
                 self._give_up(request)
-            elif request.option.kind == MOVEMENT and self.time_s - request.began_s >= SOONEST_S:
+            elif self.time_s - request.began_s < SOONEST_S:
+                return False
+            elif request.option.kind == MOVEMENT:
                 self._look_at(request, MOVEMENTS[request.option.name])
         if kind in ("touch", "length") and request is not None and self.known is not None:
             name = str(entry.get("quantity", entry.get("digit")))
@@ -424,18 +427,22 @@ class Coach:
         number = None if self.request is None else self.request.number
         return number is not None and str(mark.get("number", number)) == str(number)
 
-    def _pressed(self) -> dict[str, Any]:
-        """Say what a stylus's button stands for: the touch that is asked for, or else that all is done."""
-        if self.request is None or self.request.option.kind != TOUCHING:
-            return {"kind": "done"}
+    def _as_touch(self, entry: dict[str, Any]) -> dict[str, Any]:
+        """Give, for "done" where a touch is asked for, the touch."""
+        request = self.request
+        if request is None or entry["kind"] != "done" or request.option.kind != TOUCHING:
+            return entry
+        if not self._is_meant(entry) or self.time_s - request.began_s < SOONEST_S:
+            return entry
         point = next(iter(self.setup.points), "")
-        return {"kind": "touch", "digit": self.request.option.name, "part": "tip", "point": point}
+        return {"kind": "touch", "digit": request.option.name, "part": "tip", "point": point}
 
-    def _touch(self, entry: Mapping[str, Any], host_ns: int) -> None:
+    def _touch(self, entry: Mapping[str, Any], host_ns: int) -> bool:
+        """Take a touch; tell whether it is one, and not the last one's switch that bounced."""
+        if self.touches and abs(host_ns - self.touches[-1].host_ns) < 2 * HELD_S * 1e9:
+            return False
         meets = str(entry.get("meets", ""))
         x, y, z, sd_mm = self.setup.points.get(str(entry.get("point", "")), (0.0, 0.0, 0.0, TOUCH_SD_MM))
-        if any(own.host_ns == host_ns and own.digit == entry["digit"] for own in self.touches):
-            return  # a switch that bounced
         touch = MarkedTouch(
             np.zeros(0, np.int64),
             host_ns,
@@ -449,6 +456,7 @@ class Coach:
             touch = touch.held_in(came_ns, frame)
         self.touches.append(touch)
         self._order.append(TOUCHING)
+        return True
 
     def _say(self, what: Mapping[str, Any]) -> None:
         self.log.append((self.time_s, what))

@@ -94,13 +94,8 @@ def estimate(
     """
     if len(poses.frame) < LEAST_FRAMES:
         raise InputError(f"{len(poses.frame)} frames are too few for an estimate; expected {LEAST_FRAMES}")
-    typed = {own.quantity for own in measured}
     moved = {name for one in MOVEMENTS.values() for posture in one.postures for name in posture}
-    own = [
-        Measurement(row["quantity"], row["value_mm"], row["sd_mm"])
-        for row in setup.measurements
-        if row["quantity"] not in typed
-    ]
+    own = [Measurement(row["quantity"], row["value_mm"], row["sd_mm"]) for row in setup.measurements]
     try:
         fit = fit_hand(
             [poses],

@@ -4,8 +4,6 @@ archive and the sheets' rows.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from contextlib import redirect_stderr
 from gettext import NullTranslations
 from io import StringIO
@@ -29,15 +27,15 @@ from shukotsu.sentences.translation import ENGLISH, translating
 from shukotsu.trackers.archive import open_archive
 
 
-def sheet_rows_of(coach: Coach, poses: Poses) -> dict[str, list[dict[str, Any]]]:
-    """Give the rows of the study's sheets, by sheet, of what was marked and measured; poses : as the study
-    imports the archive.
+def sheet_rows_of(coach: Coach, poses: Poses | None = None) -> dict[str, list[dict[str, Any]]]:
+    """Give the rows of the study's sheets, by sheet, of what was measured and marked; poses : as the study
+    imports the archive, None where it does not.
     """
     setup = coach.setup
-    rows = (_touch_row(mark, coach.layout, poses) for mark in coach.touches)
-    touches = [row for row in rows if row is not None]
+    marks = [] if poses is None else [_touch_row(mark, coach.layout, poses) for mark in coach.touches]
+    whose = setup.whose | {"task": setup.task, "trial": setup.trial}
     return {
-        TOUCHES.name: [setup.whose | {"task": setup.task, "trial": setup.trial} | row for row in touches],
+        TOUCHES.name: [whose | row for row in marks if row is not None],
         MEASUREMENTS.name: [
             setup.whose | {"quantity": own.quantity, "value_mm": own.value_mm, "sd_mm": own.sd_mm}
             for own in coach.measured
@@ -98,8 +96,7 @@ def final_summary(archive: Path, coach: Coach) -> tuple[dict[str, Any], dict[str
         sheets: dict[str, Path | None] = {}
         for sheet in (TOUCHES, MEASUREMENTS):
             own = setup.measurements if sheet is MEASUREMENTS else ()
-            known = [*rows[sheet.name], *({**setup.whose, **row} for row in own)]
-            for row in {_key(row, sheet.key): row for row in reversed(known)}.values():
+            for row in [*rows[sheet.name], *({**setup.whose, **row} for row in own)]:
                 sheets[sheet.name] = folder / f"{sheet.name}.tsv"
                 add_row(folder / f"{sheet.name}.tsv", sheet, row)
         sizes = {"hand_length_mm": setup.hand_length_mm, "hand_breadth_mm": setup.hand_breadth_mm}
@@ -126,10 +123,6 @@ def final_summary(archive: Path, coach: Coach) -> tuple[dict[str, Any], dict[str
     with translating(ENGLISH, NullTranslations()):  # as all sentences in tables are
         summary["sentence"] = summary_sentence(summary)
     return summary, rows
-
-
-def _key(row: Mapping[str, Any], names: tuple[str, ...]) -> str:
-    return json.dumps([row.get(name) for name in names])
 
 
 def read_setup(archive: Path) -> tuple[CoachSetup | None, set[int]]:

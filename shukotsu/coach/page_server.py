@@ -20,6 +20,7 @@ import secrets
 import socket
 import sys
 import time
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import closing
 from http.server import BaseHTTPRequestHandler
@@ -32,7 +33,8 @@ from shukotsu.coach.board import Board
 from shukotsu.errors import InputError
 
 MOST_VIEWERS = 16
-MOST_CONNECTIONS = 64
+MOST_CONNECTIONS, MOST_OF_ONE = 64, 48
+"""Of all, and of one address: nobody takes all of them."""
 MOST_BYTES = 16_384
 """Of a request, its headers among them; MOST_BODY_BYTES of what is entered."""
 MOST_BODY_BYTES = 2048
@@ -117,9 +119,9 @@ class PageServer(ThreadingTCPServer):
         self.viewers = BoundedSemaphore(MOST_VIEWERS)
         self.files = _files(language)
         self._password = password
-        self._trying = Lock()
-        self._shut_until = 0.0
-        self._connections = BoundedSemaphore(MOST_CONNECTIONS)
+        self._counting = Lock()
+        self._shut_until: dict[str, float] = {}
+        self._connections: Counter[str] = Counter()
         super().__init__(at, _Handler)
         self.port = int(self.server_address[1])
         host, own = at[0], socket.gethostname()
@@ -143,25 +145,37 @@ class PageServer(ThreadingTCPServer):
         name, _, port = host.lower().rpartition(":")
         return port == str(self.port) and (name in self._names or (self.asks_password and _is_address(name)))
 
-    def takes(self, password: object) -> bool:
-        """Say whether it is the page's password. Raises TimeoutError where a wrong one came just now."""
-        with self._trying:
-            if time.monotonic() < self._shut_until:
+    def takes(self, password: object, address: str) -> bool:
+        """Say whether it is the page's password. Raises TimeoutError where a wrong one came just now from
+        there.
+        """
+        with self._counting:
+            now = time.monotonic()
+            self._shut_until = {own: until for own, until in self._shut_until.items() if now < until}
+            if address in self._shut_until:
                 raise TimeoutError
             right = None not in (password, self._password) and same(str(password), str(self._password))
-            self._shut_until = 0.0 if right else time.monotonic() + WRONG_S
+            if not right:
+                self._shut_until[address] = now + WRONG_S
         return right
 
     def verify_request(self, request: Any, client_address: Any) -> bool:  # noqa: ARG002
         """Say whether a thread may be had for one more request."""
-        return self._connections.acquire(blocking=False)
+        with self._counting:
+            own = self._connections[client_address[0]]
+            if own >= MOST_OF_ONE or self._connections.total() >= MOST_CONNECTIONS:
+                return False
+            self._connections[client_address[0]] += 1
+        return True
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         """Answer one request."""
         try:
             super().process_request_thread(request, client_address)
         finally:
-            self._connections.release()
+            with self._counting:
+                self._connections[client_address[0]] -= 1
+                self._connections += Counter()  # keeps those that have any
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Say nothing of a reader that went away."""
@@ -254,7 +268,8 @@ class _Handler(BaseHTTPRequestHandler):
             if self.path == "/enter":
                 self.server.board.enter(body)
                 return 204, ""
-            if self.server.takes(body.get("password") if isinstance(body, dict) else None):
+            password = body.get("password") if isinstance(body, dict) else None
+            if self.server.takes(password, self.client_address[0]):
                 return 200, json.dumps({"token": self.server.token}), "application/json"
             return 403, "That is not the password."
         except TimeoutError:

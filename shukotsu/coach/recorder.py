@@ -28,6 +28,7 @@ class Recorder:
     def __init__(self, out: Path, options: Sequence[str]) -> None:
         argv = [sys.executable, "-m", "shukotsu", "record", *options, f"--out={out}", "--marks", "--quiet"]
         self._archive = FollowedArchive(out)
+        self._sending = threading.Lock()
         self.notes: deque[str] = deque(maxlen=MOST_NOTES)
         self._process = subprocess.Popen(
             argv,
@@ -63,8 +64,9 @@ class Recorder:
         """Have an entry put into the archive. Raises InputError where the recorder is gone."""
         assert self._process.stdin is not None
         try:
-            self._process.stdin.write(json.dumps(entry) + "\n")
-            self._process.stdin.flush()
+            with self._sending:
+                self._process.stdin.write(json.dumps(entry) + "\n")
+                self._process.stdin.flush()
         except (OSError, ValueError) as error:
             raise InputError(f"the recorder has ended ({self.last_note or error}); begin again") from error
 

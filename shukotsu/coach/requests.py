@@ -94,9 +94,10 @@ def _measuring(setup: CoachSetup, known: Estimate, refused: Collection[str]) -> 
     if not (setup.calliper or setup.points):
         return
     quantities, after = expected_sd_mm(known.tips)
+    measured = {row["quantity"] for row in setup.measurements}
     shown = [list(known.fit.joints).index(name) for name in known.rows]
     for quantity, sd_mm in zip(quantities, after.T[:, shown], strict=True):
         digit, _, part = quantity.rpartition(".")
         kind, name, seconds = (TOUCHING, digit, TOUCH_S) if part == TOUCH else (MEASURE, quantity, MEASURE_S)
-        if name not in refused and (setup.points if kind == TOUCHING else setup.calliper):
+        if name not in {*refused, *measured} and (setup.points if kind == TOUCHING else setup.calliper):
             yield Option(kind, name, seconds, sd_mm)

@@ -8,12 +8,12 @@ comes back with the frames.
 from __future__ import annotations
 
 import json
-import math
 import queue
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from contextvars import copy_context
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
@@ -33,13 +33,15 @@ if TYPE_CHECKING:
 
 SHOWN_HZ = 30.0
 READ_S = 0.1
-LOST_S = 5.0
+LISTEN_S = 0.05
+LOST_S, FIRST_S = 5.0, 15.0
+"""How often it is said that nothing comes; and when first, where a tracker is still being set up."""
+
 MOST_WAITING = 1024
 """Pieces that wait for the estimate, some minutes, before reading pauses: the file keeps them."""
 
 BEHIND_S = 2.0
 """An estimate is left out where frames wait that are so much later: of a machine that is slow, or busy."""
-
 
 REST_S = 5.0
 _Came = tuple[Arrived | None, list[Mapping[str, Any]]]
@@ -59,7 +61,7 @@ class Source(Protocol):
 @dataclass
 class Session:
     """One archive, coached. send : hands an entry to the recorder; None where nobody records for this
-    program.
+    program. may_leave_out : whether estimates are left out where they would come late.
 
     title : what the faces show of whose hand it is. log : every state as a line of JSON, without what hangs
     on the clock. oldest_s : the greatest age that an estimate reached before the next one came.
@@ -74,11 +76,14 @@ class Session:
     hands: Sequence[Mapping[str, Any]] = ()
     log: TextIO | None = None
     ending: Callable[[], str] = str
+    may_leave_out: bool = True
     oldest_s: float = 0.0
     frames: int = 0
     _stop: threading.Event = field(default_factory=threading.Event)
     _failed: Exception | None = None
-    _heard: float = math.inf
+    _heard: float = 0.0
+    _state: Mapping[str, Any] = field(default_factory=dict)
+    _showing: threading.Lock = field(default_factory=threading.Lock)
     _lost: int = 0
     _finish: bool = False
     _newest_s: float = 0.0
@@ -91,14 +96,17 @@ class Session:
         Raises InputError where the archive cannot be read.
         """
         waiting: queue.Queue[_Came | None] = queue.Queue(MOST_WAITING)
-        if self.send is not None:
+        self._heard = time.perf_counter()
+        if self.may_leave_out:
             self.coach.leaves_out = self._leaves_out
-        reader = threading.Thread(target=self._read, args=(waiting,), daemon=True)
-        reader.start()
         self._publish(self.coach.state())
+        _ = self.board.entered(), self.face.entered()  # of the hand before
+        reader = threading.Thread(target=self._read, args=(waiting,), daemon=True)
+        threads = [reader, threading.Thread(target=copy_context().run, args=(self._listen,), daemon=True)]
+        for thread in threads:
+            thread.start()
         try:
             while not (self._finish or stopped() or self._is_over):
-                self._take_entries()
                 try:
                     came = waiting.get(timeout=READ_S)
                 except queue.Empty:
@@ -110,7 +118,8 @@ class Session:
             self._take_the_rest(waiting)
         finally:
             self._stop.set()
-        reader.join(2.0)
+        for thread in threads:
+            thread.join(2.0)
         if self._failed is not None:
             raise self._failed
         self._publish(self.coach.state() | {"phase": ENDED}, self.ending())
@@ -187,23 +196,32 @@ class Session:
         numbers[~poses.valid[rows]] = np.nan
         self.board.show_poses(poses.time_s[rows].tolist(), numbers)
 
-    def _take_entries(self) -> None:
-        for entry in [*self.board.entered(), *self.face.entered()]:
-            self._finish |= entry["kind"] == "finish"
-            if self.send is None:
-                continue
-            try:
-                check_names(checked_entry(entry), self.coach.layout, self.coach.setup.points)
-                self.send(entry)
-            except InputError as error:
-                self._publish(self.coach.state(), str(error))
+    def _listen(self) -> None:
+        """Hand over what is entered at once: a touch is marked while it lasts, and an estimate takes a
+        second.
+        """
+        while not self._stop.wait(LISTEN_S):
+            for entry in [*self.board.entered(), *self.face.entered()]:
+                try:
+                    self._hand_over(entry)
+                except InputError as error:
+                    self._publish(self._state, str(error))
+                self._finish |= entry["kind"] == "finish"
+
+    def _hand_over(self, entry: Mapping[str, Any]) -> None:
+        if self.send is not None:
+            check_names(checked_entry(entry), self.coach.layout, self.coach.setup)
+            self.send(entry)
+        elif entry["kind"] != "finish":
+            raise InputError(tr("This recording is only watched: nothing is entered."))
 
     def _leaves_out(self, tick: int, time_s: float) -> bool:
         """Say whether a tick has no estimate for frames that wait; the archive keeps that, for a replay."""
-        if self.send is None or self._newest_s - time_s <= BEHIND_S:
+        if self._newest_s - time_s <= BEHIND_S:
             return False
-        with suppress(InputError):
-            self.send({"kind": LEFT_OUT, "tick": tick})
+        if self.send is not None:
+            with suppress(InputError):
+                self.send({"kind": LEFT_OUT, "tick": tick})
         return True
 
     def _keep(self, state: Mapping[str, Any]) -> None:
@@ -212,8 +230,8 @@ class Session:
 
     def _watch(self) -> None:
         """Say, every LOST_S, that nothing comes."""
-        times = int((time.perf_counter() - self._heard) / LOST_S) if math.isfinite(self._heard) else 0
-        if times > self._lost:
+        times = int((time.perf_counter() - self._heard) / LOST_S)
+        if times > self._lost and (self.frames or times * LOST_S >= FIRST_S):
             said = tr(
                 "Nothing has come for {seconds:.0f} s: look at the cable and the recorder.",
                 seconds=times * LOST_S,
@@ -222,8 +240,10 @@ class Session:
         self._lost = times
 
     def _publish(self, state: Mapping[str, Any], message: str = "") -> None:
+        self._state = state
         whole = {**state, "title": self.title, "message": message}
         whole["hands"] = list(self.hands)
         whole["marks"] = names_of(self.coach.layout, self.coach.setup.points)
-        self.board.publish(whole)
-        self.face.show(whole)
+        with self._showing:
+            self.board.publish(whole)
+            self.face.show(whole)

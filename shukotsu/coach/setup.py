@@ -129,9 +129,11 @@ def names_of(layout: Layout, points: Collection[str]) -> dict[str, list[str]]:
     return {"digits": digits, "points": list(points), "quantities": measurable(layout)}
 
 
-def check_names(entry: Mapping[str, Any], layout: Layout, points: Collection[str]) -> None:
-    """Raise InputError where an entry names a digit, a part, a point or a quantity that there is not."""
-    known = names_of(layout, points) | {"parts": ["tip", "pad"]}
+def check_names(entry: Mapping[str, Any], layout: Layout, setup: CoachSetup) -> None:
+    """Raise InputError where an entry names a digit, a part, a point or a quantity that there is not, or a
+    quantity that the study has already.
+    """
+    known = names_of(layout, setup.points) | {"parts": ["tip", "pad"]}
     places = {
         "digit": "digits",
         "meets": "digits",
@@ -144,5 +146,12 @@ def check_names(entry: Mapping[str, Any], layout: Layout, points: Collection[str
         if entry[name] not in among:
             expected = ", ".join(among) or "none"
             raise InputError(f"{name}: {entry[name]!r} is not known; expected one of {expected}")
+    quantity = entry.get("quantity", "")
+    if quantity and entry["value_mm"] <= 0 and "." not in quantity:
+        raise InputError(f"{quantity}: is {entry['value_mm']:g} mm; expected a length above 0")
+    for row in setup.measurements:
+        if row["quantity"] == quantity:
+            in_sheet = f"{row['value_mm']:g} mm"
+            raise InputError(f"{quantity}: is {in_sheet} in the sheet of measurements; change it there")
     if "meets" in entry and entry["meets"] == entry["digit"]:
         raise InputError(f"meets: {entry['digit']!r} cannot meet itself; expected two digits")

@@ -9,24 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from shukotsu.coach.setup import CoachSetup, checked_setup
-from shukotsu.coach.study_sheets import HandDone, add_row, further_columns, hands_of, name_sheet
+from shukotsu.coach.study_sheets import add_row, further_columns, name_sheet
 from shukotsu.errors import InputError
 from shukotsu.schemas.config_files import config_path, read_config
 from shukotsu.schemas.layout import FINGER_MM
 from shukotsu.schemas.model import model_from_config
 from shukotsu.schemas.plan import rows_of_session
-from shukotsu.schemas.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
+from shukotsu.schemas.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, TOUCHES, Row, read_sheet
 from shukotsu.schemas.study import path_token
 
 CAPTURES = "captures"
 """Folder of archives, beside the study file."""
 
 USUAL_MODEL = "whole-hand"
-
-
-def next_hand(study: Path, hand: str | None = None) -> HandDone | None:
-    """Give the study's first hand (of that side) without a calibration; None where all have one."""
-    return next((own for own in hands_of(study) if not own.done and hand in (None, own.hand)), None)
 
 
 def setup_of(study: Path, subject: str, hand: str, session: str, task: str) -> CoachSetup:
@@ -80,6 +75,23 @@ def _rows(folder: Path, config: Mapping[str, Any], name: str, more: Sequence[str
     return read_sheet(folder / config[name], SHEETS[name], more) if name in config else []
 
 
+def _entered_as(study: Path, setup: CoachSetup, config: Mapping[str, Any], row: Mapping[str, Any]) -> str:
+    """Add a row to the sheet of recordings; give the repetition that it became."""
+    trial = setup.trial
+    while True:
+        try:
+            add_row(
+                study.parent / config["recordings"], RECORDINGS, {**row, "task": setup.task, "trial": trial}
+            )
+            return trial
+        except InputError:
+            rows = _rows(study.parent, config, RECORDINGS.name, further_columns(config))
+            free = _free_trial(rows, setup.subject, setup.hand, setup.session, setup.task)
+            if free == trial:
+                raise
+            trial = free
+
+
 def _free_trial(rows: Sequence[Row], subject: str, hand: str, session: str, task: str) -> str:
     """Give the first repetition of the task that the sheet does not have yet; empty for the first."""
     whose = (subject, session, hand, task)
@@ -115,20 +127,21 @@ def enter_recording(
 ) -> list[Path]:
     """Enter a recording, its touches and lengths into the study's sheets; give those that were written.
 
-    exclude : why the study shall leave it out; empty for one that it uses.
+    exclude : why the study shall leave it out, and its touches; empty for one that it uses. Where another
+    coach has entered this repetition meanwhile it becomes the next one.
     """
     config = read_config(study, "study")
     sheets = [study.parent / config["recordings"]]
     file = Path(os.path.relpath(archive, study.parent)).as_posix()
-    row = setup.whose | {"task": setup.task, "trial": setup.trial}
-    row |= {"role": "calibration", "file": file, "exclude": exclude}
-    add_row(sheets[0], RECORDINGS, row)
+    row = setup.whose | {"role": "calibration", "file": file, "exclude": exclude}
+    trial = _entered_as(study, setup, config, row)
     for name, own in rows.items():
-        if own and not exclude:
+        if own and not (exclude and name == TOUCHES.name):
             sheets.append(name_sheet(study, name, f"{name}.tsv"))
             for each in own:
+                own_trial = {"trial": trial} if name == TOUCHES.name else {}
                 try:
-                    add_row(sheets[-1], SHEETS[name], each)
+                    add_row(sheets[-1], SHEETS[name], {**each, **own_trial})
                 except InputError as error:
                     print(f"note: not entered: {error}", file=sys.stderr)
     return sheets

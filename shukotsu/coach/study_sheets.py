@@ -30,10 +30,10 @@ class HandDone(NamedTuple):
     done: bool
 
 
-def hands_of(study: Path) -> list[HandDone]:
-    """Give the hands of a study by subject: first those of its sheet of participants, recorded or not.
+def hands_of(study: Path, hand: str | None = None, session: str = "") -> list[HandDone]:
+    """Give both hands, or the one, of a study's subjects in a session: first those of its sheet of
+    participants, recorded or not.
 
-    Every subject has the hands that any of them has in the sheet of recordings, both where that has no row.
     Raises InputError as `read_config` and `read_sheet` do.
     """
     config, folder = read_config(study, "study"), study.parent
@@ -42,9 +42,12 @@ def hands_of(study: Path) -> list[HandDone]:
     done = {
         (row["subject"], row["hand"])
         for row in recordings
-        if row["role"] != "evaluation" and not row["exclude"] and (folder / row["file"]).exists()
+        if row["role"] != "evaluation"
+        and row["session"] == session
+        and not row["exclude"]
+        and (folder / row["file"]).exists()
     }
-    hands = dict.fromkeys(row["hand"] for row in recordings) or ("right", "left")
+    hands = (hand,) if hand else ("right", "left")
     subjects = dict.fromkeys(row["subject"] for row in [*named, *recordings])
     return [HandDone(own, hand, (own, hand) in done) for own in subjects for hand in hands]
 

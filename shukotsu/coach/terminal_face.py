@@ -6,8 +6,10 @@ where a touch is asked for, as a foot switch that types Return does.
 
 from __future__ import annotations
 
+import time
 import unicodedata
 from collections.abc import Mapping
+from threading import RLock
 from typing import Any
 
 from shukotsu.errors import InputError
@@ -16,6 +18,9 @@ from shukotsu.trackers.record.recording_terminal import Terminal
 
 COLUMNS = 80
 BAR = 10
+AGAIN_S = 0.7
+"""Return that comes again within so long comes of a key that is held down."""
+
 KEPT = 3
 """Last lines that are shown whatever has no room: a message, the keys, what is typed."""
 
@@ -33,14 +38,20 @@ class TerminalFace:
         self._logged = 0
         self._message = ""
         self._said = ""
+        self._returned_s = -AGAIN_S
+        self._lock = RLock()  # one thread shows, another one reads what is typed
 
     def show(self, state: Mapping[str, Any]) -> None:
         """Show a state: the whole view in place, or what is new in it, a line each."""
-        self._state = state
-        if self._terminal.in_place:
-            lines, rows = view(state, self._line, self._message), self._terminal.rows
-            self._terminal.show(_fitting(lines, rows))
-            return
+        with self._lock:
+            self._state = state
+            if self._terminal.in_place:
+                lines, rows = view(state, self._line, self._message), self._terminal.rows
+                self._terminal.show(_fitting(lines, rows))
+            else:
+                self._show_new(state)
+
+    def _show_new(self, state: Mapping[str, Any]) -> None:
         for line in new_lines(state, self._logged):
             self._terminal.say(line)
         self._logged = state["logged"]
@@ -50,16 +61,15 @@ class TerminalFace:
 
     def entered(self) -> list[dict[str, Any]]:
         """Give what was typed and ended with Return."""
+        with self._lock:
+            return self._entered()
+
+    def _entered(self) -> list[dict[str, Any]]:
         entries = []
         pressed = self._terminal.pressed()
         for key in pressed:
             if key in "\r\n":
-                try:
-                    entries += entry_of(self._line, self._state.get("request"), self._state.get("marks", {}))
-                    self._message = ""
-                except InputError as error:
-                    self._message = str(error)
-                self._line = ""
+                entries += self._returned()
             elif key in "\b\x7f":
                 self._line = self._line[:-1]
             elif key.isprintable():
@@ -68,25 +78,29 @@ class TerminalFace:
             self.show(self._state)
         return entries
 
+    def _returned(self) -> list[dict[str, Any]]:
+        """Give what a line that is ended says; nothing where a key or a foot switch is only held down."""
+        since_s, self._returned_s = time.monotonic() - self._returned_s, time.monotonic()
+        line, self._line, self._message = self._line, "", ""
+        if not line and since_s < AGAIN_S:
+            return []
+        try:
+            return entry_of(line, self._state.get("request"), self._state.get("marks", {}))
+        except InputError as error:
+            self._message = str(error)
+            return []
+
 
 def entry_of(line: str, request: Mapping[str, Any] | None, known: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Read a typed line as entries. Raises InputError where it is none."""
     parts = line.split()
-    simple = {"s": "skip", "u": "undo", "q": "finish"}
-    if not parts:
-        if request is not None and request["kind"] == "touch":
-            return [
-                {
-                    "kind": "touch",
-                    "digit": request["name"],
-                    "part": "tip",
-                    "point": next(iter(known["points"])),
-                }
-            ]
-        return [{"kind": "done"}] if request is not None else []
+    on_request = {"": "done", "s": "skip"}
+    if line.strip() in on_request:
+        kind = on_request[line.strip()]
+        return [] if request is None else [{"kind": kind, "number": request["number"]}]
     first, *rest = parts
-    if first in simple and not rest:
-        return [{"kind": simple[first]}]
+    if first in ("u", "q") and not rest:
+        return [{"kind": "undo" if first == "u" else "finish"}]
     if first == "note" and rest:
         return [{"kind": "note", "text": " ".join(rest)}]
     if first == "touch" and len(rest) == 2:
@@ -107,8 +121,8 @@ def entry_of(line: str, request: Mapping[str, Any] | None, known: Mapping[str, A
 def view(state: Mapping[str, Any], line: str, message: str) -> list[str]:
     """Give the lines of a view, at most 80 columns each."""
     title = state["title"]
-    head = f"{title['study']}  {title['subject']} {title['hand']}  {title['file']}"[: COLUMNS - 10]
-    lines = [f"{head}{state['time_s']:>{COLUMNS - len(head) - 2}.0f} s", ""]
+    head = _cut(f"{title['study']}  {title['subject']} {title['hand']}  {title['file']}", COLUMNS - 10)
+    lines = [f"{head}{state['time_s']:>{COLUMNS - _wide(head) - 2}.0f} s", ""]
     for finding in state["findings"]:
         lines += _wrapped(f"! {finding}", COLUMNS)
     request = state["request"]
@@ -123,8 +137,8 @@ def view(state: Mapping[str, Any], line: str, message: str) -> list[str]:
         lines += [f"{sign} {text}" for text in _wrapped(done["sentence"], COLUMNS - 2)]
     lines.append("")
     lines += _joint_lines(state)
-    lines += ["", *_wrapped(message or state["message"], COLUMNS), tr(_HELP)[:COLUMNS], f": {line}"]
-    return lines
+    lines += ["", *_wrapped(message or state["message"], COLUMNS)]
+    return [*lines, _cut(tr(_HELP), COLUMNS), _cut(f": {line}", COLUMNS)]
 
 
 def _fitting(lines: list[str], rows: int) -> list[str]:
@@ -135,6 +149,11 @@ def _fitting(lines: list[str], rows: int) -> list[str]:
 def _wide(text: str) -> int:
     """Columns of a text: letters of East Asia take two."""
     return sum(1 + (unicodedata.east_asian_width(letter) in "WF") for letter in text)
+
+
+def _cut(text: str, columns: int) -> str:
+    """Give the beginning of a text that has room."""
+    return _pieces(text, columns)[0]
 
 
 def _wrapped(text: str, columns: int) -> list[str]:

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from shukotsu.commands.study_file import USUAL
 from shukotsu.errors import InputError
@@ -21,10 +21,12 @@ if TYPE_CHECKING:
     from shukotsu.coach.board import Board
     from shukotsu.coach.session import Session
     from shukotsu.coach.setup import CoachSetup
+    from shukotsu.coach.study_sheets import HandDone
     from shukotsu.coach.terminal_face import TerminalFace
     from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 
 SOLVING = N_("Ended. The hand is now solved as the study will.")
+PUT_RIGHT = "receivers were put right in it"
 SOURCES = ("port", "follow", "replay")
 
 
@@ -81,18 +83,18 @@ def coach(arguments: argparse.Namespace) -> None:
         raise InputError(f"--speed: is {arguments.speed:g}; expected 0 or more")
     from shukotsu.coach.board import Board
     from shukotsu.coach.terminal_face import TerminalFace
-    from shukotsu.files.text_files import reading
     from shukotsu.stages.report.wording import speaking
     from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal, stop_on_signals
 
+    password = _password(arguments.listen)
     stop = StopRequest()
+    arguments.side = arguments.hand  # of every next hand too
     with stop_on_signals(stop), speaking(arguments.language), ExitStack() as stack:
         if arguments.log is not None:
-            with reading(arguments.log, "a log to write"):
-                arguments.log = stack.enter_context(arguments.log.open("w", encoding="utf-8"))
+            arguments.log = stack.enter_context(_opened(arguments.log))
         board = Board()
         if not arguments.no_page:
-            _open_page(arguments, board, stack)
+            _open_page(arguments, board, password, stack)
         terminal = stack.enter_context(Terminal(sys.stderr, sys.stdin))
         face = TerminalFace(terminal)
         if arguments.port is not None:
@@ -102,14 +104,33 @@ def coach(arguments: argparse.Namespace) -> None:
         _coach_archive(arguments, board, face, stop)
 
 
-def _open_page(arguments: argparse.Namespace, board: Board, stack: ExitStack) -> None:
+def _opened(log: Path) -> TextIO:
+    """Open a log, a new one or over an older one. Raises InputError where the file is none."""
+    from shukotsu.files.text_files import reading
+
+    with reading(log, "a log to write"):
+        if log.exists():
+            with log.open("rb") as before:
+                if before.read(1) not in (b"", b"{"):
+                    raise InputError(f"--log: {log}: is there and no log; give another name")
+        return log.open("w", encoding="utf-8")
+
+
+def _password(listen: str | None) -> str | None:
+    """Ask for the page's password, before signals are taken: Ctrl-C ends the asking too."""
+    if listen is None:
+        return None
+    from getpass import getpass
+
+    try:
+        return getpass("password for other computers: ")
+    except EOFError:
+        raise InputError("--listen: no password was given; start it where one can be typed") from None
+
+
+def _open_page(arguments: argparse.Namespace, board: Board, password: str | None, stack: ExitStack) -> None:
     from shukotsu.coach.page_server import serve
 
-    password = None
-    if arguments.listen is not None:
-        from getpass import getpass
-
-        password = getpass("password for other computers: ")
     server = serve(board, listen=arguments.listen, password=password, language=arguments.language)
     stack.callback(server.close)
     if server.notice:
@@ -128,7 +149,7 @@ def _study(arguments: argparse.Namespace) -> Path:
 
 def _setup(arguments: argparse.Namespace) -> CoachSetup:
     """Give the setup by the study and the options; the study's next hand where none is named."""
-    from shukotsu.coach.study_setup import next_hand, setup_of
+    from shukotsu.coach.study_setup import setup_of
 
     study = _study(arguments)
     subject, hand = arguments.subject, arguments.hand
@@ -139,7 +160,7 @@ def _setup(arguments: argparse.Namespace) -> CoachSetup:
         ):
             raise InputError(f"--{name}: is {text!r}; expected a name on one line, without blanks around it")
     if subject is None:
-        following = next_hand(study, hand)
+        following = next((own for own in _hands(arguments) if not own.done), None)
         if following is None:
             raise InputError(
                 f"{study}: names no hand without a calibration; fill in its sheet of participants, or give "
@@ -177,17 +198,17 @@ def _title(setup: CoachSetup, archive: Path) -> dict[str, Any]:
 def _record(arguments: argparse.Namespace, board: Board, face: TerminalFace, stop: StopRequest) -> bool:
     """Record and coach one hand; tell whether the same one is to be recorded anew."""
     from shukotsu.coach.coach import Coach
+    from shukotsu.coach.final import sheet_rows_of
     from shukotsu.coach.recorder import Recorder
     from shukotsu.coach.session import Session
     from shukotsu.coach.setup import KIND
     from shukotsu.coach.study_setup import archive_of, enter_recording
-    from shukotsu.coach.study_sheets import hands_of
     from shukotsu.sentences.translation import tr
     from shukotsu.stages.capture.record_tracker import EXIT_CUT_SHORT
     from shukotsu.stages.fit_hand.compile_kernel import compile_all
 
     study, setup = _study(arguments), _setup(arguments)
-    hands = [own._asdict() for own in hands_of(study)]  # as long as none of them is entered yet
+    hands = [own._asdict() for own in _hands(arguments)]  # as long as none of them is entered yet
     compile_all()  # and all is imported, before anything comes
     coach, archive = Coach(setup), archive_of(study, setup)
     recorder = Recorder(archive, _tracker_options(arguments))
@@ -200,10 +221,11 @@ def _record(arguments: argparse.Namespace, board: Board, face: TerminalFace, sto
     finally:
         code = recorder.stop()
         print("\n".join(recorder.notes), file=sys.stderr)
-    if not archive.exists():
+    if not archive.exists() or (code == command_line.EXIT_BAD_INPUT and not session.frames):
         raise InputError(f"{arguments.port}: nothing was recorded ({recorder.last_note})")
     if session.begins_anew and not stop:
-        enter_recording(study, setup, archive, "receivers were put right in it", {})
+        rows = sheet_rows_of(coach)
+        enter_recording(study, setup, archive, PUT_RIGHT, rows)
         return True
     _finish(study, setup, session, archive)
     if code:
@@ -211,18 +233,22 @@ def _record(arguments: argparse.Namespace, board: Board, face: TerminalFace, sto
     return False
 
 
+def _hands(arguments: argparse.Namespace) -> list[HandDone]:
+    """Give the hands that are calibrated in this session, done or not."""
+    from shukotsu.coach.study_sheets import hands_of
+
+    return hands_of(_study(arguments), arguments.side, arguments.session)
+
+
 def _goes_on(arguments: argparse.Namespace, terminal: Terminal, stop: StopRequest) -> bool:
     """Say who is done, and ask on a terminal whether the next hand follows; set the options to that."""
     from time import sleep
 
-    from shukotsu.coach.study_setup import next_hand
-    from shukotsu.coach.study_sheets import hands_of
-
-    study = _study(arguments)
-    done = [f"{own.subject} {own.hand}" for own in hands_of(study) if own.done]
-    following = next_hand(study)
+    hands = _hands(arguments)
+    done = [f"{own.subject} {own.hand}" for own in hands if own.done]
+    following = next((own for own in hands if not own.done), None)
     print(f"done: {', '.join(done) or 'none'}", file=sys.stderr)
-    if following is None or not terminal.in_place or stop:
+    if following is None or not terminal.has_keys or stop:
         return False
     print(f"next: {following.subject} {following.hand}; Return begins, q ends", file=sys.stderr)
     arguments.subject, arguments.hand = following.subject, following.hand
@@ -252,21 +278,23 @@ def _finish(study: Path, setup: CoachSetup, session: Session, archive: Path) -> 
     """Solve the hand as the study will; enter the summary into the archive and all else into the sheets."""
     import time
 
-    from shukotsu.coach.final import final_summary
+    from shukotsu.coach.final import final_summary, sheet_rows_of
     from shukotsu.coach.study_setup import enter_recording
     from shukotsu.coach.wording import summary_sentence
     from shukotsu.stages.capture.formats.raw_capture import COACH_SUMMARY
     from shukotsu.trackers.archive import append_event
 
     if session.coach.known is None:
-        sheets = enter_recording(study, setup, archive, "ended before the hand was known", {})
+        rows = sheet_rows_of(session.coach)
+        sheets = enter_recording(study, setup, archive, "ended before the hand was known", rows)
         print(f"note: {archive}: ended before the hand was known; entered in {sheets[0]} as excluded")
         return
     print(f"{archive}: solving the hand as the study will ...", file=sys.stderr)
     try:
         summary, rows = final_summary(archive, session.coach)
     except InputError as error:
-        sheets = enter_recording(study, setup, archive, f"the coach made no hand of it: {error}", {})
+        rows = sheet_rows_of(session.coach)
+        sheets = enter_recording(study, setup, archive, f"the coach made no hand of it: {error}", rows)
         print(f"note: {archive}: {error}; entered in {sheets[0]} as excluded", file=sys.stderr)
         return
     try:
@@ -275,7 +303,7 @@ def _finish(study: Path, setup: CoachSetup, session: Session, archive: Path) -> 
         print(f"note: the summary is not in the archive: {error}", file=sys.stderr)
     print(summary_sentence(summary))
     session.end(summary_sentence(summary))
-    exclude = "receivers were put right in it" if session.coach.restarts else ""
+    exclude = PUT_RIGHT if session.coach.restarts else ""
     sheets = enter_recording(study, setup, archive, exclude, rows)
     for finding in summary["findings"]:
         print(f"note: {finding}", file=sys.stderr)
@@ -287,7 +315,7 @@ def _finish(study: Path, setup: CoachSetup, session: Session, archive: Path) -> 
 def _coach_archive(
     arguments: argparse.Namespace, board: Board, face: TerminalFace, stop: StopRequest
 ) -> None:
-    from shukotsu.coach.coach import Coach
+    from shukotsu.coach.coach import ENDED, Coach
     from shukotsu.coach.final import final_summary, read_setup
     from shukotsu.coach.replayed import Replayed
     from shukotsu.coach.session import Session
@@ -296,12 +324,16 @@ def _coach_archive(
 
     archive: Path = arguments.replay or arguments.follow
     setup, skipped = None, set[int]()
-    if arguments.replay is not None or archive.exists():
+    try:
         setup, skipped = read_setup(archive)
+    except InputError:
+        if arguments.replay is not None and arguments.study is None:
+            raise  # what has no setup that can be read needs a study; what does not grow must be whole
     setup = setup or _setup(arguments)
     source = FollowedArchive(archive) if arguments.replay is None else Replayed(archive, arguments.speed)
     title = _title(setup, archive)
     session = Session(Coach(setup, skipped), source, board, face, title, log=arguments.log)
+    session.may_leave_out = arguments.replay is None
     session.run(lambda: bool(stop))
-    if session.coach.known is not None and source.ended:
+    if session.coach.known is not None and (source.ended or session.coach.phase == ENDED):
         print(summary_sentence(final_summary(archive, session.coach)[0]))

@@ -56,7 +56,7 @@ def test_a_pose_that_lacks_a_number_is_none() -> None:
     [
         {"kind": "touch", "digit": "index", "meets": "thumb"},
         {"kind": "touch", "digit": "index", "part": "tip", "point": "post"},
-        {"kind": "length", "quantity": "index_middle.lateral", "value_mm": 3.1, "sd_mm": 0.4},
+        {"kind": "length", "quantity": "index_middle.lateral", "value_mm": -3.1, "sd_mm": 0.4},
         {"kind": "note", "text": "指輪を外した"},
         {"kind": "skip", "number": 3},
         *({"kind": kind} for kind in ("undo", "done", "skip", "finish")),

@@ -15,6 +15,8 @@ from benchmarks.faultless_hands import exchanged
 from shukotsu.coach.coach import CHECKING, ENOUGH, FIRST, MOST_ASKED, Coach, Request
 from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames
 from shukotsu.coach.requests import MEASURE, TOUCHING, Option
+from shukotsu.coach.setup import check_names
+from shukotsu.errors import InputError
 from shukotsu.schemas.poses import Poses
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
 
@@ -163,6 +165,45 @@ def test_an_answer_to_a_request_for_a_touch_is_taken_and_it_is_not_asked_for_aga
         assert coach.done is not None
         assert coach.done["kind"] == "entered"
         assert coach.request is None or coach.request.option.name != option.name
+
+
+def asked_to_touch() -> Coach:
+    """A coach that has asked for a touch two seconds ago."""
+    coach = Coach(setup(points={"post": (300.0, 0.0, 0.0, 0.4)}))
+    for _ in coached(one_after_another((("free", 5.1),)), coach):
+        pass
+    coach.request = Request(9, Option(TOUCHING, "index", 5.0, np.ones(15)), coach.time_s - 2.0)
+    return coach
+
+
+@pytest.mark.parametrize("mark", [{"kind": "button"}, {"kind": "done"}, {"kind": "done", "number": 9}])
+def test_what_says_done_marks_the_touch_that_is_asked_for_once(mark: dict[str, Any]) -> None:
+    coach = asked_to_touch()
+    coach.take(None, [{**mark, "host_ns": at_ns} for at_ns in (0, 10**8, 2 * 10**8)])  # a switch that bounces
+    assert [touch.digit for touch in coach.touches] == ["index"]
+    assert coach.done is not None
+    assert coach.done["kind"] == "entered"
+
+
+def test_a_touch_that_comes_again_within_its_own_time_is_one() -> None:
+    coach, mark = asked_to_touch(), {"kind": "touch", "digit": "ring", "meets": "thumb"}
+    coach.take(None, [{**mark, "host_ns": at_ns} for at_ns in (0, 4 * 10**8, 9 * 10**8)])
+    assert [touch.host_ns for touch in coach.touches] == [0, 9 * 10**8]
+
+
+def test_a_place_may_lie_on_either_side_and_a_length_may_not() -> None:
+    coach, sides = Coach(setup()), {"kind": "length", "value_mm": -1.2, "sd_mm": 0.4, "host_ns": 0}
+    coach.take(None, [sides | {"quantity": name} for name in ("index_middle.lateral", "index_middle")])
+    assert [(own.quantity, own.value_mm) for own in coach.measured] == [("index_middle.lateral", -1.2)]
+
+
+def test_what_the_study_has_measured_is_changed_in_its_sheet() -> None:
+    row = {"quantity": "index_middle", "value_mm": 23.5, "sd_mm": 0.4}
+    coach = Coach(setup(measurements=(row,)))
+    coach.take(None, [row | {"kind": "length", "value_mm": 25.9, "host_ns": 0}])
+    assert coach.measured == []
+    with pytest.raises(InputError, match=r"is 23\.5 mm in the sheet"):
+        check_names(row, coach.layout, coach.setup)
 
 
 @pytest.mark.parametrize(

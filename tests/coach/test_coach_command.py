@@ -60,6 +60,16 @@ def test_a_port_that_is_none_is_refused_and_no_file_is_left(
     assert list(study.parent.glob("captures/*")) == []
 
 
+def test_a_log_replaces_nothing_but_a_log(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kept = tmp_path / "kept.arrows"
+    kept.write_bytes(b"ARROW")
+    assert coach([f"--replay={kept}", f"--study={study}", f"--log={kept}", "--no-page"]) == 2
+    assert "is there and no log" in capsys.readouterr().err
+    assert kept.read_bytes() == b"ARROW"
+
+
 @pytest.mark.slow
 def test_a_replay_says_the_same_to_the_byte_every_time(study: Path, tmp_path: Path) -> None:
     recorded = archive(tmp_path, one_after_another((("free", 8.0), ("spread", 4.0))))

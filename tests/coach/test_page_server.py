@@ -13,7 +13,15 @@ import pytest
 
 from shukotsu.coach import page_server
 from shukotsu.coach.board import Board
-from shukotsu.coach.page_server import FILES, MOST_VIEWERS, TOKEN, PageServer, serve
+from shukotsu.coach.page_server import (
+    FILES,
+    MOST_CONNECTIONS,
+    MOST_OF_ONE,
+    MOST_VIEWERS,
+    TOKEN,
+    PageServer,
+    serve,
+)
 from shukotsu.errors import InputError
 
 DONE = b'{"kind": "done"}'
@@ -189,6 +197,16 @@ def test_viewers_are_capped_and_one_that_never_reads_holds_up_nobody(server: Pag
     raise AssertionError("no place became free")
 
 
+def test_one_address_takes_neither_all_connections_nor_all_guesses(server: PageServer) -> None:
+    asked = [server.verify_request(None, ("10.0.0.1", port)) for port in range(MOST_CONNECTIONS)]
+    assert sum(asked) == MOST_OF_ONE
+    assert server.verify_request(None, ("10.0.0.2", 1))
+    assert not server.takes("guess", "10.0.0.1")
+    with pytest.raises(TimeoutError):
+        server.takes("guess", "10.0.0.1")
+    assert not server.takes("guess", "10.0.0.2"), "it is looked at"
+
+
 def test_other_computers_change_the_password_for_the_token(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(socket, "gethostname", lambda: "Labor-3")
     given = json.dumps({"password": PASSWORD}).encode()
@@ -203,7 +221,7 @@ def test_other_computers_change_the_password_for_the_token(monkeypatch: pytest.M
         for wrong in (b'{"password": "guess"}', b'{"password": null}', b"[]"):
             assert ask(server, "/open", wrong).status == 403
             assert ask(server, "/open", given).status == 429  # for WRONG_S
-            server._shut_until = 0.0
+            server._shut_until.clear()
         assert ask(server, "/open", given).status == 200
 
 

@@ -11,10 +11,11 @@ import pytest
 from program_files import REPOSITORY
 from small_study import write_study
 
+from shukotsu.coach.study_setup import archive_of, enter_recording, setup_of
 from shukotsu.coach.study_sheets import add_row, hands_of, name_sheet
 from shukotsu.errors import InputError
 from shukotsu.schemas.config_files import read_yaml
-from shukotsu.schemas.sheets import MEASUREMENTS, PARTICIPANTS, TOUCHES, read_sheet
+from shukotsu.schemas.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, TOUCHES, read_sheet
 
 LENGTH = {"subject": "03", "hand": "right", "quantity": "index_middle", "value_mm": 23.5, "sd_mm": 0.4}
 MET = {"subject": "03", "hand": "left", "task": "rom", "digit": "index", "meets": "thumb"}
@@ -122,3 +123,34 @@ def test_who_is_done(tmp_path: Path) -> None:
     done = [(subject, hand) for subject in "4123" for hand in ("right", "left")]
     assert [own[:2] for own in hands_of(study)] == done
     assert [own[:2] for own in hands_of(study) if own.done] == [("1", "right")]
+    assert [own[:2] for own in hands_of(study, "left")] == [(subject, "left") for subject in "4123"]
+    assert not any(own.done for own in hands_of(study, session="b")), "receivers are put on anew"
+
+
+def recorded(study: Path, exclude: str = "") -> list[str]:
+    """Enter a recording, a touch and a length of it; give the sheets that were written."""
+    own = setup_of(study, "03", "left", "", "rom")
+    rows = {
+        "touches": [own.whose | MET | {"trial": own.trial, "from_s": 1.0, "to_s": 1.5}],
+        "measurements": [LENGTH | {"hand": "left", "quantity": f"index_{'middle' if exclude else 'distal'}"}],
+    }
+    return [path.name for path in enter_recording(study, own, archive_of(study, own), exclude, rows)]
+
+
+def test_a_recording_that_is_left_out_keeps_what_was_measured(tmp_path: Path) -> None:
+    study = write_study(tmp_path)
+    assert recorded(study, "receivers were put right in it") == ["recordings.tsv", "measurements.tsv"]
+    (row,) = setup_of(study, "03", "left", "", "rom").measurements
+    assert row["quantity"] == "index_middle"
+    assert recorded(study) == ["recordings.tsv", "touches.tsv", "measurements.tsv"]
+
+
+def test_what_two_coaches_record_at_once_become_two_repetitions(tmp_path: Path) -> None:
+    study = write_study(tmp_path)
+    first, second = (setup_of(study, "03", "left", "", "rom") for _ in range(2))
+    touch = second.whose | MET | {"trial": second.trial, "from_s": 1.0, "to_s": 1.5}
+    for own, name in ((first, "a.arrows"), (second, "b.arrows")):
+        enter_recording(study, own, tmp_path / name, "", {"touches": [touch]} if own is second else {})
+    rows = read_sheet(study.parent / "sheets/recordings.tsv", RECORDINGS)
+    assert [(row["trial"], row["file"]) for row in rows] == [("", "a.arrows"), ("2", "b.arrows")]
+    assert [row["trial"] for row in read_sheet(study.parent / "touches.tsv", TOUCHES)] == ["2"]

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import io
+import unicodedata
+from typing import Any
+
 import pytest
 
-from shukotsu.coach.terminal_face import COLUMNS, entry_of, new_lines, view
+from shukotsu.coach.terminal_face import COLUMNS, TerminalFace, entry_of, new_lines, view
 from shukotsu.errors import InputError
+from shukotsu.trackers.record.recording_terminal import Terminal
 
 KNOWN = {"digits": ["thumb", "index"], "points": ["post"], "quantities": ["index_middle"]}
-REQUEST = {"kind": "movement", "name": "fist", "sentence": "Close the hand. " * 9, "times": 2}
-STATE = {
+REQUEST = {"number": 3, "sentence": "Close the hand. " * 9, "times": 2}
+STATE: dict[str, Any] = {
     "title": {
         "study": "a study with a long name" * 3,
         "subject": "03",
@@ -40,8 +45,8 @@ def test_no_line_is_longer_than_the_terminal_and_all_fit_into_its_rows() -> None
 @pytest.mark.parametrize(
     ("line", "entry"),
     [
-        ("", {"kind": "done"}),
-        ("s", {"kind": "skip"}),
+        ("", {"kind": "done", "number": 3}),
+        ("s", {"kind": "skip", "number": 3}),
         ("q", {"kind": "finish"}),
         ("touch index thumb", {"kind": "touch", "digit": "index", "meets": "thumb"}),
         ("touch index post", {"kind": "touch", "digit": "index", "part": "tip", "point": "post"}),
@@ -60,15 +65,34 @@ def test_a_line_is_an_entry(line: str, entry: dict[str, object]) -> None:
     assert entry_of(line, REQUEST, KNOWN) == [entry]
 
 
-def test_return_alone_marks_the_touch_that_is_asked_for() -> None:
-    asked = {"kind": "touch", "name": "index"}
-    assert entry_of("", asked, KNOWN) == [{"kind": "touch", "digit": "index", "part": "tip", "point": "post"}]
-
-
 @pytest.mark.parametrize("line", ["x", "touch index", "length index_middle", "length index_middle much"])
 def test_what_is_no_entry_is_said(line: str) -> None:
     with pytest.raises(InputError, match="expected"):
         entry_of(line, REQUEST, KNOWN)
+
+
+class Keys(Terminal):
+    """A terminal on which Return is held down."""
+
+    def __init__(self) -> None:
+        super().__init__(io.StringIO(), None)
+
+    def pressed(self) -> str:
+        """Give one more."""
+        return "\n"
+
+
+def test_a_foot_switch_that_is_held_down_is_one_return() -> None:
+    face = TerminalFace(Keys())
+    face.show({**STATE, "marks": KNOWN})
+    assert [len(face.entered()) for _ in range(5)] == [1, 0, 0, 0, 0]
+
+
+def test_letters_of_two_columns_fit_as_well() -> None:
+    state = {**STATE, "title": STATE["title"] | {"study": "手の骨" * 20}}
+    lines = view(state, "note " + "指" * 60, "")
+    widths = [sum(1 + (unicodedata.east_asian_width(own) == "W") for own in line) for line in lines]
+    assert max(widths) <= COLUMNS
 
 
 def test_where_it_is_piped_each_entry_of_the_log_is_a_line_once() -> None:

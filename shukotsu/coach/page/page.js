@@ -254,7 +254,7 @@ function show(state) {
   offer($("touch").other, [...marks.digits.map((digit) => `meets ${digit}`), ...marks.points.map((point) => `point ${point}`)]);
   offer($("length").quantity, marks.quantities);
   for (const id of ["touch", "length"]) $(id).parentElement.hidden = !$(id).querySelector("option");
-  for (const button of document.querySelectorAll("[data-enter]")) {
+  for (const button of document.querySelectorAll("main button")) {
     button.disabled = state.phase === "ended" || (!request && /done|skip/.test(button.dataset.enter));
   }
   page.dirty = live.dirty = true;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import select
+from codecs import getincrementaldecoder
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, TextIO
@@ -33,6 +34,7 @@ class TerminalKeyboard(Keyboard):
         self._descriptor = descriptor
         self._termios = import_module("termios")
         self._before: list[Any] = []
+        self._decoder = getincrementaldecoder("utf-8")("replace")
 
     def open(self) -> None:
         """Have keys come one by one."""
@@ -44,7 +46,7 @@ class TerminalKeyboard(Keyboard):
         if not select.select([self._descriptor], [], [], 0)[0]:
             return ""
         try:
-            return os.read(self._descriptor, 64).decode("ascii", "replace")
+            return self._decoder.decode(os.read(self._descriptor, 64))
         except OSError:
             return ""
 
