@@ -105,6 +105,7 @@ class Coach:
         self._host_ns: list[tuple[np.ndarray, np.ndarray]] = []
         self._asked: dict[str, int] = {}
         self._refused: set[str] = set()
+        self._not_used: set[str] = set()
         self._since: dict[str, float] = {}
         self._gains: dict[str, Array] = {}
         self.measured: list[Measurement] = []
@@ -226,6 +227,10 @@ class Coach:
             self._say({"kind": "no-estimate", "reason": str(error)})
             return
         self._since, self._gains = {}, {}
+        not_used = {reason.split(" is ")[0]: reason for reason in self.known.tips.refused}
+        for name in sorted(not_used.keys() - self._not_used):
+            self._say({"kind": "not-used", "reason": not_used[name]})
+        self._not_used = {*not_used}
         if self.request is not None and self.request.drawing is None:
             self.request.drawing = self._drawing(self.request.option)
 
@@ -480,7 +485,7 @@ class Coach:
 def left_row(row: Mapping[str, Any]) -> dict[str, Any]:
     """Say of a judged row of a joint that is left why it is, in JSON types."""
     rounded = {name: round(float(row[name]), digits) for name, digits in (("sd_mm", 2), ("range_deg", 1))}
-    return {"joint": row["joint"], "reason": row["reason"], **rounded}
+    return {name: row[name] for name in ("joint", "reason", "reason_values")} | rounded
 
 
 def _what(finding: Mapping[str, Any]) -> tuple[str, ...]:

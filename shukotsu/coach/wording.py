@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from shukotsu.coach.drawn_hand import skeleton
 from shukotsu.coach.movements import MOVEMENTS
 from shukotsu.coach.requests import MEASURE, TOUCHING
-from shukotsu.schemas.verdict import BELIEVE, HALVES, MOVED_LITTLE
+from shukotsu.schemas.verdict import BELIEVE, BY_ANATOMY, HALVES, MOVED_LITTLE, ONE_WAY, UNCERTAIN
 from shukotsu.sentences.finding_sentences import in_quotes
 from shukotsu.sentences.translation import N_, language, listed, tr, word
 from shukotsu.stages.report.belief import reasons_of
@@ -19,7 +19,7 @@ from shukotsu.stages.report.belief import reasons_of
 if TYPE_CHECKING:
     from shukotsu.coach.coach import Coach
 
-MOST_LOGGED = 50
+MOST_LOGGED, HARDLY_DEG = 50, 15.0
 _JOINTS = {
     "thumb_cmc": N_("base of the thumb (CMC)"),
     "thumb_mcp": N_("middle joint of the thumb (MCP)"),
@@ -107,6 +107,8 @@ def sentence_of(what: Mapping[str, Any], coach: Coach) -> str:
             "anew, finish and start again.",
             **moved,
         )
+    if kind == "not-used":
+        return tr("Not used: {reason}.", reason=what["reason"])
     if kind == "no-estimate":
         return tr("No estimate yet: {reason}.", reason=what["reason"])
     values = {
@@ -142,6 +144,8 @@ def summary_sentence(summary: Mapping[str, Any]) -> str:
     for own in summary["left"]:
         named = tr("{body} at {sd_mm:.1f} mm", body=joint_name(own["joint"]), sd_mm=own["sd_mm"])
         by_reason.setdefault(_reason(own), []).append(named)
+    if [len(own) for own in by_reason.values()] == [summary["of"]]:
+        by_reason = {why: [tr("all joints")] for why in by_reason}
     whole = tr(
         "Calibrated in {seconds:.0f} s, {believed} of {of} joints good enough",
         **{name: summary[name] for name in ("seconds", "believed", "of")},
@@ -151,11 +155,12 @@ def summary_sentence(summary: Mapping[str, Any]) -> str:
 
 
 def _reason(left: Mapping[str, Any]) -> str:
-    if left["reason"] == MOVED_LITTLE or left["range_deg"] < 15.0:
+    unsure = left["reason"] in (UNCERTAIN, ONE_WAY, BY_ANATOMY)
+    if left["reason"] == MOVED_LITTLE or (unsure and left["range_deg"] < HARDLY_DEG):
         return tr("it hardly bends")
     if left["reason"] == HALVES:
         return tr("its two receivers disagree")
-    return tr("no movement would tell more")
+    return tr("no movement would tell more") if unsure else reasons_of({**left, "message": ""})[0]
 
 
 def state_of(coach: Coach) -> dict[str, Any]:

@@ -35,6 +35,10 @@ joint, that of the nail by a third of it."""
 WORST = 16.27
 """Squared distance, in sd, of a touch from where all else puts it: exceeded by 1 in 1000 (chi-square, 3)."""
 
+FAR = 100.0
+"""The same of a touch and the fit alone, from which on it is left out however well others agree: it would
+bend the hand to where nothing is linear any more."""
+
 _ROUNDS = 5
 
 
@@ -151,6 +155,7 @@ def _conditioned(
     evidence, shape = tips.fit.evidence, tips.offsets_mm.shape
     start, P = np.concatenate([evidence.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
     noise = np.repeat([equation.sd_mm**2 for equation in equations], 3)
+    alone = _alone(tips, equations, start, P)
     u = start
     for _ in range(_ROUNDS):
         off, H = _misfit(tips, equations, u, shape)
@@ -165,8 +170,23 @@ def _conditioned(
         # what is left of an equation's own noise says how far the others alone would have it
         left = equation.sd_mm**2 * np.eye(3) - H[rows] @ after @ H[rows].T
         pull = np.linalg.solve(left, off[rows])
-        misfits.append((float(off[rows] @ pull), float(np.linalg.norm(equation.sd_mm**2 * pull))))
+        among = float(off[rows] @ pull), float(np.linalg.norm(equation.sd_mm**2 * pull))
+        misfits.append(alone[i] if alone[i][0] > FAR or among[0] < 0.0 else among)
     return u, (after + after.T) / 2, misfits
+
+
+def _alone(
+    tips: Fingertips, equations: Sequence[_Equation], start: Array, P: Array
+) -> list[tuple[float, float]]:
+    """How far each equation is from what the fit alone makes of it: squared in sd, and in mm."""
+    off, H = _misfit(tips, equations, start, tips.offsets_mm.shape)
+    found = []
+    for i, equation in enumerate(equations):
+        rows = slice(3 * i, 3 * i + 3)
+        spread = H[rows] @ P @ H[rows].T + equation.sd_mm**2 * np.eye(3)
+        own = off[rows]
+        found.append((float(own @ np.linalg.solve(spread, own)), float(np.linalg.norm(own))))
+    return found
 
 
 def _misfit(

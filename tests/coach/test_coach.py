@@ -191,6 +191,14 @@ def test_a_touch_that_comes_again_within_its_own_time_is_one() -> None:
     assert [touch.host_ns for touch in coach.touches] == [0, 9 * 10**8]
 
 
+@pytest.mark.slow
+def test_a_mark_at_a_wrong_moment_is_not_used_and_that_is_said_once() -> None:
+    coach, state = marked([{"kind": "touch", "digit": "index", "meets": "thumb"}])
+    assert [own["verdict"] for own in state["joints"]].count("no") == 0
+    assert kinds(coach).count("not-used") == 1
+    assert any("Not used: contact 1 (index and thumb)" in own["sentence"] for own in state["log"])
+
+
 def test_a_place_may_lie_on_either_side_and_a_length_may_not() -> None:
     coach, sides = Coach(setup()), {"kind": "length", "value_mm": -1.2, "sd_mm": 0.4, "host_ns": 0}
     coach.take(None, [sides | {"quantity": name} for name in ("index_middle.lateral", "index_middle")])

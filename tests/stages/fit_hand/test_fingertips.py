@@ -145,6 +145,23 @@ def test_a_wrong_touch_is_left_out(people: dict[str, Person]) -> None:
     np.testing.assert_allclose(among.offsets_mm, without.offsets_mm, atol=1e-9)
 
 
+@pytest.mark.parametrize("finger", DIGITS[1:])
+def test_a_contact_of_pads_that_are_apart_is_left_out_however_far(
+    people: dict[str, Person], finger: str
+) -> None:
+    """A mark at a wrong moment: farther off than any hand can be bent to, where no step is linear."""
+    person = people["left"]
+    pads = person.tips.in_transmitter(person.poses, PAD)
+    apart_mm = np.linalg.norm(pads[:, DIGITS.index(finger)] - pads[:, 0], axis=-1)
+    frames = np.flatnonzero(apart_mm > 25.0)[:: max(1, int((apart_mm > 25.0).sum() / 12))]
+    assert len(frames) > 3
+    for frame in frames:
+        contact = contact_in(person.tips, person.poses, np.arange(frame, frame + 1), ("thumb", finger))
+        tips = with_touches(person.tips, [contact])
+        assert tips.fit is person.tips.fit
+        assert "contact 1" in tips.refused[0]
+
+
 def test_pads_that_meet_are_found_and_count(people: dict[str, Person]) -> None:
     """In opposition every finger's contacts are found; elsewhere hardly one. Pads come closer, if not to the
     true ones: a contact says where two pads are to each other, not where both are.
