@@ -21,11 +21,12 @@ BAR = 10
 AGAIN_S = 0.7
 """Return that comes again within so long comes of a key that is held down."""
 
-KEPT = 3
+KEPT = 4
 """Last lines that are shown whatever has no room: a message, the keys, what is typed."""
 
 SIGNS = {"believe": "#", "care": "=", "no": "-"}
-_HELP = N_("Return: done   s: skip   u: undo   touch index thumb   length index_middle 23.5 0.4   q: finish")
+_KEYS = N_("Return: done   s: skip   u: undo   q: finish")
+_TYPED = "touch index thumb   length index_middle 23.5 0.4   note a cable pulls"
 
 
 class TerminalFace:
@@ -138,7 +139,7 @@ def view(state: Mapping[str, Any], line: str, message: str) -> list[str]:
     lines.append("")
     lines += _joint_lines(state)
     lines += ["", *_wrapped(message or state["message"], COLUMNS)]
-    return [*lines, _cut(tr(_HELP), COLUMNS), _cut(f": {line}", COLUMNS)]
+    return [*lines, tr(_KEYS), _TYPED, _cut(f": {line}", COLUMNS)]
 
 
 def _fitting(lines: list[str], rows: int) -> list[str]:
