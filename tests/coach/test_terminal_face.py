@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from shukotsu.coach import terminal_face
 from shukotsu.coach.terminal_face import COLUMNS, TerminalFace, entry_of, new_lines, view
 from shukotsu.errors import InputError
 from shukotsu.trackers.record.recording_terminal import Terminal
@@ -82,7 +83,8 @@ class Keys(Terminal):
         return "\n"
 
 
-def test_a_foot_switch_that_is_held_down_is_one_return() -> None:
+def test_a_foot_switch_that_is_held_down_is_one_return(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(terminal_face, "AGAIN_S", 3600.0)
     face = TerminalFace(Keys())
     face.show({**STATE, "marks": KNOWN})
     assert [len(face.entered()) for _ in range(5)] == [1, 0, 0, 0, 0]
