@@ -100,7 +100,6 @@ class Session:
         if self.may_leave_out:
             self.coach.leaves_out = self._leaves_out
         self._publish(self.coach.state())
-        _ = self.board.entered(), self.face.entered()  # of the hand before
         reader = threading.Thread(target=self._read, args=(waiting,), daemon=True)
         threads = [reader, threading.Thread(target=copy_context().run, args=(self._listen,), daemon=True)]
         for thread in threads:

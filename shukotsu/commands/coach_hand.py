@@ -98,7 +98,7 @@ def coach(arguments: argparse.Namespace) -> None:
         terminal = stack.enter_context(Terminal(sys.stderr, sys.stdin))
         face = TerminalFace(terminal)
         if arguments.port is not None:
-            while _record(arguments, board, face, stop) or _goes_on(arguments, terminal, stop):
+            while _record(arguments, board, face, stop) or _goes_on(arguments, board, terminal, stop):
                 pass
             return
         _coach_archive(arguments, board, face, stop)
@@ -240,7 +240,7 @@ def _hands(arguments: argparse.Namespace) -> list[HandDone]:
     return hands_of(_study(arguments), arguments.side, arguments.session)
 
 
-def _goes_on(arguments: argparse.Namespace, terminal: Terminal, stop: StopRequest) -> bool:
+def _goes_on(arguments: argparse.Namespace, board: Board, terminal: Terminal, stop: StopRequest) -> bool:
     """Say who is done, and ask on a terminal whether the next hand follows; set the options to that."""
     from time import sleep
 
@@ -255,6 +255,7 @@ def _goes_on(arguments: argparse.Namespace, terminal: Terminal, stop: StopReques
     while not stop:
         pressed = terminal.pressed().lower()
         if "q" in pressed or "\r" in pressed or "\n" in pressed:
+            board.entered()  # of the hand before
             return "q" not in pressed
         sleep(0.1)
     return False

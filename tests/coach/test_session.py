@@ -21,7 +21,7 @@ from shukotsu.coach.terminal_face import TerminalFace
 from shukotsu.trackers.archive import Piece
 from shukotsu.trackers.record.recording_terminal import Terminal
 
-NOTE, TOUCH = {"kind": "note", "text": "a"}, {"kind": "touch", "digit": "index", "meets": "thumb"}
+TOUCH = {"kind": "touch", "digit": "index", "meets": "thumb"}
 
 
 @dataclass
@@ -60,7 +60,6 @@ def of(
 def test_what_is_entered_reaches_the_recorder_while_the_coach_thinks() -> None:
     board, coach, sent = Board(), Busy(setup()), list[Mapping[str, Any]]()
     viewer = board.subscribe()
-    board.enter(NOTE)  # of the hand before
 
     def send(entry: Mapping[str, Any]) -> None:
         sent.append(entry)
@@ -68,8 +67,7 @@ def test_what_is_entered_reaches_the_recorder_while_the_coach_thinks() -> None:
 
     def enter() -> None:
         assert viewer.take(60)  # the session's first state
-        while not coach.until.wait(0.2):  # what came before that may be the last hand's
-            board.enter(TOUCH)
+        board.enter(TOUCH)
 
     thread = threading.Thread(target=enter)
     thread.start()
