@@ -217,7 +217,7 @@ class Coach:
         self._frames, self._newest, self._host_ns = EvenFrames(), [], []
         self.known, self.request, self.done, self.phase = None, None, None, WAITING
         self._asked, self._refused, self._since, self.touches, self.loose = {}, set(), {}, [], []
-        self._order = [own for own in self._order if own != TOUCHING]
+        self._order, self._not_used = [own for own in self._order if own != TOUCHING], set()
         self.began_s, self.enough_s = self.time_s, None
 
     def _estimate(self) -> None:
@@ -365,41 +365,44 @@ class Coach:
         entry = {name: mark[name] for name in mark if name not in ("event", "host_ns")}
         try:
             entry = checked_entry({"kind": "done"} if entry.get("kind") == "button" else entry)
-            entry = self._as_touch(entry)
             check_names(entry, self.layout, self.setup)
         except InputError:
             return
-        if self._obey(entry, int(mark["host_ns"])):
-            self._say({**entry, "kind": "mark", "what": entry["kind"]})
+        obeyed = self._obey(entry, int(mark["host_ns"]))
+        if obeyed is not None:
+            self._say({**obeyed, "kind": "mark", "what": obeyed["kind"]})
 
-    def _obey(self, entry: Mapping[str, Any], host_ns: int) -> bool:
-        """Do what an entry says; tell whether there was anything to do."""
+    def _obey(self, entry: Mapping[str, Any], host_ns: int) -> Mapping[str, Any] | None:
+        """Do what an entry says; give what it came to, None where there was nothing to do."""
         kind, request = entry["kind"], self.request
         if kind == "touch":
             if not self._touch(entry, host_ns):
-                return False
+                return None
         elif kind == "length":
             self._length(entry)
         elif kind == "undo":
-            return self._undo()
+            return entry if self._undo() else None
         elif kind == "finish":
             self.phase = ENDED
         elif kind in ("done", "skip"):
             if request is None or self.known is None or not self._is_meant(entry):
-                return False
+                return None
             if kind == "skip":
                 self._give_up(request)
             elif self.time_s - request.began_s < SOONEST_S:
-                return False
+                return None
             elif request.option.kind == MOVEMENT:
                 self._look_at(request, MOVEMENTS[request.option.name])
+            elif request.option.kind == TOUCHING:
+                held = {"kind": "touch", "digit": request.option.name, "part": "tip"}
+                return self._obey({**held, "point": next(iter(self.setup.points))}, host_ns)
         if kind in ("touch", "length") and request is not None and self.known is not None:
             name = str(entry.get("quantity", entry.get("digit")))
             if request.option.name == name:
                 self._refused.add(name)
                 self.done = {"number": request.number, "kind": "entered", "name": name}
                 self._finish(request, 0.0)
-        return True
+        return entry
 
     def _look_at(self, request: Request, movement: Movement) -> None:
         """See whether a movement is done, that may be."""
@@ -431,16 +434,6 @@ class Coach:
         """Say whether a word is on the request that stands, and not on one that has just gone."""
         number = None if self.request is None else self.request.number
         return number is not None and str(mark.get("number", number)) == str(number)
-
-    def _as_touch(self, entry: dict[str, Any]) -> dict[str, Any]:
-        """Give, for "done" where a touch is asked for, the touch."""
-        request = self.request
-        if request is None or entry["kind"] != "done" or request.option.kind != TOUCHING:
-            return entry
-        if not self._is_meant(entry) or self.time_s - request.began_s < SOONEST_S:
-            return entry
-        point = next(iter(self.setup.points), "")
-        return {"kind": "touch", "digit": request.option.name, "part": "tip", "point": point}
 
     def _touch(self, entry: Mapping[str, Any], host_ns: int) -> bool:
         """Take a touch; tell whether it is one, and not the last one's switch that bounced."""

@@ -100,8 +100,10 @@ class Session:
         if self.may_leave_out:
             self.coach.leaves_out = self._leaves_out
         self._publish(self.coach.state())
-        reader = threading.Thread(target=self._read, args=(waiting,), daemon=True)
-        threads = [reader, threading.Thread(target=copy_context().run, args=(self._listen,), daemon=True)]
+        works = (lambda: self._read(waiting), self._listen)
+        threads = [
+            threading.Thread(target=copy_context().run, args=(self._work, own), daemon=True) for own in works
+        ]
         for thread in threads:
             thread.start()
         try:
@@ -156,6 +158,13 @@ class Session:
         """Say whether receivers were put right in a recording of this program's own."""
         return self.send is not None and self.coach.restarts > 0
 
+    def _work(self, work: Callable[[], None]) -> None:
+        """Do a thread's work; what fails, whatever it is, is raised again by the thread that waits for it."""
+        try:
+            work()
+        except Exception as error:
+            self._failed = error
+
     def _read(self, waiting: queue.Queue[Any]) -> None:
         poses = LivePoses(self.coach.layout, Path(str(self.title["file"])))
         try:
@@ -169,9 +178,8 @@ class Session:
                 if ended and not pieces:
                     break
                 time.sleep(0 if pieces else READ_S)
-        except Exception as error:  # whatever it is: raised again by the thread that waits for this one
-            self._failed = error
-        self._put(waiting, None)
+        finally:
+            self._put(waiting, None)
 
     def _put(self, waiting: queue.Queue[Any], what: Any) -> None:
         while not self._stop.is_set():
@@ -199,13 +207,16 @@ class Session:
         """Hand over what is entered at once: a touch is marked while it lasts, and an estimate takes a
         second.
         """
-        while not self._stop.wait(LISTEN_S):
-            for entry in [*self.board.entered(), *self.face.entered()]:
-                try:
-                    self._hand_over(entry)
-                except InputError as error:
-                    self._publish(self._state, str(error))
-                self._finish |= entry["kind"] == "finish"
+        try:
+            while not self._stop.wait(LISTEN_S):
+                for entry in [*self.board.entered(), *self.face.entered()]:
+                    try:
+                        self._hand_over(entry)
+                    except InputError as error:
+                        self._publish(self._state, str(error))
+                    self._finish |= entry["kind"] == "finish"
+        finally:
+            self._finish = True  # who cannot be heard any more must not go on
 
     def _hand_over(self, entry: Mapping[str, Any]) -> None:
         if self.send is not None:

@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
+import io
 from typing import Any
 
 import numpy as np
 
 from shukotsu.skeleton import rotations
+from shukotsu.trackers.record.recording_terminal import Terminal
 
 SHOWN_HZ = 30.0
 DIGITS = ("thumb", "index", "middle", "ring", "little")
 VERDICTS = (("believe", 1.2), ("care", 3.6), ("no", None))
+
+
+class ReturnHeld(Terminal):
+    """A terminal on which Return is held down."""
+
+    def __init__(self) -> None:
+        super().__init__(io.StringIO(), None)
+        self.has_keys = True
+
+    def pressed(self) -> str:
+        """Give one more."""
+        return "\r"
 
 
 def hand_mm(hand: str) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 import signal
 import subprocess
@@ -13,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from coach.fake_coach import ReturnHeld
 from coached_hands import CALIBRATION, archive, one_after_another
 from tracker_processes import emulator
 
@@ -29,7 +29,7 @@ from shukotsu.stages.fit_hand.receiver_frames import concatenated
 from shukotsu.stages.simulate.recording import write_recording
 from shukotsu.trackers.archive import open_archive
 from shukotsu.trackers.decode.survey import survey_archive
-from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
+from shukotsu.trackers.record.recording_terminal import StopRequest
 
 
 @pytest.fixture
@@ -64,23 +64,11 @@ def test_a_port_that_is_none_is_refused_and_no_file_is_left(
     assert list(study.parent.glob("captures/*")) == []
 
 
-class Keys(Terminal):
-    """A terminal on which Return is pressed."""
-
-    def __init__(self) -> None:
-        super().__init__(io.StringIO(), None)
-        self.has_keys = True
-
-    def pressed(self) -> str:
-        """Give one more."""
-        return "\r"
-
-
 def test_what_is_entered_after_a_hand_is_none_of_the_next(study: Path) -> None:
     arguments, board = build_parser().parse_args([f"--study={study}", "--hand=left", "--port=x"]), Board()
     arguments.side = arguments.hand
     board.enter({"kind": "length", "quantity": "index_middle", "value_mm": 23.5, "sd_mm": 0.4})
-    assert _goes_on(arguments, board, Keys(), StopRequest())
+    assert _goes_on(arguments, board, ReturnHeld(), StopRequest())
     assert board.entered() == []
     assert (arguments.subject, arguments.hand) == ("03", "left")
 

@@ -87,6 +87,17 @@ def test_it_shows_the_state_and_no_number_for_what_was_not_done(
     assert page.page.get_by_role("button", name="Done").is_disabled()
 
 
+def test_it_speaks_japanese_where_the_coach_does(watched_page: WatchedPage) -> None:
+    board = Board()
+    board.publish(state())
+    with closing(serve(board, language="ja")) as server:
+        page = visit(watched_page, server)
+        assert page.page.locator("html").get_attribute("lang") == "ja"
+        assert text(page, "[data-enter=done]") == "できた"
+        assert text(page, "#settled") == "10 関節のうち 4 が決まった"
+        page.page.goto("about:blank")  # before the connection ends, of which the browser would tell
+
+
 def test_marks_are_entered_by_button_and_by_form(watched_page: WatchedPage, server: PageServer) -> None:
     page = visit(watched_page, server)
     page.page.get_by_role("button", name="Done").press("Enter")

@@ -76,6 +76,17 @@ def test_what_is_entered_reaches_the_recorder_while_the_coach_thinks() -> None:
     assert sent[0] == TOUCH
 
 
+def test_where_nothing_can_be_entered_any_more_the_session_ends_with_the_error() -> None:
+    class Broken(TerminalFace):
+        def entered(self) -> list[dict[str, Any]]:
+            raise OSError("the keyboard is gone")
+
+    broken = of(Coach(setup()), Board())
+    broken.face = Broken(Terminal(io.StringIO(), None))
+    with pytest.raises(OSError, match="keyboard is gone"):
+        broken.run(lambda: False)
+
+
 @pytest.mark.parametrize("entry", [TOUCH, {"kind": "finish"}])
 def test_who_only_watches_a_recording_enters_nothing(entry: dict[str, Any]) -> None:
     board = Board()

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import unicodedata
 from typing import Any
 
 import pytest
+from coach.fake_coach import ReturnHeld
 
 from shukotsu.coach import terminal_face
 from shukotsu.coach.terminal_face import COLUMNS, TerminalFace, entry_of, new_lines, view
 from shukotsu.errors import InputError
-from shukotsu.trackers.record.recording_terminal import Terminal
 
 KNOWN = {"digits": ["thumb", "index"], "points": ["post"], "quantities": ["index_middle"]}
 REQUEST = {"number": 3, "sentence": "Close the hand. " * 9, "times": 2}
@@ -72,20 +71,9 @@ def test_what_is_no_entry_is_said(line: str) -> None:
         entry_of(line, REQUEST, KNOWN)
 
 
-class Keys(Terminal):
-    """A terminal on which Return is held down."""
-
-    def __init__(self) -> None:
-        super().__init__(io.StringIO(), None)
-
-    def pressed(self) -> str:
-        """Give one more."""
-        return "\n"
-
-
 def test_a_foot_switch_that_is_held_down_is_one_return(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(terminal_face, "AGAIN_S", 3600.0)
-    face = TerminalFace(Keys())
+    face = TerminalFace(ReturnHeld())
     face.show({**STATE, "marks": KNOWN})
     assert [len(face.entered()) for _ in range(5)] == [1, 0, 0, 0, 0]
 
