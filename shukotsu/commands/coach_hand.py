@@ -336,5 +336,9 @@ def _coach_archive(
     session = Session(Coach(setup, skipped), source, board, face, title, log=arguments.log)
     session.may_leave_out = arguments.replay is None
     session.run(lambda: bool(stop))
-    if session.coach.known is not None and (source.ended or session.coach.phase == ENDED):
+    if not session.frames and source.ended:
+        raise InputError(f"{archive}: has no frame of a tracker; expected a recording of a hand that moves")
+    if session.coach.known is None:
+        print(f"note: {archive}: {session.frames} frames show no hand yet", file=sys.stderr)
+    elif source.ended or session.coach.phase == ENDED:
         print(summary_sentence(final_summary(archive, session.coach)[0]))

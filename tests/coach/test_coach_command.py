@@ -83,6 +83,20 @@ def test_a_log_replaces_nothing_but_a_log(
     assert kept.read_bytes() == b"ARROW"
 
 
+@pytest.mark.parametrize(
+    ("kept", "code", "said"), [(0.1, 2, "has no frame of a tracker"), (1.0, 0, "frames show no hand yet")]
+)
+def test_of_an_archive_that_is_too_short_for_a_hand_that_is_said(
+    study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kept: float, code: int, said: str
+) -> None:
+    recorded = archive(tmp_path, one_after_another((("free", 1.0),)))
+    data = recorded.read_bytes()
+    recorded.write_bytes(data[: int(kept * len(data))])
+    who = [f"--study={study}", "--subject=03", "--hand=left", "--no-page"]
+    assert coach([f"--replay={recorded}", "--speed=0", *who]) == code
+    assert said in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_a_replay_says_the_same_to_the_byte_every_time(study: Path, tmp_path: Path) -> None:
     recorded = archive(tmp_path, one_after_another((("free", 8.0), ("spread", 4.0))))
