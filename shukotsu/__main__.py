@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 
 from shukotsu.commands import COMMANDS, build_parser
+from shukotsu.errors import InputError
+from shukotsu.schemas.left import instead
 from shukotsu.stages import command_line
 
 
@@ -17,6 +19,8 @@ def _command(argv: list[str]) -> int:
     if not argv:
         build_parser().print_help()
         return command_line.EXIT_BAD_INPUT
+    if why := instead("command", argv[0]):
+        raise InputError(why)
     command = COMMANDS[build_parser().parse_args(argv[:1]).command]
     return command_line.dispatched(command.module, [*command.before, *argv[1:]])
 

@@ -17,6 +17,7 @@ from typing import TextIO
 
 from shukotsu.errors import InputError, TableError, on_one_line
 from shukotsu.files.limits import FILE_NAME_BYTES, too_little_to_start
+from shukotsu.schemas.left import instead
 from shukotsu.sentences.messages import message_of
 
 EXIT_BAD_INPUT = 2
@@ -79,7 +80,9 @@ def run(
 
     def command() -> int | None:
         status = None
-        arguments = build_parser().parse_args(argv)
+        built = build_parser()
+        _refuse_what_left(built.prog, sys.argv[1:] if argv is None else argv)
+        arguments = built.parse_args(argv)
         record = record_failure or record_bug
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)
@@ -153,6 +156,14 @@ def _nowhere() -> TextIO:
     at what is left in it once more when it ends.
     """
     return open(os.devnull, "r+", encoding="utf-8")  # noqa: PTH123
+
+
+def _refuse_what_left(program: str, argv: Sequence[str]) -> None:
+    """Raise InputError for an option that a command had once."""
+    command = program.removeprefix("shukotsu ")
+    for word in argv:
+        if word.startswith("--") and (why := instead("option", f"{command} {word.partition('=')[0]}")):
+            raise InputError(why)
 
 
 def _refuse_odd_text(arguments: argparse.Namespace) -> None:

@@ -1,0 +1,32 @@
+"""What left the program, and what to take instead: said in one sentence where its name is refused."""
+
+from __future__ import annotations
+
+SINCE = "0.2"
+
+_PLUS = "record with PLUS or 3D Slicer and import its sequence (.mha, .nrrd)"
+_LAB_RECORDER = "record with LabRecorder and import its .xdf"
+_VENDOR = "record with the tracker's own program and import its text by a mapping"
+
+LEFT = {
+    ("port", "igtl"): _PLUS,
+    ("port", "lsl"): _LAB_RECORDER,
+    ("family", "fastrak"): _VENDOR,
+    ("family", "trakstar"): _VENDOR,
+    ("family", "openigtlink"): _PLUS,
+    ("family", "lsl"): _LAB_RECORDER,
+    ("command", "devices"): "take record --devices",
+    ("command", "tracker"): "take record --ask",
+    ("command", "decode"): "take import, or inspect for what a capture lacks",
+}
+"""(kind, name) -> what to take instead.
+
+Kinds: port, family, command, option (with its command: `record --marks`), export, format, model, layout,
+key (of a configuration file: `study.models`). Who refuses a name puts before the sentence where it stands.
+"""
+
+
+def instead(kind: str, name: str) -> str:
+    """Return since when a name is gone and what to take instead, in a sentence; empty where it never was."""
+    advice = LEFT.get((kind, name))
+    return f"{name} left in {SINCE}: {advice}" if advice else ""
