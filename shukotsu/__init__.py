@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING, Any
 from shukotsu.schemas import VERSION
 
 if TYPE_CHECKING:
-    from shukotsu.hand_plot import plot_hand
     from shukotsu.posed_hand import PosedHand, bend
     from shukotsu.read_results import pose, read
 
 __version__ = VERSION
 
-__all__ = ["PosedHand", "bend", "plot_hand", "pose", "read"]
+__all__ = ["PosedHand", "bend", "pose", "read"]
 
 _HOME = {
     "PosedHand": "posed_hand",
     "bend": "posed_hand",
-    "plot_hand": "hand_plot",
     "pose": "read_results",
     "read": "read_results",
 }

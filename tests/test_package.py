@@ -135,7 +135,7 @@ def test_the_wheel_runs_a_study_outside_the_checkout(wheel: Path, tmp_path: Path
     rows_read, home = run(programs / "python", "-c", code, folder=study).split()
     assert int(rows_read) > 0
     assert Path(home).is_relative_to(tmp_path / "own")
-    snakefile = run(programs / "shukotsu", "workflow", folder=study).strip()
+    snakefile = run(programs / "shukotsu", "doctor", "--snakefile", folder=study).strip()
     again = (programs / "snakemake", "--snakefile", snakefile, "--configfile", "study.yaml", "--cores", "1")
     run(*again, folder=study)
     assert sorted((tmp_path / "own").rglob("shukotsu/**/*.tsv")) == installed

@@ -39,7 +39,6 @@ COMMANDS = {
     "decode": Command(CAPTURE, "turn a raw capture into a table of every record", ("decode",)),
     "export-bids": Command(CAPTURE, "write poses tables into a Motion-BIDS dataset", ("export-bids",)),
     "stage": Command("shukotsu.commands.run_stage", "run one stage of the pipeline alone"),
-    "workflow": Command("shukotsu.commands.show_workflow", "print where the Snakefile is"),
     "doctor": Command(
         "shukotsu.commands.doctor", "say what is installed, what is missing, what this machine can do"
     ),

@@ -13,6 +13,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import NamedTuple
 
+from shukotsu.commands.run_study import SNAKEFILE
 from shukotsu.stages import command_line
 
 LEAST_MEMORY_GB, LEAST_DISK_GB = 2.0, 1.0
@@ -36,13 +37,17 @@ class Check(NamedTuple):
 
 def build_parser() -> argparse.ArgumentParser:
     """Give the command's argument parser."""
-    return command_line.parser(
+    parser = command_line.parser(
         "shukotsu doctor",
         "Say what is installed, what is missing and what for, and what this machine can do. Ends with 2 "
         "where no study can run.",
         "shukotsu doctor",
         records_failure=False,
     )
+    parser.add_argument(
+        "--snakefile", action="store_true", help="print the Snakefile's path alone, for Snakemake itself"
+    )
+    return parser
 
 
 def checks() -> Iterator[Check]:
@@ -106,11 +111,14 @@ def _ports() -> Check:
     return Check("tracker", found, bool(ports) and not closed, remedy)
 
 
-def doctor(_: argparse.Namespace) -> int:
-    """Print every check; give 0 where a study can run, else 2."""
-    found = list(checks())
-    print("\n".join(check.line() for check in found))
-    return 0 if all(check.there for check in found if check.needed) else command_line.EXIT_BAD_INPUT
+def doctor(options: argparse.Namespace) -> int:
+    """Print every check; return 0 where a study can run, else 2."""
+    if options.snakefile:
+        print(SNAKEFILE)
+        return 0
+    results = list(checks())
+    print("\n".join(check.line() for check in results))
+    return 0 if all(check.there for check in results if check.needed) else command_line.EXIT_BAD_INPUT
 
 
 def main(argv: list[str]) -> int:

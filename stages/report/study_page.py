@@ -12,7 +12,6 @@ from shukotsu.schemas.study import Hand, Study, path_token
 from shukotsu.sentences.messages import translated
 from shukotsu.sentences.translation import full_name, ngettext, tr, word
 from shukotsu.stages.report import provenance
-from shukotsu.stages.report.downloads import downloads
 from shukotsu.stages.report.headline import headline, opening, used_text
 from shukotsu.stages.report.links import Link, anchor, link, recording_links
 from shukotsu.stages.report.methods_text import REFERENCES, methods_text
@@ -53,7 +52,6 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         figures=figure_files(results),
         export_models=study.export_settings["models"],
         compared=compared,
-        downloads=downloads(results),
         subjects=subjects_table(results),
         lengths=lengths_table(results, results.leading),
         lengths_open=len(results.hands) <= FEW_HANDS,

@@ -1,8 +1,7 @@
-"""A hand at joint angles that are asked for, and its picture."""
+"""A hand at joint angles that are asked for."""
 
 from __future__ import annotations
 
-import matplotlib as mpl
 import numpy as np
 import pytest
 from export_samples.known_hands import make_hand
@@ -11,7 +10,6 @@ import shukotsu
 from shukotsu.errors import InputError
 from shukotsu.skeleton.joint_angles import joint_angles
 
-mpl.use("agg")
 ANGLES = {"index_mcp": (60.0, 8.0, -5.0), "index_pip": (80.0, 0.0, 0.0), "thumb_mcp": (20.0, -6.0, 4.0)}
 
 
@@ -69,17 +67,3 @@ def test_angles_that_no_hand_can_have_are_told(
 ) -> None:
     with pytest.raises(InputError, match=message):
         shukotsu.bend(posed, angles)
-
-
-@pytest.mark.parametrize("view", ["3d", "back", "side"])
-def test_every_bone_is_drawn(posed: shukotsu.PosedHand, view: str) -> None:
-    axes = shukotsu.plot_hand(posed, view=view)
-    bones = [line for line in axes.lines if line.get_marker() == "None"]
-    assert len(bones) == len(posed.joints) - 1
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
-        "thumb",
-        "index",
-        "middle",
-        "ring",
-        "little",
-    ]

@@ -35,7 +35,7 @@ def test_importing_it_imports_nothing_heavy() -> None:
 
 
 def test_a_name_that_is_not_there_is_told() -> None:
-    with pytest.raises(AttributeError, match="no 'raed'; it has PosedHand, bend, plot_hand, pose, read"):
+    with pytest.raises(AttributeError, match="no 'raed'; it has PosedHand, bend, pose, read"):
         shukotsu.raed  # noqa: B018
 
 
