@@ -19,6 +19,7 @@ import yaml
 from shukotsu.errors import InputError, shortened
 from shukotsu.files import limits
 from shukotsu.files.text_files import read_text, slash_hint
+from shukotsu.schemas.left import instead
 
 SCHEMA_FOLDER = Path(__file__).parent / "json"
 CONFIG_FOLDER = Path(__file__).parent.parent / "config"
@@ -222,6 +223,8 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     path = folder / name
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
+    if why := instead(kind, name):
+        raise InputError(f"{kind}s: {why}")
     near = _nearest(name, shipped(kind)) or slash_hint(name)
     raise InputError(
         f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
@@ -249,6 +252,8 @@ def _sentence(error: Any) -> str:
     if error.validator == "additionalProperties":
         known = list(error.schema.get("properties", {}))
         odd = sorted(str(key) for key in set(error.instance) - set(known))
+        if why := next(filter(None, (instead("key", key) for key in odd)), ""):
+            return prefix + why
         guesses = "".join(_nearest(key, known) for key in odd[:1])
         return f"{prefix}unknown key {', '.join(map(repr, odd))}; known are {', '.join(known)}{guesses}"
     if error.validator == "required":
@@ -269,6 +274,8 @@ def _sentence(error: Any) -> str:
         expected = " or ".join(_KINDS[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds))
         return f"{prefix}is {_shown(error.instance)}; expected {expected}"
     if error.validator == "enum":
+        if why := instead(place.split(".")[0].removesuffix("s"), str(error.instance)):
+            return prefix + why
         words = ", ".join(map(str, error.validator_value))
         return f"{prefix}is {_shown(error.instance)}; expected one of {words}"
     if bound:

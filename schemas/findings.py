@@ -101,7 +101,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "quaternion-inverse": Kind(
         N_("The rotations take the transmitter's coordinates to the receiver's, not the other way round."),
-        "Some systems write the inverse rotation: a trakSTAR its quaternions and matrices, not its angles.",
+        "Some systems write the inverse rotation: a trakSTAR its quaternions, not its angles.",
         "`rotates: transmitter-to-receiver` under `orientation` in the mapping; in a tidy table, negate qx, "
         "qy and qz.",
     ),

@@ -8,6 +8,8 @@ _PLUS = "record with PLUS or 3D Slicer and import its sequence (.mha, .nrrd)"
 _LAB_RECORDER = "record with LabRecorder and import its .xdf"
 _VENDOR = "record with the tracker's own program and import its text by a mapping"
 
+_FROM_GLB = "export glb, and convert it by Blender or usd-core (docs/handing-on.md)"
+
 LEFT = {
     ("port", "igtl"): _PLUS,
     ("port", "lsl"): _LAB_RECORDER,
@@ -15,6 +17,13 @@ LEFT = {
     ("family", "trakstar"): _VENDOR,
     ("family", "openigtlink"): _PLUS,
     ("family", "lsl"): _LAB_RECORDER,
+    ("export", "usd"): _FROM_GLB,
+    ("export", "urdf"): "export osim, or write it from the tidy tables",
+    ("export", "mjcf"): "export osim, or write it from the tidy tables",
+    ("format", "matrices"): "write the matrices as a table, six lines of NumPy (docs/handing-on.md)",
+    ("format", "motion-bids"): "read its _motion.tsv by a mapping of format csv (docs/handing-on.md)",
+    ("command", "export-bids"): "take export --formats bids",
+    ("command", "workflow"): "take doctor --snakefile",
     ("command", "devices"): "take record --devices",
     ("command", "tracker"): "take record --ask",
     ("command", "decode"): "take import, or inspect for what a capture lacks",

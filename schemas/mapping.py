@@ -50,7 +50,7 @@ def mapping_from_config(loaded: Any, where: str) -> FileMapping:
         _check_edited(loaded, where)
         _check_names(loaded, where)
     config = check_config(loaded, "mapping", where)
-    odd = sorted({"csv", "matrices", "c3d", "xdf"} & loaded.keys() - {config["format"]})
+    odd = sorted({"csv", "c3d", "xdf"} & loaded.keys() - {config["format"]})
     if odd:
         raise InputError(f"{where}: {odd[0]}: is for another format; format is {config['format']}")
     _check_orientation(config, where)
@@ -117,9 +117,7 @@ _NUMBERS = {"quaternion": 4, "euler": 3, "matrix": 9}
 _RECEIVER_KEYS = {
     "wide": ("position", "orientation", "time", "quality"),
     "long": ("value",),
-    "matrices": (),
     "c3d": ("markers", "rotation"),
-    "motion-bids": ("tracked_point",),
     "xdf": ("value",),
     "capture": ("value",),
     "sequence": ("value",),
@@ -246,12 +244,6 @@ def _check_pair(
         raise InputError(f"{where}: csv.{keys[0]}: no {column} column is named")
 
 
-def _check_matrices(config: Mapping[str, Any], where: str) -> None:
-    kind = config.get("orientation", {"kind": "matrix"})["kind"]
-    if kind != "matrix":
-        raise InputError(f"{where}: orientation.kind: is {kind}; 4x4 matrices have the kind matrix")
-
-
 def _check_sequence(config: Mapping[str, Any], where: str) -> None:
     if "orientation" in config:
         raise InputError(f"{where}: orientation: a sequence's transforms need none; leave it out")
@@ -284,7 +276,6 @@ def _check_capture(config: Mapping[str, Any], where: str) -> None:
 
 _CHECKS: dict[str, Callable[[Mapping[str, Any], str], None]] = {
     "csv": _check_csv,
-    "matrices": _check_matrices,
     "c3d": _check_c3d,
     "capture": _check_capture,
     "sequence": _check_sequence,

@@ -76,7 +76,7 @@ EVENTS = Table(
         real("duration_s", "how long it lasted; null where nothing says so"),
         real("value", "what came with it, e.g. a key's velocity"),
         Column("channel", WHOLE, "", "MIDI channel, 1 to 16; null of other sources", nullable=True),
-        Column("source", TEXT, "", "sheet, motion-bids, xdf, midi or tracker"),
+        Column("source", TEXT, "", "sheet, xdf, midi or tracker"),
         real(
             "onset_sd_ms",
             "1-sigma error of onset_s: of the two clocks' line, and of a single time on the device's clock",
@@ -92,7 +92,7 @@ CLOCKS = Table(
     "how another device's clock was brought to the recording's",
     (
         *OF_RECORDING,
-        Column("source", TEXT, "", "motion-bids, xdf, midi or tracker; empty where the file was not read"),
+        Column("source", TEXT, "", "xdf, midi or tracker; empty where the file was not read"),
         real("scale_ppm", "how much faster the recording's clock runs than the device's"),
         real("offset_s", "the recording's time at the device's zero, before the first step"),
         real("residual_ms", "rms of the pulses about their lines; null where there are none"),

@@ -17,6 +17,7 @@ from typing import Any
 from shukotsu.errors import InputError, listed
 from shukotsu.files import limits
 from shukotsu.files.text_files import read_text
+from shukotsu.schemas.left import instead
 
 MAX_MESSAGES = 5
 
@@ -82,6 +83,8 @@ def _reason(text: str) -> str:
 def _one_of(*words: str) -> Callable[[str], str]:
     def read(text: str) -> str:
         if text not in words:
+            if why := instead("format", text):
+                raise ValueError(why)
             raise ValueError(f"is {text!r}; expected {', '.join(words[:-1])} or {words[-1]}")
         return text
 
@@ -147,7 +150,7 @@ RECORDINGS = Sheet(
         ),
         Cell(
             "format",
-            _one_of("auto", "csv", "parquet", "capture", "motion-bids", "xdf"),
+            _one_of("auto", "csv", "parquet", "capture", "xdf"),
             "the file's format; auto goes by its ending",
             False,
             "auto",

@@ -12,13 +12,12 @@ from pathlib import Path
 from program_files import REPOSITORY, package_files
 
 _LOW = ("schemas", "files", "errors", "sentences")
-_OF_STAGES = ("statistics", "checks", "trackers", "anatomy", "skeleton", "motion_bids", *_LOW)
+_OF_STAGES = ("statistics", "checks", "trackers", "anatomy", "skeleton", *_LOW)
 BELOW: Mapping[str, Sequence[str]] = {
     "sentences": (),
     "errors": ("sentences",),
     "files": ("errors", "sentences"),
     "schemas": ("files", "errors", "sentences"),
-    "motion_bids": _LOW,
     "statistics": ("errors", "sentences"),
     "skeleton": _LOW,
     "anatomy": ("skeleton", *_LOW),

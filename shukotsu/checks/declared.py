@@ -60,7 +60,7 @@ class Declared:
         if mapping is None:
             return cls(kind=kind or cls.kind)
         orientation = mapping.get("orientation") or {}
-        usual = "quaternion" if mapping["format"] in ("csv", "xdf", "motion-bids") else "matrix"
+        usual = "quaternion" if mapping["format"] in ("csv", "xdf") else "matrix"
         kind = kind or orientation.get("kind", usual)
         return cls(
             mapping["format"],

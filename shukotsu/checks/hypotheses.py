@@ -99,19 +99,6 @@ def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Cal
     return undo
 
 
-def _inverted(recorded: Recorded) -> Callable[[Motion], Motion]:
-    """Invert whole poses, as a mapping does to 4x4 matrices: positions too."""
-
-    def undo(motion: Motion) -> Motion:
-        mirror = recorded.mirror
-        own = (motion.rotation * mirror[:, None] * mirror) @ np.swapaxes(recorded.axes, 1, 2)
-        position = -np.einsum("ksji,ksj->ksi", own, motion.position_mm * mirror) * mirror
-        turned = np.swapaxes(own, 2, 3) @ recorded.axes
-        return replace(motion, position_mm=position, rotation=turned * mirror[:, None] * mirror)
-
-    return undo
-
-
 def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
     """Quaternions in the other order, rotations the other way round; only where the file could have it so."""
     declared = recorded.declared
@@ -124,9 +111,7 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
         for variant, sign in (("order", np.ones(4)), ("inverse-too", INVERSE)):
             change = _reordered_quaternion(columns, sign)
             yield Hypothesis("quaternion-order", _requaternioned(recorded, change), variant, values)
-    if declared.format == "matrices":
-        yield Hypothesis("quaternion-inverse", _inverted(recorded), "matrices", {"rotates": rotates})
-    elif declared.has_orientations:
+    if declared.has_orientations:
         undo = _requaternioned(recorded, lambda q: q * INVERSE)
         yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})
 

@@ -37,7 +37,6 @@ COMMANDS = {
     "inspect": Command(CAPTURE, "say what is in a file, and draft the mapping that it needs", ("inspect",)),
     "import": Command(CAPTURE, "turn a recording's file into the poses table", ("import",)),
     "decode": Command(CAPTURE, "turn a raw capture into a table of every record", ("decode",)),
-    "export-bids": Command(CAPTURE, "write poses tables into a Motion-BIDS dataset", ("export-bids",)),
     "stage": Command("shukotsu.commands.run_stage", "run one stage of the pipeline alone"),
     "doctor": Command(
         "shukotsu.commands.doctor", "say what is installed, what is missing, what this machine can do"

@@ -14,7 +14,6 @@ WHAT: Mapping[str, Template] = {
     "quaternion-order/order": N_("the quaternions are read as {read} and seem to be {true}"),
     "quaternion-order/inverse-too": N_("the quaternions seem to be {true} of the inverse rotation"),
     "quaternion-inverse": N_("the rotations seem to be the inverse of what is declared"),
-    "quaternion-inverse/matrices": N_("the matrices seem to be the inverse of what is declared"),
     "euler-order/axes": N_("the angles are read as {read} and seem to be {true}"),
     "euler-order/fixed": N_(
         "the angles are read as {read} about turning axes and seem to be about fixed ones"
@@ -144,9 +143,6 @@ CURES: Mapping[str, str] = {
         "write `order: {order}` and `rotates: {rotates}` under `orientation` in the mapping"
     ),
     "quaternion-inverse": N_("write `rotates: {rotates}` under `orientation` in the mapping"),
-    "quaternion-inverse/matrices": N_(
-        "write `orientation: {{kind: matrix, rotates: {rotates}}}` in the mapping"
-    ),
     "euler-order/axes": N_("write `axes: {true}` under `orientation` in the mapping"),
     "euler-order/fixed": N_(
         "write `axes: {true}` under `orientation` in the mapping, and the columns of each receiver's "

@@ -47,7 +47,6 @@ from shukotsu.schemas.results import (
 )
 from shukotsu.schemas.study import Recording, Study, SubjectSession, path_token, read_study
 from shukotsu.schemas.tables import read_table
-from shukotsu.stages.capture.formats.readers import files_read
 from shukotsu.workflow.file_digests import FileDigests
 from shukotsu.workflow.former_results import remove_former_results
 
@@ -201,8 +200,6 @@ class StudyFiles:
         A missing one must not stop the others, nor a pipe, nor one whose name Snakemake cannot take.
         """
         recording = self._recording(wildcards)
-        if recording.file.is_dir():
-            return _declarable([_relative(path) for path in (recording.file, recording.mapping) if path])
         return _declarable(self._files_of(recording))
 
     def recording_digest(self, wildcards: Wildcards) -> str:
@@ -225,11 +222,9 @@ class StudyFiles:
         return [pattern.format(**names) for pattern in (self.simulated, self.streamed)]
 
     def _files_of(self, recording: Recording) -> list[str]:
-        """The user's files that a recording is read from: its own or those in its folder, those that are read
-        beside it, and its mapping.
-        """
+        """The user's files that a recording is read from: its own and its mapping."""
         mapping = [] if recording.mapping is None else [recording.mapping]
-        paths = dict.fromkeys(map(_relative, [*files_read(recording.file), *mapping]))
+        paths = dict.fromkeys(map(_relative, [recording.file, *mapping]))
         return [path for path in paths if path not in self._made_for(recording)]
 
     def _event_files(self, subject: str) -> list[str]:
@@ -545,7 +540,7 @@ def import_options(recording: Recording) -> list[str]:
 def _declarable(paths: Sequence[str]) -> list[str]:
     """Those of some files that are there and that Snakemake takes."""
     known = [path for path in paths if _can_be_declared(path)]
-    return [path for path in known if Path(path).is_file() or Path(path).is_dir()]
+    return [path for path in known if Path(path).is_file()]
 
 
 def _can_be_declared(path: str) -> bool:

@@ -19,7 +19,6 @@ from shukotsu.stages.align_events.clock_fit import ClockFit, ascending, fit_cloc
 from shukotsu.stages.align_events.event_list import FARTHEST_S, Array, Clock, Events, events_of_rows
 
 READERS = {
-    ("_events.tsv", ".tsv"): "shukotsu.stages.align_events.bids_events:read_bids_events",
     (".mid", ".midi", ".smf"): "shukotsu.stages.align_events.midi_file:read_midi",
     (".xdf", ".xdfz", ".xdf.gz"): "shukotsu.stages.align_events.marker_streams:read_markers",
     (".arrows", ".parquet", ".pq"): "shukotsu.stages.align_events.tracker_events:read_tracker_events",

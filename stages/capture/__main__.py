@@ -21,7 +21,6 @@ COMMANDS = {
         "shukotsu.stages.capture.emulate_tracker",
         "be a tracker, for a recorder without one at hand",
     ),
-    "export-bids": ("shukotsu.stages.capture.export_bids", "write poses tables into a Motion-BIDS dataset"),
 }
 """Subcommand -> the module whose `main` takes its arguments, and what it does in a line."""
 

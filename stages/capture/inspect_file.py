@@ -24,9 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu inspect old.csv --write-mapping mapping.yaml",
         records_failure=False,
     )
-    parser.add_argument(
-        "file", type=Path, help="a recording, a table of this project, or a folder of matrices"
-    )
+    parser.add_argument("file", type=Path, help="a recording, or a table of this project")
     parser.add_argument(
         "--write-mapping", type=Path, help="write a mapping to edit; what is unknown says CHECK"
     )
@@ -120,9 +118,7 @@ def _next_command(arguments: argparse.Namespace, recording: bool, mapped: bool) 
 
 def describe(path: Path, layout: Layout) -> Description:
     """Describe a file or folder. Raises InputError where it is absent, empty or of no known kind."""
-    if path.is_dir():
-        return _matrices(path)
-    with reading(path, "a recording", "expected a recording, or a folder of matrices"):
+    with reading(path, "a recording", "expected a recording"):
         if not check_regular(path, "a recording"):
             raise InputError(f"{path}: is empty; expected a recording")
     name = path.name.lower()
@@ -139,18 +135,11 @@ def describe(path: Path, layout: Layout) -> Description:
         from shukotsu.trackers.decode.findings import describe as describe_capture
 
         return Description(tuple(describe_capture(path)))
-    if name.endswith("_motion.tsv"):
-        from shukotsu.stages.capture.inspection.self_described import describe_motion_bids
-
-        return describe_motion_bids(path, layout)
-    if name.endswith((".xdf", ".xdfz")):
-        from shukotsu.stages.capture.inspection.self_described import describe_xdf
-
-        return describe_xdf(path, layout)
-    if name.endswith((".mha", ".nrrd")):
-        from shukotsu.stages.capture.inspection.self_described import describe_sequence
-
-        return describe_sequence(path, layout)
+    if name.endswith((".xdf", ".xdfz", ".mha", ".nrrd")):
+        raise InputError(
+            f"{path}: inspect reads text, C3D and this project's files; import it as it is, and "
+            "where its names are no segments, write a mapping (docs/mappings.md)"
+        )
     return _text(path, layout)
 
 
@@ -160,21 +149,4 @@ def _text(path: Path, layout: Layout) -> Description:
 
     if is_tidy(path):
         return describe_tidy_csv(path, layout)
-    return _matrices(path) if _like_matrices(path) else describe_table(path, layout)
-
-
-def _like_matrices(path: Path) -> bool:
-    """Tell whether the first line that is not empty is four numbers, or sixteen that end as a pose does."""
-    with path.open("rb") as stream:
-        cells = next((line.split() for line in stream if line.strip()), [])
-    try:
-        numbers = [float(cell) for cell in cells]
-    except ValueError:
-        return False
-    return len(numbers) == 4 or (len(numbers) == 16 and numbers[12:] == [0, 0, 0, 1])
-
-
-def _matrices(path: Path) -> Description:
-    from shukotsu.stages.capture.inspection.matrix_files import describe_matrices
-
-    return describe_matrices(path)
+    return describe_table(path, layout)

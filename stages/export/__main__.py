@@ -44,7 +44,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--hand",
         choices=("right", "left", "both"),
         default="",
-        help="which hand (default: each); both: in one file, of glb and usd",
+        help="which hand (default: each); both: in one file, of glb",
     )
     parser.add_argument(
         "--recording", default="", help="the task, or TASK_TRIAL (default: every recording that is evaluated)"
@@ -94,8 +94,8 @@ def export(arguments: argparse.Namespace) -> None:
 
 def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespace) -> None:
     """Write the files of a whole dataset; one that is there keeps its own when a subject is added."""
-    from shukotsu.motion_bids.dataset_files import write_dataset_files
     from shukotsu.schemas.sheets import PARTICIPANTS, read_sheet
+    from shukotsu.stages.export.motion_bids import write_dataset_files
 
     path = arguments.out / FORMATS["bids"].shared
     if path.exists() and len(plans) == 1 and arguments.participants is None:

@@ -101,7 +101,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "bids": Format(
         "a Motion-BIDS dataset of all recordings, for neuroscience",
-        "shukotsu.stages.export.bids_dataset",
+        "shukotsu.stages.export.motion_bids",
         ("_motion.tsv", "_motion.json", "_channels.tsv", "_channels.json"),
         ("m",),
         (),
@@ -119,41 +119,19 @@ FORMATS: Mapping[str, Format] = {
         "receivers",
         holds_gaps=True,
     ),
-    "usd": Format(
-        "skeleton, a body of bones and motion for film, Omniverse and Blender",
-        "shukotsu.stages.export.usd",
-        (".usda",),
-        ("m", "cm", "mm"),
-        ("y", "z"),
-        "frame numbers but the first, receivers",
-        holds_hands=True,
-    ),
-    "urdf": Format(
-        "skeleton with limits and capsules, and its motion, for programs of robotics",
-        "shukotsu.stages.export.urdf",
-        (".urdf", "_joints.csv"),
-        ("m",),
-        ("z", "y"),
-        "frame numbers, receivers, forces",
-    ),
-    "mjcf": Format(
-        "the same for MuJoCo",
-        "shukotsu.stages.export.mjcf",
-        ("_mjcf.xml", "_mjcf_joints.csv"),
-        ("m",),
-        ("z", "y"),
-        "frame numbers, receivers, forces",
-    ),
 }
 
 
 def chosen_formats(names_list: str) -> list[str]:
     """Names from a comma-separated list, each once; InputError where one is no format."""
     from shukotsu.errors import InputError
+    from shukotsu.schemas.left import instead
 
     names = list(dict.fromkeys(name.strip() for name in names_list.split(",") if name.strip()))
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:
+        if why := instead("export", unknown[0] if unknown else ""):
+            raise InputError(f"--formats: {why}")
         raise InputError(
             f"--formats: {unknown[0] if unknown else 'nothing'!r} is no format; expected one or more of "
             f"{', '.join(FORMATS)}, joined by commas"

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError, shortened
-from shukotsu.motion_bids.decimals import NotANumberError, numbers_of
+from shukotsu.stages.capture.formats.decimals import NotANumberError, numbers_of
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
 """What people and programs write for "no value"."""

@@ -25,16 +25,13 @@ if TYPE_CHECKING:
 class Format:
     """One file format: the endings that mean it, and the reader's module and function.
 
-    in_parts : whether the function gives the recording part by part, as a format can be long. sidecars :
-    module and function that give what is read beside a file. Modules have their full names here, so that a
-    study sees when their code changes.
+    in_parts : whether the function gives the recording part by part, as a format can be long.
     """
 
     endings: tuple[str, ...]
     module: str
     function: str
     in_parts: bool = False
-    sidecars: tuple[str, str] | None = None
 
 
 FORMATS = {
@@ -45,12 +42,6 @@ FORMATS = {
     "capture": Format(
         (".arrows",), "shukotsu.stages.capture.formats.raw_capture", "read_capture", in_parts=True
     ),
-    "motion-bids": Format(
-        ("_motion.tsv",),
-        "shukotsu.stages.capture.formats.motion_tsv",
-        "read_motion_bids",
-        sidecars=("shukotsu.stages.capture.formats.motion_sidecars", "sidecar_files"),
-    ),
     "xdf": Format((".xdf", ".xdfz"), "shukotsu.stages.capture.formats.xdf", "read_xdf"),
     "sequence": Format((".mha", ".nrrd"), "shukotsu.stages.capture.formats.sequence", "read_sequence"),
 }
@@ -58,10 +49,8 @@ FORMATS = {
 
 MAPPED = {
     "csv": Format((".csv", ".txt", ".tsv"), "shukotsu.stages.capture.formats.mapped_csv", "read_mapped_csv"),
-    "matrices": Format((".txt", ".traj"), "shukotsu.stages.capture.formats.matrices", "read_matrices"),
     "c3d": Format((".c3d",), "shukotsu.stages.capture.formats.c3d", "read_c3d"),
     "capture": FORMATS["capture"],
-    "motion-bids": FORMATS["motion-bids"],
     "xdf": FORMATS["xdf"],
     "sequence": FORMATS["sequence"],
 }
@@ -90,25 +79,6 @@ def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Re
 
     read = find_parts_reader(path, name, mapping)
     return lambda path, layout, mapping: joined(read(path, layout, mapping))
-
-
-def files_read(path: Path) -> list[Path]:
-    """Give every file that a recording is read from: its own or those in its folder, and what lies beside it.
-
-    One that is not there is among them; a hidden one in a folder is not.
-    """
-    if path.is_dir():
-        return sorted(
-            own
-            for own in path.rglob("*")
-            if own.is_file() and not any(part.startswith(".") for part in own.relative_to(path).parts)
-        )
-    own = [path]
-    for each in FORMATS.values():
-        if each.sidecars is not None and path.name.lower().endswith(each.endings):
-            module, function = each.sidecars
-            own += getattr(importlib.import_module(module), function)(path)
-    return own
 
 
 def _format_by_ending(path: Path) -> str:

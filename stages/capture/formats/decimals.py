@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from decimal import Decimal
-
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
@@ -18,28 +16,6 @@ class NotANumberError(ValueError):
     def __init__(self, index: int) -> None:
         super().__init__(f"text {index} is no number")
         self.index = index
-
-
-def text_of(values: npt.NDArray[np.float64], shift: int = 0) -> pa.Array:
-    """Write every value times 10**shift as decimal text, shift <= 0, shape (N,); NaN becomes null.
-
-    `numbers_of(text, -shift)` gives the same 64 bits back: the point is moved in the shortest text that
-    stands for the value, which no division does. Raises ValueError where a value is infinite.
-    """
-    if np.isinf(values).any():
-        raise ValueError("an infinite value has no decimal text")
-    text = pc.cast(pa.array(values, from_pandas=True), pa.string())
-    if not shift:
-        return text
-    parts = pc.extract_regex(text, r"^(?P<sign>-?)(?P<whole>[0-9]+)\.?(?P<rest>[0-9]*)$")
-    whole = pc.utf8_lpad(pc.struct_field(parts, "whole"), 1 - shift, padding="0")
-    head = pc.utf8_slice_codeunits(whole, 0, stop=shift)
-    tail = pc.utf8_slice_codeunits(whole, shift)
-    sign, rest = pc.struct_field(parts, "sign"), pc.struct_field(parts, "rest")
-    shifted = pc.binary_join_element_wise(sign, pc.binary_join_element_wise(head, tail, "."), rest, "")
-    with_exponent = pc.and_(pc.is_valid(text), pc.is_null(parts))
-    odd = [str(Decimal(number).scaleb(shift)) for number in text.filter(with_exponent).to_pylist()]
-    return pc.replace_with_mask(shifted, with_exponent, pa.array(odd, pa.string()))
 
 
 def numbers_of(text: pa.Array, shift: int = 0) -> npt.NDArray[np.float64]:
