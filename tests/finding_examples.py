@@ -36,7 +36,6 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
         {"true": "x, y, z, w", "order": "xyzw", "rotates": "transmitter-to-receiver"}
     ],
     ("quaternion-inverse", ""): [{"rotates": "receiver-to-transmitter"}, {"unmapped": True}],
-    ("quaternion-inverse", "matrices"): [{"rotates": "transmitter-to-receiver"}],
     ("euler-order", "axes"): [{"read": "ZYX", "true": "XYZ"}],
     ("euler-order", "fixed"): [{"read": "ZYX", "true": "XYZ"}],
     ("units", "positions-small"): [{"factor": 10.0, **READ_AS}],

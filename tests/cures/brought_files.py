@@ -119,21 +119,6 @@ def angles(planted: Planted) -> Brought:
     return _row_a_frame(planted, numbers.reshape(*turned.shape[:2], 3), orientation, "inch", "s")
 
 
-def matrices(planted: Planted) -> Brought:
-    """Bring 4x4 matrices as text, in metres, one for each receiver in turn."""
-    poses = planted.poses
-    whole = np.zeros((*poses.valid.shape, 4, 4))
-    whole[..., :3, :3], whole[..., :3, 3], whole[..., 3, 3] = (
-        matrix(poses.quaternion),
-        poses.position_mm / 1000,
-        1,
-    )
-    receivers: dict[str, Any] = {name: {} for name in poses.segments}
-    rate_hz = float(1 / np.median(np.diff(poses.time_s)))
-    mapping = {"format": "matrices", "position_unit": "m", "rate_hz": rate_hz, "receivers": receivers}
-    return Brought({"matrices": whole}, mapping, _layout(), {"hand": planted.hand})
-
-
 Door = Callable[[Planted], Brought]
 
 
@@ -192,12 +177,8 @@ def _written(brought: Brought, folder: Path) -> Iterator[str]:
     """Write what was brought; give the options that name it."""
     file = folder / "recording.csv"
     (folder / "own.yaml").write_text(yaml_text({**brought.layout, "layout": "own"}), "utf-8")
-    if "matrices" in brought.table:
-        file = folder / "recording.txt"
-        np.savetxt(file, brought.table["matrices"].reshape(-1, 16), "%.12g")
-    else:
-        columns = {title: pa.array(column, from_pandas=True) for title, column in brought.table.items()}
-        pyarrow.csv.write_csv(pa.table(columns), file)
+    columns = {title: pa.array(column, from_pandas=True) for title, column in brought.table.items()}
+    pyarrow.csv.write_csv(pa.table(columns), file)
     yield f"--in={file}"
     if brought.mapping is not None:
         (folder / "mapping.yaml").write_text(yaml_text(brought.mapping), "utf-8")

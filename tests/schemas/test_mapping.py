@@ -34,7 +34,6 @@ C3D: dict[str, Any] = {
     "position_unit": "m",
     "receivers": {"hand": {"markers": ["A", "B", "C"]}},
 }
-MATRICES: dict[str, Any] = {"format": "matrices", "position_unit": "mm", "receivers": {"hand": {}}}
 
 
 @pytest.mark.parametrize("text", EXAMPLES, ids=lambda text: text.splitlines()[0])
@@ -72,7 +71,7 @@ def check(told: dict[str, Any]) -> FileMapping:
     return mapping_from_config(told, "mapping.yaml")
 
 
-@pytest.mark.parametrize("told", [WIDE, LONG, C3D, MATRICES])
+@pytest.mark.parametrize("told", [WIDE, LONG, C3D])
 def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any]) -> None:
     mapping = check(told)
     assert mapping.mm_per_unit == {"cm": 10, "m": 1000, "mm": 1}[told["position_unit"]]
@@ -107,7 +106,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
             "receivers.hand.orientation: has 1; expected at least 3: csv with one row a frame",
         ),
         (
-            put(MATRICES, "receivers.Right-Hand", {}),
+            put(C3D, "receivers.Right-Hand", {}),
             "receivers: 'Right-Hand' is no segment's name; names are lower case letters, digits and "
             "underscores; did you mean 'right_hand'?",
         ),
@@ -149,16 +148,11 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         ),
         (put(WIDE, "csv.in_step", False), "csv.in_step: receivers that are not in step need a time column"),
         (put(WIDE, "fixed", ["hand"]), "fixed: hand has a receiver too"),
-        (put(WIDE, "matrices", {}), "matrices: is for another format"),
+        (put(WIDE, "xdf", {}), "xdf: is for another format"),
         (put(LONG, "csv.receiver", None), "csv: long rows need the key 'receiver'"),
         (put(LONG, "receivers.hand.value", None), "receivers.hand: the key 'value' is missing"),
         (put(LONG, "receivers.wrist", {"value": "1"}), "hand and wrist both have value"),
         (put(LONG, "csv.orientation", list("abcd")), "csv.orientation: has 4 columns; euler means 3"),
-        (
-            put(MATRICES, "orientation", {"kind": "quaternion", "order": "wxyz"}),
-            "orientation.kind: is quaternion",
-        ),
-        (put(MATRICES, "receivers.hand.value", 1), "receivers.hand.value: does not belong to matrices"),
         (put(C3D, "orientation", {"kind": "matrix"}), "orientation: a C3D file needs none"),
         (put(C3D, "receivers.hand.rotation", "hand"), "receivers.hand: needs either 'markers' or 'rotation'"),
         (put(C3D, "receivers.hand.markers", None), "receivers.hand: needs either 'markers' or 'rotation'"),

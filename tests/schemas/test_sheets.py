@@ -86,7 +86,7 @@ def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
         (
             RECORDINGS,
             [RECORDING[0] + "\tformat", RECORDING[1] + "\tc3d"],
-            "row 2, column format: is 'c3d'; expected auto, csv, parquet, capture, motion-bids or xdf",
+            "row 2, column format: is 'c3d'; expected auto, csv, parquet, capture or xdf",
         ),
         (
             RECORDINGS,

@@ -239,7 +239,6 @@ def test_importing_a_foreign_table_without_a_mapping_leads_here(run: Run, text: 
         ("a.csv", b"\x00\xff\xfe", "a.csv: is not UTF-8 text"),
         ("a.c3d", b"hello", "a.c3d: not a readable C3D file"),
         ("a.parquet", b"hello", "a.parquet: not a readable Parquet file"),
-        ("a.txt", b"1 0 0 0\n0 1 0 0\n", "a.txt: line 3: the matrix that begins in line 1 has 2 lines"),
         ("a.csv", b"t,x,y,z\n1,2,3,4\n2,3,4,5\n3,4\n", "a.csv: line 4: has 2 cells; expected 4"),
         ("a.xdf", b"hello", "a.xdf: "),
     ],

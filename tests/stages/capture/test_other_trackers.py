@@ -126,7 +126,6 @@ FORMS: list[tuple[Callable[..., Written], tuple[Any, ...]]] = [
     *((wave, dress) for dress in ((True, "\t"), (False, ","))),
     *((aurora, dress) for dress in ((",", ""), ("", ","))),
     *((motive, dress) for dress in (("Millimeters", False), ("Meters", True))),
-    *((sequence, dress) for dress in ((False,), (True, ("UpperArm", "Forearm", "Hand")))),
     *((glove, dress) for dress in ((False,), (True,))),
 ]
 GUIDE = {

@@ -17,7 +17,7 @@ from shukotsu.stages.export.registry import FORMATS, write_format
 from shukotsu.stages.export.settings import Settings
 
 WITHOUT_GAPS = [name for name, form in FORMATS.items() if not form.holds_gaps]
-ON_TIME = ("glb", "usd", "osim")
+ON_TIME = ("glb", "osim")
 
 
 def write(motion: SkeletonMotion, name: str, folder: Path) -> tuple[str, ...]:

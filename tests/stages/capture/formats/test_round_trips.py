@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from recording_files import ARM, EXAMPLES, LIBERTY, of, read
 from scipy.spatial.transform import Rotation
@@ -267,74 +266,6 @@ def test_tidy_tables(seed: int) -> None:
     assert samples is not None or made.cut
     if samples is not None:
         made.check(samples)
-
-
-@seeds
-@often
-def test_motion_bids(seed: int) -> None:
-    """Missing values in single components, as text and as number; times in any unit."""
-    made = Made(seed)
-    unit, time_unit = made.pick("mm", "cm", "m"), made.pick("s", "ms")
-    missing = made.pick(-9999, -9999.5, "none", "-9999", ["x", -1e30])
-    lost = [str(one) for one in (missing if isinstance(missing, list) else [missing])] + ["n/a"]
-    parts = [(axis, "POS", unit) for axis in "xyz"] + [(f"quat_{axis}", "ORNT", "n/a") for axis in "wxyz"]
-    channels = [["name", "component", "type", "tracked_point", "units"]]
-    channels += [[f"{s}_{part}", part, kind, s, own] for s in SEGMENTS for part, kind, own in parts]
-    channels.append(["latency", "n/a", "LATENCY", "n/a", time_unit])
-    scale = np.array([MM[unit]] * 3 + [1] * 4)
-    rows = []
-    for row in range(made.frames):
-        cells = [
-            f"{made.pick('', ' ')}{made.pick(*lost)}" if gone else repr(float(value))
-            for place in range(2)
-            for value, gone in zip(made.pose()[row, place] / scale, made.lost[row, place], strict=True)
-        ]
-        rows.append("\t".join([*cells, repr(float(made.time_s[row] * (1000 if time_unit == "ms" else 1)))]))
-    stem = "sub-01_task-rom_tracksys-right"
-    beside = {
-        f"{stem}_channels.tsv": "".join("\t".join(row) + "\n" for row in channels),
-        f"{stem}_motion.json": json.dumps({"SamplingFrequency": 240, "MissingValues": missing}),
-    }
-    text = cut("\n".join(rows) + "\n", made)
-    samples = read_text(f"{stem}_motion.tsv", text, LIBERTY, None, **beside)
-    assert samples is not None or made.cut
-    if samples is not None:
-        made.check(samples)
-
-
-@seeds
-@example(seed=196)  # a receiver whose rotation is lost in all of its frames
-@often
-def test_matrices(seed: int) -> None:
-    """The last number is 1: cut off, it is the same or none."""
-    made = Made(seed)
-    unit, line = made.pick(*MM), made.pick("\n", " ")
-    blocks = []
-    for row in range(made.frames):
-        for place in range(2):
-            whole = np.eye(4)
-            whole[:3, :3] = Rotation.from_quat(np.roll(made.quaternion[row, place], -1)).as_matrix()
-            whole[:3, 3] = made.position[row, place] / MM[unit]
-            whole[:3][made.lost[row, place, :3]] = np.nan
-            blocks.append(line.join(" ".join(map(repr, own.tolist())) for own in whole))
-    made.lost[..., 3:] = False
-    told = {
-        "format": "matrices",
-        "position_unit": unit,
-        "rate_hz": 1 / made.step_s,
-        "receivers": {segment: {} for segment in SEGMENTS},
-    }
-    made.time_s = np.arange(made.frames) * made.step_s
-    samples = read_text("a.txt", cut("\n".join(blocks) + "\n", made), ARM, told)
-    assert samples is not None or made.cut
-    if samples is not None:
-        for place, segment in enumerate(SEGMENTS):
-            own = of(samples, segment)
-            row = samples.frame[own]
-            complete = np.isfinite(samples.numbers[own]).all(-1)
-            np.testing.assert_array_equal(complete, ~made.lost[row, place].any(-1))
-            expected = made.position[row, place]
-            np.testing.assert_allclose(samples.numbers[own][complete, :3], expected[complete], atol=1e-6)
 
 
 @pytest.mark.parametrize("end", ["205.871", "205.87", "205.", "20", "2", ""])

@@ -12,7 +12,6 @@ import recording_files
 from recording_files import LIBERTY
 
 from shukotsu.errors import InputError
-from shukotsu.stages.capture.inspect_file import describe
 from shukotsu.stages.capture.samples import Samples
 
 Array = npt.NDArray[np.float64]
@@ -213,7 +212,7 @@ def test_a_recording_that_was_not_ended_is_read_and_noted(
 
 
 def test_streams_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
-    """The sentence says the numbers, and the draft takes one."""
+    """The sentence says the numbers."""
     data = xdf(*(stream(number, header(TWO), TIMES + number, VALUES) for number in (4, 7)))
     refuse(
         tmp_path,
@@ -227,4 +226,3 @@ def test_streams_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
     )
     samples = read(tmp_path, data, told | {"xdf": {"stream": 7}})
     np.testing.assert_array_equal(samples.time_s[:5], TIMES + 7)
-    assert "  stream: 4" in describe(tmp_path / "rom.xdf", LIBERTY).draft
