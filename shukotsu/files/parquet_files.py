@@ -82,7 +82,7 @@ def _footer_at(stream: BinaryIO) -> int:
 def open_parquet(
     path: Path,
     expected: str,
-    remedy: str = "make it again",
+    remedy: str = "remove it and run the study again",
     buffer_size: int = 0,
 ) -> pq.ParquetFile:
     """Open a Parquet file for reading piece by piece; `expected` and `remedy` are for the sentences.
@@ -109,7 +109,7 @@ def open_parquet(
 
 @contextmanager
 def naming_damage(
-    path: Path, remedy: str = "make it again", what: str = "damaged Parquet file"
+    path: Path, remedy: str = "remove it and run the study again", what: str = "damaged Parquet file"
 ) -> Iterator[None]:
     """Turn what goes wrong when a Parquet file is read into a TableError that names it."""
     try:
