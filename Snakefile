@@ -6,6 +6,8 @@ from pathlib import Path
 from shlex import quote
 
 from snakemake.exceptions import WorkflowError
+from snakemake.logging import logger
+from snakemake.settings.types import Quietness
 
 here = Path(workflow.snakefile).resolve().parent
 own_package = (here / "shukotsu").is_dir()  # in a checkout: not the one installed
@@ -21,7 +23,7 @@ if not is_module:  # nothing is imported from the folder that this runs in
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.results import EVENT_TABLES, FIT_TABLES, MEASURED_TABLES
-from shukotsu.workflow import one_run, warm_process
+from shukotsu.workflow import failed_jobs, warm_process
 from shukotsu.workflow.code_digest import code_digest, write_cache
 from shukotsu.workflow.study_files import StudyFiles, study_file
 
@@ -46,11 +48,12 @@ report: "captions/workflow.rst"  # the first page of `snakemake --report`
 container: "shukotsu.sif"  # of container/Dockerfile: for a whole run (docs/cluster.md), no job needs it
 
 
+if workflow.is_main_process and Quietness.RULES in (workflow.output_settings.quiet or ()):  # as `shukotsu run` asks
+    logger.addFilter(failed_jobs.FailedJobs(workflow, study.results.folder))
+
+
 onstart:
-    try:
-        one_run.hold(study.results.folder)
-    except InputError as error:
-        raise WorkflowError(str(error)) from None
+    failed_jobs.refuse(workflow, study.results.folder)
     for note in filter(None, (study.what_changed(), study.remove_former())):
         print(f"note: {note}", file=sys.stderr)
     study.write_changed_plans()

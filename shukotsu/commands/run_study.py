@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import ctypes
 import os
 import shlex
 import signal
 import subprocess
 import sys
+import tempfile
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TextIO
 
 from shukotsu.commands.study_file import add_study, read_files
 from shukotsu.errors import InputError
 from shukotsu.stages import command_line
+from shukotsu.workflow import one_run
 
 SNAKEFILE = (Path(__file__).parents[1] / "Snakefile").resolve()
+UNWANTED = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
+"""Variables of the person's environment that would have a run do something else."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -58,9 +64,11 @@ def run_study(arguments: argparse.Namespace) -> int:
         raise ModuleNotFoundError("No module named 'snakemake'", name="snakemake")
     if arguments.cores != "all" and not (arguments.cores.isdecimal() and int(arguments.cores)):
         raise InputError(f"--cores: is {arguments.cores!r}; expected a number of jobs, or all")
+    one_run.refuse_unwritable([one_run.FOLDER / "log"])
+    lock = None if arguments.dry_run or arguments.more else one_run.hold(files.results.folder)
     command = snakemake_command(arguments)
     print(f"$ {shlex.join(command)}", file=sys.stderr, flush=True)
-    status = _run(command)
+    status = _run(command, lock)
     report = files.results.folder / "report.html"
     if status:
         return status if status > 0 else 128 - status
@@ -70,13 +78,22 @@ def run_study(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _run(command: list[str]) -> int:
+def _run(command: list[str], lock: TextIO | None) -> int:
     """Run a command to its end, whatever signal asks this process to end and whoever stops reading before;
-    give its exit code.
+    give its exit code. The command holds the lock too, and ends where this process is killed.
     """
     interrupted: list[int] = []
     printed = None if sys.stdout.isatty() else subprocess.PIPE
-    with subprocess.Popen(command, stdout=printed, text=True, errors="backslashreplace") as process:
+    handed = {} if lock is None else {one_run.HANDED: lock.fileno()}
+    with subprocess.Popen(
+        command,
+        stdout=printed,
+        text=True,
+        errors="backslashreplace",
+        env=_environment() | {name: str(number) for name, number in handed.items()},
+        pass_fds=handed.values(),
+        preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+    ) as process:
         signal.signal(signal.SIGINT, lambda number, _: interrupted.append(number))  # reaches Snakemake too
         for number in (signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda *_: process.terminate())
@@ -90,6 +107,30 @@ def _run(command: list[str]) -> int:
     if interrupted:
         raise KeyboardInterrupt
     return status
+
+
+def _end_with_parent() -> None:
+    """Have the system end this process as soon as the one that started it has ended, however that did.
+
+    Its jobs end with it. Snakemake would not always come to an end of SIGTERM.
+    """
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment of Snakemake: without what changes what it runs, and with a folder for caches
+    in the study's where the person's own cannot be written.
+    """
+    from platformdirs import user_cache_dir
+
+    environment = {name: value for name, value in os.environ.items() if name not in UNWANTED}
+    try:
+        Path(user_cache_dir("snakemake", "snakemake")).mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=user_cache_dir("snakemake", "snakemake")):
+            return environment
+    except OSError:
+        caches = (one_run.FOLDER / "caches").absolute()
+        return environment | {"XDG_CACHE_HOME": str(caches), "MPLCONFIGDIR": str(caches / "matplotlib")}
 
 
 def _outcome(study: Path, results: Path) -> str:

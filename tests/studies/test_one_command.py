@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from studies.running import REPOSITORY, record
+from studies.running import REPOSITORY, record, write_study
 
 pytestmark = pytest.mark.slow
 
@@ -77,3 +77,34 @@ def test_what_snakemake_says_no_to_is_the_commands_exit_code(tmp_path: Path) -> 
     wrong = shukotsu(tmp_path, "run", "--", "--no-such-option")
     assert wrong.returncode not in (0, -1)
     assert "Traceback" not in wrong.stderr
+
+
+def test_why_it_cannot_go_on_is_one_sentence(tmp_path: Path) -> None:
+    """A damaged table is named with its job and log; results that may not be written end it with 2."""
+    file = record(tmp_path / "rom.parquet")
+    study = write_study(tmp_path, "study", [f"01\tright\trom\tboth\t{file.name}"], ["rigid"])
+    table = study.results.subject("01") / "joint_solutions.parquet"
+    assert (
+        shukotsu(tmp_path, "run", "--cores", "2", "--", table.relative_to(tmp_path).as_posix()).returncode
+        == 0
+    )
+    state = table.stat()
+    table.write_bytes(table.read_bytes()[:2000])
+    os.utime(table, ns=(state.st_atime_ns, state.st_mtime_ns))
+    target = (table.parent / "projected_joints.parquet").relative_to(tmp_path).as_posix()
+    failed = shukotsu(tmp_path, "run", "--", target)
+    assert failed.returncode == 1
+    (sentence,) = [line for line in failed.stderr.splitlines() if line.startswith("error: ")]
+    assert sentence.startswith(
+        "error: project_planes: subject 01: results/study/sub-01/joint_solutions.parquet: "
+    )
+    assert sentence.endswith("(log: results/study/logs/project_planes/sub-01.log)")
+    assert "remove it and run the study again" in sentence
+    assert "CalledProcessError" not in failed.stderr
+    table.parent.chmod(0o555)
+    if os.access(table.parent, os.W_OK):
+        pytest.skip("permissions do not bind this user")
+    refused = shukotsu(tmp_path, "run", "--", target)
+    table.parent.chmod(0o755)
+    assert refused.returncode == 2
+    assert "results/study/sub-01: may not be written" in refused.stderr.splitlines()[-1]
