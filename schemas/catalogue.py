@@ -557,7 +557,7 @@ RECORDINGS = Table(
         Column("tracker", TEXT, "", "what recorded it, where its file says so", nullable=True),
         Column("n_frames", WHOLE, "", "frames of the recording"),
         Column("n_receivers", WHOLE, "", "receivers of which a pose may be used"),
-        _real("duration_s", "from the first device time to the last"),
+        _real("duration_s", "time in which frames were recorded: pauses and jumps of the clock left out"),
         _real(
             "valid_percent",
             "poses that may be used, of those that the layout expects in all frames, missing ones too",

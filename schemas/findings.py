@@ -120,6 +120,12 @@ KINDS: Mapping[str, Kind] = {
         "Milliseconds or microseconds given as seconds, or the other way round.",
         "`time_unit` under `csv`, or `rate_hz`, in the mapping; in a tidy table, `time_s` in seconds.",
     ),
+    "clock": Kind(
+        N_("Times jump ahead, go back or stand still: the device's clock does not run on."),
+        "The tracker was started again within the file; midnight; a counter that is full begins again; a "
+        "clock that was set; a pause.",
+        "None is needed for joints; of midnight and a full counter, what is to be added to later times.",
+    ),
     "hemisphere": Kind(
         N_("A receiver's position jumps to the other side of the transmitter, or is there all along."),
         "A magnetic tracker cannot tell a place from the one opposite; it was started with, or crossed into, "

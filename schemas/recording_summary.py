@@ -6,13 +6,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.device_clock import Array, device_clock
 from shukotsu.schemas.findings import NOTE, REFUSED, Finding, worded
 from shukotsu.schemas.study import Recording
-from shukotsu.schemas.tables import read_metadata, read_row_groups
+from shukotsu.schemas.tables import column_array, read_metadata, read_row_groups
 
 Row = dict[str, Any]
 
@@ -34,7 +36,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
     if recording.exclude:
         return row | {"status": "excluded", "message": recording.exclude}, []
     try:
-        n_rows, n_valid, times_s = _summed(poses)
+        n_rows, n_valid, time_s = _summed(poses)
     except InputError as error:
         failed = worded("recording", REFUSED, str(error))
         return row | {"status": "failed", "message": failed.message}, [failed]
@@ -54,7 +56,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
     row["tracker"] = str(parameters.get("tracker", ""))
     row["n_frames"] = n_frames
     row["n_receivers"] = sum(1 for count in n_valid.values() if count)
-    row["duration_s"] = max(times_s) - min(times_s) if times_s else None
+    row["duration_s"] = device_clock(time_s)[0]
     row["valid_percent"] = 100.0 * sum(n_valid.values()) / expected if expected else None
     return row, problems
 
@@ -67,14 +69,17 @@ def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
     return texts
 
 
-def _summed(poses: Path) -> tuple[int, dict[str, int], list[float]]:
-    """Count rows, and valid ones by segment; give the first and last times of each row group that has any."""
-    n_rows, n_valid, times_s = 0, dict[str, int](), list[float]()
+def _summed(poses: Path) -> tuple[int, dict[str, int], Array]:
+    """Count rows, and valid ones by segment; return the frames' times (T,), of the first segment with one."""
+    n_rows, n_valid, seen, time_s = 0, dict[str, int](), dict[str, int](), np.zeros(0)
     for rows in read_row_groups(poses, POSES, ["segment", "time_s", "valid"]):
         n_rows += rows.num_rows
-        by_segment = rows.group_by("segment", use_threads=False).aggregate([("valid", "sum")])
-        for segment, count in zip(*(column.to_pylist() for column in by_segment.columns), strict=True):
-            n_valid[segment] = n_valid.get(segment, 0) + count
-        ends = pc.min_max(rows["time_s"]).as_py()
-        times_s += [] if ends["min"] is None else ends.values()
-    return n_rows, n_valid, times_s
+        for segment in pc.unique(rows["segment"]).to_pylist():
+            own = rows.filter(pc.equal(rows["segment"], segment))
+            start, end = seen.get(segment, 0), seen.get(segment, 0) + own.num_rows
+            n_valid[segment] = n_valid.get(segment, 0) + pc.sum(own["valid"]).as_py()
+            time_s = np.concatenate([time_s, np.full(max(0, end - len(time_s)), np.nan)])
+            times = time_s[start:end]
+            np.copyto(times, column_array(own, "time_s"), where=np.isnan(times))
+            seen[segment] = end
+    return n_rows, n_valid, time_s

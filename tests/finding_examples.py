@@ -10,6 +10,7 @@ from shukotsu.sentences.messages import message_of
 AT = {"first_s": 3.25}
 PAIR = {"segment": "index_middle", "segment_2": "index_distal"}
 PAIRS = [["thumb_proximal", "index_middle"], ["thumb_distal", "index_distal"]]
+BREAK = {"number": 7, "from_s": 7.9, "to_s": 9.9, "by_s": 2.0, "by": "2", "rows": 1, "steps": 1}
 OTHER_HAND = {"hand": "left", "hand_2": "right"}
 CLOCK = {"rate_hz": 0.24, "unit": "ms", "read": "seconds", "factor": 0.001}
 TURNED = {"turn_deg": -90, "turn_axis": "y", "distal": [0, 1, 0], "lateral": [-1, 0, 0], "dorsal": [0, 0, 1]}
@@ -45,6 +46,7 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("time-unit", ""): [CLOCK, CLOCK | {"unmapped": True}],
     ("time-unit", "scaled"): [CLOCK],
     ("time-unit", "rate"): [{"rate_hz": 0.24, "true_hz": 240.0}],
+    **{("clock", own): [BREAK] for own in ("ahead", "back", "midnight", "wrap", "still")},
     ("hemisphere", "jumps"): [
         {"segment": "hand", "count": 2, "others": 3, **AT},
         {"segment": "hand", "count": 1, "others": 1, "first_row": 12},

@@ -31,6 +31,7 @@ from shukotsu.checks.timeline import (
     zeros,
 )
 from shukotsu.files.long_arrays import chosen_points
+from shukotsu.schemas.device_clock import ClockBreak, device_clock
 from shukotsu.schemas.findings import NOTE, REFUSED, SUSPECT, Finding
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
@@ -74,7 +75,7 @@ def check_recording(
     turned = [name not in layout.points for name in poses.segments]
     if not poses.valid[:, turned].any():
         line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
-        short = _too_short(line, timed=true_clock(line) is None)
+        short = _too_short(line, None if true_clock(line) else device_clock(line.time_s)[0])
         points = Finding("unchecked", NOTE, "no-orientation", {})
         return CheckedRecording((points, *([short] if short else ())), poses_digest(poses), None, None)
     seen = [place for place, own in enumerate(poses.valid.T) if own.any() and turned[place]]
@@ -85,7 +86,8 @@ def check_recording(
     segments = tuple(poses.segments[place] for place in seen)
     body = expected_body(layout, segments)
     clock = true_clock(line)
-    short = _too_short(line, timed=clock is None)
+    duration_s, breaks = (None, []) if clock else device_clock(line.time_s, poses.frame)
+    short = _too_short(line, duration_s)
     if (short and short.severity == REFUSED) or not body.names:
         return CheckedRecording((short,) if short else (), poses_digest(poses), None, None)
     if angles := _angles(line, declared):
@@ -100,6 +102,7 @@ def check_recording(
         *_alike(line, segments, declared),
         *_stays(line, segments, declared),
         *_clock(line, clock, declared),
+        *_clock_breaks(breaks, poses.frame),
         *([short] if short else []),
     ]
     return CheckedRecording((*findings, *late), poses_digest(poses), body, search.explanation)
@@ -273,7 +276,12 @@ def _frozen(poses: Poses) -> list[Finding]:
     return [Finding("receiver-stuck", NOTE, "all-along", {"segment": name}) for name in names[:1]]
 
 
-_SECONDS = {"us": (1e-6, "microseconds"), "ms": (1e-3, "milliseconds"), "s": (1.0, "seconds")}
+_SECONDS = {
+    "ns": (1e-9, "nanoseconds"),
+    "us": (1e-6, "microseconds"),
+    "ms": (1e-3, "milliseconds"),
+    "s": (1.0, "seconds"),
+}
 """Of the units that a mapping knows, and their names."""
 
 
@@ -281,13 +289,26 @@ def _clock(line: Timeline, factor: float | None, declared: Declared) -> list[Fin
     if factor is None:
         return []
     seconds, read = _SECONDS.get(declared.time_unit, _SECONDS["s"])
-    unit = next((name for name, (own, _) in _SECONDS.items() if np.isclose(own, factor * seconds)), "")
+    unit = next(
+        (name for name, (own, _) in _SECONDS.items() if np.isclose(own, factor * seconds, atol=0)), ""
+    )
     rate_hz = 1 / line.interval_s
     seen = {"rate_hz": rate_hz, "unit": unit, "read": read, "factor": factor, **declared.unmapped}
     if declared.rate_hz and not declared.time_unit:
         return [Finding("time-unit", SUSPECT, "rate", {**seen, "true_hz": declared.rate_hz / factor})]
     readable = unit and (declared.time_unit or not declared.format)
     return [Finding("time-unit", SUSPECT, "" if readable else "scaled", seen)]
+
+
+def _clock_breaks(breaks: Sequence[ClockBreak], frame: np.ndarray) -> list[Finding]:
+    """Name where the clock does not run on, a finding a kind: its first place, and how many there are."""
+    found = []
+    for kind in dict.fromkeys(one.kind for one in breaks):
+        every = [one for one in breaks if one.kind == kind]
+        first = {name: getattr(every[0], name) for name in ("from_s", "to_s", "by_s", "rows")}
+        seen = {**first, "by": f"{every[0].by_s:.10g}", "number": int(frame[every[0].row])}
+        found.append(Finding("clock", NOTE, kind, {**seen, "steps": len(every)}))
+    return found
 
 
 def _angles(line: Timeline, declared: Declared) -> list[Finding]:
@@ -298,11 +319,9 @@ def _angles(line: Timeline, declared: Declared) -> list[Finding]:
     return [Finding("units", SUSPECT, "degrees", {"speed_rad_s": speed_rad_s})]
 
 
-def _too_short(line: Timeline, *, timed: bool) -> Finding | None:
+def _too_short(line: Timeline, duration_s: float | None) -> Finding | None:
     frames = int(line.valid.any(1).sum()) if line.valid.size else 0
-    times = line.time_s[np.isfinite(line.time_s)]
-    duration = float(times.max() - times.min()) if len(times) and timed else np.inf
-    if frames >= SHORT_FRAMES and duration >= SHORT_S:
+    if frames >= SHORT_FRAMES and (duration_s is None or duration_s >= SHORT_S):
         return None
-    length = {"frames": frames} | ({"duration_s": duration} if np.isfinite(duration) else {})
+    length = {"frames": frames} | ({} if duration_s is None else {"duration_s": duration_s})
     return Finding("too-short", REFUSED if frames < NO_FRAMES else SUSPECT, "", length)

@@ -37,6 +37,26 @@ WHAT: Mapping[str, Template] = {
     "time-unit/rate": N_(
         "the times make {rate_hz:.3g} frames a second, as `rate_hz` says, and there seem to be {true_hz:.3g}"
     ),
+    "clock/ahead": N_(
+        "the clock jumps ahead by {by_s:.6g} s in frame {number}, from {from_s:.6g} to {to_s:.6g} s (such "
+        "jumps: {steps}): nothing was recorded in between, or it was set"
+    ),
+    "clock/back": N_(
+        "the clock goes back by {by_s:.6g} s in frame {number}, from {from_s:.6g} to {to_s:.6g} s (such "
+        "jumps: {steps}): probably the tracker was started again, or its clock was set"
+    ),
+    "clock/midnight": N_(
+        "the clock goes back by a day in frame {number}, from {from_s:.6g} to {to_s:.6g} s (such jumps: "
+        "{steps}): it passed midnight"
+    ),
+    "clock/wrap": N_(
+        "the clock goes back by {by} s in frame {number}, from {from_s:.6g} to {to_s:.6g} s (such jumps: "
+        "{steps}): probably its counter was full and began again"
+    ),
+    "clock/still": N_(
+        "the clock stands still at {from_s:.6g} s for {rows} frames, from frame {number} on (such places: "
+        "{steps})"
+    ),
     "hemisphere/jumps": plural(
         "the position of {segment} jumps to the other side of the transmitter {n} time, first {at}{also}: "
         "the tracker took the wrong hemisphere",
@@ -137,6 +157,15 @@ WHAT: Mapping[str, Template] = {
 }
 """What is seen, and what it probably is, by kind of docs/mistakes.md and variant."""
 
+_NOT_COMPARED = N_(
+    "nothing has to be done: speeds and cycles have a gap there, and times after it do not compare with "
+    "those before"
+)
+_ADD = N_(
+    "add {by} s to all times from frame {number} on in the file, or speeds and cycles have a gap there and "
+    "times after it do not compare with those before"
+)
+
 CURES: Mapping[str, str] = {
     "quaternion-order/order": N_("write `order: {order}` under `orientation` in the mapping"),
     "quaternion-order/inverse-too": N_(
@@ -155,6 +184,11 @@ CURES: Mapping[str, str] = {
     "time-unit": N_("write `time_unit: {unit}` under `csv` in the mapping"),
     "time-unit/scaled": N_("multiply the times by {factor:g} in the file"),
     "time-unit/rate": N_("write `rate_hz: {true_hz:g}` in the mapping"),
+    "clock/ahead": _NOT_COMPARED,
+    "clock/back": _NOT_COMPARED,
+    "clock/midnight": _ADD,
+    "clock/wrap": _ADD,
+    "clock/still": N_("nothing has to be done, but of these frames no speed and no cycle can be right"),
     "hemisphere/jumps": N_(
         "write `repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere)"
     ),

@@ -60,6 +60,12 @@ NORM_TOLERANCE = 0.01
 WILD_TIMES = 1e6
 """So many times what half of a receiver's times span, and a second, no time of a recording is off."""
 
+TWO_RECORDINGS = 10
+"""Frames in turn that stand twice with other poses are no slip of a counter."""
+
+MANY_POSES = 20
+"""In so many, the coordinates of a receiver that moves are no whole numbers."""
+
 FROZEN_FRAMES = 240
 """A second at 240 Hz: a working receiver's last digits move in that time."""
 
@@ -85,6 +91,7 @@ Bools = npt.NDArray[np.bool_]
 Flags = npt.NDArray[np.uint32]
 Integers = npt.NDArray[np.int64]
 Array = npt.NDArray[np.float64]
+Places = Sequence[tuple[int, Callable[[int], str]]]
 
 
 @dataclass(frozen=True)
@@ -156,6 +163,8 @@ class _Segment:
     usable : rows that are valid; complete : those that have all their numbers; moves : whether these differ.
     bad : of the first row in the recording's own order whose quaternion has no length of 1: its sample, frame
     and that length; bad_count : how many there are.
+    twice : the first row whose frame stands before with another pose, as `bad`, where many frames in turn do.
+    counted : the coordinate that only has whole numbers though the receiver moves; empty: none.
     sides : on which sides of the transmitter its usable poses are; None where it has none, or is optical.
     """
 
@@ -164,6 +173,8 @@ class _Segment:
     moves: bool
     bad: tuple[int, int, float] | None
     bad_count: int
+    twice: tuple[int, int] | None
+    counted: str
     sides: OwnSides | None
 
 
@@ -200,7 +211,9 @@ def poses_table(
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
     segments = {names[index]: _checked(files[index], names[index] in points) for index in sorted(files)}
+    _refuse_two_recordings(segments, places)
     _refuse_bad_quaternions(segments, places)
+    _refuse_counted_positions(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
     frozen = _frozen_segments(segments, parents)
@@ -237,7 +250,7 @@ def _checked(file: _RowFile, point: bool) -> _Segment:
         rows = rows.copy()
         rows["numbers"][:, 3:] = np.where(np.isnan(rows["numbers"][:, :3]).all(-1)[:, None], np.nan, IDENTITY)
         rows["flags"][~np.isnan(rows["numbers"]).any(-1)] |= _BIT["no-orientation"]
-    rows = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
+    rows, twice = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
     _empty_far(rows)
     _empty_wild_times(rows["time_s"])
     rows["flags"] |= _gap_flags(rows) | _time_flags(rows["time_s"])
@@ -258,6 +271,8 @@ def _checked(file: _RowFile, point: bool) -> _Segment:
         bool((poses != poses[:1]).any()),
         first,
         int(bad.sum()),
+        twice,
+        _counted(poses[:, :3]),
         own,
     )
 
@@ -301,13 +316,17 @@ def _on_one_side(
     return out
 
 
-def _one_a_frame(rows: Rows) -> Rows:
-    """Keep the first of the rows of a frame, without what they do not agree on; gives a copy."""
+def _one_a_frame(rows: Rows) -> tuple[Rows, tuple[int, int] | None]:
+    """Keep the first of the rows of a frame, without what they do not agree on; gives a copy.
+
+    Where TWO_RECORDINGS frames in turn stand twice with other poses, gives the first such row's sample and
+    frame, too.
+    """
     rows = rows.copy()
     first = np.ones(len(rows), bool)
     first[1:] = rows["frame"][1:] != rows["frame"][:-1]
     if first.all():
-        return rows
+        return rows, None
     kept, twin = np.flatnonzero(first), np.flatnonzero(~first)
     owner = kept[np.cumsum(first)[twin] - 1]
     same_time = _same(rows["time_s"][twin], rows["time_s"][owner])
@@ -319,7 +338,12 @@ def _one_a_frame(rows: Rows) -> Rows:
     flags[owner] = _BIT["duplicate-frame"]
     flags[owner[~same]] = _BIT["conflicting-duplicate"]
     rows["flags"] |= flags
-    return rows[kept]
+    other = ((rows["flags"][kept] & _BIT["conflicting-duplicate"]) != 0).astype(np.int8)
+    edges = np.flatnonzero(np.diff(other, prepend=0, append=0))
+    if not (edges[1::2] - edges[::2] >= TWO_RECORDINGS).any():
+        return rows[kept], None
+    again = twin[~same][np.argmin(rows["sample"][twin[~same]])]
+    return rows[kept], (int(rows["sample"][again]), int(rows["frame"][again]))
 
 
 def _same(first: Array, second: Array) -> Bools:
@@ -385,6 +409,19 @@ def _normalise(rows: Rows) -> tuple[Array, Bools]:
     return length, bad
 
 
+def _counted(position_mm: Array) -> str:
+    """Return the axis along which positions (N, 3), many of which there are, only have whole numbers of mm or
+    inches while they move along both others; empty: none. Where all are whole they are rounded.
+    """
+    still = (position_mm == position_mm[:1]).all(0)
+    for unit_mm in (1.0, 25.4) if len(position_mm) >= MANY_POSES else ():
+        whole = (np.abs(position_mm / unit_mm - np.round(position_mm / unit_mm)) < 1e-6).all(0)
+        for axis, name in enumerate("xyz"):
+            if whole[axis] and not np.delete(still, axis).any() and (still[axis] or not whole.all()):
+                return name
+    return ""
+
+
 def _complete(rows: Rows) -> Bools:
     """Tell which of rows that are checked have a pose: of the others all numbers are NaN."""
     return np.asarray(np.isfinite(rows["numbers"][:, 0]))
@@ -395,9 +432,35 @@ def _unusable(rows: Rows) -> Bools:
     return np.asarray((rows["flags"] & _INVALIDATING) != 0)
 
 
-def _refuse_bad_quaternions(
-    segments: Mapping[str, _Segment], places: Sequence[tuple[int, Callable[[int], str]]]
-) -> None:
+def _where(places: Places, sample: int) -> str:
+    start, place = [one for one in places if one[0] <= sample][-1]
+    return place(sample - start)
+
+
+def _refuse_two_recordings(segments: Mapping[str, _Segment], places: Places) -> None:
+    """Raise InputError where frames stand twice, with other poses, one after the other."""
+    first = min(((*own.twice, name) for name, own in segments.items() if own.twice), default=None)
+    if first:
+        sample, frame, name = first
+        raise InputError(
+            f"{_where(places, sample)}: frame {frame} of receiver {name} stands twice with different poses, "
+            "and so do those from here on: two recordings in one file? Cut it here, or give the second its "
+            "own frames"
+        )
+
+
+def _refuse_counted_positions(segments: Mapping[str, _Segment], places: Places) -> None:
+    """Raise InputError where a receiver has a station's number, or a counter's, in place of a coordinate."""
+    for name, own in segments.items():
+        if own.counted:
+            raise InputError(
+                f"{_where(places, 0)}: {own.counted} of receiver {name} is a whole number in all of its poses "
+                "while it moves; expected a position, and this is probably the station or a counter: name the "
+                "right columns (`shukotsu inspect` shows them)"
+            )
+
+
+def _refuse_bad_quaternions(segments: Mapping[str, _Segment], places: Places) -> None:
     """Raise InputError at the first in the recording's order.
 
     places : of each part its first sample and its place.
@@ -406,8 +469,7 @@ def _refuse_bad_quaternions(
     if not bad:
         return
     sample, frame, norm, name = min(bad)
-    start, place = [one for one in places if one[0] <= sample][-1]
-    where = f"{place(sample - start)}, segment {name}, frame {frame}"
+    where = f"{_where(places, sample)}, segment {name}, frame {frame}"
     count = sum(segment.bad_count for segment in segments.values())
     more = f" (and {count - 1} more rows like it)" if count > 1 else ""
     if norm == 0:

@@ -105,6 +105,11 @@ def _pairs(words: re.Match[str]) -> list[tuple[str, str]]:
     return re.findall(r"(\w+) (?:and|with) (\w+)", words["pairs"])
 
 
+def _added(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
+    late = float(words[1]) * (brought.table["frame"] >= int(words[2]))
+    return brought.with_columns(time_s=brought.table["time_s"] + late)
+
+
 # --- the file ---------------------------------------------------------------------------------------------
 
 
@@ -240,6 +245,7 @@ RULES: Sequence[tuple[str, Follow]] = (
     (r"exchange these names in the file's column .* in the layout: (?P<pairs>.+)\.", _names_in_file),
     (r"name the file's columns (.+) anew: ([^.]+?)(?:, and negate (.+))?\.$", _renamed),
     (r"; negate (.+) in the file", _negate),
+    (r"add (\S+) s to all times from frame (\d+) on in the file", _added),
     (r"multiply (.+) by (\S+) in the file", _multiplied),
     (r"put (\S+_mm, \S+_mm, \S+_mm) in place of (.+) in the file", _in_place),
     (r"such as (.*?): .*leave the numbers of these poses empty in the file, and check again", _spiked),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,11 @@ def _named_twice(receivers: dict[str, Any]) -> dict[str, Any]:
     return {**receivers, "index_middle": receivers["index_distal"]}
 
 
+def _clocked(planted: Planted, factor: float = 1.0, fall_s: float = 0.0) -> Planted:
+    time_s = planted.poses.time_s
+    return changed(planted, time_s=time_s * factor - fall_s * (time_s > 2))
+
+
 def _inverse(planted: Planted) -> Planted:
     return changed(planted, quaternion=conjugate(planted.poses.quaternion))
 
@@ -210,6 +216,8 @@ CASES: Sequence[Case] = (
     Case("units", "unit: rad", angles, _in_mapping("orientation", unit="rad")),
     Case("time-unit", "milliseconds", tidy, _recorded("milliseconds read as seconds")),
     Case("time-unit", "time_unit: s", wide, _in_mapping("csv", time_unit="s")),
+    Case("time-unit", "nanoseconds", tidy, _numbers(partial(_clocked, factor=1e9))),
+    Case("clock", "wrap", tidy, _numbers(partial(_clocked, fall_s=2**32 / 1e3))),
     Case("hemisphere", "all along", tidy, _recorded("a receiver on the other side all along")),
     Case("hemisphere", "flips", tidy, _recorded("one to three receivers flip"), other_frames=True),
     Case("receiver-stuck", "hangs", tidy, _recorded("a receiver hangs for a while"), other_frames=True),

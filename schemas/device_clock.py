@@ -1,0 +1,83 @@
+"""A recording's clock: for how long frames were recorded, and where the times do not run on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+LEAST_S, LEAST_STEPS = 0.5, 10.0
+"""A clock is off where it is by more, in s and in usual steps."""
+
+DAY_S = 86400.0
+WRAPS_S = (2**16 * 1e-3, *(2**bits * unit for unit in (1e-3, 1e-6, 1e-9) for bits in (31, 32)))
+"""By how much a counter of ms, us or ns falls that begins again."""
+
+
+@dataclass(frozen=True)
+class ClockBreak:
+    """A step of a recording's times in which the clock did not run on.
+
+    kind : ahead, back, still, midnight or wrap. row : the first frame after it; of a clock that stands still,
+    the first of the `rows` with one time. by_s : how far it jumps ahead, or how much the times after it lack.
+    """
+
+    kind: str
+    row: int
+    rows: int
+    from_s: float
+    to_s: float
+    by_s: float
+
+
+def device_clock(
+    time_s: Array, frame: npt.NDArray[np.int64] | None = None
+) -> tuple[float | None, list[ClockBreak]]:
+    """Return for how long frames were recorded, None where no times tell it, and where the clock is off.
+
+    time_s : (T,) of the frames, NaN where unknown. frame : (T,) their numbers; a step that is as long as the
+    frames that are missing is no break.
+    """
+    known = np.flatnonzero(np.isfinite(time_s))
+    at = np.flatnonzero(np.diff(time_s[known]) != 0) + 1
+    if not len(at):
+        return None, _stood(known[0], len(known), time_s[known[0]]) if len(known) > 1 else []
+    changes, alike = known[at], np.diff(at, prepend=0)
+    rows = np.diff(changes, prepend=known[0])
+    times = np.concatenate([time_s[known[:1]], time_s[changes]])
+    step = np.diff(times)
+    usual_s, row_s = float(np.median(np.abs(step))), float(np.median(np.abs(step) / rows))
+    least_s = max(LEAST_S, LEAST_STEPS * usual_s)
+    expected = rows * row_s
+    back, gap, still = (
+        step < -LEAST_STEPS * usual_s,
+        step - expected > least_s,
+        alike * row_s > least_s + usual_s,
+    )
+    counted = expected if frame is None else np.diff(frame[changes], prepend=frame[known[0]]) * row_s
+    breaks = []
+    for place in np.flatnonzero(back | still | (step - counted > least_s)).tolist():
+        start, end = times[place : place + 2].tolist()
+        by_s = float(step[place] - expected[place])
+        if still[place] and not back[place]:
+            breaks += _stood(changes[place] - rows[place], alike[place], start)
+        elif back[place]:
+            wrap = next((own for own in (DAY_S, *WRAPS_S) if abs(by_s + own) <= 3 * usual_s), 0.0)
+            kind = "midnight" if wrap == DAY_S else "wrap" if wrap else "back"
+            breaks.append(ClockBreak(kind, int(changes[place]), 1, start, end, wrap or start - end))
+        else:
+            breaks.append(ClockBreak("ahead", int(changes[place]), 1, start, end, by_s))
+    tail = len(known) - int(at[-1])
+    if tail * row_s > least_s + usual_s:
+        breaks += _stood(changes[-1], tail, times[-1])
+    off = back | gap | still
+    running_s = float(times[-1] - times[0] - step[off].sum())
+    more = int(known[0]) + int(rows[off].sum()) + len(time_s) - 1 - int(changes[-1])
+    return abs(running_s + more * row_s), breaks
+
+
+def _stood(row: int, rows: int, time_s: float) -> list[ClockBreak]:
+    return [ClockBreak("still", int(row), int(rows), float(time_s), float(time_s), 0.0)]
