@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from shukotsu.anatomy import average_hand as average
 from shukotsu.checks.checked_recording import CheckedRecording
 from shukotsu.schemas.findings import NOTE, SUSPECT, Finding, same_file
+from shukotsu.schemas.study import Recording
 from shukotsu.sentences.finding_sentences import Values
 from shukotsu.skeleton.rotations import Array
 
@@ -53,6 +54,15 @@ def compared(
         if not any(one.kind == "same-file" for one in found[place].findings):
             found[place] = replace(found[place], findings=(*found[place].findings, finding))
     return found
+
+
+def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Recording, Finding]]:
+    """Name recordings, each with its poses' digest, that are another subject's, or another session's."""
+    first_of: dict[str, Recording] = {}
+    for own, digest in recordings:
+        first = first_of.setdefault(digest, own) if digest else own
+        if first.hand.who != own.hand.who:
+            yield own, same_file(first.hand.hand, first.title, *first.hand.who).accept(own.accept)
 
 
 def _accused(checked: CheckedRecording) -> bool:

@@ -17,6 +17,7 @@ from shukotsu.commands.study_file import read_files
 from shukotsu.errors import InputError, listed
 
 if TYPE_CHECKING:
+    from shukotsu.schemas.findings import Finding
     from shukotsu.schemas.plan import SubjectPlan
     from shukotsu.schemas.study import Recording
     from shukotsu.workflow.study_files import StudyFiles
@@ -66,8 +67,11 @@ def _parent(path: Path) -> Path:
 
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
     """Import every recording into a folder that is removed again; give its name and what is to say, each."""
+    from shukotsu.checks.compared_recordings import copies
+
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
     findings: list[tuple[str, str]] = []
+    digests: list[tuple[Recording, str]] = []
     done = 0
     with progress("recordings read", total) as tell, tempfile.TemporaryDirectory() as folder:
         for plan in plans:
@@ -77,10 +81,11 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
                 _import(own, file)
                 done += 1
                 tell(done)
-            findings += _findings_of_subject(replace(plan, recordings=tuple(recordings), poses_files=poses))
+            own = replace(plan, recordings=tuple(recordings), poses_files=poses)
+            findings += _findings_of_subject(own, digests)
             for file in poses.values():
                 file.unlink()
-    return findings
+    return findings + [(_name(own), _said(finding)) for own, finding in copies(digests)]
 
 
 def _import(recording: Recording, poses: Path) -> None:
@@ -97,8 +102,11 @@ def _import(recording: Recording, poses: Path) -> None:
         raise InputError(output.getvalue().strip().removeprefix("error: "))
 
 
-def _findings_of_subject(plan: SubjectPlan) -> list[tuple[str, str]]:
-    """List the findings on a subject's recordings: why one cannot be read, else what its poses contradict."""
+def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[tuple[str, str]]:
+    """List the findings on a subject's recordings: why one cannot be read, else what its poses contradict.
+
+    Digests of the poses join the others.
+    """
     from shukotsu.schemas.poses import usable_poses
     from shukotsu.stages.check_recordings.__main__ import build_parser, check_subject
 
@@ -109,8 +117,13 @@ def _findings_of_subject(plan: SubjectPlan) -> list[tuple[str, str]]:
     ]
     for own, checked in check_subject(plan, build_parser().parse_args(["--record-failure"])):
         accepted = (finding.accept(own.accept) for finding in checked.findings)
-        findings += [(_name(own), f"{one.severity}: {one.kind}: {one.message}") for one in accepted]
+        findings += [(_name(own), _said(one)) for one in accepted]
+        digests.append((own, checked.digest))
     return findings
+
+
+def _said(finding: Finding) -> str:
+    return f"{finding.severity}: {finding.kind}: {finding.message}"
 
 
 def _name(recording: Recording) -> str:

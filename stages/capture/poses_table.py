@@ -410,8 +410,8 @@ def _normalise(rows: Rows) -> tuple[Array, Bools]:
 
 
 def _counted(position_mm: Array) -> str:
-    """Return the axis along which positions (N, 3), many of which there are, only have whole numbers of mm or
-    inches while they move along both others; empty: none. Where all are whole they are rounded.
+    """Return the axis along which many positions (N, 3) only have whole numbers, of mm or inches, while they
+    move along both others; empty: none. Where all are whole they are rounded.
     """
     still = (position_mm == position_mm[:1]).all(0)
     for unit_mm in (1.0, 25.4) if len(position_mm) >= MANY_POSES else ():
@@ -454,8 +454,8 @@ def _refuse_counted_positions(segments: Mapping[str, _Segment], places: Places) 
     for name, own in segments.items():
         if own.counted:
             raise InputError(
-                f"{_where(places, 0)}: {own.counted} of receiver {name} is a whole number in all of its poses "
-                "while it moves; expected a position, and this is probably the station or a counter: name the "
+                f"{_where(places, 0)}: {own.counted} of receiver {name} is a whole number in all its poses, "
+                "while it moves; expected a position, and this is probably a station or a counter: name the "
                 "right columns (`shukotsu inspect` shows them)"
             )
 

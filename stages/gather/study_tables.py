@@ -9,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from shukotsu.checks.compared_recordings import copies
 from shukotsu.errors import INTERNAL
 from shukotsu.files.whole_files import write_text
 from shukotsu.schemas import PROGRAM, VERSION
@@ -29,7 +30,6 @@ from shukotsu.schemas.findings import (
     Finding,
     problem_of,
     problem_row,
-    same_file,
     worded,
 )
 from shukotsu.schemas.layout import read_layout
@@ -39,7 +39,7 @@ from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.recording_summary import recording_row
 from shukotsu.schemas.results import GATHERED_TABLES, Results
 from shukotsu.schemas.sheets import CORRECTIONS, read_sheet
-from shukotsu.schemas.study import Recording, Study, SubjectSession, correction_problems, unmatched_rows
+from shukotsu.schemas.study import Study, correction_problems, unmatched_rows
 from shukotsu.schemas.tables import (
     Provenance,
     Table,
@@ -101,18 +101,14 @@ def _finding_rows(plan: SubjectPlan, recordings: Sequence[Row]) -> Iterator[Row]
 
 def _same_files(plans: Sequence[SubjectPlan]) -> Iterator[Row]:
     """Name recordings whose poses are, number by number, those of another subject's, or another session's."""
-    first_of: dict[str, tuple[SubjectSession, Recording]] = {}
-    for plan in plans:
-        digests = read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"]
-        for recording in plan.recordings:
-            name = "/".join(recording.key.values())
-            if not digests.get(name):
-                continue
-            who, first = first_of.setdefault(digests[name], (plan.who, recording))
-            if who != plan.who:
-                where = {**vars(recording.hand), "task": recording.title}
-                one = same_file(first.hand.hand, first.title, *first.hand.who)
-                yield problem_row(STAGE, one.accept(recording.accept), **where)
+    digests = {plan.who: read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"] for plan in plans}
+    of_recordings = (
+        (own, digests[plan.who].get("/".join(own.key.values()), ""))
+        for plan in plans
+        for own in plan.recordings
+    )
+    for own, finding in copies(of_recordings):
+        yield problem_row(STAGE, finding, **vars(own.hand), task=own.title)
 
 
 def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> list[Row]:
