@@ -21,6 +21,9 @@ from shukotsu.schemas.left import instead
 
 MAX_MESSAGES = 5
 
+_NEAR, _NEAR_LETTERS = 0.75, 2
+"""How like a column that is not there a typo of its name is, and by how many letters it is longer."""
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -187,6 +190,7 @@ RECORDINGS = Sheet(
         Cell("pulses", _text, "which of these events the recording has too (docs/events.md)", False, ""),
     ),
     ("subject", "session", "hand", "task", "trial"),
+    more_columns=True,
 )
 
 PARTICIPANTS = Sheet(
@@ -326,6 +330,11 @@ def _columns(sheet: Sheet) -> str:
 
 def _check_header(path: Path, sheet: Sheet, header: list[str], more: Collection[str]) -> None:
     known = [cell.name for cell in sheet.cells]
+    odd = [name for name in header if name and name not in known and name not in more]
+    for name in odd:
+        close = difflib.get_close_matches(name.lower(), [own for own in known if own not in header], 1, _NEAR)
+        if close and abs(len(close[0]) - len(name)) <= _NEAR_LETTERS:
+            raise InputError(f"{path}: row 1: unknown column {name}; did you mean {close[0]!r}?")
     missing = [cell.name for cell in sheet.cells if cell.needed(header) and cell.name not in header]
     if missing:
         hint = "; are the columns separated by tabs?" if len(header) == 1 else ""
@@ -335,11 +344,8 @@ def _check_header(path: Path, sheet: Sheet, header: list[str], more: Collection[
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
         raise InputError(f"{path}: row 1: column {listed(twice)} is given twice")
-    odd = [name for name in header if name not in known and name not in more]
     if odd and not sheet.more_columns:
-        close = difflib.get_close_matches(odd[0], known, 1)
-        meant = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
-        raise InputError(f"{path}: row 1: unknown column {listed(odd)}; {meant}")
+        raise InputError(f"{path}: row 1: unknown column {listed(odd)}; known are {', '.join(known)}")
 
 
 def _read_row(sheet: Sheet, header: list[str], line: int, cells: list[str]) -> tuple[Row, list[str]]:

@@ -75,7 +75,7 @@ class Hand:
 
 @dataclass(frozen=True)
 class Recording:
-    """One row of the recordings sheet, paths resolved."""
+    """One row of the recordings sheet, paths resolved. more : further columns, which no plan has."""
 
     hand: Hand
     task: str
@@ -92,6 +92,7 @@ class Recording:
     events: Path | None = None
     pulses: str = ""
     factors: tuple[tuple[str, str], ...] = ()
+    more: tuple[tuple[str, str], ...] = ()
 
     @property
     def name(self) -> str:
@@ -356,6 +357,14 @@ def unmatched_rows(study: Study) -> list[str]:
     return problems
 
 
+def columns_handed_on(study: Study) -> list[str]:
+    """Say, in a sentence if there are any, which columns of the recordings sheet the study does not use."""
+    names = [name for name, _ in study.recordings[0].more if name not in study.columns]
+    where = study.sheets["recordings"].name
+    use = "not used, but handed on to recordings.parquet as they stand"
+    return [f"{where}: further columns, {use}: {listed(names)}"] if names else []
+
+
 def _check_factors(
     names: Mapping[str, str], recordings: Sequence[Recording], participants: Sequence[Row], where: str
 ) -> None:
@@ -460,7 +469,7 @@ def _recordings(
 
     layout, mapping : of rows that name none.
     """
-    recordings, unusable = [], []
+    recordings, unusable, known = [], [], {cell.name for cell in RECORDINGS.cells}
     layouts: dict[Hand, tuple[Path, int]] = {}
     paths: dict[tuple[str, str], int] = {}
     units: dict[str, tuple[SubjectSession, int]] = {}
@@ -482,6 +491,7 @@ def _recordings(
             folder / row["events"] if row["events"] else None,
             row["pulses"],
             tuple((name, row[name]) for name in factors if name in row.values and name not in OWN_FACTORS),
+            tuple((name, text) for name, text in row.values.items() if name and name not in known),
         )
         reason = _why_unusable(recording)
         if reason:

@@ -28,13 +28,14 @@ def check_study(path: Path) -> None:
 
     Raises InputError as a run would. Snakemake runs code in a file that asks for it; this runs none.
     """
-    from shukotsu.schemas.study import unmatched_rows
+    from shukotsu.schemas.study import columns_handed_on, unmatched_rows
 
     files = read_files(path)
     study = files.study
     counts = f"{len(study.subjects)} subjects, {len(study.recordings)} recordings, {len(study.models)} models"
     print(f"{path}: study {study.name}, {counts}")
-    for note in (*(row.message for row in study.unusable), *unmatched_rows(study), *_outside(path, files)):
+    said = (*unmatched_rows(study), *columns_handed_on(study), *_outside(path, files))
+    for note in (*(row.message for row in study.unusable), *said):
         print(f"note: {note}")
     recordings_by_finding: dict[str, list[str]] = {}
     for name, sentence in _findings_of_recordings(files.subjects):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +40,10 @@ from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.recording_summary import recording_row
 from shukotsu.schemas.results import GATHERED_TABLES, Results
 from shukotsu.schemas.sheets import CORRECTIONS, read_sheet
-from shukotsu.schemas.study import Study, correction_problems, unmatched_rows
+from shukotsu.schemas.study import Study, columns_handed_on, correction_problems, unmatched_rows
+from shukotsu.schemas.table_columns import TEXT
 from shukotsu.schemas.tables import (
+    Column,
     Provenance,
     Table,
     columns_from_rows,
@@ -70,11 +73,23 @@ def gather_study(study: Study, results: Results) -> None:
     problems += [row for plan in plans for row in _uncalibrated(plan)]
     problems += _correction_rows(study)
     problems += [problem_row("plan", worded("sheet", REFUSED, text)) for text in unmatched_rows(study)]
+    problems += [problem_row("plan", worded("sheet", NOTE, text)) for text in columns_handed_on(study)]
     _write_resolved(study, results)
     provenance = Provenance.of(list(study.sheets.values()))
     unique = list({tuple(row[key] for key in _UNIQUE): row for row in reversed(problems)}.values())[::-1]
-    for table, rows in ((RECORDINGS, recordings), (PROBLEMS, unique)):
+    for table, rows in ((_with_further_columns(study, recordings), recordings), (PROBLEMS, unique)):
         write_table(results.study_table(table.name), table, columns_from_rows(table, rows), provenance)
+
+
+def _with_further_columns(study: Study, rows: Sequence[Row]) -> Table:
+    """Return the recordings table with what the sheet has besides, which is put into the rows."""
+    own = {column.name for column in RECORDINGS.columns}
+    names = {name: f"{name}_of_sheet" if name in own else name for name, _ in study.recordings[0].more}
+    more = {tuple(one.key.values()): one.more for one in study.recordings}
+    for row in rows:
+        row |= {names[name]: text for name, text in more[tuple(row[key] for key in RECORDINGS.key)]}
+    columns = [Column(name, TEXT, "", "as in the recordings sheet", nullable=True) for name in names.values()]
+    return replace(RECORDINGS, columns=(*RECORDINGS.columns, *columns))
 
 
 _UNIQUE = ("subject", "session", "hand", "task", "model", "message")

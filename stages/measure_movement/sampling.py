@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.schemas.device_clock import device_clock
 from shukotsu.skeleton.rotations import Array
 
 MOST_GAP_S = 0.05
@@ -54,6 +55,9 @@ def grid_of(time_s: Array) -> Grid | None:
     known = apart[apart > 0]
     usual_s = float(np.median(known)) if len(known) else np.nan
     pause = ~(np.abs(apart) <= usual_s + MOST_GAP_S)
+    for off in device_clock(time_s)[1]:
+        if off.kind == "still":
+            pause[off.row : off.row + off.rows - 1] = True
     if not apart[~pause].sum() > 0:
         return None
     for part in _PARTS:

@@ -48,7 +48,6 @@ def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path
             "'role' tells no levels apart; expected one of session, hand",
         ),
         ("condition", PARTICIPANTS.replace("group", "condition"), "'condition' is a column of both sheets"),
-        ("group", PARTICIPANTS, "recordings.tsv: row 1: unknown column condition; known are subject"),
     ],
 )
 def test_what_is_no_factor_is_refused(tmp_path: Path, factors: str, participants: str, message: str) -> None:

@@ -104,7 +104,8 @@ def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
             [*RECORDING, RECORDING[1]],
             "row 3: subject '01', hand 'right', task 'rom' already stands in row 2",
         ),
-        (RECORDINGS, [RECORDING[0] + "\tnotes"], "row 1: unknown column notes; known are subject, hand"),
+        (CORRECTIONS, [CORRECTION[0] + "\twhy"], "row 1: unknown column why; known are subject, hand"),
+        (RECORDINGS, ["subject\thand\ttsak\trole\tfile"], "unknown column tsak; did you mean 'task'?"),
         (RECORDINGS, [RECORDING[0] + "\tsesion"], "unknown column sesion; did you mean 'session'?"),
         (RECORDINGS, [RECORDING[0] + "\thand"], "row 1: column hand is given twice"),
         (RECORDINGS, ["subject\thand\ttask\tfile"], "row 1: column role is missing; found subject, hand"),
@@ -148,6 +149,13 @@ def test_files_that_are_no_sheet(tmp_path: Path) -> None:
         read_sheet(tmp_path, RECORDINGS)
     with pytest.raises(InputError, match=r"is UTF-16 text; expected the sheet .*: save it as UTF-8"):
         read_sheet(written(tmp_path, RECORDING, encoding="utf-16"), RECORDINGS)
+
+
+def test_a_recordings_sheet_may_say_more(tmp_path: Path) -> None:
+    """Near is a name only to a column that is not there: `mask` is no typo beside `task`."""
+    lines = [f"{RECORDING[0]}\tnote\tmask\tsession_date", f"{RECORDING[1]}\twarm\tyes\t3 May"]
+    (row,) = read_sheet(written(tmp_path, lines), RECORDINGS)
+    assert (row["note"], row["mask"], row["session_date"]) == ("warm", "yes", "3 May")
 
 
 def test_a_participants_sheet_may_say_more(tmp_path: Path) -> None:

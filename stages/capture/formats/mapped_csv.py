@@ -215,6 +215,8 @@ def _in_step(
         tracks = {segment: replace(own, frame=frames[own.row]) for segment, own in tracks.items()}
     elif long and any(np.ptp(_known(own.time_s)) > 0 for own in tracks.values() if len(_known(own.time_s))):
         tracks, losses = _framed_by_time(tracks)
+    elif long and (rounds := _rounds(tracks, mapping)):
+        tracks = rounds
     elif long:
         _check_counts(tracks, path, mapping)
     start = 0 if frames is None else int(frames.min())
@@ -287,6 +289,23 @@ def _nearest_together(keys_s: Sequence[Array], step_s: float) -> list[Integers]:
         known += len(centre_s)
     number = np.argsort(np.argsort(np.concatenate(centres_s), kind="stable"))
     return [number[own] for own in frames]
+
+
+def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Track]:
+    """Number rows of stations that go round by their rounds, which may lack rows; empty: they do not."""
+    values = [str(mapping.receivers[segment]["value"]) for segment in tracks]
+    if not all(value.isdecimal() for value in values):
+        return {}
+    row = np.concatenate([own.row for own in tracks.values()])
+    station = np.repeat([int(value) for value in values], [len(own.row) for own in tracks.values()])
+    order = np.argsort(row)
+    frame = np.cumsum(np.diff(station[order], prepend=-1) <= 0)
+    most = max(len(own.row) for own in tracks.values())
+    if frame[-1] + 1 > most + max(1, most // 20):
+        return {}
+    return {
+        name: replace(own, frame=frame[np.searchsorted(row[order], own.row)]) for name, own in tracks.items()
+    }
 
 
 def _check_counts(tracks: Mapping[str, Track], path: Path, mapping: FileMapping) -> None:

@@ -20,6 +20,7 @@ from shukotsu.stages.capture.inspection.column_titles import (
 
 _NORM_SHARE = 0.9
 _NORM_OFF = 0.02
+_MOST_STATION = 64
 
 _TIME = re.compile(r"time|stamp|^t$|^t_|sec", re.I)
 _FRAME = re.compile(r"frame|sample|count|^index$|^n$|^#$", re.I)
@@ -90,13 +91,15 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     time = next((t for t in times if _grows(numbers[t])), None)
     frame = next((t for t in numeric if t != time and _FRAME.search(t) and _whole(numbers[t])), None)
     wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
+    station = _first_goes_round(titles, numbers) and not wide
     receivers = [
         t for t in titles if not wide and t not in (time, frame) and not re.search("stat[eu]", t, re.I)
     ]
     receiver = next((t for t in receivers if _is_receiver(t, numbers.get(t))), None)
+    guessed = {titles[0]} if station and receiver is None else set()
+    receiver = receiver or next(iter(guessed), None)
     text = [title for title in titles if title not in numbers and title != receiver]
     left = [title for title in numeric if title not in (time, frame, receiver)]
-    guessed = set()
     if time is None and _first_is_time(left, numbers, named):
         time = left.pop(0)
         guessed.add(time)
@@ -173,6 +176,18 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
             if off < _NORM_OFF or re.search(r"q(uat\w*)?[\W_]*$", before):
                 groups |= dict.fromkeys(group, group if off < _NORM_OFF or off == np.inf else [])
     return groups
+
+
+def _first_goes_round(titles: Sequence[str], numbers: Mapping[str, Array]) -> bool:
+    """Tell whether the first column counts a few small whole numbers up again and again, as stations do.
+
+    Rows may be lost.
+    """
+    names, codes = np.unique(numbers.get(titles[0], np.zeros(0)), return_inverse=True)
+    if not 2 <= len(names) <= len(codes) / 2 or np.isnan(names).any():
+        return False
+    small = (names == np.floor(names)).all() and names[0] >= 0 and names[-1] <= _MOST_STATION
+    return bool(small and np.mean(np.diff(codes) % len(names) == 1) > _NORM_SHARE)
 
 
 def _first_is_time(left: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, object]) -> bool:

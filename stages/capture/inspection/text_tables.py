@@ -200,6 +200,9 @@ def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
         if all(map(by_azimuth, groups)):
             config["axes"] = ("ZYX", "azimuth about z, elevation about y, roll about x")
             rotates = (FORWARD, "what azimuth, elevation and roll do, of a Polhemus tracker and a trakSTAR")
+        elif roles.receiver in roles.guessed:
+            config["axes"] = ("ZYX", f"{CHECK}: azimuth, elevation, roll, as a Polhemus tracker writes them?")
+            rotates = (FORWARD, f"{CHECK}: what a Polhemus tracker's angles do; is it one?")
         config["unit"] = angle[:2]
     elif groups:
         rotates = (CHECK, f"{FORWARD} (Polhemus), or {BACKWARD} (trakSTAR)")
@@ -210,6 +213,11 @@ def _receivers(
     roles: Roles, receivers: Sequence[str], titles: Sequence[str], layout: Layout
 ) -> dict[str, Any]:
     if roles.receiver:
+        of_station = {str(layout.segments[name].receiver): name for name in layout.measured}
+        stations = {name: of_station.get(name.lstrip("0")) for name in receivers}
+        if roles.receiver in roles.guessed and None not in stations.values():
+            doubt = f"{CHECK}: as layout {layout.name} numbers its stations; is it so?"
+            return {str(stations[name]): ({"value": name}, doubt) for name in receivers}
         return {_segment(name, layout, receivers): {"value": name} for name in receivers}
     config: dict[str, Any] = {}
     pairs = paired(roles, titles)
@@ -265,7 +273,7 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
         config |= {"quality": _column(roles.quality[0])} if roles.receiver else {}
         config["quality_above"] = (CHECK, "the limit beyond which a pose is not used; or quality_below")
     if roles.receiver:
-        config["receiver"] = _column(roles.receiver)
+        config["receiver"] = (_column(roles.receiver), _doubt(roles, [roles.receiver]))
         for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):
             titles = groups[0] if groups else []
             if key == "orientation" and roles.positions and not groups:

@@ -116,6 +116,33 @@ def test_no_unit_quaternion_refuses_the_file(quaternion: tuple[float, ...], mess
     assert "and 1 more rows like it" in str(caught.value)
 
 
+def test_two_recordings_in_one_file_are_refused() -> None:
+    """One line says where the second begins; a counter that slips now and then costs its poses alone."""
+    moved = (9.0, *GOOD[1:])
+    rows = [(name, frame, 0, GOOD) for frame in range(40) for name in ("hand", "thumb")]
+    again = [(name, frame, 0, moved) for frame in range(10) for name in ("hand", "thumb")]
+    with pytest.raises(
+        InputError, match=r"line 82: frame 0 of receiver hand stands twice with different poses"
+    ):
+        table_of(samples_of(*rows, *again))
+    table = table_of(samples_of(*rows, *again[:18], *again[:2]))
+    assert table.usable == (31, 31)
+
+
+@pytest.mark.parametrize("unit_mm", [1.0, 25.4])
+def test_a_station_is_no_coordinate(unit_mm: float) -> None:
+    """Nor is a counter; positions that are rounded, all of them, are some."""
+
+    def rows(x: float, fraction: float) -> list[tuple[str, int, float, tuple[float, ...]]]:
+        return [
+            ("hand", n, 0.0, (x * unit_mm, n + fraction, 90 - n + fraction, *GOOD[3:])) for n in range(30)
+        ]
+
+    with pytest.raises(InputError, match="x of receiver hand is a whole number in all its poses"):
+        table_of(samples_of(*rows(4.0, 0.3)))
+    assert table_of(samples_of(*rows(4.3, 0.3))).usable == (30,)
+
+
 def test_time_is_kept_as_it_is_and_flagged() -> None:
     """Compared with the receiver's last known time before, within one segment only."""
     times = [0.1, 0.2, NAN, 0.2, 0.15, 0.3, float("inf")]

@@ -138,6 +138,23 @@ def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
     assert statuses["02", "pinch", "right"] == "used"
 
 
+@pytest.mark.usefixtures("plans")
+def test_further_columns_of_the_sheet_are_handed_on(tmp_path: Path) -> None:
+    """As they stand, named once in a note; one that is called as the table's own gets a name beside it."""
+    sheet = tmp_path / "sheets" / "recordings.tsv"
+    head, *rows = sheet.read_text().splitlines()
+    width = head.count("\t")
+    lines = [row + "\t" * (width - row.count("\t")) + f"\tn{place}\tx" for place, row in enumerate(rows)]
+    sheet.write_text("\n".join([f"{head}\tnote\tstatus", *lines]))
+    found = gathered(tmp_path)
+    assert [row["note"] for row in found["recordings"]] == [f"n{place}" for place in range(len(rows))]
+    assert (
+        {row["status_of_sheet"] for row in found["recordings"]} == {"x"} != {found["recordings"][0]["status"]}
+    )
+    (note,) = (row["message"] for row in found["problems"] if "further columns" in row["message"])
+    assert note.endswith("note, status")
+
+
 def test_what_is_said_of_a_clock_is_a_problem(plans: list[SubjectPlan], tmp_path: Path) -> None:
     rows = [
         row_of(
