@@ -413,9 +413,9 @@ def _counted(position_mm: Array) -> str:
     """Return the axis along which many positions (N, 3) only have whole numbers, of mm or inches, while they
     move along both others; empty: none. Where all are whole they are rounded.
     """
-    still = (position_mm == position_mm[:1]).all(0)
+    still = np.all(position_mm == position_mm[:1], axis=0)
     for unit_mm in (1.0, 25.4) if len(position_mm) >= MANY_POSES else ():
-        whole = (np.abs(position_mm / unit_mm - np.round(position_mm / unit_mm)) < 1e-6).all(0)
+        whole = np.all(np.abs(position_mm / unit_mm - np.round(position_mm / unit_mm)) < 1e-6, axis=0)
         for axis, name in enumerate("xyz"):
             if whole[axis] and not np.delete(still, axis).any() and (still[axis] or not whole.all()):
                 return name

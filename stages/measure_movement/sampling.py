@@ -55,9 +55,9 @@ def grid_of(time_s: Array) -> Grid | None:
     known = apart[apart > 0]
     usual_s = float(np.median(known)) if len(known) else np.nan
     pause = ~(np.abs(apart) <= usual_s + MOST_GAP_S)
-    for off in device_clock(time_s)[1]:
-        if off.kind == "still":
-            pause[off.row : off.row + off.rows - 1] = True
+    for one in device_clock(time_s)[1]:
+        if one.kind == "still":
+            pause[one.row : one.row + one.rows - 1] = True
     if not apart[~pause].sum() > 0:
         return None
     for part in _PARTS:

@@ -299,7 +299,7 @@ def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Trac
     row = np.concatenate([own.row for own in tracks.values()])
     station = np.repeat([int(value) for value in values], [len(own.row) for own in tracks.values()])
     order = np.argsort(row)
-    frame = np.cumsum(np.diff(station[order], prepend=-1) <= 0)
+    frame = np.cumsum(np.diff(station[order], prepend=-1) <= 0, dtype=np.int64)
     most = max(len(own.row) for own in tracks.values())
     if frame[-1] + 1 > most + max(1, most // 20):
         return {}

@@ -143,6 +143,29 @@ def test_a_long_table(run: Run) -> None:
     np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(1, 30) + 0.5) * 10)
 
 
+def test_a_tracker_s_own_text_goes_round_its_stations(run: Run) -> None:
+    """Rows that are lost, and a last round that is cut short, leave the others in their frames."""
+    rows = [
+        f"0{station} {frame + 0.5:8.4f} {station + 0.25:8.4f} 3.2500 {3 * frame:9.4f} {station:8.4f} 0.0000\n"
+        for frame in range(30)
+        for station in (1, 2)
+        if (frame, station) not in ((7, 2), (29, 2))
+    ]
+    path = run.write("tracker.txt", "".join(rows))
+    out = run.drafted(path)
+    assert "receiver column number 1: one row a receiver and frame; it has 01, 02" in out
+    draft = yaml.safe_load(run.mapping.read_text("utf-8"))
+    assert draft["csv"] | {"receiver": 1, "position": [2, 3, 4], "orientation": [5, 6, 7]} == draft["csv"]
+    assert (draft["position_unit"], draft["csv"]["rows"]) == ("CHECK", "long")
+    assert draft["orientation"] == {"kind": "euler", "axes": "ZYX", "unit": "deg", **FORWARD}
+    answers = {"position_unit": "inch", "rate_hz": "240"}
+    samples = run.imported(path, answers | {"CHECK_01": "hand", "CHECK_02": "forearm"})
+    hand = of(samples, "hand")
+    assert samples.frame[hand].tolist() == [*range(30)]
+    assert samples.frame[~hand].tolist() == [*range(7), *range(8, 29)]
+    np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(30) + 0.5) * 25.4)
+
+
 def write_c3d(path: Path, points: np.ndarray, labels: list[str], unit_text: str = "") -> Path:
     """A C3D file of 50 Hz; points: (T, P, 3). Without points it has the poses as a ROTATION `hand 1`."""
     import ezc3d
