@@ -82,8 +82,8 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
                 _import(own, file)
                 done += 1
                 tell(done)
-            own = replace(plan, recordings=tuple(recordings), poses_files=poses)
-            findings += _findings_of_subject(own, digests)
+            imported = replace(plan, recordings=tuple(recordings), poses_files=poses)
+            findings += _findings_of_subject(imported, digests)
             for file in poses.values():
                 file.unlink()
     return findings + [(_name(own), _said(finding)) for own, finding in copies(digests)]
