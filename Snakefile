@@ -459,26 +459,9 @@ rule compare_models:  # not in the paper: how the skeleton models differ over th
         f"{run} shukotsu.stages.compare_models {{params.study}} 2> {{log:q}}"
 
 
-rule record_questions:  # when each question of the study was first run: before there were results, or after
-    input:
-        configuration=ancient(study.configuration),
-    output:
-        update(study.questions_asked),  # it is added to; a run never removes it
-    log:
-        f"{logs}/record_questions.log",
-    params:
-        questions=study.questions_digest,
-        study=study.options,
-    message:
-        "record_questions: when each was first asked"
-    shell:
-        f"{run} shukotsu.workflow.record_questions {{params.study}} --out {{output:q}} 2> {{log:q}}"
-
-
 rule compare_movement:  # not in the paper: how subjects, sessions and tasks differ, and how well it repeats
     input:
         study.study_tables,
-        asked=study.asked,
         configuration=ancient(study.configuration),
     output:
         study.movement_comparisons,
@@ -488,11 +471,10 @@ rule compare_movement:  # not in the paper: how subjects, sessions and tasks dif
         code=code_digest("shukotsu.stages.compare_movement"),
         configuration=study.configuration_digest,
         study=study.options,
-        asked="--asked" if study.asked else "",
     message:
         "compare_movement: how subjects, sessions and tasks differ"
     shell:
-        f"{run} shukotsu.stages.compare_movement {{params.study}} {{params.asked}} {{input.asked:q}} 2> {{log:q}}"
+        f"{run} shukotsu.stages.compare_movement {{params.study}} 2> {{log:q}}"
 
 
 rule export:  # skeletons and their motion for other programs

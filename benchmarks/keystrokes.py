@@ -28,7 +28,7 @@ from shukotsu.skeleton.rotations import Array, conjugate, rotate
 from shukotsu.stages.simulate.random_hand import DIGITS
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import simulate
-from shukotsu.statistics.verdicts import between_family
+from shukotsu.statistics.permutation_test import group_test
 
 WRITTEN_TO = "keystrokes.md", "tables"
 FIRST_SEED = 9900
@@ -305,14 +305,13 @@ def _groups_table(values: Array) -> TextTable:
         first, second = values[:, group == 0].ravel(), values[:, group == 1].ravel()
         if len(first) and len(second):
             sizes = len(first), len(second), float(first.mean()), float(second.mean())
-            found = between_family(first[:, None], second[:, None])
-            rows.append((name, *sizes, float(found.p[0]), found.verdict[0]))
+            rows.append((name, *sizes, group_test(first, second)[0]))
     meaning = (
         "Mean independence of the four fingers over sessions and tempi, people of both drawings; p "
-        f"under the worst null. In the second group a neighbour goes along by {GOES_ALONG[1]} in place of "
+        f"by permutation. In the second group a neighbour goes along by {GOES_ALONG[1]} in place of "
         f"{GOES_ALONG[0]}; right and left hands do not differ."
     )
-    columns = ("groups", "n:d", "n:d", "independence:.3f", "of the others:.3f", "p:.4f", "verdict")
+    columns = ("groups", "n:d", "n:d", "independence:.3f", "of the others:.3f", "p:.4f")
     return TextTable("keystrokes: groups", columns, rows, meaning)
 
 

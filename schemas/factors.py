@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from shukotsu.schemas.questions import is_number
+import math
+
 from shukotsu.schemas.sheets import PARTICIPANTS, read_sheet
 from shukotsu.schemas.study import OWN_FACTORS, Study, levels_of
 from shukotsu.sentences.messages import Message, message_of
@@ -16,12 +17,12 @@ MOST_NUMBERS = 4
 def factor_levels(study: Study) -> list[dict[str, str]]:
     """Give a row for every evaluated recording: subject, session, hand, task, trial, and a level a factor.
 
-    Factors are named in the study file, under `factors` or by a question: session, hand, task, or a further
+    Factors are named in the study file under `factors`: session, hand, task, or a further
     column of the participants or the recordings sheet. A level is text; it is empty where the recording or
     the participant has none. Raises InputError where the participants sheet cannot be read.
     """
     participants = read_sheet(study.sheets.get("participants"), PARTICIPANTS)
-    return levels_of(study.shown, participants, study.columns)
+    return levels_of(study.shown, participants, study.factors)
 
 
 def not_compared(study: Study) -> dict[str, Message]:
@@ -32,8 +33,15 @@ def not_compared(study: Study) -> dict[str, Message]:
         levels = {row[factor] for row in rows} - {""}
         if len(levels) < 2:
             found[factor] = message_of("few-levels", n=len(levels))
-        elif factor not in OWN_FACTORS and all(map(is_number, levels)) and len(levels) > MOST_NUMBERS:
+        elif factor not in OWN_FACTORS and all(map(_is_number, levels)) and len(levels) > MOST_NUMBERS:
             found[factor] = message_of("is-covariate", count=len(levels), factor=factor)
         elif len(levels) > MOST_LEVELS:
             found[factor] = message_of("many-levels", count=len(levels), most=MOST_LEVELS)
     return found
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False

@@ -23,6 +23,8 @@ LEFT = {
     ("format", "matrices"): "write the matrices as a table, six lines of NumPy (docs/handing-on.md)",
     ("format", "motion-bids"): "read its _motion.tsv by a mapping of format csv (docs/handing-on.md)",
     ("command", "export-bids"): "take export --formats bids",
+    ("command", "plan"): "G*Power plans a study from the spread in the tidy tables (docs/handing-on.md)",
+    ("key", "questions"): "ask them of the tidy tables in R or pingouin (docs/handing-on.md)",
     ("command", "workflow"): "take doctor --snakefile",
     ("command", "devices"): "take record --devices",
     ("command", "tracker"): "take record --ask",

@@ -38,18 +38,6 @@ LEFT_OUT_REASON = Column("left_out_reason", TEXT, "", "why they are not, and whi
 N_FRAMES = Column("n_frames", WHOLE, "", "frames with a value")
 
 
-VERDICT = (
-    Column(
-        "verdict",
-        TEXT,
-        "",
-        "shown, not-shown, or undecided where no test holds its level with these groups and shows anything "
-        "(docs/statistics.md); empty: too few subjects",
-    ),
-    real("detectable", "the true difference that would be shown in 80 % of such studies"),
-)
-
-
 def _count(name: str, description: str) -> Column:
     return Column(name, WHOLE, "", description)
 
@@ -213,44 +201,6 @@ MOVEMENT_CURVES = Table(
     _key(*_OF_MODEL, JOINT, ANGLE, EVENT, PERCENT),
 )
 
-COMPONENT = Column("component", WHOLE, "", "number of the principal component, from 1, by its variance")
-
-COORDINATION = Table(
-    "coordination",
-    1,
-    "a principal component of the joint angles in a recording",
-    (
-        *_OF_MODEL,
-        COMPONENT,
-        real("variance_deg2", "variance of the angles along it"),
-        real("noise_deg2", "what noise of single frames adds to it; null where the model states no errors"),
-        Column("counted", YES_NO, "", "whether its variance exceeds what the stated errors would make alone"),
-        real(
-            "share_percent", "its variance without noise, of that of all that are counted; null: not counted"
-        ),
-        real("cumulative_percent", "share of it and of those before it"),
-        _count("n_angles", "angles that it is made of"),
-        Column("n_frames", WHOLE, "", "frames that have all of them, of 20 000 at most, evenly spaced"),
-        STATUS,
-        *MESSAGE,
-    ),
-    _key(*_OF_MODEL, COMPONENT),
-)
-
-COORDINATION_LOADINGS = Table(
-    "coordination_loadings",
-    1,
-    "part that an angle has in a principal component, of those that make 90 % of the variance",
-    (
-        *_OF_MODEL,
-        COMPONENT,
-        JOINT,
-        ANGLE,
-        real("loading", "part of the unit vector; the largest of a component is positive"),
-    ),
-    _key(*_OF_MODEL, COMPONENT, JOINT, ANGLE),
-)
-
 EVENT_NUMBER = _count("event", "number of the event in the recording, as in the events table")
 
 EVENT_STROKES = Table(
@@ -339,7 +289,7 @@ EVENT_MEASURES = Table(
 
 MOVEMENT_DIFFERENCES = Table(
     "movement_differences",
-    2,
+    3,
     "how two levels of a factor differ in a quantity, subjects as the unit",
     (
         *LEVELS,
@@ -368,13 +318,8 @@ MOVEMENT_DIFFERENCES = Table(
             "the same after Holm's correction over all that is said of these levels under this model: every "
             "quantity, `of`, hand and task",
         ),
-        real(
-            "p_max_t",
-            "two-sided p-value under the worst null (docs/statistics.md), corrected over the same by the "
-            "largest |t| among them; by it a difference counts as shown",
-        ),
-        *VERDICT,
-        Column("test", TEXT, "", "Student's t or Welch's t; empty: none"),
+        Column("verdict", TEXT, "", "shown (p_holm at most 0.05) or not-shown; empty: too few subjects"),
+        Column("test", TEXT, "", "signs flipped, or groups permuted, Welch's t; empty: none"),
         UNIT,
         *MESSAGE,
     ),
@@ -423,121 +368,7 @@ MOVEMENT_RELIABILITY = Table(
     _key("across", HAND, TASK, MODEL, QUANTITY, OF),
 )
 
-CURVE_DIFFERENCES = Table(
-    "curve_differences",
-    2,
-    "how two levels of a factor differ in an angle's course, at a percent of the cycle",
-    (
-        *LEVELS,
-        HAND,
-        TASK,
-        MODEL,
-        JOINT,
-        ANGLE,
-        EVENT,
-        PERCENT,
-        real("difference", "of the levels' means there, in degrees"),
-        real("low", "lower end of its pointwise 95 % interval, in degrees"),
-        real("high", "upper end"),
-        real("t", "the difference over its standard error"),
-        real("t_threshold", "the |t| from which a difference is shown there"),
-        Column("significant", YES_NO, "", "whether a difference is shown there"),
-        real("p", "corrected over every point, joint, angle, event, hand and task of these levels and model"),
-        real("p_holm", "the smallest p of the curve"),
-        *VERDICT,
-        _count("n", "subjects with a curve at the level"),
-        _count("n_other", "subjects with a curve at the other level"),
-        *MESSAGE,
-    ),
-    _key(*LEVELS, HAND, TASK, MODEL, JOINT, ANGLE, EVENT, PERCENT),
-)
-
-MODEL_DEPENDENCE = Table(
-    "model_dependence",
-    1,
-    "whether a question has another answer under another skeleton model",
-    (
-        Column("question", TEXT, "", "difference or reliability"),
-        *LEVELS,
-        HAND,
-        TASK,
-        QUANTITY,
-        OF,
-        Column("models", TEXT, "", "the models that answer, joined by ';'"),
-        Column(
-            "agree",
-            YES_NO,
-            "",
-            "difference: whether all have one verdict and, where one is shown, one sign; "
-            "reliability: whether the intervals of ICC(2,1) overlap; null where no two models can be held "
-            "against each other",
-            True,
-        ),
-        real("widest_difference", "between the two models that part most: of the difference, or of the sem"),
-        Column("which", TEXT, "", "those two models, joined by ';'"),
-        UNIT,
-        *MESSAGE,
-    ),
-    _key("question", *LEVELS, HAND, TASK, QUANTITY, OF),
-)
-
-QUESTIONS = Table(
-    "questions",
-    1,
-    "a question of the study file and its answer, subjects as the unit",
-    (
-        Column("question", TEXT, "", "its name"),
-        HAND,
-        TASK,
-        MODEL,
-        QUANTITY,
-        OF,
-        Column("event", TEXT, "", "of a curve, the event that begins its cycles; else empty"),
-        Column("percent", WHOLE, "", "of a curve, where in the cycle the levels part most", nullable=True),
-        Column("factor", TEXT, "", "what tells the levels apart, or the covariate"),
-        Column("level", TEXT, "", "the level that is compared; empty of a covariate"),
-        OTHER_LEVEL,
-        Column("crossed_with", TEXT, "", "the second factor; empty where nothing is crossed"),
-        Column("crossed_level", TEXT, "", "its level"),
-        Column("crossed_other_level", TEXT, "", "its other level"),
-        Column("design", TEXT, "", "within (the same subjects), between (groups), both or neither crossed"),
-        _count("n", "subjects at the level, or of a covariate; within: at both"),
-        _count("n_other", "subjects at the other level; within: at both; 0 of a covariate"),
-        LEFT_OUT,
-        LEFT_OUT_REASON,
-        real(
-            "difference",
-            "level minus other_level; crossed: how much more that is at crossed_level than at "
-            "crossed_other_level; of a covariate: change for one more of it",
-        ),
-        real("low", "lower end of its 95 % interval, of this question alone"),
-        real("high", "upper end"),
-        real("effect_size", "standardised difference; null of a covariate and of four groups"),
-        real("effect_low", "lower end of its 95 % interval"),
-        real("effect_high", "upper end"),
-        Column("effect_size_name", TEXT, "", "d_z (within) or hedges_g (between); empty without one"),
-        real("p", "two-sided p-value, of a curve over its whole cycle"),
-        real("p_corrected", "the same after Holm's correction over all questions"),
-        *VERDICT,
-        real("subject_sd", "standard deviation over the subjects of a group; null of a covariate"),
-        real("session_sd", "what one session is of it; null where no subject has two at a level"),
-        real("n_sessions", "sessions that a subject has at a level"),
-        UNIT,
-        Column("first_asked", TEXT, "", "date and time (UTC) of the first run with it; empty: not recorded"),
-        Column(
-            "asked_after_results",
-            YES_NO,
-            "",
-            "whether the study had results of movement by then; null: not recorded",
-            True,
-        ),
-        *MESSAGE,
-    ),
-    ("question",),
-)
-
 MOVEMENT_TABLES = (
-    QUESTIONS,
     EVENTS,
     CLOCKS,
     RANGES_OF_MOTION,
@@ -545,14 +376,10 @@ MOVEMENT_TABLES = (
     FINGERTIP_DISTANCES,
     MOVEMENT_CYCLES,
     MOVEMENT_CURVES,
-    COORDINATION,
-    COORDINATION_LOADINGS,
     EVENT_STROKES,
     EVENT_ANGLES,
     EVENT_INDEPENDENCE,
     EVENT_MEASURES,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
-    CURVE_DIFFERENCES,
-    MODEL_DEPENDENCE,
 )

@@ -13,8 +13,6 @@ MEASURED_TABLES = (
     "fingertip_distances",
     "movement_cycles",
     "movement_curves",
-    "coordination",
-    "coordination_loadings",
 )
 """Tables of a subject's movement."""
 
@@ -77,11 +75,8 @@ MODEL_COMPARISONS = ("model_values", "model_pairs", "model_differences")
 """How the study's models compare over its subjects, made from its tables."""
 
 MOVEMENT_COMPARISONS = (
-    "questions",
     "movement_differences",
     "movement_reliability",
-    "curve_differences",
-    "model_dependence",
 )
 """What the study says of its subjects' movement, made from its tables."""
 
@@ -127,11 +122,6 @@ class Results:
     def figures(self) -> Path:
         """Folder of the study's figures for print."""
         return self.folder / "figures"
-
-    @property
-    def questions_asked(self) -> Path:
-        """The record of when each of the study's questions was first run."""
-        return self.folder / "questions_asked.json"
 
     @property
     def resolved(self) -> Path:

@@ -13,7 +13,6 @@ from shukotsu.files.limits import FILE_NAME_BYTES, NAMES_BYTES
 from shukotsu.schemas.config_files import REFERENCE, check_config, config_path, read_config
 from shukotsu.schemas.layout import Layout, read_layout
 from shukotsu.schemas.model import SkeletonModel, read_model
-from shukotsu.schemas.questions import Question, checked_questions, columns_asked
 from shukotsu.schemas.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
 from shukotsu.sentences.translation import tr
 
@@ -21,7 +20,7 @@ OWN_FACTORS = ("session", "hand", "task")
 """Columns that every recording has and that may be factors."""
 
 SIZES = ("hand_length_mm", "hand_breadth_mm")
-"""What the participants sheet knows of a hand; as covariates they may be asked about."""
+"""Sizes of a hand in the participants sheet."""
 
 NO_LEVEL = ("", "n/a")
 """Cells that give no level."""
@@ -142,7 +141,6 @@ class Study:
     sheets: dict[str, Path]
     config: dict[str, Any]
     unusable: tuple[UnusableRow, ...] = ()
-    questions: tuple[Question, ...] = ()
     room: Path | None = None
 
     @property
@@ -188,11 +186,6 @@ class Study:
     def factors(self) -> tuple[str, ...]:
         """Names of the study's factors, see `shukotsu.schemas.factors`."""
         return tuple(self.config["factors"])
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the factors, then of other columns that questions speak of."""
-        return tuple(dict.fromkeys([*self.factors, *columns_asked(self.config["questions"])]))
 
     @property
     def shown(self) -> tuple[Recording, ...]:
@@ -261,24 +254,14 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
     models = _models(config["models"], folder, where)
     sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
     mapping = folder / config["mapping"] if "mapping" in config else None
-    asked = columns_asked(config["questions"])
-    names = list(dict.fromkeys([*config["factors"], *asked]))
+    names = list(config["factors"])
     recordings, unusable = _recordings(sheets["recordings"], folder, layout, mapping, names)
     for path in {r.layout for r in recordings} | {layout}:
         read_layout(path.absolute())
     read = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
-    places = dict.fromkeys(config["factors"], "factors") | asked
-    _check_factors({name: places[name] for name in names}, recordings, read["participants"], where)
+    _check_factors(dict.fromkeys(names, "factors"), recordings, read["participants"], where)
     if "events" in sheets:
         _check_events(sheets["events"], read["events"], recordings, unusable)
-    questions = checked_questions(
-        config["questions"],
-        levels_of(shown(recordings), read["participants"], names),
-        list(models),
-        [read_layout(path.absolute()) for path in dict.fromkeys(r.layout for r in recordings)],
-        None if any(r.events for r in recordings) else {row["name"] for row in read["events"]},
-        where,
-    )
     simulation = None
     if "simulation" in config:
         part = config["simulation"]
@@ -294,7 +277,6 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
         sheets,
         config,
         unusable,
-        questions,
         folder / config["room"] if "room" in config else None,
     )
 
@@ -377,7 +359,7 @@ def _check_factors(
     known = [*OWN_FACTORS, *(name for name in further if name not in read_otherwise)]
     of_recordings = {name for recording in recordings for name, _ in recording.factors}
     for name, key in names.items():
-        if name in OWN_FACTORS or (name in SIZES and key.endswith("covariate")):
+        if name in OWN_FACTORS:
             continue
         if name in read_otherwise:
             reason = f"tells no levels apart; expected one of {', '.join(known)}"

@@ -16,7 +16,6 @@ from shukotsu.files.limits import read_whole
 from shukotsu.files.text_files import decoded, reading
 from shukotsu.files.whole_files import replacing
 from shukotsu.schemas.config_files import loaded_yaml, read_config, yaml_text
-from shukotsu.schemas.questions import columns_asked
 from shukotsu.schemas.sheets import PARTICIPANTS, RECORDINGS, Sheet, read_sheet, sheet_rows
 
 _BOM = b"\xef\xbb\xbf"
@@ -53,8 +52,8 @@ def hands_of(study: Path, hand: str | None = None, session: str = "") -> list[Ha
 
 
 def further_columns(config: Mapping[str, Any]) -> list[str]:
-    """Give columns of the sheet of recordings that a study's factors and questions ask for."""
-    return [*config["factors"], *columns_asked(config["questions"])]
+    """Give columns of the sheet of recordings that a study's factors are read from."""
+    return list(config["factors"])
 
 
 def add_row(path: Path, sheet: Sheet, row: Mapping[str, Any]) -> None:

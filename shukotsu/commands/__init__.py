@@ -21,7 +21,6 @@ COMMANDS = {
     "check": Command("shukotsu.commands.check_file", "read a study, or say whether a recording went well"),
     "run": Command("shukotsu.commands.run_study", "run a study, or what of it is out of date"),
     "demo": Command("shukotsu.commands.run_demo", "run the demo's study in this folder"),
-    "plan": Command("shukotsu.commands.plan_study", "say how many subjects would answer a study's questions"),
     "report": Command("shukotsu.commands.show_report", "name, print or open a study's report"),
     "export": Command(
         "shukotsu.commands.export_study", "write a study's moving skeletons for other programs"

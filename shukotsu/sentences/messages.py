@@ -91,40 +91,16 @@ MESSAGES: Mapping[str, Template] = {
         "not tested: {n} subjects have both levels, a test needs {least}",
     ),
     "few-in-group": N_("not tested: groups of {count} and {count_2} subjects, a test needs {least} in each"),
-    "few-for-slope": plural(
-        "not tested: {n} subject has both numbers, a test needs {least}",
-        "not tested: {n} subjects have both numbers, a test needs {least}",
-    ),
-    "few-in-cells": N_("not tested: groups of {counts} subjects, a test needs {least} in each"),
-    "undecided-within": plural(
-        "with {n} subject no test that holds for skewed numbers too would show even a difference of 3 "
-        "standard deviations",
-        "with {n} subjects no test that holds for skewed numbers too would show even a difference of 3 "
-        "standard deviations",
-    ),
-    "undecided-between": N_(
-        "with groups of {counts} subjects no test that holds however differently they spread would show "
-        "even a difference of 3 standard deviations"
-    ),
     "few-levels": plural("has {n} level, so nothing is compared", "has {n} levels, so nothing is compared"),
-    "is-covariate": N_(
-        "has {count} numbers as levels, which are not compared pair by pair; ask a question with `covariate: "
-        "{factor}`"
-    ),
+    "is-covariate": N_("has {count} numbers as levels, which are not compared pair by pair"),
     "many-levels": N_(
         "has {count} levels; at most {most} are compared pair by pair; put groups of them into the sheet's "
-        "column, or ask a question of two"
+        "column"
     ),
     "few-repeated": plural(
         "not stated: {n} subject is in all {times}, it takes {least}",
         "not stated: {n} subjects are in all {times}, it takes {least}",
     ),
-    "untested": N_("fewer than two models have a test"),
-    "no-icc": N_("fewer than two models have an ICC"),
-    "no-difference": N_("no difference shown: {models}"),
-    "more-at": N_("more at {level}: {models}"),
-    "less-at": N_("less at {level}: {models}"),
-    "icc-higher": N_("ICC(2,1) is higher under {model} than under {other}"),
     "internal": N_("internal error in {stage} ({text}); please report it with the log"),
     "enough": N_("enough"),
     "enough-on-skin": N_(

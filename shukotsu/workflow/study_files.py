@@ -403,21 +403,6 @@ class StudyFiles:
         return [str(self.results.study_table(table)) for table in MOVEMENT_COMPARISONS]
 
     @property
-    def questions_asked(self) -> str:
-        """The record of when each question was first run."""
-        return self.results.questions_asked.as_posix()
-
-    @property
-    def asked(self) -> list[str]:
-        """The same, of a study that asks any."""
-        return [self.questions_asked] if self.study.questions else []
-
-    @property
-    def questions_digest(self) -> str:
-        """Digest of what the study asks."""
-        return ",".join(own.digest for own in self.study.questions)
-
-    @property
     def _configuration(self) -> list[str]:
         """The study file and its sheets, layouts and models."""
         layouts = dict.fromkeys(recording.layout for recording in self.study.recordings)

@@ -1,6 +1,6 @@
 """Compare two levels in every number, a subject at a time, and judge together what is said at once.
 
-A family, of which p_holm, p_max_t and the verdicts are: every quantity, joint and angle, digit or pair of
+A family, of which p_holm and the verdicts are: every quantity, joint and angle, digit or pair of
 digits in every hand and task, for one pair of levels under one model.
 """
 
@@ -16,17 +16,15 @@ from shukotsu.sentences.messages import message_of
 from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
 from shukotsu.stages.compare_movement.movement_values import Recorded, subject_means
 from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
-from shukotsu.statistics.multiple_comparisons import holm
+from shukotsu.statistics.multiple_comparisons import LEVEL, holm
 from shukotsu.statistics.paired_statistics import Array
-from shukotsu.statistics.verdicts import (
+from shukotsu.statistics.permutation_test import (
     FEWEST_IN_GROUP,
     FEWEST_WITHIN,
     NOT_SHOWN,
     SHOWN,
-    UNDECIDED,
-    FamilyVerdicts,
-    between_family,
-    within_family,
+    group_test,
+    paired_test,
 )
 
 if TYPE_CHECKING:
@@ -58,40 +56,24 @@ def difference_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recor
 
 
 def judge(rows: Sequence[Row]) -> None:
-    """Test every row, corrected over all of its pair of levels and model."""
+    """Test every row, corrected by Holm over all of its pair of levels and model."""
     families: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         key = tuple(row[name] for name in ("factor", "level", "other_level", "model"))
         families.setdefault(key, []).append(row)
     for family in families.values():
-        first, other = (_stacked([row[VALUES][side] for row in family]) for side in (0, 1))
-        is_within = family[0]["design"] == WITHIN
-        found = within_family(first - other) if is_within else between_family(first, other)
-        corrected = holm([_number(p) for p in found.p_alone])
-        for place, row in enumerate(family):
-            del row[VALUES]
-            row |= {"p_holm": corrected[place], "p_max_t": _number(found.p[place])}
-            row |= {"p": _number(found.p_alone[place]), "verdict": found.verdict[place]}
-            row |= {name: _number(getattr(found, name)[place]) for name in ("low", "high", "detectable")}
-            row["test"] = "" if row["p"] is None else "Student's t" if is_within else "Welch's t"
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def verdict_at_once(found: FamilyVerdicts) -> tuple[str, float | None]:
-    """The verdict on a whole family, whether it differs anywhere, and its p; None where it has no test."""
-    given = set(found.verdict)
-    verdict = next((one for one in (SHOWN, NOT_SHOWN, UNDECIDED) if one in given), "")
-    return verdict, None if np.isnan(found.p).all() else float(np.nanmin(found.p))
-
-
-def _stacked(numbers: Sequence[pd.Series[float]]) -> Array:
-    """Subjects by numbers, NaN where one lacks one."""
-    import pandas as pd
-
-    return np.asarray(pd.concat(numbers, axis=1, sort=False), float)
+        for row in family:
+            first, other = (np.asarray(numbers, float) for numbers in row.pop(VALUES))
+            row |= {"p": None, "test": "", "verdict": ""}
+            if not row["message"]:
+                is_within = row["design"] == WITHIN
+                p, low, high = paired_test(first - other) if is_within else group_test(first, other)
+                test = "signs flipped" if is_within else "groups permuted, Welch's t"
+                row |= {"p": p, "low": low, "high": high, "test": test}
+        for row, p_holm in zip(family, holm([row["p"] for row in family]), strict=True):
+            row["p_holm"] = p_holm
+            if p_holm is not None:
+                row["verdict"] = SHOWN if p_holm <= LEVEL else NOT_SHOWN
 
 
 def _family(family: pd.DataFrame, pair: LevelPair, where: Row, units: Mapping[str, str]) -> Iterator[Row]:

@@ -97,7 +97,6 @@ def _measure_recording(
 
     from shukotsu.anatomy.recorded_movement import ANGLES, read_movement, unsolved
     from shukotsu.skeleton.posed_recording import posed_recording
-    from shukotsu.stages.measure_movement.coordination import Postures, coordination_rows
     from shukotsu.stages.measure_movement.movement_rows import (
         Curve,
         curve_columns,
@@ -122,9 +121,7 @@ def _measure_recording(
     used: set[tuple[Recording, str, int]] = set()
     ranges: list[dict[str, Any]] = []
     curves: list[Curve] = []
-    postures = Postures()
     for series in movement.joints():
-        postures.add(series)
         ranges += range_rows(series, grid)
         if cycles:
             assert grid is not None  # without times there are no cycles
@@ -136,10 +133,6 @@ def _measure_recording(
         write("ranges_of_motion", ranges)
         return set(), []
     write("ranges_of_motion", [*left_out_rows(movement.left_out), *ranges])
-    for name, rows in zip(
-        ("coordination", "coordination_loadings"), coordination_rows(postures), strict=True
-    ):
-        write(name, rows)
     write("fingertip_paths", path_rows(movement.fingertips, grid))
     write("fingertip_distances", distance_rows(movement.fingertips, grid))
     events = [own[0].event for own in cycles]

@@ -213,15 +213,12 @@ def movement_paragraph(movement: Movement) -> str:
         tests = sorted(translated(test) for test in movement.differences["test"].unique() if test)
         text += tr(
             " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
-            "{tests}; two-sided. A difference counts as shown where p is at most 5 % under the least "
-            "favourable of normal and skewed numbers whose spread differs up to threefold, corrected over "
-            "all quantities, joint angles, hands and tasks of two levels; "
+            "{tests}; two-sided permutation. A difference counts as shown where p is at most 5 % after "
+            "Holm's correction over all quantities, joint angles, hands and tasks of two levels; "
             "95 % intervals; effect sizes are d_z within subjects and Hedges' g between groups, both "
             "corrected for few subjects.",
             tests=listed(tests) or tr("none, for want of subjects"),
         )
-    if len(movement.curve_differences):
-        text += tr(" Curves were compared by permutation of the largest |t|, family-wise at 5 %.")
     if len(movement.reliability):
         text += tr(
             " Repeatability: ICC(2,1) and ICC(3,1) with F-based intervals, standard error of "

@@ -18,7 +18,6 @@ from shukotsu.stages.report.methods_text import REFERENCES, methods_text
 from shukotsu.stages.report.models_compared.sections import models_compared
 from shukotsu.stages.report.movement_page.movement_results import Movement
 from shukotsu.stages.report.movement_page.movement_text import groups_differ, moved_most
-from shukotsu.stages.report.movement_page.question_text import answered
 from shukotsu.stages.report.plots.description import JointLink
 from shukotsu.stages.report.score_tables import held_out_table, mean
 from shukotsu.stages.report.skeleton_stills import index_figure, posed_hands
@@ -45,7 +44,6 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         accepted=provenance.found(results.accepted),
         problems=provenance.problems_table(results),
         opening=opening(results),
-        asked=answered(movement) if movement else [],
         movement=_movement(results, movement),
         exports=study.exports,
         exported=exported_files(results),

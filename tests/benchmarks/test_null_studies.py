@@ -1,40 +1,34 @@
-"""Null studies: as many false positives as there should be, and the inverted test by search."""
+"""Null studies: as many false positives as there should be."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from benchmarks.null_studies import numbers, run, smooth
-from shukotsu.statistics.verdicts import SHOWN, between_family, within_family
+from benchmarks.null_studies import any_shown, numbers, run
+from shukotsu.statistics.paired_statistics import sign_flip_p
+from shukotsu.statistics.permutation_test import group_test
 
-STUDIES = 400
+STUDIES = 200
 
 
 @pytest.mark.slow
 def test_every_table_has_its_rows() -> None:
     tables = list(run(2))
-    assert [len(table.rows) for table in tables] == [8, 21, 16, 8, 6, 4]
+    assert [len(table.rows) for table in tables] == [8, 8, 16, 4]
     for table in tables:
         shares = [cell for row in table.rows for cell in row[2:] if isinstance(cell, float)]
         assert all(0.0 <= share <= 100.0 for share in shares)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "ratio"), [("normal", 1.0), ("normal", 3.0), ("lognormal", 3.0)])
-@pytest.mark.parametrize("design", ["family", "curves", "within"])
-def test_few_studies_in_which_nothing_differs_show_something(design: str, shape: str, ratio: float) -> None:
-    """The aim is 5 %, and 7 % the most; of 400 studies at 5 %, 9 % or more are seen once in 5000."""
+@pytest.mark.parametrize(("shape", "ratio"), [("normal", 1.0), ("normal", 3.0)])
+def test_few_studies_in_which_nothing_differs_show_something(shape: str, ratio: float) -> None:
+    """The aim is 5 %, and 7 % the most; of 200 studies at 5 %, 10 % or more are seen once in 400."""
     rng = np.random.default_rng(7)
-    shown = 0
+    shown = np.zeros(2)
     for _ in range(STUDIES):
-        if design == "within":
-            found = within_family(numbers(shape, rng, (8, 15)))
-        elif design == "family":
-            found = between_family(ratio * numbers(shape, rng, (5, 15)), numbers(shape, rng, (15, 15)))
-        else:
-            curves = smooth(rng, (12, 51))
-            curves = curves if shape == "normal" else np.exp(curves) - np.exp(0.5)
-            found = between_family(ratio * curves[:6], curves[6:])
-        shown += SHOWN in found.verdict
-    assert shown < 0.09 * STUDIES
+        first, other = ratio * numbers(shape, rng, (6, 8)), numbers(shape, rng, (14, 8))
+        shown[0] += any_shown([group_test(*pair)[0] for pair in zip(first.T, other.T, strict=True)])
+        shown[1] += any_shown([sign_flip_p(d) for d in numbers(shape, rng, (8, 8)).T])
+    assert (shown < 0.1 * STUDIES).all()

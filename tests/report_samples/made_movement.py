@@ -14,15 +14,11 @@ import numpy as np
 
 from report_samples.made_study import write
 from shukotsu.schemas.movement_tables import (
-    CURVE_DIFFERENCES,
-    MODEL_DEPENDENCE,
     MOVEMENT_CURVES,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
-    QUESTIONS,
     RANGES_OF_MOTION,
 )
-from shukotsu.sentences.messages import message_of
 
 Row = dict[str, Any]
 ANGLES = ("flexion", "abduction", "rotation")
@@ -61,13 +57,6 @@ def write_movement(
     write(
         results / "movement_reliability.parquet", MOVEMENT_RELIABILITY, [_reliable(*own, 2 * n) for own in of]
     )
-    write(
-        results / "curve_differences.parquet",
-        CURVE_DIFFERENCES,
-        [_apart(percent, n) for percent in range(101)],
-    )
-    write(results / "model_dependence.parquet", MODEL_DEPENDENCE, [_depends(*own) for own in of])
-    write(results / "questions.parquet", QUESTIONS, questions())
 
 
 def _range(subject: str, session: str, model: str, joint: str, angle: str, rng: np.random.Generator) -> Row:
@@ -139,53 +128,10 @@ def _difference(of: str, rank: int, n: int) -> Row:
         "effect_size_name": "hedges_g",
         "p": 0.0001 if shown else 0.5,
         "p_holm": 0.0021 if shown else 1.0,
-        "p_max_t": 0.0042 if shown else 1.0,
         "verdict": "shown" if shown else "not-shown",
-        "detectable": 9.4,
         "test": "Welch's t",
         "unit": "deg",
     }
-
-
-def questions() -> list[Row]:
-    """Rows of the table of questions: one a verdict and a form of question."""
-    group = {**LEVELS, **TASK, "model": "whole-hand", "quantity": "range_deg", "of": "index_pip flexion"}
-    group |= {
-        "design": "between",
-        "n": 6,
-        "n_other": 6,
-        "left_out": 0,
-        "unit": "deg",
-        "first_asked": "2026-11-24",
-    }
-    group |= {
-        "difference": 12.13,
-        "low": 8.04,
-        "high": 16.22,
-        "p": 0.0007,
-        "p_corrected": 0.0028,
-        "detectable": 5.2,
-    }
-    before, after = {"asked_after_results": False}, {"asked_after_results": True}
-    crossed = {
-        "design": "between;within",
-        "crossed_with": "session",
-        "crossed_level": "post",
-        "crossed_other_level": "pre",
-    }
-    none = {"difference": 0.21, "low": -3.0, "high": 3.4, "p": 0.9, "p_corrected": 1.0}
-    slope = {"factor": "years", "level": "", "other_level": "", "n_other": 0, "n": 12, "difference": 0.034}
-    slope |= {"low": 0.012, "high": 0.056, "quantity": "contact_percent", "of": "thumb-index", "unit": "%"}
-    few = message_of("few-in-cells", counts="3, 3", least=4)
-    why = message_of("undecided-between", counts="4, 12")
-    curve = {"quantity": "curve", "event": "key", "percent": 48, "design": "within"}
-    return [
-        group | before | {"question": "PIP", "verdict": "shown"},
-        group | crossed | none | after | {"question": "training", "verdict": "not-shown"},
-        group | slope | before | {"question": "practice", "verdict": "shown"},
-        group | curve | none | before | {"question": "stroke", "verdict": "undecided", "message": why},
-        group | before | {"question": "few", "verdict": "", "message": few},
-    ]
 
 
 def _reliable(of: str, rank: int, n: int) -> Row:
@@ -213,42 +159,4 @@ def _reliable(of: str, rank: int, n: int) -> Row:
         "stated_sd": 2.1,
         "held_percent": 95.0,
         "unit": "deg",
-    }
-
-
-def _apart(percent: int, n: int) -> Row:
-    difference = 10.0 * np.exp(-(((percent - 50) / 12.0) ** 2))
-    return {
-        **LEVELS,
-        **TASK,
-        "model": "whole-hand",
-        "joint": "index_pip",
-        "angle": "flexion",
-        "event": "key",
-        "percent": percent,
-        "difference": difference,
-        "low": difference - 3.0,
-        "high": difference + 3.0,
-        "t": difference / 1.5,
-        "t_threshold": 3.0,
-        "significant": bool(difference > 4.5),
-        "p": 0.01,
-        "p_holm": 0.06,
-        "n": n,
-        "n_other": n,
-    }
-
-
-def _depends(of: str, rank: int) -> Row:
-    return {
-        **LEVELS,
-        **TASK,
-        "question": "difference",
-        "quantity": "range_deg",
-        "of": of,
-        "models": "rigid;whole-hand",
-        "agree": rank != 3,
-        "widest_difference": 1.0,
-        "which": "rigid;whole-hand",
-        "message": "more at A: whole-hand; no difference shown: rigid" if rank == 3 else "",
     }

@@ -1,16 +1,13 @@
-"""Tables of the movement page: ranges, differences, repeatability, and where models part."""
+"""Tables of the movement page: ranges, differences and repeatability."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.comparison.comparison_text import p_text
 from shukotsu.stages.report.movement_page.movement_results import OF_ANGLE, PLACE, RANGE, Movement
-from shukotsu.stages.report.movement_page.movement_text import PAIR
 from shukotsu.stages.report.table_cells import DASH, Column, DataTable, Folded, number, table_of, text_column
 
 if TYPE_CHECKING:
@@ -66,9 +63,8 @@ def difference_tables(movement: Movement) -> list[Folded]:
         Column(tr("95 % interval"), lambda r: _interval(r["low"], r["high"])),
         Column(tr("Effect size"), lambda r: f"{number(r['effect_size'])} {r['effect_size_name']}".strip()),
         Column("p", lambda r: _p(r["p"])),
-        Column(tr("p, corrected"), lambda r: _p(r["p_max_t"])),
+        Column(tr("p, corrected"), lambda r: _p(r["p_holm"])),
         text_column(tr("Verdict"), "verdict"),
-        Column(tr("Would be shown"), lambda r: number(r["detectable"])),
         text_column(tr("Test"), "test"),
         Column(tr("Left out, and why"), lambda r: _left_out(r), is_text=True),
     )
@@ -94,24 +90,6 @@ def reliability_tables(movement: Movement) -> list[Folded]:
         Column(tr("Within 1.96 of it [%]"), lambda r: number(r["held_percent"], 0)),
     )
     return list(_by_quantity(movement.reliability, tr("Repeatability"), columns, "movement_reliability"))
-
-
-def dependence_table(movement: Movement) -> DataTable:
-    """The answers that another model changes."""
-    rows = movement.dependence
-    apart = rows[np.array([agree is not None and not agree for agree in rows["agree"]], bool)]
-    columns = (
-        text_column(tr("Of"), "of"),
-        text_column(tr("Quantity"), "quantity"),
-        text_column(tr("Question"), "question"),
-        Column(tr("Levels"), lambda r: _levels(r), is_text=True),
-        text_column(tr("Hand"), "hand"),
-        text_column(tr("Task"), "task"),
-        text_column(tr("Models that part most"), "which"),
-        _number(tr("By"), "widest_difference", 2),
-        text_column(tr("What they say"), "message"),
-    )
-    return _short(tr("Answers that depend on the skeleton model"), columns, apart, "model_dependence")
 
 
 def _by_quantity(rows: pd.DataFrame, words: str, columns: Iterable[Column], table: str) -> Iterator[Folded]:
@@ -173,8 +151,3 @@ def _p(value: float | None) -> str:
 def _left_out(row: Any) -> str:
     reason = "; ".join(filter(None, (row["left_out_reason"], row["message"])))
     return f"{int(row['left_out'])}: {reason}" if row["left_out"] else reason
-
-
-def _levels(row: Any) -> str:
-    factor, level, other = (row[name] for name in PAIR)
-    return tr("{factor}: {level} less {other}", factor=factor, level=level, other=other) if level else factor

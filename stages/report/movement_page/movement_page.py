@@ -10,7 +10,6 @@ from markupsafe import Markup
 from shukotsu.stages.report.links import link
 from shukotsu.stages.report.methods_text import movement_paragraph
 from shukotsu.stages.report.movement_page.movement_numbers import (
-    dependence_table,
     difference_tables,
     range_table,
     reliability_tables,
@@ -19,7 +18,6 @@ from shukotsu.stages.report.movement_page.movement_panels import (
     MOST_CONTRASTS,
     agreement_plots,
     contrasts,
-    curve_difference_plots,
     curve_plots,
     range_panels,
 )
@@ -27,12 +25,10 @@ from shukotsu.stages.report.movement_page.movement_results import Movement
 from shukotsu.stages.report.movement_page.movement_text import (
     PAIR,
     groups_differ,
-    model_matters,
     moved_most,
     repeats,
     why_nothing,
 )
-from shukotsu.stages.report.movement_page.question_text import asked_and_answered
 from shukotsu.stages.report.plots.description import Panel
 from shukotsu.stages.report.plots.page_pictures import page_picture
 from shukotsu.stages.report.study_results import StudyResults
@@ -48,11 +44,9 @@ def render_movement(results: StudyResults, movement: Movement) -> str:
         study=results.name,
         model=movement.model,
         to_study=link(results.name, page, results.paths.report),
-        questions=asked_and_answered(movement),
         moved=moved_most(movement),
         differ=groups_differ(movement),
         repeats=repeats(movement),
-        matters=model_matters(movement),
         ranges=_drawn(range_panels(movement, digits)),
         why_nothing=why_nothing(movement),
         range_table=range_table(movement) if len(movement.ranges) else None,
@@ -60,10 +54,8 @@ def render_movement(results: StudyResults, movement: Movement) -> str:
         undrawn=max(0, len(movement.differences.drop_duplicates(PAIR)) - MOST_CONTRASTS),
         difference_tables=difference_tables(movement),
         curves=_drawn(curve_plots(movement, digits)),
-        curve_differences=_drawn(curve_difference_plots(movement)),
         agreement=_drawn(agreement_plots(movement)),
         reliability_tables=reliability_tables(movement),
-        dependence=dependence_table(movement) if len(movement.dependence) else None,
         methods=movement_paragraph(movement),
     )
 

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shukotsu.sentences.translation import tr, word
-from shukotsu.stages.report.comparison.comparison_text import p_text
 from shukotsu.stages.report.models_compared.model_panels import SCALES
-from shukotsu.stages.report.movement_page.movement_results import OF_ANGLE, PLACE, RANGE, Movement
+from shukotsu.stages.report.movement_page.movement_results import PLACE, RANGE, Movement
 from shukotsu.stages.report.movement_page.movement_text import PAIR
-from shukotsu.stages.report.movement_page.question_text import angle_text, of_text, place_text
+from shukotsu.stages.report.movement_page.wording_of_numbers import angle_text, of_text, place_text
 from shukotsu.stages.report.palette import INK, RULE, Look, digit_looks
 from shukotsu.stages.report.plots.description import (
     Array,
@@ -178,56 +177,6 @@ def curve_plots(movement: Movement, digits: Sequence[str]) -> list[CurvesPanel]:
         if len(found) >= MOST_PANELS:
             break
     return found[:MOST_PANELS]
-
-
-def curve_difference_plots(movement: Movement) -> list[CurvesPanel]:
-    """Differences between curves with pointwise 95 % bands, those with the smallest p first."""
-    rows = movement.curve_differences
-    key = [*PAIR, *PLACE, *OF_ANGLE, "event"]
-    curves = [(values, own.sort_values("percent")) for values, own in rows.groupby(key, sort=False)]
-    curves.sort(key=lambda each: float(np.fmin.reduce(_column(each[1], "p"), initial=1.0)))
-    found = []
-    for (_, level, other, hand, task, joint, angle, event), own in curves[:MOST_PANELS]:
-        x = _column(own, "percent")
-        words = tr(
-            "{angle_text}, {level} less {other}, {place_text}, by {event}, n = {max} and {max_2}{corrected}",
-            angle_text=angle_text(joint, angle),
-            level=level,
-            other=other,
-            place_text=place_text((hand, task)),
-            event=event,
-            max=int(own["n"].max()),
-            max_2=int(own["n_other"].max()),
-            corrected=_corrected_text(_column(own, "p_holm")[0]),
-        )
-        low, high, difference = (_column(own, name) for name in ("low", "high", "difference"))
-        found.append(
-            CurvesPanel(
-                words,
-                tr("Difference in course: {words}", words=words),
-                tr("cycle [%]"),
-                tr("difference [deg]"),
-                _CYCLE,
-                even_scale([low, high, difference, [0.0]]),
-                _HEIGHT_MM,
-                (Line(x, difference),),
-                (Band(x, low, high, RULE),),
-                levels=((0.0, False),),
-                marked=_stretches(x, own["significant"].fillna(False).to_numpy(bool)),
-            )
-        )
-    return found
-
-
-def _corrected_text(p: float) -> str:
-    """The p of a curve, corrected over all of these levels; NaN is no test."""
-    return tr(", not tested") if np.isnan(p) else tr(", {p_text} over all curves", p_text=p_text(p))
-
-
-def _stretches(x: Array, chosen: Array) -> tuple[tuple[float, float], ...]:
-    """From where to where consecutive points are chosen."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
-    return tuple((float(x[a]), float(x[b - 1])) for a, b in edges.reshape(-1, 2))
 
 
 def agreement_plots(movement: Movement) -> list[CurvesPanel]:

@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shukotsu.schemas.movement_tables import (
-    CURVE_DIFFERENCES,
-    MODEL_DEPENDENCE,
     MOVEMENT_CURVES,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
-    QUESTIONS,
     RANGES_OF_MOTION,
 )
 from shukotsu.schemas.tables import Table, open_table
@@ -39,8 +36,7 @@ class Movement:
     """A study's movement under one model, hands with a suspect finding left out.
 
     ranges : a row a recording and angle. curves : the mean course over subjects, with its standard deviation
-    between them. differences, reliability, curve_differences : of that model; dependence : of all models.
-    questions : what the study asks, with answers. believed : one of BELIEFS by joint. factors : as
+    between them. differences, reliability : of that model. believed : one of BELIEFS by joint. factors : as
     `StudyResults` has them. measured : whether any recording has joint angles, counted or not. A frame
     without rows is that of a table that is empty or not there.
     """
@@ -50,9 +46,6 @@ class Movement:
     curves: pd.DataFrame
     differences: pd.DataFrame
     reliability: pd.DataFrame
-    curve_differences: pd.DataFrame
-    dependence: pd.DataFrame
-    questions: pd.DataFrame
     believed: dict[str, str]
     factors: Mapping[str, str]
     measured: bool
@@ -107,9 +100,6 @@ def read_movement(results: StudyResults) -> Movement:
         curves=_mean_curves(results, model),
         differences=_frame(results, MOVEMENT_DIFFERENCES, model),
         reliability=_frame(results, MOVEMENT_RELIABILITY, model),
-        curve_differences=_frame(results, CURVE_DIFFERENCES, model),
-        dependence=_frame(results, MODEL_DEPENDENCE),
-        questions=_frame(results, QUESTIONS),
         factors=results.factors,
         measured=bool(measured[RANGE].notna().any()),
         believed=study_beliefs(results.judging, model),

@@ -10,10 +10,9 @@ from shukotsu.sentences.translation import listed, ngettext, tr
 from shukotsu.stages.report.belief import BELIEVED
 from shukotsu.stages.report.comparison.comparison_text import p_text
 from shukotsu.stages.report.movement_page.movement_results import RANGE, Movement
-from shukotsu.stages.report.movement_page.question_text import (
+from shukotsu.stages.report.movement_page.wording_of_numbers import (
     amount,
     angle_text,
-    of_text,
     place_text,
     quantity_text,
     who_text,
@@ -29,7 +28,7 @@ PAIR = ["factor", "level", "other_level"]
 
 def answers(movement: Movement) -> list[str]:
     """A paragraph for each question."""
-    return [moved_most(movement), *groups_differ(movement), repeats(movement), model_matters(movement)]
+    return [moved_most(movement), *groups_differ(movement), repeats(movement)]
 
 
 def why_nothing(movement: Movement) -> str:
@@ -63,7 +62,7 @@ def moved_most(movement: Movement) -> str:
 
 
 def groups_differ(movement: Movement) -> list[str]:
-    """For each two levels of a factor, which numbers differ: what nobody asked about is exploratory."""
+    """For each two levels of a factor, which numbers differ."""
     rows = movement.believable(movement.differences)
     said = [
         tr("{factor}: {why}.", factor=factor.capitalize(), why=translated(why))
@@ -100,36 +99,17 @@ def _untested_text(factor: str, pairs: Sequence[tuple[str, str, pd.DataFrame]]) 
 
 
 def _pair_text(factor: str, level: str, other: str, rows: pd.DataFrame) -> str:
-    start = tr("Exploratory, {factor}, {level} against {other}:", factor=factor, level=level, other=other)
+    start = tr("{factor}, {level} against {other}:", factor=factor, level=level, other=other)
     judged = rows[rows["verdict"] != ""]
-    decided = judged[judged["verdict"] != "undecided"]
     values = {"start": start, "who": who_text(judged.loc[judged["n"].idxmax()])}
     of_all = ngettext("{n} number", "{n} numbers", len(judged))
-    if decided.empty:
-        return tr(
-            "{start} not to be decided of {of_all} at once with these groups ({who}); ask beforehand about "
-            "what matters, as a question.",
-            of_all=of_all,
-            **values,
-        )
-    shown = decided[decided["verdict"] == "shown"].sort_values("p_max_t", kind="stable")
-    rest = ""
-    if len(decided) < len(judged):
-        rest = tr(" {n} more are not to be decided with these groups.", n=len(judged) - len(decided))
-        of_all = ngettext("{n} number", "{n} numbers", len(decided))
+    shown = judged[judged["verdict"] == "shown"].sort_values("p_holm", kind="stable")
     if shown.empty:
-        seen = decided.loc[decided["quantity"] == RANGE, "detectable"].median()
-        text = tr("{start} no difference is shown in {of_all} ({who}).", of_all=of_all, **values)
-        if seen == seen:
-            text += tr(
-                " In half of the ranges of motion {seen} deg would have been shown in 80 % of such studies.",
-                seen=number(seen, 1),
-            )
-        return text + rest
+        return tr("{start} no difference is shown in {of_all} ({who}).", of_all=of_all, **values)
     parts = [_difference_text(row) for _, row in shown.head(MOST_NAMED).iterrows()]
     n_more = len(shown) - MOST_NAMED
     more = tr("; {n_shown} more in the table", n_shown=n_more) if n_more > 0 else ""
-    text = tr(
+    return tr(
         "{start} a difference is shown in {n_shown} of {of_all} ({who}): {parts}{more}.",
         n_shown=len(shown),
         of_all=of_all,
@@ -137,7 +117,6 @@ def _pair_text(factor: str, level: str, other: str, rows: pd.DataFrame) -> str:
         more=more,
         **values,
     )
-    return text + rest
 
 
 def _difference_text(row: Any) -> str:
@@ -150,7 +129,7 @@ def _difference_text(row: Any) -> str:
         more=more,
         level=row["level"],
         interval_text=interval_text(*ends),
-        p_text=p_text(row["p_max_t"]),
+        p_text=p_text(row["p_holm"]),
         place=place_text((row["hand"], row["task"])),
     )
 
@@ -204,64 +183,3 @@ def _repeats_across(across: str, contains: str, rows: pd.DataFrame) -> str:
         stated=stated if held == held else "",
         **values,
     )
-
-
-def model_matters(movement: Movement) -> str:
-    """Tell whether another skeleton model would give another answer."""
-    rows = movement.believable(movement.dependence)
-    rows = rows[rows["agree"].notna()]
-    if rows.empty:
-        return tr(
-            "Whether another skeleton model would change an answer is not known: no question was "
-            "answered under two models."
-        )
-    models = listed(sorted({model for each in rows["models"] for model in each.split(";")}))
-    ranges, others = rows[rows["quantity"] == RANGE], rows[rows["quantity"] != RANGE]
-    sentences = [_ranges_matter(ranges, models)] if len(ranges) else []
-    if len(others):
-        text = tr(
-            "Of other numbers (postures, speeds, paths, distances) another model ({models}) changes "
-            "{n_apart} of {n_rows} answers.",
-            models=models,
-            n_apart=int((~others["agree"].astype(bool)).sum()),
-            n_rows=len(others),
-        )
-        sentences.append(text)
-    return " ".join(sentences)
-
-
-def _ranges_matter(rows: pd.DataFrame, models: str) -> str:
-    """Tell which answers about ranges of motion another model changes."""
-    apart = rows[~rows["agree"].astype(bool)]
-    if apart.empty:
-        return tr(
-            "Another skeleton model ({models}) changes none of {n_rows} answers about ranges of motion.",
-            n_rows=len(rows),
-            models=models,
-        )
-    named = [_question_text(row) for _, row in apart.iterrows()]
-    rest = tr(" and {n_named} more", n_named=len(named) - MOST_NAMED) if len(named) > MOST_NAMED else ""
-    return tr(
-        "Another skeleton model ({models}) changes {n_apart} of {n_rows} answers about ranges of motion: "
-        "{first}{rest}; see below which models part.",
-        n_apart=len(apart),
-        n_rows=len(rows),
-        models=models,
-        first=", ".join(named[:MOST_NAMED]),
-        rest=rest,
-    )
-
-
-def _question_text(row: Any) -> str:
-    """Write what was asked of whom: index PIP flexion (group: A less B)."""
-    question = (
-        tr(
-            "{factor}: {level} less {other_level}",
-            factor=row["factor"],
-            level=row["level"],
-            other_level=row["other_level"],
-        )
-        if row["level"]
-        else tr("repeatability")
-    )
-    return f"{of_text(row['of'])} ({question})"

@@ -8,7 +8,6 @@ from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.movement_page.movement_panels import (
     agreement_plots,
     contrasts,
-    curve_difference_plots,
     curve_plots,
     range_panels,
 )
@@ -69,20 +68,17 @@ def group_differences(results: StudyResults, movement: Movement) -> tuple[Plot, 
 
 
 def movement_curves(results: StudyResults, movement: Movement) -> tuple[Plot, str]:
-    """Describe mean curves, then differences. Raises NoDataError without cycles."""
-    means, differences = curve_plots(movement, _digits(results)), curve_difference_plots(movement)
-    if not means and not differences:
+    """Describe mean curves. Raises NoDataError without cycles."""
+    means = curve_plots(movement, _digits(results))
+    if not means:
         raise NoDataError(tr("no movement was cut into cycles, for the study has no events"))
-    return Plot(in_rows([*means, *differences], _ACROSS), TWO_COLUMNS_MM), (
+    return Plot(in_rows(means, _ACROSS), TWO_COLUMNS_MM), (
         tr(
-            "Course of joint angles over a cycle. {study_text} Model {model}. First {n_means} "
-            "panels: mean over subjects of those joints that moved most, shade one standard "
-            "deviation between subjects. {curve_differences_text}{list}",
+            "Course of joint angles over a cycle. {study_text} Model {model}. Mean over subjects of those "
+            "joints that moved most, shade one standard deviation between subjects. {list}",
             study_text=study_text(results),
             model=movement.model,
-            n_means=len(means),
-            curve_differences_text=_curve_differences_text(len(differences)),
-            list=_list(means + differences),
+            list=_list(means),
         )
     )
 
@@ -101,17 +97,6 @@ def agreement(results: StudyResults, movement: Movement) -> tuple[Plot, str]:
             model=movement.model,
             list=_list(drawn),
         )
-    )
-
-
-def _curve_differences_text(count: int) -> str:
-    if not count:
-        return ""
-    return tr(
-        "Last {count}: difference between two levels, shade its pointwise 95 % interval; bar at "
-        "the foot: where it is shown at 5 % for this curve alone, by permutation of the largest "
-        "|t|; p: corrected over all curves (Holm). ",
-        count=count,
     )
 
 

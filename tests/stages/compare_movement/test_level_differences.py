@@ -40,9 +40,7 @@ def test_groups_show_one_of_many_differences_where_they_can() -> None:
     values[:12, 7] += 20.0
     rows = rows_of(values, {"A": SUBJECTS[:12], "B": SUBJECTS[12:]})
     assert [of for of, row in rows.items() if row["verdict"] == "shown"] == [ANGLES[7]]
-    assert rows[ANGLES[7]]["p"] < rows[ANGLES[7]]["p_holm"] < rows[ANGLES[7]]["p_max_t"] <= 0.05
-    few = rows_of(values[6:18], {"A": SUBJECTS[:6], "B": SUBJECTS[6:12]})
-    assert {row["verdict"] for of, row in few.items() if of != ANGLES[7]} == {"undecided"}
+    assert rows[ANGLES[7]]["p"] < rows[ANGLES[7]]["p_holm"] <= 0.05
 
 
 def test_what_too_few_subjects_have_is_not_tested_and_the_rest_is() -> None:
@@ -51,5 +49,5 @@ def test_what_too_few_subjects_have_is_not_tested_and_the_rest_is() -> None:
     values[:9, 5] = np.nan
     rows = rows_of(values, {"A": SUBJECTS[:12], "B": SUBJECTS[12:]})
     assert rows[ANGLES[5]]["p"] is None
-    assert rows[ANGLES[5]]["p_max_t"] is None
-    assert rows[ANGLES[2]]["p_max_t"] <= 0.05
+    assert rows[ANGLES[5]]["p_holm"] is None
+    assert rows[ANGLES[2]]["p_holm"] <= 0.05
