@@ -14,18 +14,15 @@ import pytest
 from shukotsu.schemas.catalogue import PROBLEMS
 from shukotsu.schemas.findings import STAGE, SUSPECT, Finding, problem_row
 from shukotsu.schemas.movement_tables import (
-    CURVE_DIFFERENCES,
-    MODEL_DEPENDENCE,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
-    QUESTIONS,
 )
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.tables import read_table
 from shukotsu.stages.compare_movement.study_comparison import compare_study
 
 Row = dict[str, Any]
-TABLES = (QUESTIONS, MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, CURVE_DIFFERENCES, MODEL_DEPENDENCE)
+TABLES = (MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY)
 
 
 def compared(
@@ -37,7 +34,7 @@ def compared(
     factors: Sequence[str] = ("group", "session"),
     suspect: Sequence[Row] = (),
 ) -> dict[str, pd.DataFrame]:
-    """Compare a study of these recordings; give the four tables by name."""
+    """Compare a study of these recordings; give the two tables by name."""
     results = Results(folder)
     drawn.write_movement(results, ranges, curves)
     found = Finding("units", SUSPECT, "radians")

@@ -134,7 +134,7 @@ def test_why_nothing_is_compared_is_said_as_it_is(results: StudyResults, movemen
     assert groups_differ(none) == [f"No groups, sessions or tasks are compared: {why}."]
     many = message_of("is-covariate", count=8, factor="years")
     assert groups_differ(replace(movement, factors={"years": many}))[0] == (
-        "Years: has 8 numbers as levels, which are not compared pair by pair`covariate: years`."
+        "Years: has 8 numbers as levels, which are not compared pair by pair."
     )
 
 
@@ -194,6 +194,6 @@ def test_figures_are_drawn_with_their_captions(results: StudyResults) -> None:
 def test_methods_say_what_was_done(results: StudyResults, movement: Movement) -> None:
     text = " ".join(methods_text(results, movement))
     assert "Movement was measured in 6 subjects by joint angles under whole-hand." in text
-    assert "corrected over all quantities, joint angles, hands and tasks of two levels" in text
+    assert "Holm's correction over all quantities, joint angles, hands and tasks of two levels" in text
     assert "Bland-Altman" in text
     assert "Movement was measured" not in " ".join(methods_text(results))
