@@ -38,11 +38,12 @@ demo: $(users) ## run the demo study, print its four tables and name its report
 test: $(developers) ## run the fast tests
 	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile
 
-test-slow: $(developers) ## run the rest: damaged input, whole studies through Snakemake, planted wrong signs
-	@$(pytest) -m slow -n auto --dist loadfile
+test-slow: $(developers) ## run the rest: damaged input, new examples, whole studies through Snakemake, planted wrong signs
+	@$(pytest) -m "slow or hypothesis" --hypothesis-profile search -n auto --dist loadfile
 
-fuzz: $(developers) ## feed damaged input to every reader (inputs=500 each)
+fuzz: $(developers) ## feed damaged input to every reader, new examples to every property (inputs=500 each)
 	@FUZZ_INPUTS=$(inputs) $(pytest) -m slow tests/fuzzing -n auto
+	@FUZZ_INPUTS=$(inputs) $(pytest) -m hypothesis --hypothesis-profile search -n auto
 
 tools: ## put programs by others that read exports into .tools (some 1.4 GB), and a browser
 	@./tests/export_tools/install

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -12,11 +12,26 @@ from shukotsu.errors import InputError
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # as in the workflow; small matrices gain nothing from threads
 
-# A slow machine is no failure; what takes many examples to break has a slow test with more of them.
-settings.register_profile("steady", deadline=None, max_examples=30)
+# A slow machine is no failure. The same examples every time, but where new ones are searched for.
+settings.register_profile("steady", deadline=None, max_examples=30, derandomize=True)
+INPUTS = int(os.environ.get("FUZZ_INPUTS", "100"))
+settings.register_profile("search", deadline=None, max_examples=INPUTS, print_blob=True)
 settings.load_profile("steady")
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    call: pytest.CallInfo[None],
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Print, where an example fails, the line that keeps it."""
+    report = yield
+    for note in getattr(call.excinfo and call.excinfo.value, "__notes__", ()):
+        if note.startswith("Failing test case: ") and "data(...)" not in note:
+            example = " ".join(note[note.index("(") :].split())
+            report.sections.append(("to keep this example, put above its test", f"@example{example}"))
+    return report
 
 
 @pytest.fixture(scope="session")

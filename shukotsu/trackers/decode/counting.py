@@ -49,7 +49,7 @@ class Counter:
             self.counts = bool(((records.frame != NONE) | (records.device_ms != NONE)).any())
         odd = np.zeros(len(records), bool)
         if self.counts:
-            count = len(records) if final else max(0, len(records) - 1)
+            count = len(records) if final else max(0, len(records) - 2)
             frame = self._counted(records, odd, count) if count else records.frame
         elif (records.stamp_ns != NONE).any():
             count = len(records)
@@ -62,15 +62,20 @@ class Counter:
 
     def _counted(self, records: Records, odd: Bools, count: int) -> Wholes:
         """Unwrap what the tracker counts; of the first `count` records marks those that do not fit as odd."""
-        counter = self._counters(records)
-        odd |= self._spikes(counter)
-        frame = self._unwrapped(counter, odd)
-        odd |= self._out_of_order(frame, records.station, odd)
-        good = np.flatnonzero(~odd[:count])
+        counter, station, known = self._counters(records), records.station, int(self._last is not None)
+        if self._last is not None:
+            counter, station = np.append(self._last[0], counter), np.append(self._last[2], station)
+        odd |= self._misfits(counter, station, known)[known:]
+        good = np.flatnonzero(~odd[:count]) + known
+        frame = np.full(len(counter), 0 if self._last is None else self._last[1])
         if len(good):
+            step = _signed(np.diff(counter[good], prepend=counter[0 if known else good[0]]))
+            step[(step < 0) | (step > self._limit)] = 1
+            frame[good] = (frame[0] if known else counter[good[0]]) + np.cumsum(step)
             last = good[-1]
-            self._last = (int(counter[last]), int(frame[last]), int(records.station[last]))
-        return frame
+            self._last = (int(counter[last]), int(frame[last]), int(station[last]))
+        # A count that is damaged takes that of the record before, for something must stand there.
+        return np.asarray(np.maximum.accumulate(frame)[known:])
 
     def _counters(self, records: Records) -> Wholes:
         """Count modulo 2^32, shape (N,): the tracker's frame count, or its clock."""
@@ -80,63 +85,41 @@ class Counter:
         ticks = np.ceil((records.device_ms & 0xFFFFFFFF) * (self._settings.rate_hz / 1000) - 1e-6)
         return np.asarray(ticks.astype(np.int64) & 0xFFFFFFFF)
 
-    def _spikes(self, counter: Wholes) -> Bools:
-        """Counts that fit neither neighbour though these fit each other: a damaged byte, (N,)."""
-        before = counter[0] if self._last is None else self._last[0]
-        back = _signed(counter - np.concatenate([[before], counter[:-1]]))
-        ahead = _signed(np.concatenate([counter[1:], counter[-1:]]) - counter)
-        around = _signed(back + ahead)
-        odd = ((back < 0) | (ahead < 0)) & (around >= 0) & (around < self._limit)
-        odd[0] &= self._last is not None
-        return odd
+    def _misfits(self, counter: Wholes, station: Wholes, known: int) -> Bools:
+        """Records that do not fit between their neighbours, (N,); the first `known` are good.
 
-    def _unwrapped(self, counter: Wholes, odd: Bools) -> Wholes:
-        good = np.flatnonzero(~odd)
-        if self._last is None:
-            known = frame = int(counter[good[0]]) if len(good) else 0
-        else:
-            known, frame = self._last[0], self._last[1]
-        step = _signed(np.diff(counter[good], prepend=known))
-        step[(step < 0) | (step > self._limit)] = 1
-        frames = np.full(len(counter), frame)
-        frames[good] = frame + np.cumsum(step)
-        # A count that is damaged takes that of the record before, for something must stand there.
-        return np.asarray(np.maximum.accumulate(frames))
-
-    def _out_of_order(self, frame: Wholes, station: Wholes, odd: Bools) -> Bools:
-        """Stations that do not ascend within a frame, (N,): of two the one without which they do.
-
-        Where they do without either, the first is right if it is the station that was due.
+        Where a record cannot follow the one before, that of the two is wrong without which all fit. Where all
+        fit without either, the first is right if it was due; where without neither, the tracker counts anew.
+        The good one before a record and the two behind it decide, and nothing else.
         """
-        good = np.flatnonzero(~odd)
-        frame, station = frame[good], station[good]
-        if self._last is not None:
-            frame = np.concatenate([[self._last[1]], frame])
-            station = np.concatenate([[self._last[2]], station])
-        clash = np.flatnonzero((np.diff(frame) == 0) & (np.diff(station) <= 0))
-        first_is_wrong = _ascends(frame, station, clash - 1, clash + 1)
-        either = first_is_wrong & _ascends(frame, station, clash, clash + 2)
-        first_is_wrong[either & self._was_due(frame, station, clash)] = False
-        if self._last is not None:
-            first_is_wrong[clash == 0] = False  # that of the piece before was found in order
-        wrong = np.where(first_is_wrong, clash, clash + 1) - (self._last is not None)
-        found = np.zeros(len(odd), bool)
-        found[good[wrong]] = True
-        return found
+        wrong, before, end = np.zeros(len(counter), bool), -1, len(counter) - 1
+        for first in np.flatnonzero(~self._follows(counter, station, np.arange(end), np.arange(end) + 1)):
+            if wrong[first]:
+                continue
+            if not first or not wrong[first - 1]:
+                before = first - 1
+            second_fits = before < 0 or self._follows(counter, station, before, first + 1)
+            first_fits = first + 1 == end or self._follows(counter, station, first, first + 2)
+            first_is_right = first < known or (first_fits and self._was_due(counter, station, before, first))
+            if second_fits and not first_is_right:
+                wrong[first] = True
+            elif first_fits:
+                wrong[first + 1], before = True, first
+        return wrong
 
-    def _was_due(self, frame: Wholes, station: Wholes, rows: Wholes) -> Bools:
-        """Tell whether the station is the active one after that of the record before, or a frame's first."""
-        before = np.maximum(rows - 1, 0)
-        same = (frame[before] == frame[rows]) & (rows > 0)
-        due = np.where(same, self._rank[station[before]] + 1, 0)
-        return np.asarray((self._rank[station[rows]] == due) & self._active[station[rows]])
+    def _follows(self, counter: Wholes, station: Wholes, first: Wholes | int, second: Wholes | int) -> Bools:
+        """Whether records can come after others: of a later frame, or a later station of the same."""
+        step = _signed(counter[second] - counter[first])
+        later = (step > 0) | ((step == 0) & (station[second] > station[first]))
+        return np.asarray(later & (step <= self._limit))
 
-
-def _ascends(frame: Wholes, station: Wholes, first: Wholes, second: Wholes) -> Bools:
-    """Whether the stations of two records ascend, or need not: another frame, or one is not there; (M,)."""
-    there = (first >= 0) & (second < len(frame))
-    first, second = np.maximum(first, 0), np.minimum(second, len(frame) - 1)
-    return np.asarray(~there | (frame[first] != frame[second]) | (station[first] < station[second]))
+    def _was_due(self, counter: Wholes, station: Wholes, before: int, row: int) -> bool:
+        """Whether a record is the very next after another (-1: the first of a frame), none left out."""
+        passed = self._rank[station[row]]
+        if before >= 0:
+            frames = _signed(counter[row] - counter[before])
+            passed += frames * len(self._settings.stations) - self._rank[station[before]] - 1
+        return bool(passed == 0 and self._active[station[row]])
 
 
 def _signed(difference: Wholes) -> Wholes:
