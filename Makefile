@@ -22,18 +22,33 @@ $(python):
 	done; \
 	echo "error: needs Python 3.11 or newer with venv, or uv; found neither" >&2; exit 2
 
-# What a lock names, each by its hash, and no newer release that another asks for with an extra; and this folder
-# itself; anew only when the lock has changed.
-.venv/%.lock: %.lock | $(python)
-	@echo "Installing $<, and compiling what fits hands"
-	@if command -v uv >/dev/null; then install="uv pip install --python $(python)"; \
-	else install="$(python) -m pip install --disable-pip-version-check"; fi; \
-	$$install --quiet --require-hashes --no-deps -r $< && $$install --quiet --no-deps --no-build-isolation --editable .
-	@$(python) -m shukotsu.stages.fit_hand.compile_kernel
+# What is pinned in a lock, each by its hash, and no newer release that another asks for with an extra; and this
+# folder itself; anew only when the lock has changed. By uv, which is fetched where there is none; by pip where uv fails.
+pip := $(python) -m pip install --disable-pip-version-check --quiet --require-hashes --no-deps
+.venv/%.lock: %.lock requirements-uv.lock | $(python)
+	@echo "Installing $<"
+	@uv=$$(command -v uv) || { uv=.venv/bin/uv; $(pip) --only-binary :all: -r requirements-uv.lock; $(pip_settings); }; \
+	install="$$uv pip install --python $(python) --quiet --no-deps"; \
+	$$install --require-hashes -r $< || { install="$(python) -m pip install --quiet --no-deps"; $(pip) -r $<; } && \
+	$$install --no-build-isolation --editable .
+	@rm -f $(compiled)
+	@$(if $(findstring dev,$*),$(compile))
 	@cp $< $@
 
+# pip's settings by the names that uv reads: it does not read pip's. Wherever a file comes from, its hash must be right.
+pip_settings = eval "$$($(python) -m pip config list 2>/dev/null | sort -r | sed -nE 's/\\n/ /g; \
+	s/^[^=]*\.index-url=/export UV_DEFAULT_INDEX=/p; s/^[^=]*\.extra-index-url=/export UV_INDEX=/p; \
+	s/^[^=]*\.find-links=/export UV_FIND_LINKS=/p; s/^[^=]*\.trusted-host=/export UV_INSECURE_HOST=/p; \
+	s/^[^=]*\.no-index=/export UV_NO_INDEX=/p; s/^[^=]*\.proxy=/export ALL_PROXY=/p; \
+	s/^[^=]*\.cert=/export SSL_CERT_FILE=/p')"; export UV_INDEX_STRATEGY=unsafe-best-match
+
+# What fits hands is compiled beside the demo's first stages; fits wait for it.
+compiled := .venv/compiled
+compile = [ $(compiled) -nt shukotsu/stages/fit_hand/kernel.py ] || { \
+	echo "Compiling what fits hands" && $(python) -m shukotsu.stages.fit_hand.compile_kernel && touch $(compiled); }
+
 demo: $(users) ## run the demo study, print its four tables and name its report
-	@.venv/bin/shukotsu demo --cores $(cores)
+	@{ $(compile); } & .venv/bin/shukotsu demo --cores $(cores); code=$$?; wait; exit $$code
 
 test: $(developers) ## run the fast tests
 	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile
@@ -84,6 +99,7 @@ bench: $(developers) ## measure what studies cost, into docs/benchmarks.md
 
 lock := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade
 lock: ## resolve the dependencies anew (needs uv)
+	echo uv | $(subst pyproject.toml,-,$(lock)) -o requirements-uv.lock
 	$(lock) --group build -o requirements.lock
 	$(lock) --group dev -c requirements.lock -o requirements-dev.lock
 

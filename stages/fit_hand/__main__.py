@@ -48,9 +48,11 @@ def fit(arguments: argparse.Namespace) -> None:
     """Fit every part of the hand and write what it is and how it moved."""
     from shukotsu.schemas.poses import usable_poses
     from shukotsu.schemas.tables import Provenance
+    from shukotsu.stages.fit_hand.compile_kernel import held_kernel
     from shukotsu.stages.fit_hand.hand_tables import FIT, open_tables
 
-    plan = _plan(arguments)
+    with held_kernel(alone=False):
+        plan = _plan(arguments)
     parts = _parts(arguments, plan)
     files = [*subject_stage.poses_files(plan), *arguments.other_poses]
     files += [] if plan.room is None else [plan.room]

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
 import numpy as np
 
 from shukotsu.schemas.layout import read_layout
@@ -47,5 +51,17 @@ def one_frame() -> tuple[Problem, Point]:
     return problem, Point(np.zeros(n_unknowns), mean[None].copy(), np.eye(3)[None].copy(), np.zeros((1, 3)))
 
 
+@contextmanager
+def held_kernel(*, alone: bool) -> Iterator[None]:
+    """Hold the kernel's file, alone to compile it: others wait. Without locks they compile as well."""
+    with Path(__file__).with_name("kernel.py").open("rb") as file:
+        with suppress(ImportError, OSError):
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        yield
+
+
 if __name__ == "__main__":
-    compile_all()
+    with held_kernel(alone=True):
+        compile_all()

@@ -35,10 +35,17 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 def _compiled(function: _Function, signature: str | None = None) -> _Function:
     """Compile when first called, or for a signature now; keep the machine code on disk where that can be."""
+    options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     try:
-        return cast(_Function, numba.njit(signature, nogil=True, error_model="numpy", cache=True)(function))
+        return cast(_Function, numba.njit(signature, cache=True, **options)(function))
     except RuntimeError:  # neither this folder nor the user's cache may be written
-        return cast(_Function, numba.njit(signature, nogil=True, error_model="numpy")(function))
+        return cast(_Function, numba.njit(signature, **options)(function))
+
+
+def _inner(function: _Function) -> _Function:
+    """Compile for compiled callers alone, which keep the machine code within theirs."""
+    options = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    return cast(_Function, numba.njit(**options)(function))
 
 
 def _inlined(function: _Function) -> _Function:
@@ -156,7 +163,7 @@ class Eliminated(NamedTuple):
     rhs: Array
 
 
-@_compiled
+@_inner
 def _copy(values: Array, out: Array) -> None:
     """Copy (n, F)."""
     for i in range(len(out)):
@@ -164,7 +171,7 @@ def _copy(values: Array, out: Array) -> None:
             out[i, f] = values[i, f]
 
 
-@_compiled
+@_inner
 def _copy_matrices(values: Array, out: Array) -> None:
     """Copy (n, m, F)."""
     for i in range(len(out)):
@@ -182,7 +189,7 @@ def _fill(value: float, out: Array) -> None:
 _fill = _compiled(_fill, "void(float64, float64[:, ::1])")
 
 
-@_compiled
+@_inner
 def _rotate(R: Array, constant: Array, angle: Array, axis: Array) -> None:
     """Rotate about a constant axis; axis (3, F) : give it in the root's frame."""
     a, b, c = constant[0], constant[1], constant[2]
@@ -202,7 +209,7 @@ def _rotate(R: Array, constant: Array, angle: Array, axis: Array) -> None:
             R[i, 2, f] = z - s * (a * y - b * x) + v * (along * c - z)
 
 
-@_compiled
+@_inner
 def _translate(R: Array, t: Array, constant: Array, distance: Array, axis: Array) -> None:
     """Translate along a constant axis; axis (3, F) : give it in the root's frame."""
     a, b, c = constant[0], constant[1], constant[2]
@@ -213,7 +220,7 @@ def _translate(R: Array, t: Array, constant: Array, distance: Array, axis: Array
             t[i, f] += along * distance[f]
 
 
-@_compiled
+@_inner
 def _move(R: Array, t: Array, constant: Array) -> None:
     """Move by a constant pose (12,): rotation row by row, translation."""
     p, q, r = constant[9], constant[10], constant[11]
@@ -226,7 +233,7 @@ def _move(R: Array, t: Array, constant: Array) -> None:
             R[i, 2, f] = x * constant[2] + y * constant[5] + z * constant[8]
 
 
-@_compiled
+@_inner
 def _amount(chains: FlatChains, amounts: Amounts, o: int, y: Array, out: Array) -> None:
     """Amount (F,) of an operation."""
     for f in range(len(out)):
@@ -271,7 +278,7 @@ def reach(chains: FlatChains, plan: Plan, amounts: Amounts, at: Poses, reached: 
             _copy(left_t[depth], t)
 
 
-@_compiled
+@_inner
 def _residual(
     rotation: Array, position_mm: Array, seen: Array, seen_mm: Array, sd: Array, f: int, r: Array
 ) -> None:
@@ -340,7 +347,7 @@ def residuals(
             out.cost[f] += prior.temper * rho
 
 
-@_compiled
+@_inner
 def _to_residuals(
     seen: Array, valid: npt.NDArray[np.bool_], r: Array, weight: Array, sd: Array, temper: float
 ) -> tuple[Array, Array]:
@@ -379,7 +386,7 @@ def _to_residuals(
     return by_velocity, by_turn
 
 
-@_compiled
+@_inner
 def _transform(matrix: Array, vector: Array) -> None:
     """Multiply vectors (3, F) by matrices (3, 3, F) in place."""
     for f in range(vector.shape[1]):
@@ -389,7 +396,7 @@ def _transform(matrix: Array, vector: Array) -> None:
         vector[2, f] = matrix[2, 0, f] * x + matrix[2, 1, f] * y + matrix[2, 2, f] * z
 
 
-@_compiled
+@_inner
 def _cross(a: Array, b: Array, c: Array, out: Array) -> None:
     """Cross product of a with b - c, (3, F) each."""
     for f in range(out.shape[1]):
@@ -399,7 +406,7 @@ def _cross(a: Array, b: Array, c: Array, out: Array) -> None:
         out[2, f] = a[0, f] * y - a[1, f] * x
 
 
-@_compiled
+@_inner
 def _add(values: Array, factor: float, out: Array) -> None:
     """Add so many times (3, F)."""
     for i in range(3):
@@ -407,7 +414,7 @@ def _add(values: Array, factor: float, out: Array) -> None:
             out[i, f] += factor * values[i, f]
 
 
-@_compiled
+@_inner
 def _add_each(values: Array, factor: float, times: Array, out: Array) -> None:
     """Add so many times (3, F), in each frame as many times more (F,)."""
     for i in range(3):
@@ -415,7 +422,7 @@ def _add_each(values: Array, factor: float, times: Array, out: Array) -> None:
             out[i, f] += factor * times[f] * values[i, f]
 
 
-@_compiled
+@_inner
 def _by_terms(
     chains: FlatChains, amounts: Amounts, o: int, y: Array, by: Array, row: int, J_y: Array, J: Array
 ) -> None:
@@ -494,7 +501,7 @@ def jacobian(
                 _transform(by_turn, J[column, low])
 
 
-@_compiled
+@_inner
 def _add_product(a: Array, b: Array, rows: slice, factor: float, out: Array) -> None:
     """Add so many times the sum over rows of products of (m, F), to (F,)."""
     for k in range(rows.start, rows.stop):
@@ -502,7 +509,7 @@ def _add_product(a: Array, b: Array, rows: slice, factor: float, out: Array) -> 
             out[f] += factor * a[k, f] * b[k, f]
 
 
-@_compiled
+@_inner
 def _inverse_cholesky(A: Array, inverse: Array) -> None:
     """Inverses of the lower Cholesky factors of (n, n, F), of which the lower triangles are used up."""
     n, n_frames = len(A), A.shape[2]
@@ -526,7 +533,7 @@ def _inverse_cholesky(A: Array, inverse: Array) -> None:
                 inverse[i, j, f] *= inverse[i, i, f]
 
 
-@_compiled
+@_inner
 def _by_lower(inverse: Array, B: Array, out: Array) -> None:
     """Lower triangles (n, n, F) times (n, F)."""
     _fill(0.0, out)
@@ -612,7 +619,7 @@ def add_to_root(
             _add_product(part.by_rest[i], part.by_rest[column], states, -1.0, out)
 
 
-@_compiled
+@_inner
 def _solve_root(H_rr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Array) -> None:
     """Eliminate roots: inverse (6, 6, F) and rhs (6, F) of `Reduced`."""
     for i in range(6):
@@ -632,7 +639,7 @@ def reduce_roots(
         _by_lower(inverse, H_xr[g], by_x[g])
 
 
-@_compiled
+@_inner
 def _by_upper(inverse: Array, B: Array, out: Array) -> None:
     """Transposed lower triangles (n, n, F) times (n, F)."""
     _fill(0.0, out)
@@ -692,7 +699,7 @@ def step_root(d_root: Array, root: Array, root_mm: Array) -> None:
                 root[i, k, f] = row[k]
 
 
-@_compiled
+@_inner
 def _stay(R: Array, t: Array) -> None:
     """Make a pose (3, 3, 1), (3, 1) that moves nothing."""
     for i in range(3):

@@ -1,0 +1,50 @@
+"""What make does before anything runs; nothing is installed."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).parents[1]
+
+
+def test_uv_is_pinned_by_hash_and_told_of_pip_s_settings(tmp_path: Path) -> None:
+    assert re.match(
+        r"uv==[\d.]+ \\\n( +--hash=sha256:\w{64}( \\)?\n)+\Z",
+        (REPOSITORY / "requirements-uv.lock").read_text(),
+    )
+    python = tmp_path / "python"
+    python.write_text(
+        "#!/bin/sh\n"
+        "echo \":env:.index-url='https://mine.invalid/a'\"\n"
+        "echo \"global.index-url='https://theirs.invalid/a'\"\n"
+        "echo \"global.extra-index-url='\\\\nfile:///b\\\\nfile:///c d'\"\n"
+    )
+    python.chmod(0o755)
+    script = f"include {REPOSITORY}/Makefile\nshown:\n\t@$(pip_settings); env | grep ^UV_ | sort\n"
+    shown = subprocess.run(
+        ["make", "-f", "-", f"python={python}", "shown"],
+        input=script,
+        text=True,
+        capture_output=True,
+        check=True,
+        env={"PATH": os.environ["PATH"]},
+    ).stdout
+    assert shown.split("\n")[:3] == [
+        "UV_DEFAULT_INDEX=https://mine.invalid/a",
+        "UV_INDEX= file:///b file:///c d",
+        "UV_INDEX_STRATEGY=unsafe-best-match",
+    ]
+
+
+@pytest.mark.parametrize("target", ["test-slow", "fuzz"])
+def test_new_examples_are_searched_for_apart_from_the_fast_tests(target: str) -> None:
+    def made(name: str) -> str:
+        return subprocess.run(
+            ["make", "-n", "-C", str(REPOSITORY), name], text=True, capture_output=True, check=True
+        ).stdout
+
+    assert "--hypothesis-profile search" in made(target)
+    assert "--hypothesis-profile" not in made("test")
