@@ -17,10 +17,11 @@ def test_uv_is_pinned_by_hash_and_told_of_pip_s_settings(tmp_path: Path) -> None
     )
     python = tmp_path / "python"
     python.write_text(
-        "#!/bin/sh\n"
-        "echo \":env:.index-url='https://mine.invalid/a'\"\n"
-        "echo \"global.index-url='https://theirs.invalid/a'\"\n"
-        "echo \"global.extra-index-url='\\\\nfile:///b\\\\nfile:///c d'\"\n"
+        "#!/bin/sh\ncat <<'END'\n"
+        ":env:.index-url='https://mine.invalid/a'\n"
+        "global.index-url='https://theirs.invalid/a'\n"
+        "global.extra-index-url='\\nfile:///b\\nfile:///c'\n"
+        "END\n"
     )
     python.chmod(0o755)
     script = f"include {REPOSITORY}/Makefile\nshown:\n\t@$(pip_settings); env | grep ^UV_ | sort\n"
@@ -34,7 +35,7 @@ def test_uv_is_pinned_by_hash_and_told_of_pip_s_settings(tmp_path: Path) -> None
     ).stdout
     assert shown.split("\n")[:3] == [
         "UV_DEFAULT_INDEX=https://mine.invalid/a",
-        "UV_INDEX= file:///b file:///c d",
+        "UV_INDEX= file:///b file:///c",
         "UV_INDEX_STRATEGY=unsafe-best-match",
     ]
 
