@@ -35,7 +35,7 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 def _compiled(function: _Function, signature: str | None = None) -> _Function:
     """Compile when first called, or for a signature now; keep the machine code on disk where that can be."""
-    options = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     try:
         return cast(_Function, numba.njit(signature, cache=True, **options)(function))
     except RuntimeError:  # neither this folder nor the user's cache may be written
@@ -44,7 +44,7 @@ def _compiled(function: _Function, signature: str | None = None) -> _Function:
 
 def _inner(function: _Function) -> _Function:
     """Compile for compiled callers alone, which keep the machine code within theirs."""
-    options = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     return cast(_Function, numba.njit(**options)(function))
 
 

@@ -93,7 +93,8 @@ class Counter:
         The good one before a record and the two behind it decide, and nothing else.
         """
         wrong, before, end = np.zeros(len(counter), bool), -1, len(counter) - 1
-        for first in np.flatnonzero(~self._follows(counter, station, np.arange(end), np.arange(end) + 1)):
+        breaks = np.flatnonzero(~self._follows(counter, station, np.arange(end), np.arange(end) + 1))
+        for first in breaks.tolist():
             if wrong[first]:
                 continue
             if not first or not wrong[first - 1]:
@@ -115,7 +116,7 @@ class Counter:
 
     def _was_due(self, counter: Wholes, station: Wholes, before: int, row: int) -> bool:
         """Whether a record is the very next after another (-1: the first of a frame), none left out."""
-        passed = self._rank[station[row]]
+        passed = int(self._rank[station[row]])
         if before >= 0:
             frames = _signed(counter[row] - counter[before])
             passed += frames * len(self._settings.stations) - self._rank[station[before]] - 1
