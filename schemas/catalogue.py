@@ -365,6 +365,26 @@ RECEIVERS = Table(
     ("subject", "session", "hand", "model", "made_without", "segment"),
 )
 
+MOVED_RECEIVERS = Table(
+    "moved_receivers",
+    1,
+    "a receiver that sits elsewhere on its bone in an evaluated recording than in the calibration",
+    (
+        *OF_SKELETON_IN_RECORDING,
+        Column("segment", TEXT, "", "the segment that wears the receiver"),
+        Column("from_frame", WHOLE, "", "frame from which it sits elsewhere; the first one: all along"),
+        _real("from_s", "its time; null where the recording has none"),
+        _real(
+            "shift_mm", "how far it moved, at least: about its joint's own axis it may have turned further"
+        ),
+        _real("turn_deg", "how far it turned, at least"),
+        Column("joints", TEXT, "", "joints beside it, joined by ';': from then on they have no angles"),
+        Column("digits", TEXT, "", "digits, joined by ';', that from then on have no tips"),
+        *MESSAGE,
+    ),
+    ("subject", "session", "hand", "task", "trial", "model", "made_without", "segment"),
+)
+
 GAINS = Table(
     "gains",
     3,
@@ -582,8 +602,8 @@ PROBLEMS = Table(
             "kind",
             TEXT,
             "",
-            "recording, hand, skeleton, receiver, receiver-loose, receiver-slid, field-disturbed, correction "
-            "or a kind of docs/mistakes.md",
+            "recording, hand, skeleton, receiver, receiver-loose, receiver-slid, receiver-moved, "
+            "field-disturbed, correction or a kind of docs/mistakes.md",
         ),
         Column("severity", TEXT, "", "refused (no result), suspect or note"),
         _VARIANT,
@@ -628,6 +648,7 @@ TABLES = {
         BONE_LENGTHS,
         CALIBRATION_ADVICE,
         RECEIVERS,
+        MOVED_RECEIVERS,
         GAINS,
         RECEIVER_COSTS,
         JOINT_ANGLES,

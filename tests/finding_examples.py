@@ -73,6 +73,7 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("unchecked", "no-orientation"): [{}],
     ("receiver-loose", ""): [{"segment": "hand", "message": "came loose"}],
     ("receiver-slid", ""): [{"segment": "hand", "message": "slid"}],
+    ("receiver-moved", ""): [{"segment": "hand", "message": "sits elsewhere"}],
     ("field-disturbed", ""): [
         {"x": 220.0, "y": -80.0, "z": -50.0, "count": 2, "mm": 6.2, "deg": 3.0, "percent": 4.0,
          "segments": ["index_distal", "index_middle"]}

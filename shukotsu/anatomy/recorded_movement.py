@@ -51,12 +51,14 @@ class FingertipPath:
     pointing (T, 3, 1).
 
     sd_mm : (T, 1, 1) 1-sigma error in 3-D, NaN where none is stated. skin : whether it is the skin's end.
+    message : why it is not believed in a part of the recording, or all of it; else empty.
     """
 
     place_mm: Array
     pointing: Array
     sd_mm: Array
     skin: bool
+    message: str = ""
 
 
 @dataclass
@@ -108,6 +110,8 @@ def _reliability(posed: PosedRecording, digit: Digit, joint: str) -> tuple[str, 
     reasons = [message_of("joint-not-solved") if row is None else row["message"]]
     if status == "weak":
         reasons = [message_of("not-believed")]
+    if moved := posed.unbelieved("joints", joint):
+        status, reasons = "failed" if status == "failed" else "weak", [*reasons, moved]
     if not posed.is_fitted:
         reasons.append(message_of("no-error-stated"))
         still = posed.model.metacarpals.unmeasured in ("rest", "rigid")
@@ -160,7 +164,7 @@ def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedM
         posed,
         frame,
         time_s,
-        {name: _fingertip_path(own) for name, own in tips.items()},
+        {name: _fingertip_path(own, posed.unbelieved("digits", name)) for name, own in tips.items()},
         {joint: left_out[name] for name in left_out for joint in layout.digits[name].joints},
         bases,
         angles,
@@ -204,13 +208,13 @@ def _unknown(count: int, width: int) -> Array:
     return columns
 
 
-def _fingertip_path(columns: Array) -> FingertipPath:
+def _fingertip_path(columns: Array, message: str) -> FingertipPath:
     """One digit's path, to the skin's end where any frame knows it, else to the bone's."""
     skin = any(np.isfinite(columns[:, index]).any() for index in range(8, columns.shape[1]))
     sd, first = (7, 8) if skin else (3, 4)
     parts = range(first, first + 3), range(3), [sd]
     place_mm, pointing, sd_mm = (chosen_points(columns, part) for part in parts)
-    return FingertipPath(place_mm, pointing, sd_mm, skin)
+    return FingertipPath(place_mm, pointing, sd_mm, skin, message)
 
 
 def _base(posed: PosedRecording, digit: Digit, poses: Poses, bones: PosedBones) -> tuple[Array, Array]:

@@ -34,6 +34,12 @@ MESSAGES: Mapping[str, Template] = {
         "slid in {recording} between {moment} and {moment_2}: it moved {mm:.1f} mm and turned {deg:.0f} deg "
         "on its bone"
     ),
+    "sits-elsewhere": N_(
+        "sits elsewhere in {recording} than in the calibration, from {moment} on: it moved {mm:.1f} mm and "
+        "turned {deg:.0f} deg on its bone, or more about its joint's own axis; from then on {joints} have no "
+        "angles there; put it back or calibrate with it as it sits, and record {recording} again"
+    ),
+    "start": N_("the start"),
     "in-disturbed-field": N_(
         "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: there it is off by "
         "{mm:.1f} mm and {deg:.0f} deg"
@@ -136,6 +142,7 @@ MESSAGES: Mapping[str, Template] = {
     "receiver": N_("{segment}: {message}"),
     "receiver-loose": N_("{segment}: {message}"),
     "receiver-slid": N_("{segment}: {message}"),
+    "receiver-moved": N_("{segment}: {message}"),
     "field-disturbed": plural(
         "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: {n} receiver is off by up "
         "to {mm:.1f} mm and {deg:.0f} deg there ({segments}); {percent:.0f} % of its frames were left out",

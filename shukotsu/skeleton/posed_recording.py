@@ -6,16 +6,24 @@ the numbers of every table that has rows frame by frame (joint angles, tips, err
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
+from shukotsu.schemas.catalogue import (
+    BONE_LENGTHS,
+    BONE_POSES,
+    JOINT_CENTRES,
+    METACARPALS,
+    MOVED_RECEIVERS,
+    POSED_TIPS,
+)
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.parts import Part, open_parts, read_part
@@ -24,6 +32,7 @@ from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_every
 from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table, rows_of
+from shukotsu.sentences.messages import joined, message_of
 from shukotsu.skeleton.posing import BoneMotion, PosedBones, Skeleton, pose_bones
 from shukotsu.skeleton.rotations import Array
 
@@ -49,6 +58,7 @@ class SkeletonTables:
     bone_poses: Path
     posed_tips: Path
     joint_angles: Path
+    moved_receivers: Path
 
     @classmethod
     def in_folders(cls, subject: Path, fit: Path) -> SkeletonTables:
@@ -102,6 +112,23 @@ class PosedRecording:
         """Joints and bones."""
         tables = self.tables
         return read_skeleton(tables.joint_centres, tables.bone_lengths, self.layout, self.model, self.part)
+
+    @cached_property
+    def moved(self) -> list[Mapping[str, Any]]:
+        """Rows of moved_receivers of the recording: what sits elsewhere in it than in the calibration."""
+        if not self.is_fitted:
+            return []
+        rows = rows_of(read_part(self.tables.moved_receivers, MOVED_RECEIVERS, self.part))
+        return [
+            row for row in rows if (row["task"], row["trial"]) == (self.recording.task, self.recording.trial)
+        ]
+
+    def unbelieved(self, column: str, name: str) -> str:
+        """Why a joint (column joints) or a digit's tip (digits) is not believed here; empty where it is."""
+        rows = [row for row in self.moved if name in row[column].split(";")]
+        return joined(
+            [message_of("receiver-moved", **{k: row[k] for k in ("segment", "message")}) for row in rows]
+        )
 
     @cached_property
     def n_frames(self) -> int:

@@ -63,7 +63,7 @@ def fit(arguments: argparse.Namespace) -> None:
             calibration = plan.calibrating(part.hand, part.model, part.made_without)
             if not usable_poses([plan.poses(recording) for recording in calibration])[0]:
                 # the study's problems: those of recordings say it all
-                for name in ("receivers", "gains", "receiver_costs"):
+                for name in ("receivers", "moved_receivers", "gains", "receiver_costs"):
                     recorded.pop(name).rows(part, [])
             with subject_stage.recording_failure(arguments, part, *recorded.values()):
                 _fit_part(plan, part, arguments.other_poses, tables)
@@ -108,15 +108,17 @@ def _parts(arguments: argparse.Namespace, plan: SubjectPlan) -> list[Part]:
 def _fit_part(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path], tables: Mapping[str, PartsWriter]
 ) -> None:
-    from shukotsu.schemas.poses import usable_poses
+    from shukotsu.schemas.poses import recording_name, usable_poses
     from shukotsu.sentences.messages import joined
     from shukotsu.stages.fit_hand.calibration import calibrated_hand, partner_poses, read_thinned
     from shukotsu.stages.fit_hand.gains import gains
     from shukotsu.stages.fit_hand.hand_tables import (
         bone_rows,
         joint_rows,
+        moved_rows,
         receiver_rows,
     )
+    from shukotsu.stages.fit_hand.loose_receivers import moved_in
     from shukotsu.stages.fit_hand.mapped_room import MappedRoom, widened
     from shukotsu.stages.fit_hand.posed_tables import posed_blocks, posed_sample
     from shukotsu.stages.fit_hand.receiver_costs import FRAMES, receiver_costs
@@ -136,7 +138,7 @@ def _fit_part(
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
     tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": note} if note else {}))
     tables["gains"].rows(part, gains(tips) if weighed else [])
-    for name in ("receiver_costs", "joint_angles", "bone_poses", "posed_tips"):
+    for name in ("moved_receivers", "receiver_costs", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
     calibrating, tasks = (
         usable_poses([plan.poses(recording) for recording in recordings])[0]
@@ -152,15 +154,20 @@ def _fit_part(
         return
     task = read_thinned([*tasks, *calibrating][0], plan.layouts[part.hand].measured, FRAMES)
     tables["receiver_costs"].rows(part, receiver_costs(tips, task))
+    layout, suspect = plan.layouts[part.hand], {plan.poses(recording) for recording in plan.suspect}
     for path in tasks:
-        for block in posed_blocks(tips, path):
+        # what is declared of a suspect recording is settled first
+        tested = path not in suspect and not layout.points
+        moved = moved_in(tips.fit, read_thinned(path, layout.measured)) if tested else []
+        tables["moved_receivers"].rows(part, moved_rows(layout, recording_name(path), moved))
+        for block in posed_blocks(tips, path, moved, calibrates=path in calibrating):
             for name, columns in block.items():
                 tables[name].columns(part, columns)
     if part.made_without or not plan.is_study:
         return
     of_calibration = [plan.poses(own) for own in plan.recordings_of(part.hand, "calibration")]
     for path in usable_poses(of_calibration)[0]:  # their angles alone, which have a range of motion too
-        for block in posed_blocks(tips, path):
+        for block in posed_blocks(tips, path, calibrates=True):
             tables["joint_angles"].columns(part, block["joint_angles"])
 
 

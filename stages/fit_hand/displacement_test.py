@@ -105,11 +105,14 @@ class Courses:
 
 
 @cache
-def courses(n_intervals: int) -> Courses:
-    """Give the steps, the slides and what comes back, in a recording of so many intervals."""
+def courses(n_intervals: int, *, from_start: bool = False) -> Courses:
+    """Give the steps, the slides and what comes back, in a recording of so many intervals.
+
+    from_start : whether a receiver may have sat elsewhere all along, as in another recording than its hand's.
+    """
     last, at = n_intervals - SHORTEST, np.arange(n_intervals)
     grid = range(0, n_intervals + 1, SLIDE_GRID)
-    steps = [(k, k) for k in range(SHORTEST, last + 1)]
+    steps = [(k, k) for k in [0] * from_start + [*range(SHORTEST, last + 1)]]
     slides = [(a, b) for a in grid for b in grid if b - a >= SLOWEST]
     spells = [(a, b) for a in range(SHORTEST, last) for b in range(a + 1, last + 1)]
     share = [
@@ -137,12 +140,23 @@ class ScoreTest:
     step: Array
     gain: Array
     abnormal: Array
+    ways: Courses
 
     @classmethod
-    def of(cls, problem: Problem, point: Point, normal: Array, receivers: Sequence[int]) -> ScoreTest:
-        """Test some of the receivers; normal : (S, 2) mm and rad of a displacement that is none."""
+    def of(
+        cls,
+        problem: Problem,
+        point: Point,
+        normal: Array,
+        receivers: Sequence[int],
+        *,
+        from_start: bool = False,
+    ) -> ScoreTest:
+        """Test some of the receivers; normal : (S, 2) mm and rad of a displacement that is none; from_start :
+        as in `courses`.
+        """
         cuts = np.unique(np.linspace(0, len(point.y), MOMENTS + 1).round().astype(int))[:-1]
-        n_receivers, ways = len(problem.sd), courses(len(cuts))
+        n_receivers, ways = len(problem.sd), courses(len(cuts), from_start=from_start)
         slope = np.zeros((n_receivers, len(cuts), 6))
         curvature = np.zeros((n_receivers, 6 * len(cuts), 6 * len(cuts)))
         step = np.zeros((n_receivers, len(ways.start), 6))
@@ -160,7 +174,7 @@ class ScoreTest:
                 step[s], gain[s] = best_step(*on_courses)
                 within = most_within(np.tile(radii[s], (len(ways.share), 1)), *on_courses)
                 abnormal[s] = gain[s] - within
-        return cls(cuts, slope, curvature, step, gain, abnormal)
+        return cls(cuts, slope, curvature, step, gain, abnormal, ways)
 
     def most_abnormal(self) -> float:
         """Log likelihood that the most abnormal displacement explains beyond a normal one, or 0."""
@@ -183,7 +197,7 @@ class ScoreTest:
         only the receiver whose displacement explains most is a candidate. Nor is one that comes back: what
         returns is skin.
         """
-        ways = courses(len(self.cuts))
+        ways = self.ways
         every = np.arange(len(ways.start))
         best = np.argmax(self.gain, axis=0) if receiver is None else np.full(len(every), receiver)
         odds = np.maximum(self.abnormal - np.where(ways.end > ways.start, MOMENT_GAIN, 0.0), 0.0)
@@ -192,7 +206,7 @@ class ScoreTest:
         return best, np.where(~ways.returns & (own > returning[best]), own, 0.0)
 
     def _displacement(self, receiver: int, course: int) -> Displacement:
-        ways, moments = courses(len(self.cuts)), np.append(self.cuts, self.cuts[-1] * 2 - self.cuts[-2])
+        ways, moments = self.ways, np.append(self.cuts, self.cuts[-1] * 2 - self.cuts[-2])
         start, end = moments[ways.start[course]], moments[ways.end[course]]
         return Displacement(receiver, int(start), int(end), self.step[receiver, course])
 
@@ -207,7 +221,7 @@ class ScoreTest:
         if first is None:
             return []
         p, s = self._course(first), first.receiver
-        ways = courses(len(self.cuts))
+        ways = self.ways
         otherwise = ~ways.returns & ((ways.end > ways.start) != first.slides)
         k = int(np.argmax(np.where(otherwise, self.gain[s], -np.inf)))
         tried = [(int(other), p) for other in np.argsort(-self.gain[:, p])[:MOST_RIVALS]]
@@ -216,13 +230,13 @@ class ScoreTest:
         return [self._displacement(other, way) for other, way in tried if self.gain[other, way] >= least]
 
     def _course(self, known: Displacement) -> int:
-        ways = courses(len(self.cuts))
+        ways = self.ways
         start, end = np.searchsorted(self.cuts, [known.start, known.end])
         return int(np.flatnonzero((ways.start == start) & (ways.end == end) & ~ways.returns)[0])
 
     def refined(self, known: Displacement) -> Displacement:
         """A displacement that frames were already corrected for, gone as far as is likeliest."""
-        own = courses(len(self.cuts)).share[[self._course(known)]]
+        own = self.ways.share[[self._course(known)]]
         s = known.receiver
         slope, curvature = _on_courses(self.slope[s], self.curvature[s], own)
         rest = np.linalg.solve(curvature[0] + PRIOR, slope[0] + PRIOR @ known.step)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,21 +16,23 @@ from shukotsu.schemas.catalogue import (
     GAINS,
     JOINT_ANGLES,
     JOINT_CENTRES,
+    MOVED_RECEIVERS,
     POSED_TIPS,
     RECEIVER_COSTS,
     RECEIVERS,
 )
+from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.parts import PartsWriter, parts_writer
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.tables import Provenance, Table, vector_columns
 from shukotsu.schemas.verdict import UNJUDGED, noted
-from shukotsu.sentences.messages import joined, message_of
+from shukotsu.sentences.messages import Message, joined, message_of
 from shukotsu.skeleton.joint_angles import joint_angles
 from shukotsu.skeleton.posing import ZERO_COLUMNS
 from shukotsu.stages.fit_hand.fingertips import Fingertips
 from shukotsu.stages.fit_hand.fit import HandFit
 from shukotsu.stages.fit_hand.left_out import Unsteady
-from shukotsu.stages.fit_hand.loose_receivers import LooseReceiver
+from shukotsu.stages.fit_hand.loose_receivers import LooseReceiver, Moment
 from shukotsu.stages.fit_hand.measurements import MOUNT_PARTS
 from shukotsu.stages.fit_hand.posterior_summary import FittedJoint
 
@@ -44,6 +46,7 @@ FIT: Mapping[str, Table] = {
     "fitted_joints": JOINT_CENTRES,
     "fitted_bones": BONE_LENGTHS,
     "receivers": RECEIVERS,
+    "moved_receivers": MOVED_RECEIVERS,
     "gains": GAINS,
     "receiver_costs": RECEIVER_COSTS,
     "joint_angles": JOINT_ANGLES,
@@ -197,24 +200,66 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, Row]:
     return columns
 
 
+def moved_rows(layout: Layout, name: RecordingName, moved: Sequence[LooseReceiver]) -> list[Row]:
+    """Rows of moved_receivers of one recording, a receiver each: the first of its moves, as far as all go."""
+    rows = []
+    for segment in dict.fromkeys(receiver.segment for receiver in moved):
+        moves = [receiver for receiver in moved if receiver.segment == segment]
+        start, step = moves[0].start, np.sum([move.step for move in moves], axis=0)
+        joints, digits = joints_beside(layout, segment), digits_carried(layout, segment)
+        mm, deg = float(np.linalg.norm(step[:3])), float(np.degrees(np.linalg.norm(step[3:])))
+        since = message_of("start") if start.is_first else _moment(start)
+        sentence = message_of(
+            "sits-elsewhere", recording=_title(name), moment=since, mm=mm, deg=deg, joints=joints
+        )
+        rows.append(
+            {
+                "task": name.task,
+                "trial": name.trial,
+                "segment": segment,
+                "from_frame": start.frame,
+                "from_s": start.time_s,
+                "shift_mm": mm,
+                "turn_deg": deg,
+                "joints": ";".join(joints),
+                "digits": ";".join(digits),
+                "message": sentence,
+            }
+        )
+    return rows
+
+
+def joints_beside(layout: Layout, segment: str) -> list[str]:
+    """Joints whose angles hang on a segment's receiver; those under a bone without one among them."""
+    beside = [own for own in layout.joints.values() if segment in (own.parent_receiver, own.child)]
+    bare = {own.parent for own in beside if not layout.segments[own.parent].measured}
+    return [own.name for own in layout.joints.values() if own in beside or own.child in bare]
+
+
+def digits_carried(layout: Layout, segment: str) -> list[str]:
+    """Digits whose tips, in the hand, hang on a segment's receiver."""
+    return [own.name for own in layout.digits.values() if segment in (own.tip, own.base)]
+
+
 def _title(name: RecordingName) -> str:
     return ", ".join(filter(None, (name.task, name.trial)))
 
 
 def _loose_sentence(row: Row, receiver: LooseReceiver) -> str:
     """Describe, from its row, a receiver that came loose or slid."""
-    when, until = (
-        message_of("moment", time_s=moment.time_s)
-        if np.isfinite(moment.time_s)
-        else message_of("moment-frame", frame=moment.frame)
-        for moment in (receiver.start, receiver.end)
-    )
+    when, until = map(_moment, (receiver.start, receiver.end))
     moved = {"mm": row["loose_shift_mm"], "deg": row["loose_turn_deg"]}
     if receiver.slid:
         did = message_of("slid", recording=row["loose_task"], moment=when, moment_2=until, **moved)
     else:
         did = message_of("came-loose", recording=row["loose_task"], moment=when, **moved)
     return joined([did, _left_out(row)])
+
+
+def _moment(moment: Moment) -> Message:
+    if np.isfinite(moment.time_s):
+        return message_of("moment", time_s=moment.time_s)
+    return message_of("moment-frame", frame=moment.frame)
 
 
 def _field_sentence(row: Row) -> str:

@@ -18,12 +18,12 @@ from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array, exp_rotation
 from shukotsu.stages.fit_hand.chain import HandModel
 from shukotsu.stages.fit_hand.compiled_equations import pose, residuals
-from shukotsu.stages.fit_hand.displacement_test import Displacement, ScoreTest
+from shukotsu.stages.fit_hand.displacement_test import MOMENTS, Displacement, ScoreTest
 from shukotsu.stages.fit_hand.empirical_bayes import FAMILIES
 from shukotsu.stages.fit_hand.field_test import LEAST_FIELD_GAIN, Field, likeliest_field
 from shukotsu.stages.fit_hand.fit import HandFit
 from shukotsu.stages.fit_hand.gauss_newton import NEARLY, first_guess, solve
-from shukotsu.stages.fit_hand.normal_equations import Frames, Point, Problem, Residuals
+from shukotsu.stages.fit_hand.normal_equations import Frames, Observations, Point, Problem, Residuals
 from shukotsu.stages.fit_hand.operations import Index
 from shukotsu.stages.fit_hand.posterior import Evidence
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
@@ -31,7 +31,8 @@ from shukotsu.stages.fit_hand.receiver_frames import concatenated
 EVEN_FRAMES = 120
 """Evenly spaced over all recordings, several for each independent sample."""
 
-MOST_DISPLACEMENTS = 8
+MOST_DISPLACEMENTS, MOST_MOVED = 8, 4
+"""That are looked for in a calibration, and in a recording that is held against one."""
 
 NORMAL = {
     "phalanx": (1.0, float(np.radians(3.0))),
@@ -63,11 +64,14 @@ _MEDIAN_OF_SQUARES = 2.366
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame of one of several recordings: its number there, and its time (NaN where it has none)."""
+    """A frame of one of several recordings: its number there, its time (NaN where it has none), and whether
+    it is the first.
+    """
 
     recording: int
     frame: int
     time_s: float
+    is_first: bool = False
 
 
 @dataclass(frozen=True)
@@ -127,6 +131,32 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
     return Displaced(_loose(fit, recordings, poses, rows, *found))
 
 
+def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
+    """Find receivers that sit elsewhere in a recording than where the hand was fitted: all along, from a
+    frame on, or ever farther.
+
+    The fitted hand, as uncertain as it is, is what the recording is held against. Where what is left, with
+    them put back, is rather a disturbed field, none is named.
+    """
+    if len(poses.frame) < MOMENTS:
+        return []
+    rows = np.unique(np.linspace(0, len(poses.frame) - 1, EVEN_FRAMES).round().astype(int))
+    problem, point = _posed(fit, fit.evidence.convention.frames(poses.take(rows)))
+    posterior = fit.evidence.posterior
+    root = np.linalg.cholesky(np.linalg.inv(posterior.covariance)).T
+    calibrated = Observations(root, root @ posterior.x)
+    problem = replace(problem, precision=np.zeros(len(posterior.x)), observations=calibrated)
+    tested = replace(Tested.of(fit.evidence), calibrated=True)
+    put_back, displaced = _search(problem, point, [], tested)
+    if not displaced:
+        return []
+    left = replace(problem, frames=_certain(_put_back(problem.frames, displaced), displaced))
+    gain = likeliest_field(left, put_back)[1]
+    if gain > max(LEAST_FIELD_GAIN, likeliest_field(problem, point)[1] / 2):
+        return []
+    return _loose(fit, [poses], poses, rows, problem, *_needed(problem, tested, put_back, displaced))
+
+
 def _searched(
     model: HandModel, problem: Problem, point: Point, tested: Tested
 ) -> tuple[Problem, list[Displacement], Array]:
@@ -159,7 +189,7 @@ def _loose(
         if not moved.slides:
             first = last = _exact_row(fit, poses, rows, untempered, x, moved, others)
         start, end = (
-            Moment(int(recording[row]), int(poses.frame[row]), float(poses.time_s[row]))
+            Moment(int(recording[row]), int(poses.frame[row]), float(poses.time_s[row]), row == 0)
             for row in (first, last)
         )
         loose.append(LooseReceiver(fit.evidence.model.receivers[moved.receiver], start, end, moved.step))
@@ -168,10 +198,15 @@ def _loose(
 
 @dataclass(frozen=True)
 class Tested:
-    """Receivers that are tested, and how far (S, 2), in mm and rad, each may go with nothing loose."""
+    """Receivers that are tested, and how far (S, 2), in mm and rad, each may go with nothing loose.
+
+    calibrated : whether the hand is known from other recordings: it is held, and a receiver may have sat
+    elsewhere all along.
+    """
 
     receivers: tuple[int, ...]
     normal: Array
+    calibrated: bool = False
 
     @classmethod
     def of(cls, evidence: Evidence) -> Tested:
@@ -184,7 +219,8 @@ class Tested:
 
     def scored(self, problem: Problem, point: Point, only: Sequence[int] = ()) -> ScoreTest:
         """Test these or only some of them."""
-        return ScoreTest.of(problem, point, self.normal, only or self.receivers)
+        receivers = only or self.receivers
+        return ScoreTest.of(problem, point, self.normal, receivers, from_start=self.calibrated)
 
 
 def recording_of_rows(recordings: Sequence[Poses]) -> Index:
@@ -246,7 +282,7 @@ def _search(
 ) -> tuple[Point, list[Displacement]]:
     """All displacements of the tested receivers, each looked for with the earlier ones put back."""
     corrected = replace(problem, frames=_certain(_put_back(problem.frames, displaced), displaced))
-    for _ in range(MOST_DISPLACEMENTS):
+    for _ in range(MOST_MOVED if tested.calibrated else MOST_DISPLACEMENTS):
         rivals = tested.scored(corrected, point).rivals()
         if not rivals:
             break
@@ -288,7 +324,10 @@ def _refined(
     for is_last in [False] * _REFINEMENTS + [True]:
         frames = _certain(_put_back(problem.frames, refined), [*refined, *rivals])
         corrected = replace(problem, frames=frames)
-        point = solve(corrected, point, _SOLVING_STEPS, NEARLY).point
+        if tested.calibrated:
+            point = pose(corrected, point, _POSING_STEPS)
+        else:
+            point = solve(corrected, point, _SOLVING_STEPS, NEARLY).point
         if not is_last:
             test = tested.scored(corrected, point, [moved.receiver for moved in refined])
             refined = [test.refined(moved) for moved in refined]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from shukotsu.stages.fit_hand.fingertips import BONE, TIP, Fingertips
 from shukotsu.stages.fit_hand.fit import HandFit
 from shukotsu.stages.fit_hand.fitted_motion import PosedHand, joint_angles_of, pose_hand
 from shukotsu.stages.fit_hand.frame_uncertainty import PosedErrors, posed_errors
+from shukotsu.stages.fit_hand.hand_tables import digits_carried, joints_beside
+from shukotsu.stages.fit_hand.loose_receivers import NORMAL, LooseReceiver
 from shukotsu.stages.fit_hand.operations import Index
 from shukotsu.stages.fit_hand.receiver_frames import MIRROR
 
@@ -37,29 +40,63 @@ ERRORS_OF_ANGLES = {
 }
 """Columns of joint_angles, without the angle's name, and what of `PosedErrors` is in them."""
 
+UNSEEN_TURN_DEG = float(np.degrees(NORMAL["phalanx"][1]))
+"""1-sigma (our choice) by which the receiver on a digit's last bone may be turned about the joint before it,
+in another recording than its hand was fitted to: nothing beyond that joint tells."""
+
 Columns = dict[str, Any]
 
 
-def posed_blocks(tips: Fingertips, path: Path) -> Iterator[dict[str, Columns]]:
+def posed_blocks(
+    tips: Fingertips, path: Path, moved: Sequence[LooseReceiver] = (), *, calibrates: bool = False
+) -> Iterator[dict[str, Columns]]:
     """Pose a recording, a block of frames at a time; give columns of joint_angles, bone_poses and posed_tips.
 
-    path : its poses table. Columns are all but the part's keys.
+    path : its poses table. moved : receivers that sit elsewhere in it: from then on they are not used, and
+    angles and tips that hang on them are null. calibrates : whether the hand was fitted to it. Columns are
+    all but the part's keys.
     """
     fit, name = tips.fit, recording_name(path)
     step = max(1, -(-frame_count(path) // LEFT_OUT_FRAMES))
     first, reference_deg = 0, None
-    for poses in pose_blocks(path, fit.evidence.layout.measured, BLOCK_FRAMES):
+    for recorded in pose_blocks(path, fit.evidence.layout.measured, BLOCK_FRAMES):
+        poses = _without_moved(recorded, moved)
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
         ends_mm = {part: _carried_mm(tips, posed, poses, part) for part in ENDS}
         frames = fit.evidence.convention.frames(poses)
         errors = posed_errors(tips, posed, frames, reference_deg)
         reference_deg = errors.reference_deg
+        for digit in () if calibrates else known_digits(fit.evidence.layout):
+            flexion_deg = errors.angles_deg[digit.joints[-1]][:, 0]
+            flexion_deg[:] = np.hypot(flexion_deg, UNSEEN_TURN_DEG)
+        angles = angle_columns(name, fit, posed, poses, errors)
+        ends = tip_columns(name, fit, posed, poses, left_out, ends_mm, errors)
+        for receiver in moved:
+            layout, since = fit.evidence.layout, receiver.start.frame
+            _forget(angles, "joint", joints_beside(layout, receiver.segment), since)
+            _forget(ends, "digit", digits_carried(layout, receiver.segment), since)
         yield {
-            "joint_angles": angle_columns(name, fit, posed, poses, errors),
+            "joint_angles": angles,
             "bone_poses": bone_columns(name, posed, poses, errors),
-            "posed_tips": tip_columns(name, fit, posed, poses, left_out, ends_mm, errors),
+            "posed_tips": ends,
         }
         first += len(poses.frame)
+
+
+def _without_moved(poses: Poses, moved: Sequence[LooseReceiver]) -> Poses:
+    """The poses, each receiver valid until it moved."""
+    valid = poses.valid.copy()
+    for receiver in moved:
+        valid[poses.frame >= receiver.start.frame, poses.index(receiver.segment)] = False
+    return replace(poses, valid=valid)
+
+
+def _forget(columns: Columns, key: str, names: Sequence[str], since: int) -> None:
+    """Make the numbers of these joints or digits null from a frame on."""
+    gone = np.isin(np.array(columns[key], object), names) & (columns["frame"] >= since)
+    for column, values in columns.items():
+        if column not in ("time_s", "residual_mm") and getattr(values, "dtype", None) == np.float64:
+            columns[column] = np.where(gone, np.nan, values)
 
 
 def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:

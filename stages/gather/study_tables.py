@@ -18,6 +18,7 @@ from shukotsu.schemas.catalogue import (
     FINDINGS,
     JOINT_CENTRES,
     JOINT_SOLUTIONS,
+    MOVED_RECEIVERS,
     PROBLEMS,
     RECEIVERS,
     RECORDINGS,
@@ -139,7 +140,11 @@ def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> 
     provenance = Provenance.of([file for _, file in files], results.folder)
     columns = {column.name: rows.column(column.name) for column in table.columns}
     write_table(results.study_table(name), table, columns, provenance)
-    of_rows = {RECEIVERS.name: _receiver_problems, CLOCKS.name: _clock_problems}
+    of_rows = {
+        RECEIVERS.name: _receiver_problems,
+        MOVED_RECEIVERS.name: _moved_problems,
+        CLOCKS.name: _clock_problems,
+    }
     return problems + (of_rows[name](rows) if name in of_rows else [])
 
 
@@ -210,6 +215,23 @@ def _receiver_problems(receivers: pa.Table) -> list[Row]:
     return problems
 
 
+def _moved_problems(moved: pa.Table) -> list[Row]:
+    """Receivers that sit elsewhere in a recording than in the calibration."""
+    return [
+        problem_row(
+            "fit_hand",
+            Finding("receiver-moved", NOTE, "", {"segment": row["segment"], "message": row["message"]}),
+            **_hand_of(row),
+            task=_title(row),
+        )
+        for row in rows_of(moved)
+    ]
+
+
+def _title(row: Row) -> str:
+    return ", ".join(filter(None, (row["task"], row["trial"])))
+
+
 def _hand_of(row: Row) -> dict[str, str]:
     return {key: row[key] for key in ("subject", "session", "hand")}
 
@@ -236,7 +258,7 @@ def _clock_problems(clocks: pa.Table) -> list[Row]:
             "align_events",
             worded("events", NOTE, row["message"]),
             **{name: row[name] for name in ("subject", "session", "hand")},
-            task=", ".join(filter(None, (row["task"], row["trial"]))),
+            task=_title(row),
         )
         for row in rows_of(clocks)
         if row["status"] in ("weak", "failed") or (row["n_steps"] and row["message"])

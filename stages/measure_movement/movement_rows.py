@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.anatomy.recorded_movement import ERRORS, AngleSeries, FingertipPath
+from shukotsu.sentences.messages import joined
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
 from shukotsu.stages.measure_movement.cycles import PERCENT, Cycle, mean_curves, normalised
@@ -35,8 +36,7 @@ def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
     row: Row = {"joint": series.joint, "angle": series.angle} | _coverage(known)
     if not known.any():
         if series.angle == "flexion":
-            message = series.message if series.status == "failed" else "no frame has this angle"
-            yield row | {"status": "failed", "message": message}
+            yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
         return
     errors_deg = [np.full(int(known.sum()), np.nan)] * len(ERRORS)
     if series.errors_deg is not None:
@@ -72,7 +72,7 @@ def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[
         known = np.isfinite(_summed_squares(tip.place_mm))
         row: Row = {"digit": digit} | _coverage(known)
         if not known.any():
-            yield row | {"status": "failed", "message": "no frame has this fingertip"}
+            yield row | {"status": "failed", "message": tip.message or "no frame has this fingertip"}
             continue
         if grid is not None:
             way, turn = (_speeds(own, grid) for own in (tip.place_mm, tip.pointing))
@@ -84,7 +84,7 @@ def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[
                 "sparc": median_smoothness(way, grid.step_s),
             }
             row |= _speed_columns(way, "mm_s")
-        yield row | _judged(row, "ok", "", grid)
+        yield row | _judged(row, "weak" if tip.message else "ok", tip.message, grid)
 
 
 def distance_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
@@ -95,9 +95,10 @@ def distance_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Itera
     for (digit, one), (other_digit, other) in combinations(tips.items(), 2):
         distance_mm = np.sqrt(_summed_squares(one.place_mm, other.place_mm))
         known = np.isfinite(distance_mm)
+        message = joined([one.message, other.message])
         row: Row = {"digit": digit, "other_digit": other_digit, "n_frames": int(known.sum())}
         if not known.any():
-            yield row | {"status": "failed", "message": "no frame has both fingertips"}
+            yield row | {"status": "failed", "message": message or "no frame has both fingertips"}
             continue
         sd_mm = np.sqrt((_summed_squares(one.sd_mm) + _summed_squares(other.sd_mm)) / 3.0)[known]
         row |= {
@@ -114,7 +115,7 @@ def distance_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Itera
             "contact_percent": 100.0 * float(in_contact[known].mean()),
             "n_contacts": contact_count(touching),
         }
-        yield row | {"status": "ok", "message": ""}
+        yield row | {"status": "weak" if message else "ok", "message": message}
 
 
 def joint_curves(

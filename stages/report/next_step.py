@@ -48,6 +48,14 @@ def next_step(results: StudyResults) -> str:
             "before any of their numbers is used.",
             whose=hands_text(dict.fromkeys(map(hand_of, results.findings))),
         )
+    moved = [row for row in results.problems if row["kind"] == "receiver-moved"]
+    if moved:
+        return tr(
+            "Next: record {tasks} of {whose} again: a receiver sat elsewhere there than in the calibration (in "
+            "the report: “What went wrong”).",
+            tasks=listed(dict.fromkeys(row["task"] for row in moved)),
+            whose=hands_text(dict.fromkeys(map(hand_of, moved))),
+        )
     steps = [*_modelling(results), *_moving(results), *_measuring(results)]
     if not steps:
         return tr("Next: see “What went wrong”.")
