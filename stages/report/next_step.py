@@ -51,8 +51,8 @@ def next_step(results: StudyResults) -> str:
     moved = [row for row in results.problems if row["kind"] == "receiver-moved"]
     if moved:
         return tr(
-            "Next: record {tasks} of {whose} again: a receiver sat elsewhere there than in the calibration (in "
-            "the report: “What went wrong”).",
+            "Next: record {tasks} of {whose} again: a receiver sat elsewhere there than in the calibration "
+            "(in the report: “What went wrong”).",
             tasks=listed(dict.fromkeys(row["task"] for row in moved)),
             whose=hands_text(dict.fromkeys(map(hand_of, moved))),
         )
