@@ -138,6 +138,13 @@ KINDS: Mapping[str, Kind] = {
         "Leave the numbers empty where they repeat those before, which makes them gaps; `csv.in_step: false` "
         "in the mapping where a program repeats values.",
     ),
+    "sudden-change": Kind(
+        N_("From one moment on, and for good, a receiver is not where its neighbours say, or none is."),
+        "A receiver that fell off and hangs from its cable; a program that changed the unit or the order of "
+        "numbers in the middle of a file.",
+        "Record again with the receiver in its place; of a file that changes, export it again. What was "
+        "recorded before is used, if it suffices.",
+    ),
     "spikes": Kind(
         N_("Single poses are where nothing can be, or all of them jump about."),
         "Metal or a motor near the transmitter, bytes lost on the line, a column that is no position.",

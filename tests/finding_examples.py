@@ -31,6 +31,8 @@ EVIDENCE: dict[str, dict[str, Any]] = {
 GAPS = {"gap_before_mm": 12.13, "gap_after_mm": 1.31, "moved": 5, "joints": 16}
 EFFECTS = {name: {**GAPS, "effect": name} for name in ("closer", "no-closer", "none")}
 
+BROKEN = {"segments": ["hand"], "segment": "hand", "until": False, "grown": 25.4, "percent": 48.0}
+
 EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("quaternion-order", "order"): [{"read": "w, x, y, z", "true": "x, y, z, w", "order": "xyzw"}],
     ("quaternion-order", "inverse-too"): [
@@ -56,6 +58,7 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
         {"segments": ["hand"], "count": 1},
         {"segments": ["hand", "index_distal"], "count": 2},
     ],
+    ("hemisphere", "whole"): [{}],
     ("hemisphere", "left-out"): [ONE, COUNTED],
     ("hemisphere", "between"): [COUNTED],
     ("hemisphere", "put-back"): [COUNTED],
@@ -63,6 +66,9 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("receiver-stuck", "repeated"): [{"percent": 50.0}],
     ("receiver-stuck", "at-times"): [{"segment": "hand", "percent": 3.4, **AT}],
     ("receiver-stuck", "all-along"): [{"segment": "hand"}],
+    ("sudden-change", "one"): [BROKEN | AT],
+    ("sudden-change", "until"): [BROKEN | AT],
+    ("sudden-change", "all"): [BROKEN | {"first_row": 12}],
     ("spikes", "some"): [
         {"segment": "hand", "count": 1, "spiked": [["hand", 780, 3.25]], **AT},
         {"segment": "hand", "count": 9, "spiked": [["hand", 780], ["index_distal", 12]], **AT},

@@ -23,7 +23,8 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     parameters = read_metadata(path)["parameters"]
     declared = Declared.of(parameters.get("mapping"), parameters.get("orientation", ""))
     side = hand or recording_name(path).hand
-    return check_recording(held_poses(path, layout.measured), layout, side, declared, _left_out(path))
+    poses, broken = held_poses(path, layout.measured), parameters.get("breaks", ())
+    return check_recording(poses, layout, side, declared, _left_out(path), broken)
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:

@@ -38,6 +38,8 @@ from shukotsu.schemas.poses import Poses
 from shukotsu.sentences.finding_sentences import Values
 
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
+LEAST_LEFT = 25.0
+"""Percent of a receiver's poses that a break must leave for the rest to be believed."""
 OPEN_GAP_MM = 15.0
 MANY_STUCK, MANY_REPEATED = 0.02, 0.4
 MOST_NAMED = 8
@@ -66,12 +68,15 @@ def check_recording(
     hand: str,
     declared: Declared = TIDY,
     left_out: Mapping[str, Mapping[str, int]] | None = None,
+    breaks: Sequence[Values] = (),
 ) -> CheckedRecording:
     """Test what was declared about a recording against its poses.
 
     declared : of its numbers, by the mapping that it was read with.
     left_out : by flag and segment, of those in LEFT_OUT: how many poses the import left out, or put back.
+    breaks : what the import says of moments from which on it left poses out.
     """
+    broken = _breaks(breaks)
     turned = [name not in layout.points for name in poses.segments]
     if not poses.valid[:, turned].any():
         line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
@@ -89,9 +94,9 @@ def check_recording(
     duration_s, breaks = (None, []) if clock else device_clock(line.time_s, poses.frame)
     short = _too_short(line, duration_s)
     if (short and short.severity == REFUSED) or not body.names:
-        return CheckedRecording((short,) if short else (), poses_digest(poses), None, None)
+        return CheckedRecording((*broken, *([short] if short else ())), poses_digest(poses), None, None)
     if angles := _angles(line, declared):
-        return CheckedRecording(tuple(angles), poses_digest(poses), None, None)
+        return CheckedRecording((*broken, *angles), poses_digest(poses), None, None)
     findings, search = _explained(line, poses.frame, body, layout, segments, hand, declared)
     if "hemisphere-undecided" in (left_out or {}):  # a repair was tried, or would not help
         findings = [finding for finding in findings if finding.kind != "hemisphere"]
@@ -105,7 +110,7 @@ def check_recording(
         *_clock_breaks(breaks, poses.frame),
         *([short] if short else []),
     ]
-    return CheckedRecording((*findings, *late), poses_digest(poses), body, search.explanation)
+    return CheckedRecording((*broken, *findings, *late), poses_digest(poses), body, search.explanation)
 
 
 def poses_digest(poses: Poses) -> str:
@@ -266,6 +271,16 @@ def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
         seen = {"count": sum(counts), "of": named, "counts": counts}
         found.append(Finding(kind, severity, variant, seen))
     return found
+
+
+def _breaks(breaks: Sequence[Values]) -> list[Finding]:
+    """Name breaks; what is left is to suffice, or nothing is to be believed of it."""
+    findings = []
+    for seen in breaks:
+        variant = "all" if len(seen["segments"]) > 1 else "until" if seen["until"] else "one"
+        severity = NOTE if seen["percent"] >= LEAST_LEFT else SUSPECT
+        findings.append(Finding("sudden-change", severity, variant, {**seen, "segment": seen["segments"][0]}))
+    return findings
 
 
 def _frozen(poses: Poses) -> list[Finding]:

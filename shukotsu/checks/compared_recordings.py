@@ -70,7 +70,10 @@ def _accused(checked: CheckedRecording) -> bool:
 
 
 def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> dict[int, Finding]:
-    """By their place, recordings whose receivers sit elsewhere than in the one with which most agree."""
+    """By their place, recordings whose receivers sit elsewhere than in the one with which most agree.
+
+    One that breaks within itself judges no other.
+    """
     found: dict[int, Finding] = {}
     for hand in dict.fromkeys(hand for _, hand, _ in recordings):
         measured = {
@@ -78,17 +81,22 @@ def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> di
             for place, (_, own, checked) in enumerate(recordings)
             if own == hand and (sizes := measure(checked)) is not None
         }
+        judging = {place: own for place, own in measured.items() if not _breaks(recordings[place][2])}
         differ = {
-            a: sum(_worn_elsewhere(one, other) for other in measured.values()) for a, one in measured.items()
+            a: sum(_worn_elsewhere(one, other) for other in judging.values()) for a, one in judging.items()
         }
-        if not any(differ.values()):
+        if not judging:
             continue
-        usual = min(measured, key=lambda place: (differ[place], place))
+        usual = min(judging, key=lambda place: (differ[place], place))
         for place, own in measured.items():
             if _worn_elsewhere(own, measured[usual]):
                 first = {"subject": "", "hand": hand, "task": recordings[usual][0]}
                 found[place] = _worn_by_another(first, measured[usual], own)
     return found
+
+
+def _breaks(checked: CheckedRecording) -> bool:
+    return any(finding.kind == "sudden-change" for finding in checked.findings)
 
 
 def _worn_elsewhere(one: Measured, other: Measured) -> bool:

@@ -195,7 +195,7 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
     names, read = "xyz", recorded.declared.position_axes
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
-            if order == (0, 1, 2) and min(signs) > 0:
+            if order == (0, 1, 2) and (min(signs) > 0 or max(signs) < 0):  # the latter is a hemisphere
                 continue
             sign = np.array(signs) * recorded.mirror * recorded.mirror[list(order)]
             columns = [read[i] if s > 0 else _negated(read[i]) for i, s in zip(order, signs, strict=True)]
@@ -218,7 +218,9 @@ def _other_hand(recorded: Recorded) -> Hypothesis:
 
 
 def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
-    """One receiver on the other side, or all of those that are opposite to most."""
+    """One receiver on the other side, all of those that are opposite to most, or all that there are."""
+    if recorded.declared.format != "c3d":  # cameras have no hemisphere
+        yield Hypothesis("hemisphere", _moved(-1.0), "whole")
     opposite = _opposite(motion)
     for places in [*({place} for place in range(len(recorded.segments))), *([opposite] if opposite else [])]:
         sign = np.ones((len(recorded.segments), 1))

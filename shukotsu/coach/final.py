@@ -105,7 +105,11 @@ def final_summary(archive: Path, coach: Coach) -> tuple[dict[str, Any], dict[str
             tips, _ = calibrated_hand(plan, plan.part(setup.hand, str(setup.model["model"])))
         except np.linalg.LinAlgError as error:
             raise InputError(f"the recording shows no hand ({error})") from error
-        findings = [finding for finding in checked_poses(table, layout).findings if finding.severity != NOTE]
+        findings = [
+            finding
+            for finding in checked_poses(table, layout).findings
+            if finding.severity != NOTE or finding.kind == "sudden-change"
+        ]
     judged = [
         judged_joint(row, setup.wanted_mm) for row in joint_rows(tips.fit) if row["joint"] in tips.fit.joints
     ]

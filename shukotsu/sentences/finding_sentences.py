@@ -67,6 +67,7 @@ WHAT: Mapping[str, Template] = {
         "the receiver {segments} seems to be on the other side of the transmitter all along",
         "the receivers {segments} seem to be on the other side of the transmitter all along",
     ),
+    "hemisphere/whole": N_("all receivers seem to be on the other side of the transmitter all along"),
     "hemisphere/left-out": plural(
         "one pose, of {segment}, is on the other side of the transmitter and left out: the tracker took the "
         "wrong hemisphere",
@@ -95,6 +96,18 @@ WHAT: Mapping[str, Template] = {
     "receiver-stuck/all-along": N_(
         "the receiver {segment} gives one and the same pose all along while others move, and is not used: "
         "probably its channel hung"
+    ),
+    "sudden-change/one": N_(
+        "the receiver {segment} is not where its neighbours say, first {at} and for good: probably it fell "
+        "off, and its poses from then on are left out"
+    ),
+    "sudden-change/until": N_(
+        "the receiver {segment} is where its neighbours say, first {at} and for good: probably it was not on "
+        "before, and its poses until then are left out"
+    ),
+    "sudden-change/all": N_(
+        "the receivers are {grown:.3g} times as far from each other as before, first {at} and for good: "
+        "probably a unit or the order of numbers changes in the file, and the poses from then on are left out"
     ),
     "spikes/some": plural(
         "one pose is where nothing can be, {spiked}: probably the tracker's field was disturbed or a row is "
@@ -195,6 +208,9 @@ CURES: Mapping[str, str] = {
     "hemisphere/all-along": N_(
         "write `repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere)"
     ),
+    "hemisphere/whole": N_(
+        "write `repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere)"
+    ),
     "hemisphere/left-out": N_(
         "write `repair` in the column hemisphere of the recordings sheet (or --repair-hemisphere) to put "
         "them back"
@@ -213,6 +229,9 @@ CURES: Mapping[str, str] = {
         "`exclude` in the recordings sheet"
     ),
     "receiver-stuck/all-along": N_("check its plug, and record again"),
+    "sudden-change/one": N_("fix it and record again where the {percent:.0f} % that are left do not suffice"),
+    "sudden-change/until": N_("record again where the {percent:.0f} % that are left do not suffice"),
+    "sudden-change/all": N_("export the recording again, all of it alike"),
     "spikes/some": N_("leave the numbers of these poses empty in the file, and check again"),
     "spikes/left-out": N_("look for metal or a motor near the transmitter"),
     "spikes/all": N_("name the right ones in the mapping"),

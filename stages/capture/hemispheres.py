@@ -39,6 +39,9 @@ CLOSING, NEARNESS, ANATOMY, SHARE, START = 12.0, 4.0, 3.0, 4.0, 0.6
 """Weights in log odds: a joint that closes, its centre's distance, its place by anatomy, the share of poses
 that are right, and that the first is. Anatomy never outweighs receivers that stay on a side all along."""
 
+FEWEST_JOINTS = 3
+"""By which anatomy may say that a whole recording is on the other side."""
+
 DECIDED = 1.0
 """Log of the odds from which on a receiver's side is known."""
 
@@ -78,11 +81,14 @@ def sides(
     poses: Callable[[str], Poses],
     parents: Mapping[str, str],
     expected_mm: Mapping[str, Array],
+    *,
+    all_along: bool = False,
 ) -> dict[str, Sides]:
     """Decide the sides of all receivers together.
 
     own : by segment, what its own positions tell. poses : gives a segment's poses. parents : of a segment the
-    one towards the body. expected_mm : see `expected_joints`.
+    one towards the body. expected_mm : see `expected_joints`. all_along : whether all may be on the other
+    side in all poses, of which anatomy alone tells: then joints lie opposite to where they are expected.
     """
     links = [(parents[name], name) for name in own if parents.get(name, "") in own]
     settled = _settled(own, poses, links)
@@ -94,8 +100,15 @@ def sides(
     }
     share = {name: _share(settled[name], poses(name)[0]) for name in own}
     odds = _marginal(share, tables, parents)
+    other = {name: int(odd < 0) for name, odd in odds.items()}
+    judged = [
+        (tables[child], other[parents[child]], other[child]) for child in tables if child in expected_mm
+    ]
+    for_it = sum(float(table[i, j] - table[1 - i, 1 - j]) for table, i, j in judged)
+    if all_along and len(judged) >= FEWEST_JOINTS and for_it < -ANATOMY * len(judged):
+        other = {name: 1 - own for name, own in other.items()}
     return {
-        name: Sides(replace(one, sign=one.sign * (1 if odds[name] >= 0 else -1)), abs(odds[name]) >= DECIDED)
+        name: Sides(replace(one, sign=one.sign * (1 - 2 * other[name])), abs(odds[name]) >= DECIDED)
         for name, one in settled.items()
     }
 

@@ -36,7 +36,8 @@ def build_parser() -> argparse.ArgumentParser:
     add(
         "--repair-hemisphere",
         action="store_true",
-        help="put back positions that jumped to the other side of the transmitter; without it they are gaps",
+        help="put back positions that jumped to the other side of the transmitter, or are there all along; "
+        "without it those that jumped are gaps",
     )
     add("--layout", required=True, help="a layout that ships, or a path")
     add("--subject", required=True, help="whose hand it is")
@@ -126,6 +127,7 @@ def _write(
     parameters |= {"losses": remarks.losses, "missing_frames": remarks.missing_frames}
     told = {"tracker": remarks.tracker, "orientation": remarks.orientation}
     parameters |= {key: value for key, value in told.items() if value}
+    parameters |= {"breaks": poses.breaks} if poses.breaks else {}
     write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 

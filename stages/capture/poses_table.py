@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from shukotsu.checks.breaks import breaks
 from shukotsu.checks.mirror_jumps import OwnSides, own_sides
 from shukotsu.errors import InputError
 from shukotsu.files.limits import FARTHEST_MM
@@ -48,10 +49,13 @@ FLAGS = {
     "misfit": "the markers of the cluster do not fit its rigid shape",
     "no-orientation": "the layout has a point here: its position is measured and no orientation; not wrong",
     "spike": "the pose jumped away farther than anything worn moves, and came back within five frames",
+    "broken-off": "from a moment on, for good, the receiver is not where its neighbours say; or until then",
 }
 """What a row's flags say; bit i of a row's flags stands for the i-th. See docs/recordings.md."""
 
-INVALIDATING = ("device-error", "hemisphere-flip", "hemisphere-transit", "low-quality", "misfit", "spike")
+INVALIDATING = (
+    "device-error", "hemisphere-flip", "hemisphere-transit", "low-quality", "misfit", "spike", "broken-off"
+)  # fmt: skip
 """Flags that make a pose unusable though its numbers are complete; they are kept."""
 
 NORM_TOLERANCE = 0.01
@@ -100,7 +104,8 @@ class PosesTable:
 
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
     frozen : segments whose rows are flagged so. points : those without orientation.
-    frame : (T,) every frame that occurs with any segment, ascending.
+    frame : (T,) every frame that occurs with any segment, ascending. breaks : where the recording breaks
+    within itself, with what a finding says of it.
     """
 
     segments: tuple[str, ...]
@@ -108,6 +113,7 @@ class PosesTable:
     frozen: tuple[str, ...]
     frame: Integers
     points: frozenset[str]
+    breaks: tuple[dict[str, Any], ...]
     _files: tuple[_RowFile, ...]
 
     def close(self) -> None:
@@ -216,6 +222,7 @@ def poses_table(
     _refuse_counted_positions(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
+    segments, broken = _without_breaks(segments, files_by_name, parents, points)
     frozen = _frozen_segments(segments, parents)
     return PosesTable(
         tuple(segments),
@@ -223,6 +230,7 @@ def poses_table(
         frozen,
         frame,
         frozenset(name for name in segments if name in points),
+        broken,
         tuple(files[index] for index in sorted(files)),
     )
 
@@ -299,7 +307,7 @@ def _on_one_side(
         return rows["frame"], rows["numbers"]
 
     out = dict(segments)
-    for name, found in sides(own, poses, parents, expected_mm).items():
+    for name, found in sides(own, poses, parents, expected_mm, all_along=repair).items():
         rows = files[name].rows().copy()
         usable = _complete(rows) & ~_unusable(rows)
         sign = np.where(usable, found.sign(rows["frame"]), 1)
@@ -314,6 +322,42 @@ def _on_one_side(
         files[name].replace(rows)
         out[name] = replace(segments[name], usable=int((_complete(rows) & ~_unusable(rows)).sum()))
     return out
+
+
+def _without_breaks(
+    segments: Mapping[str, _Segment],
+    files: Mapping[str, _RowFile],
+    parents: Mapping[str, str],
+    points: Container[str],
+) -> tuple[dict[str, _Segment], tuple[dict[str, Any], ...]]:
+    """Flag rows in which, for good, a receiver is not where its neighbours say; give the segments as they
+    are then, and the values of a finding on each break.
+    """
+
+    def poses(name: str) -> tuple[Integers, Array]:
+        rows = files[name].rows()
+        rows = rows[
+            _complete(rows) & ~_unusable(rows) & ((rows["flags"] & _BIT["hemisphere-undecided"]) == 0)
+        ]
+        return rows["frame"], rows["numbers"]
+
+    out, values = dict(segments), []
+    names = [name for name, own in segments.items() if own.usable and name not in points]
+    links = [(parents[name], name) for name in names if parents.get(name, "") in names]
+    for one in breaks(names, poses, links):
+        for name in one.segments:
+            rows = files[name].rows().copy()
+            row = int(np.searchsorted(rows["frame"], one.frame))
+            off = np.arange(len(rows)) < row if one.until else np.arange(len(rows)) >= row
+            rows["flags"][off & _complete(rows)] |= _BIT["broken-off"]
+            files[name].replace(rows)
+            out[name] = replace(segments[name], usable=int((_complete(rows) & ~_unusable(rows)).sum()))
+        left = min(out[name].usable / segments[name].usable for name in one.segments)
+        seen = {"segments": list(one.segments), "until": one.until, "grown": one.grown, "percent": 100 * left}
+        time_s = float(rows["time_s"][row])
+        when = {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
+        values.append({**seen, **when})
+    return out, tuple(values)
 
 
 def _one_a_frame(rows: Rows) -> tuple[Rows, tuple[int, int] | None]:
