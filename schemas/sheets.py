@@ -168,7 +168,7 @@ RECORDINGS = Sheet(
         Cell(
             "hemisphere",
             _one_of("keep", "repair"),
-            "repair: put positions back that jumped to the other side of the transmitter, or are there all along",
+            "repair: put positions back that are on the other side of the transmitter, at times or all along",
             False,
             "keep",
         ),

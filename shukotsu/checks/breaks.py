@@ -10,7 +10,7 @@ less, and is left to the fit.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +26,7 @@ OPEN_MM, OPEN_SHARE = 4.0, 0.12
 CLOSED = 0.35
 """Share of the gap over the whole recording that is left at most on the side that closes."""
 LEAP_MM, LEAP_SHARE, LEAP_POSES, TURN_DEG = 15.0, 0.25, 12, 45.0
-"""Change of a distance within so many poses, and its share of the usual one; turn from one pose to the next."""
+"""Change of a distance within so many poses, and its share; turn from one pose to the next."""
 SAMPLED, MOMENTS, FEWEST = 400, 60, 8
 """Frames by which a joint is judged, moments that are tried, and frames that either side has."""
 LEVER_MM, LEAST_GAP_MM = 200.0, 0.5
@@ -61,16 +61,23 @@ def breaks(
             grown = float(np.median([one.grown for one in broken.values()]))
             return [Break(tuple(segments), min(frames), usual.until, grown)]
     out: list[Break] = []
+    parents = {child: parent for parent, child in links}
     while broken:
         ends = [name for one in broken.values() for name in one.segments]
-        culprit = max(
-            dict.fromkeys(ends),
-            key=lambda name: (ends.count(name) - 0.1 * sum(name in link for link in links), ends[::-1].index(name)),
-        )  # fmt: skip
+        joints = {name: sum(name in link for link in links) for name in ends}
+        # most of them, then the largest share of its own, then farther from the body
+        culprit = max(joints, key=lambda name: (ends.count(name), -joints[name], ends[::-1].index(name)))
         own = [one for one in broken.values() if culprit in one.segments]
         first = min(own, key=lambda one: one.frame)
         out.append(Break((culprit,), first.frame, first.until, float(np.median([one.grown for one in own]))))
         broken = {link: one for link, one in broken.items() if culprit not in link}
+        above, off = parents.get(culprit, ""), {name for one in out for name in one.segments}
+        while above in off:
+            above = parents.get(above, "")
+        for parent, child in links if above else ():  # which hangs on the culprit, and may be off as well
+            over = (above, child)
+            if parent == culprit and (one := _broken_joint(poses(above), poses(child), over)) is not None:
+                broken[over] = replace(one, segments=(child,))
     return sorted(out, key=lambda one: one.frame)
 
 
@@ -132,7 +139,7 @@ def _moments(parent: Array, child: Array, distance_mm: Array) -> Iterator[tuple[
 
 
 def _centre(turn: Array, apart: Array) -> Array:
-    """The joint's centre (6,) in both receivers: least squares, held near them where the motion leaves it open."""
+    """The joint's centre (6,) in both receivers, held near them where the motion leaves it open."""
     rows = turn.reshape(-1, 6)
     normal = rows.T @ rows + len(turn) / LEVER_MM**2 * np.eye(6)
     return np.asarray(np.linalg.solve(normal, rows.T @ apart.ravel()))

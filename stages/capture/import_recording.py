@@ -36,7 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
     add(
         "--repair-hemisphere",
         action="store_true",
-        help="put back positions that jumped to the other side of the transmitter, or are there all along; "
+        help="put back positions that are on the other side of the transmitter, at times or all along; "
         "without it those that jumped are gaps",
     )
     add("--layout", required=True, help="a layout that ships, or a path")

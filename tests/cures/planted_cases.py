@@ -123,6 +123,10 @@ def _inverse(planted: Planted) -> Planted:
     return changed(planted, quaternion=conjugate(planted.poses.quaternion))
 
 
+def _opposite(planted: Planted) -> Planted:
+    return changed(planted, position_mm=-planted.poses.position_mm)
+
+
 def _mirrored(planted: Planted) -> Planted:
     poses = planted.poses
     return changed(
@@ -219,6 +223,8 @@ CASES: Sequence[Case] = (
     Case("time-unit", "nanoseconds", tidy, _numbers(partial(_clocked, factor=1e9))),
     Case("clock", "wrap", tidy, _numbers(partial(_clocked, fall_s=2**32 / 1e3))),
     Case("hemisphere", "all along", tidy, _recorded("a receiver on the other side all along")),
+    Case("hemisphere", "all receivers", tidy, _numbers(_opposite)),
+    Case("hemisphere", "all receivers", wide, _numbers(_opposite)),
     Case("hemisphere", "flips", tidy, _recorded("one to three receivers flip"), other_frames=True),
     Case("receiver-stuck", "hangs", tidy, _recorded("a receiver hangs for a while"), other_frames=True),
     Case("receiver-stuck", "repeats", tidy, _numbers(_half_the_rate), other_frames=True),
