@@ -49,6 +49,9 @@ LEAST_CANDIDATES = 0.5
 """Share of the frames with half of the receivers that are looked at, those with most of them: few would be of
 few moments where receivers drop out in turn, and show few postures."""
 
+LEAST_LEFT, MOST_WHOLE = 0.25, 0.9
+"""Shares of the frames between which a receiver is lost for good, having come off: those before are fitted."""
+
 EVEN_FRAMES = 300
 """Evenly spaced over the recording, to see how residuals follow one another."""
 
@@ -257,6 +260,9 @@ def _chosen(frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: 
     enough = int(LEAST_CANDIDATES * (count >= max(2, worn / 2)).sum())
     least = next(c for c in range(worn, -1, -1) if (count >= c).sum() >= enough)
     usable = np.flatnonzero(count >= max(2, worn / 2, least))
+    end = min(int(np.flatnonzero(seen)[-1]) + 1 for seen in frames.valid.T if seen.any()) if worn else 0
+    if LEAST_LEFT <= end / len(count) < MOST_WHOLE:
+        usable = usable[usable < end]
     if len(usable) < 2:
         raise InputError(
             f"{len(usable)} frames have half of the {worn} receivers valid; expected 2 or more: record the "

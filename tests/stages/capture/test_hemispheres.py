@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 from chains import random_chain
 from poses_columns import columns_of
+from simulated_poses import hand_of
 
+from shukotsu.schemas.layout import read_layout
+from shukotsu.stages.capture.hemispheres import expected_joints
 from shukotsu.stages.capture.poses_table import poses_table
 from shukotsu.stages.capture.samples import NUMBERS, Samples
 
@@ -71,3 +74,38 @@ def test_unasked_they_are_gaps_and_what_is_left_is_on_one_side(seed: int) -> Non
 def mirrored(true: np.ndarray, side: np.ndarray) -> np.ndarray:
     """Poses (T, S, 7) as reported on those sides."""
     return np.concatenate([true[..., :3] * side[..., None], true[..., 3:]], -1)
+
+
+def of_hand(position_mm: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Positions (T, S, 3), validity and flags of a hand at these positions, imported with its repair."""
+    poses, layout = hand_of(7).poses, read_layout("liberty16")
+    count, segments = poses.valid.shape
+    samples = Samples(
+        poses.segments, np.tile(np.arange(segments), count), np.repeat(poses.frame, segments),
+        np.repeat(poses.time_s, segments),
+        np.concatenate([position_mm, poses.quaternion], -1).reshape(-1, 7), str,
+    )  # fmt: skip
+    parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
+    expected_mm = expected_joints(layout)
+    made = poses_table([samples], parents, expected_mm=expected_mm, repair_hemisphere=True)
+    columns, shape = columns_of(made), (segments, -1)
+    numbers = np.stack([columns[name].reshape(shape).T for name in NUMBERS[:3]], -1)
+    return numbers, columns["valid"].reshape(shape).T, np.array(columns["flags"].to_pylist()).reshape(shape).T
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_hand_that_is_on_the_other_side_all_along_is_put_back(side: float) -> None:
+    true_mm = hand_of(7).poses.position_mm
+    position_mm, valid, flags = of_hand(side * true_mm)
+    assert valid.all()
+    assert np.array_equal(position_mm, true_mm)
+    assert {*np.unique(flags)} == ({""} if side > 0 else {"hemisphere-repaired"})
+
+
+def test_a_receiver_that_comes_off_is_left_out_from_then_on_and_kept_as_recorded() -> None:
+    position_mm = hand_of(7).poses.position_mm.copy()
+    position_mm[400:, 3] = [150.0, -200.0, -80.0]
+    kept_mm, valid, flags = of_hand(position_mm)
+    assert np.array_equal(kept_mm, position_mm)
+    assert np.array_equal(valid, flags == "")
+    assert np.array_equal(np.argwhere(flags == "broken-off"), [[row, 3] for row in range(400, len(flags))])
