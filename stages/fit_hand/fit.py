@@ -50,7 +50,7 @@ LEAST_CANDIDATES = 0.5
 few moments where receivers drop out in turn, and show few postures."""
 
 LEAST_LEFT, MOST_WHOLE = 0.25, 0.9
-"""Shares of the frames between which a receiver is lost for good, having come off: those before are fitted."""
+"""Shares of the frames between which a receiver is lost for good: then those before are fitted."""
 
 EVEN_FRAMES = 300
 """Evenly spaced over the recording, to see how residuals follow one another."""

@@ -31,8 +31,9 @@ from shukotsu.stages.fit_hand.receiver_frames import concatenated
 EVEN_FRAMES = 120
 """Evenly spaced over all recordings, several for each independent sample."""
 
-MOST_DISPLACEMENTS, MOST_MOVED = 8, 4
-"""That are looked for in a calibration, and in a recording that is held against one."""
+MOST_DISPLACEMENTS, MOST_MOVED, OFF_MM = 8, 4, 60.0
+"""Looked for in a calibration, and in a recording that is held against one; how far a receiver goes
+on a bone: one beyond came off, and the search ends."""
 
 NORMAL = {
     "phalanx": (1.0, float(np.radians(3.0))),
@@ -288,6 +289,8 @@ def _search(
             break
         with_rivals = [_refined(problem, point, tested, _added(displaced, rival), rivals) for rival in rivals]
         corrected, point, displaced = min(with_rivals, key=_cost)
+        if max(np.linalg.norm(moved.step[:3]) for moved in displaced) > OFF_MM:
+            break
     return point, displaced
 
 

@@ -40,6 +40,19 @@ def test_another_person_is_the_one_that_differs(own: list[tuple[str, str, Checke
     assert "another person" in sentence
 
 
+def test_one_that_breaks_within_itself_judges_no_other(own: list[tuple[str, str, CheckedRecording]]) -> None:
+    other = checked(hand_of(12, task="opposition"))
+    seen = {"segments": ["hand"], "until": False, "grown": 5.0, "percent": 50.0, "first_s": 2.0}
+    broken = check_recording(hand_of(11).poses, read_layout("liberty16"), "right", breaks=[seen])
+    assert kinds([("rom", "right", broken), ("grip", "right", other)])[1] == []
+    assert kinds([("rom", "right", broken), own[1]]) == [[("sudden-change", NOTE)], []]
+    few = check_recording(
+        hand_of(11).poses, read_layout("liberty16"), "right", breaks=[{**seen, "percent": 9.0}]
+    )
+    assert few.findings[0].severity == SUSPECT
+    assert "receiver hand is not where its neighbours say, first at 2.00 s" in few.findings[0].message
+
+
 def test_receivers_put_on_anew_are_a_note(own: list[tuple[str, str, CheckedRecording]]) -> None:
     """The other hand of a person, mirrored, is as long and wears its receivers elsewhere."""
     mirrored = ("later", "right", own[2][2])
