@@ -95,7 +95,7 @@ def _pair(plain: Planted, rng: np.random.Generator) -> tuple[str, bool, bool]:
     return "two of different kinds", bool(found) and found[0] in both, both <= {*found}
 
 
-EQUIVALENT = frozenset({"wrong-hand", "axes-mirrored", "receiver-turned"})
+EQUIVALENT = frozenset({"wrong-hand", "axes-mirrored", "receiver-turned", "hemisphere"})
 """Kinds two of which may come to a third: positions negated of the other hand are all receivers turned."""
 
 
@@ -314,7 +314,7 @@ MISTAKES: Mapping[str, tuple[str, Mistake]] = {
     "neighbouring fingers": ("digits-swapped", _exchanged(_neighbours)),
     "fingers in the opposite order": ("digits-swapped", _exchanged(_reversed)),
     "the other hand": ("wrong-hand", _other_hand),
-    "positions negated": ("axes-mirrored", _positions(-1)),
+    "positions negated": ("hemisphere", _positions(-1)),
     "one axis negated": ("axes-mirrored", _positions((1, -1, 1))),
     "axes in another order": ("axes-mirrored", _positions(1, (1, 2, 0))),
     "y up and z up mixed": ("axes-mirrored", _positions((1, 1, -1), (0, 2, 1))),
