@@ -23,7 +23,7 @@ if not is_module:  # nothing is imported from the folder that this runs in
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.results import EVENT_TABLES, FIT_TABLES, MEASURED_TABLES
-from shukotsu.workflow import failed_jobs, warm_process
+from shukotsu.workflow import failed_jobs, made_from, warm_process
 from shukotsu.workflow.code_digest import code_digest, write_cache
 from shukotsu.workflow.study_files import StudyFiles, study_file
 
@@ -32,6 +32,8 @@ try:
     if workflow.is_main_process:
         for row in study.study.unusable:
             print(f"note: {row.message}", file=sys.stderr)
+        if note := study.what_is_not_as_made():
+            print(f"note: {note}", file=sys.stderr)
 except InputError as error:
     raise WorkflowError(str(error)) from None
 
@@ -61,6 +63,14 @@ onstart:
     warm_process.start()
 
 
+onsuccess:
+    made_from.keep(study.kept, workflow)
+
+
+onerror:
+    made_from.keep(study.kept, workflow)
+
+
 wildcard_constraints:
     subject="[^/]+",
     hand="right|left",
@@ -71,17 +81,8 @@ wildcard_constraints:
 
 rule all:
     input:
-        f"{results}/report.html",
-        f"{results}/resolved.yaml",
-        study.study_tables,
-        study.model_comparisons,
-        study.movement_comparisons,
+        study.outputs,
         study.plans,
-        study.tables,
-        study.subject_pages,
-        study.figures,
-        study.exports,
-        study.export_folders,
 
 
 rule plan:  # what the stages need to know of the study about a subject
@@ -117,13 +118,14 @@ rule simulate:  # only for a study with `simulation`: recordings, and the truth 
 rule stream:  # the simulated tracker's end of the line: recordings -> raw captures
     input:
         recording=study.simulated,
-        layout=study.layout,
+        layout=ancient(study.layout),
     output:
         study.streamed,
     log:
         f"{logs}/stream/sub-{{subject}}_hand-{{hand}}_task-{{task}}.log",
     params:
         code=code_digest("shukotsu.stages.capture.emulate_tracker"),
+        layout=study.layout_digest,
     message:
         "stream: subject {wildcards.subject}, {wildcards.hand} hand, {wildcards.task}"
     shell:

@@ -14,6 +14,9 @@ from shukotsu.files.whole_files import file_sha256, file_state, write_text
 
 CACHE = Path(".snakemake", "shukotsu-files.json")
 
+STAMP = ".snakemake_timestamp"
+"""Snakemake's file in a folder that is an output: its time is the folder's."""
+
 SETTLED_NS = 60 * 10**9
 """A file that changed less than this before it was read is read again: where a file system counts in
 seconds, or by another computer's clock, one more change may leave its times as they are."""
@@ -56,6 +59,13 @@ class FileDigests:
         self._known[path] = state, begun_ns, digest
         return digest
 
+    def content(self, path: str) -> str:
+        """Digest of what is in a file, or in all files below a folder but Snakemake's own."""
+        if not Path(path).is_dir():
+            return self.sha256(path)
+        files = (file for file in Path(path).rglob("*") if file.is_file())
+        return self.of(file.as_posix() for file in files if file.name != STAMP)
+
     def changes(self, study: str, contents: Mapping[str, str]) -> list[str]:
         """Names whose content is another than when the study ran last, or is new or gone, in their order.
 
@@ -69,7 +79,12 @@ class FileDigests:
 
     def write(self, study: str, contents: Mapping[str, str]) -> None:
         """Keep what was read, and what the study is made from as it runs now."""
+        self._last_run[study] = dict(contents)
+        self.save()
+
+    def save(self) -> None:
+        """Keep what was read."""
         known = {path: entry for path, entry in self._known.items() if Path(path).exists()}
-        text = json.dumps([known, self._last_run | {study: dict(contents)}], sort_keys=True)
+        text = json.dumps([known, self._last_run], sort_keys=True)
         with suppress(OSError, InputError):  # a folder that cannot be written to costs time, and no more
             write_text(self._cache, text)

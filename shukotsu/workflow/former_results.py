@@ -13,9 +13,7 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.results import EVENT_TABLES, FAILED_PAGES, FIT_TABLES, SUBJECT_TABLES, Results
-
-_SNAKEMAKES = ".snakemake_timestamp"
-"""What Snakemake puts into every folder that is an output."""
+from shukotsu.workflow.file_digests import STAMP
 
 
 def remove_former_results(results: Results, present: Collection[str]) -> list[str]:
@@ -49,10 +47,10 @@ def _written(plan: SubjectPlan, results: Results, present: Collection[str]) -> I
     pages, exports = results.subject_pages(*plan.who), results.subject_exports(*plan.who)
     if pages.as_posix() not in present:
         yield from (results.recording_page(recording) for recording in plan.recordings)
-        yield from (results.subject_page(*plan.who), pages / FAILED_PAGES, pages / _SNAKEMAKES)
+        yield from (results.subject_page(*plan.who), pages / FAILED_PAGES, pages / STAMP)
     if exports.as_posix() not in present:
         yield from (own for own in exports.rglob("*") if own.relative_to(exports).parts[0].startswith("sub-"))
-        yield exports / _SNAKEMAKES
+        yield exports / STAMP
 
 
 def _remove_empty(folder: Path, top: Path) -> None:

@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from shukotsu.errors import InputError, listed
 from shukotsu.files.whole_files import write_text
 from shukotsu.schemas.catalogue import ROOM_MAP
 from shukotsu.schemas.config_files import (
+    CONFIG_FOLDER,
     REFERENCE,
     as_yaml_1_1,
     check_config,
@@ -130,6 +132,24 @@ class StudyFiles:
         present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders}
         former = remove_former_results(self.results, present)
         return f"removed results of what the study has no longer: {listed(former)}" if former else ""
+
+    def what_is_not_as_made(self) -> str:
+        """Say which results are not as a run left them and are made anew; empty where there are none.
+
+        What Snakemake has lost of its notes is put back. A plan that is not as the study says is written as a
+        run begins, which takes a job: the study's tables, below which no job has an `ancient` input alone.
+        """
+        from shukotsu.workflow.made_from import recall  # and Snakemake: who only reads a study has no need
+
+        plans = {plan.folder / "plan.json": plan_text(self._contents[t]) for t, plan in self._plans.items()}
+        changed = any(path.is_file() and path.read_bytes() != text.encode() for path, text in plans.items())
+        tables = [self.results.resolved.as_posix()] if changed else []
+        simulated = [path for plan in self.subjects for r in plan.recordings for path in self._made_for(r)]
+        spoiled: list[str] = []
+        with suppress(OSError):  # a folder that cannot be written to: Snakemake says so
+            spoiled = recall(self.kept, [*self.outputs, *simulated], tables, self._digests)
+        named = [path for path in spoiled if path not in tables]
+        return f"not as a run left them, and made anew: {listed(named)}" if named else ""
 
     def write_changed_plans(self) -> None:
         """Write the plans anew that are there and say something else than the study.
@@ -422,7 +442,7 @@ class StudyFiles:
     @property
     def configuration_digest(self) -> str:
         """Digest of what is in these files, and in the other mappings."""
-        return self._digests.of([*self._configuration, *self._mappings])
+        return plan_digest([self._digests.sha256(path) for path in (*self._configuration, *self._mappings)])
 
     @property
     def export_options(self) -> str:
@@ -454,6 +474,18 @@ class StudyFiles:
         dataset = [str(self.results.new_dataset)] if "bids" in self.study.exports else []
         tables = [str(self.results.tidy_tables)] if "csv" in self.study.exports else []
         return (folders if self.export_formats else []) + dataset + tables
+
+    @property
+    def outputs(self) -> list[str]:
+        """All that the study is run for, but for the plans."""
+        files = [str(self.results.report), str(self.results.resolved), *self.study_tables]
+        files += [*self.model_comparisons, *self.movement_comparisons, *self.tables, *self.subject_pages]
+        return [*files, *self.figures, *self.exports, *self.export_folders]
+
+    @property
+    def kept(self) -> Path:
+        """The file of what Snakemake noted of the results."""
+        return self.results.folder / "logs" / "made_from.json"
 
     figure_names = STUDY_FIGURES
 
@@ -534,4 +566,7 @@ def _can_be_declared(path: str) -> bool:
 
 
 def _relative(path: str | Path) -> str:
+    """Return a path from this folder; the program's own files are named as such, wherever this folder is."""
+    if Path(path).is_relative_to(CONFIG_FOLDER) and not CONFIG_FOLDER.is_relative_to(Path.cwd()):
+        return Path(path).as_posix()
     return Path(os.path.relpath(path)).as_posix()
