@@ -148,7 +148,8 @@ class StudyFiles:
         spoiled: list[str] = []
         with suppress(OSError):  # a folder that cannot be written to: Snakemake says so
             spoiled = recall(self.kept, [*self.outputs, *simulated], tables, self._digests)
-        named = [path for path in spoiled if path not in tables]
+        folder = f"{self.results.folder.as_posix()}/"
+        named = [path.removeprefix(folder) for path in spoiled if path not in tables]
         return f"not as a run left them, and made anew: {listed(named)}" if named else ""
 
     def write_changed_plans(self) -> None:
