@@ -27,6 +27,7 @@ class FileDigests:
 
     def __init__(self, cache: Path = CACHE) -> None:
         self._cache = cache
+        self._has_new = False
         self._read: dict[str, str] = {}
         self._known: dict[str, tuple[list[int], int, str]] = {}
         self._last_run: dict[str, dict[str, str]] = {}
@@ -54,6 +55,7 @@ class FileDigests:
         known, read_ns, digest = self._known.get(path, ([], 0, ""))
         if known == state and read_ns - state[-1] > SETTLED_NS:
             return digest
+        self._has_new = True
         begun_ns = time.time_ns()
         digest = file_sha256(Path(path))
         self._known[path] = state, begun_ns, digest
@@ -80,10 +82,13 @@ class FileDigests:
     def write(self, study: str, contents: Mapping[str, str]) -> None:
         """Keep what was read, and what the study is made from as it runs now."""
         self._last_run[study] = dict(contents)
+        self._has_new = True
         self.save()
 
     def save(self) -> None:
-        """Keep what was read."""
+        """Keep what was read, if anything was."""
+        if not self._has_new:
+            return
         known = {path: entry for path, entry in self._known.items() if Path(path).exists()}
         text = json.dumps([known, self._last_run], sort_keys=True)
         with suppress(OSError, InputError):  # a folder that cannot be written to costs time, and no more

@@ -104,7 +104,7 @@ def _read(kept: Path) -> list[dict[str, Any]]:
 
 def _set_time(output: Path, time_s: float) -> None:
     """Set an output's time to the one that Snakemake noted; a folder's is that of Snakemake's file in it."""
-    carrier = output / STAMP if (output / STAMP).exists() else output
+    carrier = output / STAMP if output.is_dir() and (output / STAMP).exists() else output
     if abs(carrier.stat().st_mtime - time_s) > SAME_TIME_S:
         with suppress(OSError):  # somebody else's: it is made anew at most
             os.utime(carrier, (time_s, time_s))
