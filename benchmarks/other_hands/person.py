@@ -7,6 +7,7 @@ so the thumb points west), and from there only carried about. No bone has a fram
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ Skin = Literal["usual", "thin", "thick"]
 Facing = Literal["nail", "hand", "between"]
 
 FINGERS = ("index", "middle", "ring", "little")
+_PHALANGES = ("proximal", "middle", "distal")
 DIGITS = ("thumb", *FINGERS)
 SKIN_SHARE = {"thin": 0.6, "usual": 1.0, "thick": 1.45}
 
@@ -138,9 +140,12 @@ def draw_person(
     thumb_facing : which way the receivers on both thumbs' metacarpals face: as the nail, as the back of the
     hand, or anywhere between and a few degrees past either.
     """
-    rng = np.random.default_rng([seed, 31])
-    size = float(np.clip(rng.normal(1.0, 0.065), 0.84, 1.16)) if scale is None else scale
-    drawing = _Drawing(rng, size, float(rng.uniform(55, 90)))
+    for again in count():
+        rng = np.random.default_rng([seed, 31, again] if again else [seed, 31])
+        size = float(np.clip(rng.normal(1.0, 0.065), 0.84, 1.16)) if scale is None else scale
+        drawing = _Drawing(rng, size, float(rng.uniform(55, 90)))
+        if drawing.possible():
+            break
     habits = {
         "reach": float(rng.uniform(0.85, 1.05)),  # how much of a usual range this person has
         "tip_share": float(rng.uniform(0.45, 0.75)),  # of the PIP joint's bending that the DIP follows
@@ -241,7 +246,7 @@ class _Drawing:
         for length_mm in lengths[1:3]:
             ends.append(ends[-1] + length_mm * along)
         ends.append(ends[-1] + (lengths[3] + lengths[4]) * turned(along, up, lean))
-        names = [f"{digit}_{bone}" for bone in ("metacarpal", "proximal", "middle", "distal")]
+        names = [f"{digit}_{bone}" for bone in ("metacarpal", *_PHALANGES)]
         self.bones |= {name: Bone(ends[i], ends[i + 1], up) for i, name in enumerate(names)}
         cup = self._off(across, (shaft, 8)) + cups * shaft
         self._join(f"{digit}_cmc", ("hand", names[0]), ends[0], [cup], 0.2)
@@ -250,6 +255,26 @@ class _Drawing:
         self._join(f"{digit}_pip", (names[1], names[2]), ends[2], [turned(across, up, -oblique[0])], 0.25)
         dip = turned(turned(across, up, -oblique[1]), along, twist)
         self._join(f"{digit}_dip", (names[2], names[3]), ends[3], [dip], 0.15)
+
+    def possible(self) -> bool:
+        """Whether knuckles, metacarpals and the fingers of a resting hand lie beside each other."""
+        axes = {joint.name: joint.turns[0][1][:, 0] for joint in self.joints}
+        shafts = np.array(
+            [[bone.base, bone.end] for bone in (self.bones[f"{f}_metacarpal"] for f in FINGERS)]
+        )
+        fingers, shares = [], np.linspace(0.0, 1.0, 12)[:, None]
+        for digit, (_, at) in zip(FINGERS, shafts, strict=True):
+            turning, points = Rotation.identity(), [at]
+            for joint, name, deg in zip(("mcp", "pip", "dip"), _PHALANGES, (18, 24, 10), strict=True):
+                turning = turning * Rotation.from_rotvec(np.deg2rad(deg) * axes[f"{digit}_{joint}"])
+                bone = self.bones[f"{digit}_{name}"]
+                points.extend(points[-1] + shares * turning.apply(bone.end - bone.base))
+            fingers.append(points)
+        lines = np.array(fingers) / self.size
+        apart = np.linalg.norm(lines[1:, :, None] - lines[:-1, None], axis=-1)
+        steps = np.diff(shafts, axis=0) / self.size
+        knuckles = np.linalg.norm(steps[:, 1], axis=-1)
+        return bool((steps[..., 0] > 0).all() and knuckles.min() > 12.5 and apart.min() > 10)
 
     def wear(self, facing: Facing) -> tuple[Worn, ...]:
         """Put the receivers on one hand."""
@@ -280,7 +305,7 @@ _SURFACE = {
 
 _SEGMENTS = (
     *("hand", "thumb_metacarpal", "thumb_proximal", "thumb_distal"),
-    *(f"{digit}_{bone}" for digit in FINGERS for bone in ("proximal", "middle", "distal")),
+    *(f"{digit}_{bone}" for digit in FINGERS for bone in _PHALANGES),
     "forearm",
 )
 

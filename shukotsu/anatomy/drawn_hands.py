@@ -433,6 +433,11 @@ SPREADS: Mapping[str, Spread] = {
 }
 """Of anatomies whose people do not differ as `PEOPLE` do."""
 
+KNUCKLES_MM, METACARPALS_MM, FINGERS_MM = 13.0, 5.0, 10.0
+"""Least distances of neighbours, scaled with the hand, below which nobody has them: of MCP centres (sources
+have 15.5 to 22; they glide by some tenths), of the lines of metacarpals, and of those of fingers in the open
+hand, whose skin touches at 14 and is pressed flat at 10 (ours)."""
+
 SIDE_SD, SIDE_LIMIT = 0.0012, 0.0024
 """Of a bone's length, relative, between the two hands of a person, who differ by less than 0.5 %."""
 

@@ -10,6 +10,7 @@ The hands that people are drawn around, and how people differ, are those of `shu
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -50,6 +51,9 @@ FLEXION, ABDUCTION, AXIAL = range(3)
 WRIST = JOINTS.index("wrist")
 FINGER_CMC = np.array([JOINTS.index(f"{digit}_cmc") for digit in FINGERS])
 TIP_BONES = np.array([BONES.index(f"{digit}_distal") for digit in DIGITS])
+
+OPEN_DEG = {"mcp": 12.0, "pip": 14.0, "dip": 6.0}
+"""Flexion of the fingers of the open hand, from which every movement starts."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +125,18 @@ class _Straight:
 
 
 def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
-    """Give the hand of a subject; the two sides' bones differ by less than 0.5 % in length."""
+    """Return the hand of a subject; the two sides' bones differ by less than 0.5 % in length.
+
+    Each digit is drawn by itself: whoever's would run through each other is drawn again, as another person.
+    """
+    people = itertools.chain([subject], (f"{subject}, drawn again {again}" for again in itertools.count(1)))
+    person = next(person for person in people if _possible(_straight(person, "right", seed, realism)))
+    straight = _straight(person, side, seed, realism)
+    return _assembled(side, straight.mirrored() if side == "left" else straight, realism)
+
+
+def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight:
+    """Return the bones of a name's hand at neutral as they fall, not yet mirrored."""
     average = _drawn_around(subject, seed, realism.anatomy)
     spread = drawn.SPREADS.get(realism.anatomy, drawn.PEOPLE)
     rng = generator(seed, "anatomy", subject)
@@ -137,10 +152,36 @@ def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
     carried = realism.anatomy != drawn.MIXED_TABLE
     coupling, relaxed = _coupling(rng), _relaxed_rad(generator(seed, "relaxed", subject))
     glide = realism.glide * _glide_mm(generator(seed, "glide", subject), axes)
-    straight = _Straight(
+    return _Straight(
         centres, axes, facing, second, carried, lengths, soft_tip, coupling, glide, relaxed, scale
     )
-    return _assembled(side, straight.mirrored() if side == "left" else straight, realism)
+
+
+def _possible(straight: _Straight) -> bool:
+    """Whether metacarpals and, in the open hand, fingers stand beside each other (right hand)."""
+    lines = np.zeros((len(FINGERS), 4, 12, 3))  # finger, bone, from its base to its end
+    for finger, digit in enumerate(FINGERS):
+        joints, turn = _chain(digit), np.array([1.0, 0.0, 0.0, 0.0])
+        start = straight.centres_mm[joints[0] + 1, 0]
+        for bone, (joint, flexion_deg) in enumerate(zip(joints, (0.0, *OPEN_DEG.values()), strict=True)):
+            bend = rotations.about_axis(straight.axes[joint], np.radians(flexion_deg))
+            turn = rotations.multiply(turn, bend)
+            along = rotations.rotate(turn, np.subtract(*straight.centres_mm[joint + 1, ::-1]))
+            lines[finger, bone] = start + np.linspace(0.0, 1.0, 12)[:, None] * along
+            start = lines[finger, bone, -1]
+
+    def apart_mm(lines: Array) -> Array:
+        points = lines.reshape(len(FINGERS), -1, 3)
+        return np.asarray(
+            np.linalg.norm(points[1:, :, None] - points[:-1, None], axis=-1).min() / straight.scale
+        )
+
+    return bool(
+        (np.diff(lines[:, 0, :, 1], axis=0) < 0).all()
+        and apart_mm(lines[:, 0, -1]) > drawn.KNUCKLES_MM
+        and apart_mm(lines[:, 0]) > drawn.METACARPALS_MM
+        and apart_mm(lines[:, 1:]) > drawn.FINGERS_MM
+    )
 
 
 def _drawn_around(subject: str, seed: int, anatomy: str) -> drawn.DrawnHand:

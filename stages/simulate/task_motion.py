@@ -13,7 +13,15 @@ from shukotsu.skeleton import rotations
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.simulate.contact import contact_postures
 from shukotsu.stages.simulate.forward import coupled_angles
-from shukotsu.stages.simulate.random_hand import ABDUCTION, FINGER_CMC, FINGERS, FLEXION, JOINTS, Hand
+from shukotsu.stages.simulate.random_hand import (
+    ABDUCTION,
+    FINGER_CMC,
+    FINGERS,
+    FLEXION,
+    JOINTS,
+    OPEN_DEG,
+    Hand,
+)
 from shukotsu.stages.simulate.randomness import generator
 from shukotsu.stages.simulate.realism import Realism
 
@@ -82,7 +90,7 @@ def _fingers(joint: str, flexion_deg: float) -> Array:
 
 def rest_posture() -> Array:
     """Give the open hand from which every movement starts."""
-    fingers = _fingers("mcp", 12.0) + _fingers("pip", 14.0) + _fingers("dip", 6.0)
+    fingers = sum(_fingers(joint, flexion_deg) for joint, flexion_deg in OPEN_DEG.items())
     return np.asarray(fingers + posture(thumb_cmc=(2.0, 4.0), thumb_mcp=6.0, thumb_ip=6.0))
 
 

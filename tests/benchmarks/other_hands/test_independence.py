@@ -13,6 +13,7 @@ ALLOWED = (
     "benchmarks.other_hands",
     "collections",
     "dataclasses",
+    "itertools",
     "typing",
 )
 

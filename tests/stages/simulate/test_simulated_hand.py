@@ -28,6 +28,7 @@ from shukotsu.stages.simulate.random_hand import (
 )
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import Simulated, simulate
+from shukotsu.stages.simulate.task_motion import rest_posture
 
 
 def flexion_deg(simulated: Simulated, joint: str) -> np.ndarray:
@@ -129,3 +130,21 @@ def test_range_of_motion_moves_every_joint() -> None:
     for joint in ("wrist", "thumb_cmc", "thumb_mcp", "thumb_ip"):
         assert np.ptp(flexion_deg(simulated, joint)) > 30
     assert np.ptp(flexion_deg(simulated, "little_cmc")) > 10
+
+
+def test_bones_of_nobody_run_through_each_other() -> None:
+    """Of people of every source, glides included; both hands of who is drawn again are of one person."""
+    for i in range(60):
+        realism = Realism(anatomy=ANATOMIES[i % len(ANATOMIES)])
+        hand, left = (hand_of(f"{i:02d}", side, 3, realism) for side in ("right", "left"))
+        np.testing.assert_allclose(left.length_mm, hand.length_mm, rtol=0.005)
+        angles = np.zeros((2, len(JOINTS), 3))
+        angles[1, :, :2] = np.radians(rest_posture())
+        position, quaternion = poses_in_hand(hand, angles)
+        ends = position + rotations.rotate(quaternion, hand.length_mm[:, None] * [1.0, 0.0, 0.0])
+        knuckles = [BONES.index(f"{digit}_proximal") for digit in FINGERS]
+        tips = TIP_BONES[1:]
+        for points_mm, least_mm in ((position[:, knuckles], 12.5), (ends[:, tips], 9.0)):
+            apart = np.linalg.norm(np.diff(points_mm, axis=1), axis=-1)
+            assert apart.min() > least_mm * hand.scale
+            assert (np.diff(position[:, knuckles, 1], axis=1) < 0).all()
