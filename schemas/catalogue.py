@@ -603,7 +603,7 @@ PROBLEMS = Table(
             TEXT,
             "",
             "recording, hand, skeleton, receiver, receiver-loose, receiver-slid, receiver-moved, "
-            "field-disturbed, correction or a kind of docs/mistakes.md",
+            "field-disturbed, knuckles-too-close, correction or a kind of docs/mistakes.md",
         ),
         Column("severity", TEXT, "", "refused (no result), suspect or note"),
         _VARIANT,

@@ -34,6 +34,9 @@ centre found from less than about twice that may be the skin's (docs/method.md).
 
 LARGE_AXIS_SD_DEG = 5.0
 
+LEAST_KNUCKLES_MM = 9.0
+"""Nobody's neighbouring MCP centres are nearer to each other: heads of metacarpals are 12 to 14 mm wide."""
+
 ONE_DIRECTION = 0.8
 """Share of a centre's variance along one line from which it is called uncertain in one direction."""
 
@@ -45,6 +48,7 @@ NOT_SOLVED = "not-solved"
 SUSPECT = "suspect-recording"
 NO_LENGTH = "no-length"
 FAR = "far-from-expected"
+TOO_CLOSE = "knuckles-too-close"
 HALVES = "halves-disagree"
 UNCERTAIN = "uncertain"
 ONE_WAY = "uncertain-in-one-direction"
@@ -68,6 +72,7 @@ LIMITS: Mapping[str, str] = {
     NO_LENGTH: NO,
     FAR: NO,
     END_IN_DOUBT: CARE,
+    TOO_CLOSE: CARE,
     HALVES: CARE,
     NO_POSE: CARE,
     ONE_RECEIVER: CARE,

@@ -139,6 +139,9 @@ MESSAGES: Mapping[str, Template] = {
     "finding-stands": N_("nothing can be said before this is settled: {finding}"),
     "recording/no-pose": N_("no usable pose of {segments}; check that receiver"),
     "hand/uncalibrated": N_("no recording calibrates this hand, so none of its joints could be solved"),
+    "knuckles-too-close": N_(
+        "{joints} lie {mm:.1f} mm apart, nearer than in any hand: look at the receivers on these fingers"
+    ),
     "receiver": N_("{segment}: {message}"),
     "receiver-loose": N_("{segment}: {message}"),
     "receiver-slid": N_("{segment}: {message}"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from shukotsu.schemas.catalogue import DISTAL_RECEIVER
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.poses import PosesReader
-from shukotsu.schemas.verdict import UNJUDGED, Doubts, judged_bone, judged_joint
+from shukotsu.schemas.verdict import LEAST_KNUCKLES_MM, TOO_CLOSE, UNJUDGED, Doubts, judged_bone, judged_joint
 from shukotsu.skeleton.digit_chain import Rows, digit_chain
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.estimate_metacarpals.bones import (
@@ -132,9 +133,31 @@ def judged(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
     suspicion : the doubt of a hand with a suspect recording, which judges nothing; else empty.
     """
     wanted_mm = layout.wanted_mm
-    joints = {row["joint"]: judged_joint(row, wanted_mm, suspicion) for row in hand.joints}
+    close = knuckles_too_close({row["joint"]: row for row in hand.joints}, layout)
+    joints = {
+        row["joint"]: judged_joint(row, wanted_mm, {**suspicion, **close.get(row["joint"], {})})
+        for row in hand.joints
+    }
     bones = [judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in hand.bones]
     return replace(hand, joints=[*joints.values()], bones=bones)
+
+
+def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, Doubts]:
+    """The doubt, by joint, of neighbouring MCP centres that are nearer to each other than any hand has them.
+
+    Neighbours are digits that follow each other in the layout, both seen from one receiver.
+    """
+    knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
+    found: dict[str, Doubts] = {}
+    for pair in pairwise(joint for joint in knuckles if joint in joints):
+        one, other = (
+            np.array([joints[joint].get(f"parent_{axis}_mm") for axis in "xyz"], float) for joint in pair
+        )
+        apart_mm = float(np.linalg.norm(one - other))
+        receivers = {layout.joints[joint].parent_receiver for joint in pair}
+        if len(receivers) == 1 and apart_mm < LEAST_KNUCKLES_MM:
+            found |= {joint: {TOO_CLOSE: {"joints": [*pair], "mm": apart_mm}} for joint in pair}
+    return found
 
 
 def is_whole(bone: Mapping[str, Any], layout: Layout) -> bool:

@@ -53,6 +53,7 @@ from shukotsu.schemas.tables import (
     rows_of,
     write_table,
 )
+from shukotsu.schemas.verdict import TOO_CLOSE, doubts_of
 
 Row = dict[str, Any]
 
@@ -144,6 +145,7 @@ def _gather_table(results: Results, name: str, plans: Sequence[SubjectPlan]) -> 
         RECEIVERS.name: _receiver_problems,
         MOVED_RECEIVERS.name: _moved_problems,
         CLOCKS.name: _clock_problems,
+        JOINT_CENTRES.name: _joint_problems,
     }
     return problems + (of_rows[name](rows) if name in of_rows else [])
 
@@ -249,6 +251,19 @@ def _field_values(rows: Sequence[Row]) -> dict[str, Any]:
         "percent": 100 * share,
         "segments": [row["segment"] for row in rows],
     }
+
+
+def _joint_problems(joints: pa.Table) -> list[Row]:
+    """Neighbouring MCP centres that are nearer to each other than any hand has them, under each model."""
+    return [
+        problem_row(
+            "estimate_metacarpals",
+            Finding(TOO_CLOSE, NOTE, "", values),
+            **{key: row[key] for key in OF_A_MODEL},
+        )
+        for row in rows_of(joints)
+        if (values := doubts_of(row).get(TOO_CLOSE))
+    ]
 
 
 def _clock_problems(clocks: pa.Table) -> list[Row]:

@@ -36,6 +36,9 @@ _DOUBT_TEXTS: Mapping[str, str] = {
         "its receivers disagree by {gap_mm:.0f} mm, which the stated error does not know: a loose receiver, "
         "a wrong quaternion order or angle convention, or thick skin"
     ),
+    verdict.TOO_CLOSE: N_(
+        "{joints} lie {mm:.1f} mm apart, nearer than in any hand: look at the receivers on these fingers"
+    ),
     verdict.UNCERTAIN: N_("known less well than to {wanted_mm:g} mm (1 sigma, 3-D)"),
     verdict.ONE_WAY: N_(
         "known less well than to {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from chains import reader_of
 from pipeline import HandResults, run_hand
@@ -14,8 +15,10 @@ from shukotsu.schemas.layout import Layout, read_layout
 from shukotsu.schemas.model import SkeletonModel, read_model
 from shukotsu.schemas.poses import Poses, read_poses
 from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.schemas.verdict import BELIEVE, TOO_CLOSE, doubts_of
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.estimate_metacarpals.hand import BuiltHand, build_hand, pose_metacarpals
+from shukotsu.stages.estimate_metacarpals.hand import BuiltHand, build_hand, judged, pose_metacarpals
+from shukotsu.stages.gather.study_tables import OF_A_MODEL, _joint_problems
 
 Build = Callable[..., BuiltHand]
 
@@ -113,3 +116,27 @@ def test_a_gap_is_flagged_and_has_no_numbers(build: Build, hand: HandResults) ->
         flags = columns[digit]["flags"].to_numpy(zero_copy_only=False).astype(str)
         assert np.flatnonzero(np.char.find(flags, "gap") >= 0).tolist() == frames
         assert np.flatnonzero(np.isnan(columns[digit]["qw"])).tolist() == frames
+
+
+def test_knuckles_nearer_than_any_hands_are_not_believed(build: Build) -> None:
+    """Of this hand none are; of one whose ring MCP lies 4 mm beside the middle's both are in doubt."""
+    layout = read_layout("liberty16")
+    built = build(read_model("paper-fig4"))
+    assert TOO_CLOSE not in "".join(row["reason_values"] for row in judged(built, layout, {}).joints)
+    rows = {row["joint"]: row for row in built.joints}
+    moved = {f"parent_{a}_mm": rows["middle_mcp"][f"parent_{a}_mm"] + 4.0 * (a == "y") for a in "xyz"}
+    near = replace(built, joints=[*(rows | {"ring_mcp": rows["ring_mcp"] | moved}).values()])
+    doubted = {row["joint"]: row for row in judged(near, layout, {}).joints if TOO_CLOSE in doubts_of(row)}
+    assert set(doubted) == {"middle_mcp", "ring_mcp"}
+    assert all(row["verdict"] != BELIEVE for row in doubted.values())
+    assert [
+        problem["kind"]
+        for problem in _joint_problems(
+            pa.Table.from_pylist(
+                [
+                    {**dict.fromkeys(OF_A_MODEL, "a"), "reason_values": row["reason_values"]}
+                    for row in doubted.values()
+                ]
+            )
+        )
+    ] == [TOO_CLOSE] * 2

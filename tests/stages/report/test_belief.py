@@ -15,6 +15,7 @@ from shukotsu.stages.report.wording import speaking
 
 VALUES: dict[str, dict[str, Any]] = {
     verdict.FAR: {"what": "palm width", "sd": 6.4},
+    verdict.TOO_CLOSE: {"joints": ["middle_mcp", "ring_mcp"], "mm": 4.5},
     verdict.HALVES: {"gap_mm": 7.3},
     verdict.UNCERTAIN: {"sd_mm": 3.0, "radius_95_mm": 4.8, "wanted_mm": 2.0},
     verdict.ONE_WAY: {"sd_mm": 3.0, "radius_95_mm": 4.8, "wanted_mm": 2.0, "worst_mm": 2.9},
