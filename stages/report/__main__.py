@@ -38,6 +38,8 @@ def report(arguments: argparse.Namespace) -> None:
     """Read the study's results; write the page, print the tables."""
     if arguments.out is None and not arguments.to_terminal:
         raise InputError("nothing to do; give --out, --print or both")
+    from functools import partial
+
     from shukotsu.schemas.results import Results
     from shukotsu.schemas.study import read_study
     from shukotsu.stages.report.study_results import read_results
@@ -48,13 +50,21 @@ def report(arguments: argparse.Namespace) -> None:
         from shukotsu.files.whole_files import write_text
         from shukotsu.stages.report.movement_page.movement_page import render_movement
         from shukotsu.stages.report.movement_page.movement_results import read_movement
-        from shukotsu.stages.report.study_page import render_study
+        from shukotsu.stages.report.study_page import render_failure, render_study
         from shukotsu.stages.report.wording import speaking
 
         movement = read_movement(results)
+        pages = {
+            arguments.out.parent / "report" / "movement.html": partial(render_movement, results, movement),
+            arguments.out: partial(render_study, results, study, movement),
+        }
         with speaking(study.language):
-            write_text(arguments.out, render_study(results, study, movement))
-            write_text(arguments.out.parent / "report" / "movement.html", render_movement(results, movement))
+            for page, make in pages.items():
+                with command_line.recorded(arguments, record=True) as messages:
+                    write_text(page, make())
+                for message in messages:
+                    results.add_problem("report", message, page.name)
+                    write_text(page, render_failure(message))
     if arguments.to_terminal:
         from shukotsu.stages.report.terminal import terminal_tables
 

@@ -19,6 +19,7 @@ from shukotsu.stages.report.models_compared.sections import models_compared
 from shukotsu.stages.report.movement_page.movement_results import Movement
 from shukotsu.stages.report.movement_page.movement_text import groups_differ, moved_most
 from shukotsu.stages.report.plots.description import JointLink
+from shukotsu.stages.report.plots.page_pictures import taken_failures
 from shukotsu.stages.report.score_tables import held_out_table, mean
 from shukotsu.stages.report.skeleton_stills import index_figure, posed_hands
 from shukotsu.stages.report.skeleton_tables import lengths_table
@@ -42,7 +43,6 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         front=_front(results),
         findings=provenance.found(results.findings),
         accepted=provenance.found(results.accepted),
-        problems=provenance.problems_table(results),
         opening=opening(results),
         movement=_movement(results, movement),
         exports=study.exports,
@@ -63,7 +63,15 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         versions=provenance.versions_table(),
         inputs=provenance.inputs_table(results),
         config=provenance.config_text(study),
+        problems=_problems(results),  # after every picture
     )
+
+
+def _problems(results: StudyResults) -> DataTable | None:
+    """All problems, those of pictures that could not be drawn among them."""
+    for message in taken_failures():
+        results.add_problem("report", message)
+    return provenance.problems_table(results)
 
 
 def _movement(results: StudyResults, movement: Movement | None) -> dict[str, Any] | None:

@@ -182,6 +182,10 @@ class StudyResults:
         """Findings that the recordings sheet gives a reason for."""
         return [row for row in self.problems if row["stage"] == STAGE and row["accepted"]]
 
+    def add_problem(self, stage: str, message: str, task: str = "") -> None:
+        """Add what went wrong while the page is made, before its problems are asked for."""
+        self.problems.append(_problem(SubjectSession(""), stage, message, task=task))
+
     @cached_property
     def other_problems(self) -> list[Row]:
         """Problems that are neither findings to be settled nor accepted ones."""

@@ -52,6 +52,7 @@ def write_pages(arguments: argparse.Namespace) -> None:
 
     from shukotsu.files.whole_files import write_text
     from shukotsu.schemas.plan import read_plan
+    from shukotsu.stages.report.plots.page_pictures import taken_failures
     from shukotsu.stages.report.recording_page.recording_content import failure_page, recording_title
     from shukotsu.stages.report.study_page import render_failure
     from shukotsu.stages.report.study_results import read_subject
@@ -73,6 +74,7 @@ def write_pages(arguments: argparse.Namespace) -> None:
         for page, (make, say_why) in pages.items():
             with command_line.recorded(arguments, arguments.record_failure) as messages:
                 write_text(arguments.out / page, make())
+            failures += [f"{page.as_posix()}: {message}" for message in taken_failures()]
             for message in messages:
                 write_text(arguments.out / page, say_why(message))
                 failures.append(f"{page.as_posix()}: {message}")

@@ -64,7 +64,7 @@ def amount(value: float, scale: float, unit: str) -> str:
 
 
 def _digits(value: float, scale: float) -> str:
-    decimals = 1 - math.floor(math.log10(scale / 3)) if math.isfinite(scale) and scale > 0 else 1
+    decimals = 1 - math.floor(math.log10(scale / 3)) if math.isfinite(scale) and scale > 1e-6 else 1
     return number(value, min(max(decimals, 0), 6))
 
 

@@ -19,6 +19,8 @@ _GROSS = 8.0
 """The largest number being so many times the usual one, an even scale would squeeze all others together."""
 _DECADES = 4.0
 """The most powers of ten that a logarithmic scale spans; what is smaller stands at its foot."""
+_ROUNDING = 1e-6
+"""What is smaller, in mm or degrees, is an error of rounding: it is shown as 0, and stretches no scale."""
 _MARGIN = 0.06
 """The share of a scale that is kept free at either end."""
 
@@ -36,7 +38,7 @@ class Scale:
 def value_scale(values: npt.ArrayLike) -> Scale:
     """Give a scale for values none below 0: from 0, or logarithmic where the largest dwarfs the usual."""
     own = np.asarray(values, float)
-    own = own[np.isfinite(own)]
+    own = np.where(own < _ROUNDING, 0.0, own)[np.isfinite(own)]
     highest, usual = float(own.max(initial=0.0)), float(np.median(own)) if len(own) else 0.0
     if highest <= _GROSS * usual or highest <= 0.0:
         return Scale(0.0, highest * (1 + _MARGIN) or 1.0)
@@ -49,7 +51,7 @@ def difference_scale(values: npt.ArrayLike) -> Scale:
     own = np.asarray(values, float)
     sizes = np.abs(own)
     largest = float(sizes.max(initial=0.0))
-    if largest <= 0.0:
+    if largest <= _ROUNDING:
         return Scale(-1.0, 1.0)
     usual = float(np.median(sizes[sizes > largest * 1e-6]))
     gross = largest > _GROSS * usual
@@ -67,7 +69,7 @@ def even_scale(values: Iterable[npt.ArrayLike]) -> Scale:
     known = np.concatenate([np.zeros(0), *(np.ravel(np.asarray(own, float)) for own in values)])
     known = known[np.isfinite(known)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
-    pad = _MARGIN * (high - low) or 1.0
+    pad = _MARGIN * (high - low) if high - low > _ROUNDING else 1.0
     return Scale(low - pad, high + pad)
 
 

@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import io
 import re
+import traceback
 import warnings
 from xml.etree import ElementTree
 
 from markupsafe import Markup
 
+from shukotsu.errors import on_one_line
+from shukotsu.sentences.messages import message_of, translated
+from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.palette import as_custom_property
 from shukotsu.stages.report.plots.description import HandPanel, Panel
 from shukotsu.stages.report.plots.figures import draw_for_page
@@ -23,8 +27,31 @@ _REACH = "7"
 _USUAL = ("fill:var(--ink)", "stroke-width:1", "text-anchor:start")
 
 
+_UNDRAWN: list[str] = []
+
+
+def taken_failures() -> list[str]:
+    """Why pictures could not be drawn since this was last asked."""
+    messages = [*_UNDRAWN]
+    _UNDRAWN.clear()
+    return messages
+
+
 def page_picture(panel: Panel) -> Markup:
-    """Give the picture as an element of a page; the same panel gives the same text."""
+    """The picture as an element of a page, or the sentence why there is none; the same for the same panel."""
+    try:
+        return _svg(panel)
+    except MemoryError:
+        raise
+    except Exception as error:  # a picture must not cost a study its page
+        traceback.print_exc()
+        text = on_one_line(f"{panel.title}: {type(error).__name__}: {error}")
+        message = message_of("internal", stage="report", text=text)
+        _UNDRAWN.append(message)
+        return Markup("<p>{}</p>").format(tr("Not drawn: {reason}.", reason=translated(message)))
+
+
+def _svg(panel: Panel) -> Markup:
     with applied({"svg.hashsalt": panel.title}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has it
         figure, sheet = draw_for_page(panel)

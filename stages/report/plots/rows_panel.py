@@ -202,6 +202,8 @@ def _paint_dots(axes: Axes, places: Sequence[tuple[Row, int]], sheet: Sheet) -> 
         axes.hlines(y, x - reach, x + reach, color=colour, linewidth=0.5)
     for index, ((colour, hollow), found) in enumerate(together.items()):
         x, y = np.array([each[:2] for each in found]).T
+        if axes.get_xscale() == "log":  # far below its foot matplotlib leaves dots out
+            x = np.maximum(x, axes.get_xlim()[0])
         (dots,) = axes.plot(
             x, y, "o", color=colour, markersize=size, clip_on=False, zorder=2.2, gid=f"dots{index}",
             alpha=1.0 if hollow else 0.6, markerfacecolor=PAPER if hollow else colour,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import traceback
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 import matplotlib
 from matplotlib.figure import Figure
 
+from shukotsu.errors import on_one_line
 from shukotsu.files.whole_files import replacing, write_text
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.schemas.study import Recording
@@ -67,10 +69,16 @@ def drawn(name: str, describe: Callable[[], tuple[Plot, str]]) -> Drawing:
     """Draw a figure in the house's style, or one that says why it cannot be drawn."""
     try:
         plot, caption = describe()
+        with applied():
+            figure = draw(plot)
+            figure.draw_without_rendering()
     except NoDataError as error:
         return not_drawn(name, str(error))
-    with applied():
-        figure = draw(plot)
+    except MemoryError:
+        raise
+    except Exception as error:  # a figure must not cost a study the others
+        traceback.print_exc()
+        return not_drawn(name, on_one_line(f"{type(error).__name__}: {error}"))
     versions = tr(
         "Drawn by {PROGRAM} {VERSION} with matplotlib {version}.",
         PROGRAM=PROGRAM,

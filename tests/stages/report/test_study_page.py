@@ -127,3 +127,14 @@ def test_the_terminal_has_findings_first_each_once(fitted: StudyResults) -> None
     assert (
         "subject S03, left hand, rom; and 7 more subject S00, left hand, rom: put right, the gap of" in text
     )
+
+
+def test_a_picture_that_fails_is_a_problem_of_the_page(
+    fitted: StudyResults, file: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shukotsu.stages.report.plots.page_pictures.draw_for_page", lambda _: {}["x"])
+    page = render_study(replace(fitted, problems=[*fitted.problems]), file)
+    assert "<svg" not in page
+    assert "Not drawn: internal error in report" in page
+    (table,) = [t for t in read_page(page).tables if t.caption.startswith("Everything that did not go")]
+    assert any("KeyError" in row[-1] for row in table.rows)

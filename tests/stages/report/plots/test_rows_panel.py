@@ -10,15 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shukotsu.stages.report.palette import MODELS, Look
+from shukotsu.stages.report.plots import page_pictures
 from shukotsu.stages.report.plots.description import (
     Group,
     Row,
     RowsPanel,
     Scale,
     difference_scale,
+    even_scale,
     value_scale,
 )
-from shukotsu.stages.report.plots.page_pictures import page_picture
+from shukotsu.stages.report.plots.page_pictures import page_picture, taken_failures
 from shukotsu.stages.report.plots.rows_panel import MOST_NAMED, ticks
 
 LOOK = Look(MODELS[0], "s")
@@ -87,3 +89,24 @@ def test_every_subject_is_drawn(n: int) -> None:
     assert ">1.00 (n = 1)<" in picture
     assert "a &amp; b" in picture
     assert "Thumb &lt;1&gt;" in picture
+
+
+def test_rounding_errors_stretch_no_scale() -> None:
+    """They are nothing beside nothing, and at the foot beside a gross number; every dot is drawn."""
+    nothing = [9e-15, 2e-13, 0.0]
+    assert value_scale(nothing) == Scale(0.0, 1.0)
+    assert difference_scale(nothing) == Scale(-1.0, 1.0)
+    assert even_scale([nothing]) == Scale(-1.0, 1.0 + max(nothing))
+    numbers = dict(zip("abcde", [*nothing, 1.0, 80.0], strict=True))
+    scale = value_scale(list(numbers.values()))
+    assert scale.kind == "log"
+    assert scale.low > 1e-3
+    assert len(places(page_picture(panel(scale, Row("a", LOOK, numbers), n=5)))) == len(numbers)
+
+
+def test_a_picture_that_fails_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page_pictures, "draw_for_page", lambda _: {}["<no>"])
+    picture = page_picture(panel(Scale(0.0, 1.0), Row("a", LOOK, {"a": 1.0}), n=1))
+    assert picture.startswith("<p>Not drawn: internal error in report (Thumb &lt;1&gt;: KeyError")
+    assert len(taken_failures()) == 1
+    assert taken_failures() == []
