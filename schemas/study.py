@@ -341,7 +341,7 @@ def unmatched_rows(study: Study) -> list[str]:
 
 def columns_handed_on(study: Study) -> list[str]:
     """Say, in a sentence if there are any, which columns of the recordings sheet the study does not use."""
-    names = [name for name, _ in study.recordings[0].more if name not in study.columns]
+    names = [name for name, _ in study.recordings[0].more if name not in study.factors]
     where = study.sheets["recordings"].name
     use = "not used, but handed on to recordings.parquet as they stand"
     return [f"{where}: further columns, {use}: {listed(names)}"] if names else []

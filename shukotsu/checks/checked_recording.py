@@ -91,7 +91,7 @@ def check_recording(
     segments = tuple(poses.segments[place] for place in seen)
     body = expected_body(layout, segments)
     clock = true_clock(line)
-    duration_s, breaks = (None, []) if clock else device_clock(line.time_s, poses.frame)
+    duration_s, clock_breaks = (None, []) if clock else device_clock(line.time_s, poses.frame)
     short = _too_short(line, duration_s)
     if (short and short.severity == REFUSED) or not body.names:
         return CheckedRecording((*broken, *([short] if short else ())), poses_digest(poses), None, None)
@@ -107,7 +107,7 @@ def check_recording(
         *_alike(line, segments, declared),
         *_stays(line, segments, declared),
         *_clock(line, clock, declared),
-        *_clock_breaks(breaks, poses.frame),
+        *_clock_breaks(clock_breaks, poses.frame),
         *([short] if short else []),
     ]
     return CheckedRecording((*broken, *findings, *late), poses_digest(poses), body, search.explanation)
