@@ -7,7 +7,8 @@ def test_kinds_are_those_of_the_contract() -> None:
     expected = (
         "quaternion-order, quaternion-inverse, euler-order, units, time-unit, clock, hemisphere, "
         "receiver-stuck, sudden-change, spikes, receivers-swapped, digits-swapped, wrong-hand, "
-        "axes-mirrored, receiver-turned, other-person, same-file, too-short, zeros, receivers-alike, unchecked"
+        "axes-mirrored, receiver-turned, other-person, same-file, too-short, zeros, receivers-alike, "
+        "unchecked"
     )
     assert ", ".join(KINDS) == expected
     assert all(f"\n## {kind}\n" in mistakes_page() for kind in KINDS)
