@@ -52,33 +52,6 @@ POSES = Table(
     ("segment", "frame"),
 )
 
-CAPTURE_RECORDS = Table(
-    "capture_records",
-    2,
-    "record that the tracker sent, in the order of its bytes",
-    (
-        Column("station", pa.int16(), "", "the tracker's station number"),
-        FRAME,
-        Column("time_s", REAL, "s", "device time of the frame, from the recording's first frame"),
-        Column("device_ms", WHOLE, "ms", "the tracker's own clock, as sent", True),
-        *(Column(f"{axis}_mm", SINGLE, "mm", f"receiver origin as sent, {axis}", True) for axis in "xyz"),
-        *(
-            Column(f"q{part}", SINGLE, "", f"receiver to transmitter frame, as sent, {part}", True)
-            for part in "wxyz"
-        ),
-        Column("error", pa.uint8(), "", "ASCII code of the tracker's error letter; 0 for none"),
-        Column(
-            "distortion", pa.int16(), "", "as sent: 0 none, 1 minor, 2 significant (VIPER: 0 to 255)", True
-        ),
-        Column("button", pa.int8(), "", "stylus button, as sent", True),
-        Column("sync", pa.int8(), "", "external sync, as sent", True),
-        Column("host_ns", WHOLE, "ns", "the host's monotonic clock when the record's last byte had come"),
-        Column("offset", WHOLE, "", "place of its first byte in the stream"),
-        Column("flags", pa.uint16(), "", "what was seen, a bit each (see docs/recording.md)"),
-    ),
-    ("host_ns", "offset"),
-)
-
 _VARIANT = Column("variant", TEXT, "", "which of the kind's sentences says it")
 _VALUES = Column("values", TEXT, "", "what the sentence is made of, as JSON; empty where there is none")
 _ACCEPTED = Column("accepted", TEXT, "", "the reason by which the study lets a suspect finding stand")
@@ -638,7 +611,6 @@ TABLES = {
     table.name: table
     for table in (
         POSES,
-        CAPTURE_RECORDS,
         FINDINGS,
         JOINT_SOLUTIONS,
         JOINT_CENTRES,

@@ -7,6 +7,10 @@ SINCE = "0.2"
 _PLUS = "record with PLUS or 3D Slicer and import its sequence (.mha, .nrrd)"
 _LAB_RECORDER = "record with LabRecorder and import its .xdf"
 _VENDOR = "record with the tracker's own program and import its text by a mapping"
+_EMULATED_FAULTS = (
+    "unplug", "plug", "drop-bytes", "flip-bytes", "duplicate-bytes", "garbage", "seed", "silent", "gone-at",
+    "line-rate", "fifo", "baud", "power-up-text", "reinit-delay", "already-streaming", "echo",
+)  # fmt: skip
 
 _FROM_GLB = "export glb, and convert it by Blender or usd-core (docs/handing-on.md)"
 
@@ -26,9 +30,28 @@ LEFT = {
     ("command", "plan"): "G*Power plans a study from the spread in the tidy tables (docs/handing-on.md)",
     ("key", "questions"): "ask them of the tidy tables in R or pingouin (docs/handing-on.md)",
     ("command", "workflow"): "take doctor --snakefile",
+    ("format", "ascii"): "record in binary; version 0.1 decodes an older capture in ASCII",
     ("command", "devices"): "take record --devices",
     ("command", "tracker"): "take record --ask",
     ("command", "decode"): "take import, or inspect for what a capture lacks",
+    **{("option", f"{command} --ascii"): "binary has all of it" for command in ("record", "coach")},
+    **{
+        ("option", f"{command} {option}"): "leave it out; a line that is too slow is refused with what fits"
+        for command in ("record", "coach")
+        for option in ("--line-rate", "--allow-slower")
+    },
+    ("option", "record --countdown"): "leave it out",
+    ("option", "record --lsl-outlet"): "import the archive",
+    ("option", "record --marks"): "give --note, or an events sheet beside the recording",
+    ("option", "emulate --igtl"): _PLUS,
+    ("option", "emulate --lsl"): _LAB_RECORDER,
+    ("option", "emulate --message"): _PLUS,
+    ("option", "emulate --device"): "the emulator is a LIBERTY",
+    ("option", "emulate --ports"): "give --stations",
+    **{
+        ("option", f"emulate --{option}"): "leave it out; the emulator has no faults"
+        for option in _EMULATED_FAULTS
+    },
 }
 """(kind, name) -> what to take instead.
 

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-from fuzzing.sample_files import capture_bytes
 
-from shukotsu.schemas.catalogue import CAPTURE_RECORDS, POSES
+from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.tables import Provenance, Table, write_table
+from shukotsu.trackers.archive import ArchiveWriter
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 RATE_HZ = 240.0
 TICKS_A_SECOND = 960
@@ -42,14 +43,24 @@ def poses_of(
 
 
 def records_of(folder: Path, pulses_s: npt.NDArray[np.float64], length_s: float = 0.05) -> Path:
-    """Records of one station over 20 s, the sync input on for a while from each pulse."""
+    """A raw capture of one station over 20 s, the sync input on for a while from each pulse."""
     time_s = np.arange(20 * int(RATE_HZ)) / RATE_HZ
     since_s = time_s[:, None] - pulses_s
     on = ((since_s >= 0) & (since_s < length_s)).any(-1)
-    columns = {"station": np.ones(len(on)), "frame": np.arange(len(on)), "time_s": time_s}
-    columns |= {"sync": on.astype(np.int8)}
-    path = folder / "records.parquet"
-    write_table(path, CAPTURE_RECORDS, filled(CAPTURE_RECORDS, len(on), columns), Provenance())
+    return flags_of(folder / "records.arrows", [(frame, 1, int(sync), 0) for frame, sync in enumerate(on)])
+
+
+def flags_of(path: Path, rows: Sequence[tuple[int, int, int, int]]) -> Path:
+    """A raw capture of records that are sent when measured; rows : frame, station, sync and button."""
+    items, stations = (9, 12, 10, 3, 7), tuple(sorted({station for _, station, _, _ in rows}))
+    settings = StreamSettings("liberty", "binary", "cm", RATE_HZ, stations, dict.fromkeys(stations, items))
+    writer = ArchiveWriter(path, {}, lambda: 0)
+    writer.settings(settings.to_json(), 0)
+    for frame, station, sync, button in rows:
+        body = struct.pack("<Iii7f", frame, sync, button, 20, 5, -3, 1, 0, 0, 0)
+        head = b"LY" + struct.pack("<BBBBh", station, ord("C"), 0, 0, len(body))
+        writer.received(head + body, round(frame * 1e9 / RATE_HZ))
+    writer.close({}, round(frame * 1e9 / RATE_HZ))
     return path
 
 
@@ -125,7 +136,6 @@ SAMPLES: Mapping[str, Callable[[], bytes]] = {
     "a.xdf": lambda: xdf_of(
         marker_stream(1, "cues", [["go"], ["stop"]], [1.0, 2.0], [(0.0, 1.0), (5.0, 1.0)])
     ),
-    "a.parquet": lambda: _bytes_of(lambda folder: records_of(folder, PULSES_S)),
-    "a.arrows": capture_bytes,
+    "a.arrows": lambda: _bytes_of(lambda folder: records_of(folder, PULSES_S)),
 }
 """A small valid file of every kind, by a name of that ending: what tests spoil."""

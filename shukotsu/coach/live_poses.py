@@ -59,7 +59,6 @@ class LivePoses:
         self._segment: npt.NDArray[np.int64] = np.full(256, -1)
         self._stations: set[int] = set()
         self._first: int | None = None
-        self._first_ns = 0
         self._rate_hz = 0.0
         self._waiting = _Samples.none()
         self._marks: list[dict[str, Any]] = []
@@ -101,7 +100,7 @@ class LivePoses:
         numbers[np.isin(records.error, list(SOURCE_FAILURES))] = np.nan
         own = _Samples(records.frame, self._segment[records.station], numbers, block.host_ns[block.good])
         self._waiting = self._waiting.then(own)
-        return self._whole(counted=block.counted)
+        return self._whole()
 
     def _press(self, records: Records, host_ns: npt.NDArray[np.int64]) -> None:
         """Note, as a mark, that a stylus's button went down."""
@@ -124,7 +123,7 @@ class LivePoses:
         for station, place in places.items():
             self._segment[station] = place
 
-    def _whole(self, *, counted: bool) -> Arrived | None:
+    def _whole(self) -> Arrived | None:
         last = int(self._waiting.frame.max(initial=0))
         whole = self._waiting.frame <= (last if self.ended else last - LATE_FRAMES)
         ready, self._waiting = self._waiting.take(whole), self._waiting.take(~whole)
@@ -136,9 +135,8 @@ class LivePoses:
         numbers, worn = np.full((len(frame), len(self._layout.measured), 7), np.nan), ready.place >= 0
         numbers[row[worn], ready.place[worn]] = ready.numbers[worn]
         if self._first is None:
-            self._first, self._first_ns = int(frame[0]), int(host_ns[0])
-        device_s, host_s = (frame - self._first) / self._rate_hz, (host_ns - self._first_ns) * 1e-9
-        time_s = np.asarray(device_s if counted else host_s, float)
+            self._first = int(frame[0])
+        time_s = np.asarray((frame - self._first) / self._rate_hz, float)
         valid = np.isfinite(numbers).all(-1)
         norm = np.linalg.norm(numbers[..., 3:], axis=-1)
         valid &= np.abs(norm - 1) <= NORM_TOLERANCE

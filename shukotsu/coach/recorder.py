@@ -1,11 +1,14 @@
-"""The recorder as a process of its own: it keeps every byte whatever becomes of the coach."""
+"""The recorder as a process of its own: it keeps every byte whatever becomes of the coach.
+
+What is entered meanwhile the coach keeps, and puts into the archive once that is closed.
+"""
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -13,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.archive import FollowedArchive, Piece
+from shukotsu.trackers.archive import FollowedArchive, Piece, append_events
 
 MOST_NOTES = 20
 ENDS_WITHIN_S = 20.0
@@ -26,13 +29,15 @@ class Recorder:
     """
 
     def __init__(self, out: Path, options: Sequence[str]) -> None:
-        argv = [sys.executable, "-m", "shukotsu", "record", *options, f"--out={out}", "--marks", "--quiet"]
+        argv = [sys.executable, "-m", "shukotsu", "record", *options, f"--out={out}", "--quiet"]
         self._archive = FollowedArchive(out)
-        self._sending = threading.Lock()
+        self._entering = threading.Lock()
+        self._entries: list[tuple[str, int, Mapping[str, Any]]] = []
+        self._given = 0  # of them, by `read`
         self.notes: deque[str] = deque(maxlen=MOST_NOTES)
         self._process = subprocess.Popen(
             argv,
-            stdin=subprocess.PIPE,
+            stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             encoding="utf-8",
@@ -57,18 +62,17 @@ class Recorder:
         return self._archive.ended or self.exit_code is not None
 
     def read(self) -> list[Piece]:
-        """Give what was written since the last call."""
-        return self._archive.read()
+        """Return what was written and entered since the last call."""
+        with self._entering:
+            new, self._given = self._entries[self._given :], len(self._entries)
+        return [*self._archive.read(), *([Piece.of_events(new)] if new else [])]
 
     def send(self, entry: Mapping[str, Any]) -> None:
-        """Have an entry put into the archive. Raises InputError where the recorder is gone."""
-        assert self._process.stdin is not None
-        try:
-            with self._sending:
-                self._process.stdin.write(json.dumps(entry) + "\n")
-                self._process.stdin.flush()
-        except (OSError, ValueError) as error:
-            raise InputError(f"the recorder has ended ({self.last_note or error}); begin again") from error
+        """Keep an entry for the archive. Raises InputError where the recorder is gone."""
+        if self.exit_code is not None:
+            raise InputError(f"the recorder has ended ({self.last_note}); begin again")
+        with self._entering:
+            self._entries.append(("mark", time.perf_counter_ns(), entry))
 
     @property
     def last_note(self) -> str:
@@ -76,12 +80,16 @@ class Recorder:
         return self.notes[-1] if self.notes else ""
 
     def stop(self) -> int:
-        """End the recording; give the recorder's exit code."""
-        with suppress(InputError):
-            self.send({"kind": "stop"})
-        for insist in (None, self._process.terminate, self._process.kill):
-            if insist is not None:
-                insist()
+        """End the recording, and put what was entered into the archive; return the recorder's exit code."""
+        code = -1
+        for insist in (self._process.terminate, self._process.kill):
+            insist()
             with suppress(subprocess.TimeoutExpired):
-                return self._process.wait(ENDS_WITHIN_S)
-        return -1
+                code = self._process.wait(ENDS_WITHIN_S)
+                break
+        if self._entries and self._archive.path.exists():
+            try:
+                append_events(self._archive.path, self._entries)
+            except (InputError, OSError) as error:
+                self.notes.append(f"note: what was entered is not in the archive: {error}")
+        return code

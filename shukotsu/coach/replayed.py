@@ -5,19 +5,21 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
-from shukotsu.trackers.archive import Piece, open_archive
+from shukotsu.coach.live_poses import marks_in
+from shukotsu.trackers.archive import END, Archive, Piece, open_archive
 
 
 class Replayed:
     """The pieces of an archive, each no earlier than it came; speed : 2 for twice as fast, 0 for as fast as
-    they are read.
+    they are read. What was entered meanwhile stands behind the archive's end, and comes when it was entered.
     """
 
     def __init__(self, path: Path, speed: float) -> None:
         self.ended = False
         self._speed = speed
-        self._pieces: Iterator[Piece] = open_archive(path).pieces()
+        self._pieces: Iterator[Piece] = _in_time(open_archive(path))
         self._next: Piece | None = next(self._pieces, None)
         self._first_ns: int | None = None
         self._began = time.perf_counter()
@@ -39,3 +41,21 @@ class Replayed:
         return (int(piece.host_ns[-1]) - self._first_ns) * 1e-9 <= (
             time.perf_counter() - self._began
         ) * self._speed
+
+
+def _in_time(archive: Archive) -> Iterator[Piece]:
+    """The pieces of an archive up to its end, and the marks behind that before the piece that came next."""
+    ended, marks = False, list[dict[str, Any]]()
+    for piece in archive.pieces():
+        marks += marks_in(piece, archive.path) if ended else []
+        ended |= END in piece.kind
+    marks.sort(key=lambda mark: mark["host_ns"])
+    for piece in archive.pieces():
+        last = END in piece.kind
+        due = sum(last or mark["host_ns"] <= piece.host_ns.max(initial=0) for mark in marks)
+        if due:
+            yield Piece.of_events([("mark", mark["host_ns"], mark) for mark in marks[:due]])
+            marks = marks[due:]
+        yield piece
+        if last:
+            return

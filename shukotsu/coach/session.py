@@ -1,8 +1,8 @@
 """Run the coach on an archive: one thread reads, decodes and shows live poses; this one thinks, and shows
 what it thinks.
 
-Neither ever writes to the archive: what is entered goes to the recorder (`send`), which puts it there, and
-comes back with the frames.
+Neither ever writes to the archive: what is entered goes to the recorder (`send`) and comes back with the
+frames; it is put into the archive at its end.
 """
 
 from __future__ import annotations

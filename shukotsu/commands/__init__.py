@@ -29,13 +29,10 @@ COMMANDS = {
     "coach": Command(
         "shukotsu.commands.coach_hand", "record a hand's calibration and coach it while it is recorded"
     ),
-    "devices": Command(CAPTURE, "list the ports at which a tracker may be", ("devices",)),
-    "tracker": Command(CAPTURE, "say what a tracker answers, without recording", ("check",)),
     "wand": Command("shukotsu.commands.map_room", "say where in the room the tracker may be trusted"),
     "emulate": Command(CAPTURE, "be a tracker, for a recorder without one at hand", ("emulate",)),
     "inspect": Command(CAPTURE, "say what is in a file, and draft the mapping that it needs", ("inspect",)),
     "import": Command(CAPTURE, "turn a recording's file into the poses table", ("import",)),
-    "decode": Command(CAPTURE, "turn a raw capture into a table of every record", ("decode",)),
     "stage": Command("shukotsu.commands.run_stage", "run one stage of the pipeline alone"),
     "doctor": Command(
         "shukotsu.commands.doctor", "say what is installed, what is missing, what this machine can do"

@@ -42,7 +42,7 @@ def build_parser() -> argparse.ArgumentParser:
         "  shukotsu coach --replay captures/03.arrows --speed 4",
         records_failure=False,
     )
-    tracker_options.add_tracker(parser, required=False)
+    tracker_options.add_tracker(parser)
     add = parser.add_argument
     add("--follow", type=Path, metavar="FILE", help="coach an archive that another process writes")
     add("--replay", type=Path, metavar="FILE", help="coach an archive that was recorded, as it was then")
@@ -262,17 +262,13 @@ def _goes_on(arguments: argparse.Namespace, board: Board, terminal: Terminal, st
 
 
 def _tracker_options(arguments: argparse.Namespace) -> list[str]:
-    """Give the tracker's options as the recorder takes them."""
+    """Return the tracker's options as the recorder takes them."""
     argv = [f"--port={arguments.port}", f"--baud={arguments.baud}", f"--items={arguments.items}"]
     argv += [f"--hemisphere={arguments.hemisphere}"]
-    for name in ("tracker", "line_rate", "rate", "stations"):
+    for name in ("tracker", "rate", "stations"):
         value = getattr(arguments, name)
-        argv += [] if value is None else [f"--{name.replace('_', '-')}={value}"]
-    return argv + [
-        f"--{name.replace('_', '-')}"
-        for name in ("ascii", "no_filters", "allow_slower")
-        if getattr(arguments, name)
-    ]
+        argv += [] if value is None else [f"--{name}={value}"]
+    return argv + ["--no-filters"] * arguments.no_filters
 
 
 def _finish(study: Path, setup: CoachSetup, session: Session, archive: Path) -> None:
@@ -283,7 +279,7 @@ def _finish(study: Path, setup: CoachSetup, session: Session, archive: Path) -> 
     from shukotsu.coach.study_setup import enter_recording
     from shukotsu.coach.wording import summary_sentence
     from shukotsu.stages.capture.formats.raw_capture import COACH_SUMMARY
-    from shukotsu.trackers.archive import append_event
+    from shukotsu.trackers.archive import append_events
 
     if session.coach.known is None:
         rows = sheet_rows_of(session.coach)
@@ -299,7 +295,7 @@ def _finish(study: Path, setup: CoachSetup, session: Session, archive: Path) -> 
         print(f"note: {archive}: {error}; entered in {sheets[0]} as excluded", file=sys.stderr)
         return
     try:
-        append_event(archive, COACH_SUMMARY, time.perf_counter_ns(), **summary)
+        append_events(archive, [(COACH_SUMMARY, time.perf_counter_ns(), summary)])
     except (InputError, OSError) as error:
         print(f"note: the summary is not in the archive: {error}", file=sys.stderr)
     print(summary_sentence(summary))

@@ -173,10 +173,11 @@ class ArchiveWriter:
         self._synced = time.perf_counter()
 
 
-def append_event(path: Path, name: str, host_ns: int, /, **details: Any) -> None:
-    """Append an event to an archive that is closed, behind its end; the archive is then closed as before.
+def append_events(path: Path, events: Sequence[tuple[str, int, Mapping[str, Any]]]) -> None:
+    """Append events to an archive that is closed, behind its end; the archive is then closed as before.
 
-    host_ns : by the clock of the archive's own rows, whose offset to UTC at the end the event has too.
+    events : name, host_ns and details of each; host_ns by the clock of the archive's own rows, whose offset
+    to UTC at the end they have too.
     Raises InputError where the recording was not ended, is damaged at its end, or cannot be written.
     """
     archive = open_archive(path)
@@ -190,11 +191,11 @@ def append_event(path: Path, name: str, host_ns: int, /, **details: Any) -> None
         raise InputError(
             f"{path}: the recording was not ended, or is damaged at its end; nothing can be added to it"
         )
-    row = (host_ns, offset_ns, EVENT, _event_bytes(name, details))
+    rows = [(host_ns, offset_ns, EVENT, _event_bytes(name, details)) for name, host_ns, details in events]
     with reading(path, "a raw capture that can be written to"), path.open("r+b", buffering=0) as file:
         try:
             file.seek(length - len(_END_OF_STREAM))
-            data = _batch_bytes(archive._schema, [row], next_row) + _END_OF_STREAM
+            data = _batch_bytes(archive._schema, rows, next_row) + _END_OF_STREAM
             while data:
                 data = data[file.write(data) :]
             os.fsync(file.fileno())
@@ -273,6 +274,13 @@ class Piece:
         """Give a piece without a row, which may tell of bytes that were no batch."""
         empty = np.empty(0, np.int64)
         return cls(empty, empty, empty.astype(np.int8), [], 0, unreadable_bytes)
+
+    @classmethod
+    def of_events(cls, events: Sequence[tuple[str, int, Mapping[str, Any]]]) -> Piece:
+        """Return events, each its name, host_ns and details, as a piece of an archive has them."""
+        host_ns = np.array([at for _, at, _ in events], np.int64)
+        data = [_event_bytes(name, details) for name, _, details in events]
+        return cls(host_ns, np.zeros_like(host_ns), np.full(len(events), EVENT, np.int8), data)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from shukotsu.stages.align_events.event_list import FARTHEST_S, Array, Clock, Ev
 READERS = {
     (".mid", ".midi", ".smf"): "shukotsu.stages.align_events.midi_file:read_midi",
     (".xdf", ".xdfz", ".xdf.gz"): "shukotsu.stages.align_events.marker_streams:read_markers",
-    (".arrows", ".parquet", ".pq"): "shukotsu.stages.align_events.tracker_events:read_tracker_events",
+    (".arrows",): "shukotsu.stages.align_events.tracker_events:read_tracker_events",
 }
 """Endings of files of events, and what reads them; full names let a study see when that code changes."""
 
@@ -31,7 +31,7 @@ SAME_CLOCK = "same clock"
 MOST_PULSES = 200_000
 """What an hour has at 55 Hz, far more than can be told apart."""
 
-_TRACKER_ENDINGS = (".arrows", ".parquet", ".pq")
+_TRACKER_ENDING = ".arrows"
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class RecordingEvents:
         """Times of the pulses on the recording's clock: of the sheet's events, else of the tracker's own."""
         if own.named(other or name).any():
             return own.time_s[own.named(other or name)]
-        if self.recording is None or not self.recording.name.endswith(_TRACKER_ENDINGS):
+        if self.recording is None or not self.recording.name.endswith(_TRACKER_ENDING):
             raise InputError(
                 f"{self.file}: pulses {name!r}: the recording has no events named {other or name!r} to bring "
                 "them to; give them in the sheet of events, or a raw capture with the tracker's sync input"

@@ -10,12 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError
-from shukotsu.files.parquet_files import naming_damage
-from shukotsu.schemas.catalogue import CAPTURE_RECORDS
-from shukotsu.schemas.tables import column_array, open_table
 from shukotsu.stages.align_events.event_list import Array, Clock, Events
 from shukotsu.trackers.archive import open_archive
-from shukotsu.trackers.decode.records_table import BIT, UNUSABLE, flagged_records
+from shukotsu.trackers.decode.records_table import UNUSABLE, flagged_records
 from shukotsu.trackers.decode.survey import survey_archive
 
 SYNC, BUTTON = "sync", "button"
@@ -34,12 +31,12 @@ class _Flags:
 def read_tracker_events(path: Path) -> Events:
     """Read when the sync input was on and when each stylus button was down, on the recording's clock.
 
-    path : a raw capture or its table of records. A flag that rises between two frames rose in the middle, to
+    path : a raw capture. A flag that rises between two frames rose in the middle, to
     the interval over sqrt(12) (1-sigma). sync is the tracker's, the same of every station; button has the
     station as value. One that is on in the first frame began before, and is left out. Raises InputError where
-    the file is neither, or its tracker sends neither flag.
+    the file is none, or its tracker sends neither flag.
     """
-    parts = list(_of_table(path) if path.suffix in (".parquet", ".pq") else _of_capture(path))
+    parts = list(_of_capture(path))
     station, time_s, sync, button = (
         np.concatenate([getattr(part, name) for part in parts]) if parts else np.zeros(0)
         for name in ("station", "time_s", "sync", "button")
@@ -65,16 +62,6 @@ def _pulses(
     for place in np.flatnonzero(rises):
         end = float(middle[place + 1]) if place + 1 < len(change) else np.nan
         yield name, float(middle[place]), end - float(middle[place]), value, float(gap[place] / np.sqrt(12))
-
-
-def _of_table(path: Path) -> Iterator[_Flags]:
-    unusable = np.bitwise_or.reduce([BIT[name] for name in UNUSABLE])
-    names = ["station", "time_s", "sync", "button", "flags"]
-    with open_table(path, CAPTURE_RECORDS) as file, naming_damage(path):
-        for group in range(file.num_row_groups):
-            rows = file.read_row_group(group, names, use_threads=False)
-            good = (column_array(rows, "flags").astype(np.uint16) & unusable) == 0
-            yield _Flags(*(column_array(rows, name)[good].astype(float) for name in names[:4]))
 
 
 def _of_capture(path: Path) -> Iterator[_Flags]:

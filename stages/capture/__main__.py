@@ -9,9 +9,6 @@ from shukotsu.stages import command_line
 
 COMMANDS = {
     "record": ("shukotsu.stages.capture.record_tracker", "record a tracker into a raw capture"),
-    "devices": ("shukotsu.stages.capture.list_devices", "list the ports at which a tracker may be"),
-    "check": ("shukotsu.stages.capture.check_tracker", "say what a tracker answers, without recording"),
-    "decode": ("shukotsu.stages.capture.decode_capture", "turn a raw capture into a table of every record"),
     "import": ("shukotsu.stages.capture.import_and_check", "turn a recording's file into the poses table"),
     "inspect": (
         "shukotsu.stages.capture.inspect_file",

@@ -1,11 +1,10 @@
-"""Command line: a tracker -> raw archive, with a live view."""
+"""Command line: a tracker -> raw archive, with a live view; what a tracker answers; where one may be."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -14,6 +13,7 @@ from shukotsu.stages import command_line
 from shukotsu.stages.capture import tracker_options
 
 if TYPE_CHECKING:
+    from shukotsu.trackers.record.request import RecordingRequest
     from shukotsu.trackers.record.session import Ending, RecordingPlan
 
 EXIT_CUT_SHORT = 3
@@ -21,93 +21,81 @@ EXIT_CUT_SHORT = 3
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the subcommand's argument parser."""
+    """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu record",
         "Record every byte that a tracker sends, with a live view; q, Ctrl-C or --duration ends it.\n"
         "Exit code: 0 after a stop that was asked for, 2 where nothing could be recorded, 3 where the port\n"
         "went away or the disk was full; what came until then is kept.",
-        "shukotsu record --port /dev/ttyUSB0 --out rom.arrows --duration 60 --note rom",
+        "shukotsu record --devices\n"
+        "  shukotsu record --port /dev/ttyUSB0 --ask\n"
+        "  shukotsu record --port /dev/ttyUSB0 --out rom.arrows --duration 60 --note rom",
         records_failure=False,
     )
     tracker_options.add_tracker(parser)
-    parser.add_argument("--out", type=Path, required=True, help="the archive to write (.arrows)")
-    parser.add_argument("--duration", type=float, metavar="S", help="stop after so many seconds")
-    parser.add_argument("--countdown", type=int, default=0, metavar="S", help="count so many seconds first")
-    parser.add_argument(
-        "--lsl-outlet", nargs="?", const="shukotsu", metavar="NAME", help="send it as an LSL stream too"
-    )
-    parser.add_argument("--note", action="append", default=[], metavar="TEXT", help="kept with the recording")
-    parser.add_argument(
-        "--marks",
-        action="store_true",
-        help='keep lines of JSON from standard input, read in place of keys: {"kind": "stop"} ends it',
-    )
-    parser.add_argument("--quiet", action="store_true", help="show no state, only notes and the summary")
+    add = parser.add_argument
+    add("--out", type=Path, help="the archive to write (.arrows)")
+    add("--duration", type=float, metavar="S", help="stop after so many seconds")
+    add("--note", action="append", default=[], metavar="TEXT", help="kept with the recording")
+    add("--quiet", action="store_true", help="show no state, only notes and the summary")
+    add("--devices", action="store_true", help="record nothing: list the ports at which a tracker may be")
+    add("--ask", action="store_true", help="record nothing: say what the tracker answers and sends in 2 s")
     return parser
 
 
 def main(argv: list[str]) -> int:
-    """Run the subcommand; gives the exit code, and ends the program with another where it was cut short."""
+    """Run the command; return the exit code, or end the program with another where it was cut short."""
     return command_line.run(build_parser, argv, record_tracker)
 
 
 def record_tracker(options: argparse.Namespace) -> None:
-    """Record, and say what was kept."""
+    """Record, and say what was kept; or list the ports, or ask the tracker."""
     from shukotsu.trackers.record import session
-    from shukotsu.trackers.record.marks import Marks
+    from shukotsu.trackers.record.connected_ports import port_lines, serial_ports, usb_devices
     from shukotsu.trackers.record.port import open_port
     from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal, stop_on_signals
+    from shukotsu.trackers.record.tracker_check import check
 
-    plan = recording_plan(options)
-    about = _about(options, plan)
+    if options.devices:
+        print("\n".join(port_lines(serial_ports(), usb_devices())))
+        return
+    if options.port is None:
+        raise InputError("--port: is missing; `shukotsu record --devices` lists those there are")
+    request = tracker_options.recording_request(options)
+    plan = None if options.ask else recording_plan(options, request)
     stop = StopRequest()
     with stop_on_signals(stop):
-        port = open_port(options.port, options.baud, options.line_rate)
+        port = open_port(options.port, options.baud)
         try:
-            marks = Marks(0, stop) if options.marks else None
-            with Terminal(sys.stderr, None if marks else sys.stdin) as terminal:
-                ending = session.record(plan, port, terminal, stop, about, marks=marks)
+            if plan is None:
+                for line in check(port, request, stop):
+                    print(line, flush=True)
+                return
+            with Terminal(sys.stderr, sys.stdin) as terminal:
+                ending = session.record(plan, port, terminal, stop, _about(options))
         finally:
             port.close()
     _report(options.out, options.port, ending)
 
 
-def recording_plan(options: argparse.Namespace) -> RecordingPlan:
+def recording_plan(options: argparse.Namespace, request: RecordingRequest) -> RecordingPlan:
     """Check the options. Raises InputError."""
     from shukotsu.trackers.record.session import RecordingPlan
 
     if options.duration is not None and not 0 < options.duration < 1e6:
         raise InputError(f"--duration: is {options.duration:g}; expected seconds above 0")
-    if options.countdown < 0:
-        raise InputError(f"--countdown: is {options.countdown}; expected 0 or more seconds")
-    if options.out.suffix != ".arrows":
-        raise InputError(f"--out: is {options.out}; expected a name that ends with .arrows")
-    outlet = None
-    if options.lsl_outlet is not None:
-        from shukotsu.trackers.lsl.outlet import Outlet
-        from shukotsu.trackers.lsl.port import pylsl
-
-        pylsl()
-        outlet = partial(Outlet, options.lsl_outlet)
-    return RecordingPlan(
-        options.out,
-        tracker_options.recording_request(options),
-        options.duration,
-        options.countdown,
-        tuple(options.note),
-        options.allow_slower,
-        outlet,
-        options.quiet,
-    )
+    if options.out is None or options.out.suffix != ".arrows":
+        raise InputError(f"--out: is {options.out or 'missing'}; expected a name that ends with .arrows")
+    return RecordingPlan(options.out, request, options.duration, tuple(options.note), options.quiet)
 
 
-def _about(options: argparse.Namespace, plan: RecordingPlan) -> dict[str, Any]:
-    """Describe the recording, for the archive."""
+def _about(options: argparse.Namespace) -> dict[str, Any]:
+    """What the archive says of the recording."""
     from datetime import UTC, datetime
 
-    named = {name: value for name, value in vars(options).items() if name not in ("out", "note")}
-    named["tracker"] = plan.request.family
+    named = {
+        name: value for name, value in vars(options).items() if name not in ("out", "note", "devices", "ask")
+    }
     return {"options": named, "notes": options.note, "opened_utc": datetime.now(UTC).isoformat()}
 
 

@@ -1,18 +1,16 @@
 """Device time: the frame counter is the clock, and the host's clock is fitted to it.
 
 Bytes arrive late and never early, by a delay that varies with the operating system. The fitted line is the
-one below all arrivals that is closest to them on average: an edge of their lower convex hull. Frames that the
-tracker does not number itself are no clock: where they leave that line, the earliest of the arrivals are.
+one below all arrivals that is closest to them on average: an edge of their lower convex hull.
 """
 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from shukotsu.trackers.decode.cycles import JITTER_S
 from shukotsu.trackers.protocols.records import Array, Wholes
 
 SHORTEST_FIT_S = 30.0
@@ -24,9 +22,8 @@ LARGEST_DRIFT = 2e-3
 
 @dataclass(frozen=True)
 class DeviceClock:
-    """time_s = (frame - first_frame) * period_s, or as `knots` say; the host's clock showed host_ns at 0.
+    """time_s = (frame - first_frame) * period_s; the host's clock showed host_ns at 0.
 
-    knots : (2, K) frames and their seconds, between which time is interpolated; none of a line.
     fitted : whether period_s was fitted to the host's clock, or is the nominal one.
     measured_rate_hz : frames a second by the host's clock, NaN where the recording is too short to tell.
     delay_ms : median delay of the arrivals against the fitted line.
@@ -38,23 +35,16 @@ class DeviceClock:
     fitted: bool
     measured_rate_hz: float
     delay_ms: float
-    knots: Array = field(default_factory=lambda: np.empty((2, 0)))
 
     def time_s(self, frame: Wholes) -> Array:
         """Device time of frames, (N,) in and out, s from the first frame."""
-        if not self.knots.size:
-            return np.asarray((frame - self.first_frame) * self.period_s)
-        inside = np.clip(frame, self.knots[0, 0], self.knots[0, -1])
-        return np.asarray(np.interp(inside, *self.knots) + (frame - inside) * self.period_s)
+        return np.asarray((frame - self.first_frame) * self.period_s)
 
 
-def fit_clock(
-    frame: Wholes, host_ns: Wholes, rate_hz: float, first_frame: int, *, counted: bool = True
-) -> DeviceClock:
+def fit_clock(frame: Wholes, host_ns: Wholes, rate_hz: float, first_frame: int) -> DeviceClock:
     """Fit the host's clock to the frame counter; time starts at `first_frame`.
 
-    frame, host_ns : (N,) of arrivals, frames not falling; at least one. counted : whether frames are numbered
-    by the tracker itself.
+    frame, host_ns : (N,) of arrivals, frames not falling; at least one.
     """
     host_first = int(host_ns[0])
     x, y = (frame - first_frame) / rate_hz, (host_ns - host_first).astype(float) * 1e-9
@@ -66,14 +56,6 @@ def fit_clock(
     slope = slope if fitted else 1.0
     late = y - slope * x
     offset = float(late.min())
-    knots = np.empty((2, 0))
-    lowest = _lowest(late, 4 * y)
-    if not counted and np.ptp(late[lowest]) > JITTER_S:
-        _, new = np.unique(frame[lowest], return_index=True)
-        frames, seconds = frame[lowest][new], y[lowest][new]
-        offset = float(seconds[0] - (frames[0] - first_frame) * slope / rate_hz)
-        knots = np.stack([frames, seconds - offset])
-        late = y - np.interp(frame, frames, seconds) + offset
     return DeviceClock(
         first_frame,
         slope / rate_hz,
@@ -81,21 +63,6 @@ def fit_clock(
         fitted,
         measured,
         float(np.median(late - offset) * 1e3),
-        knots,
-    )
-
-
-def clock_of_stamps(
-    frame: Wholes, stamp_ns: Wholes, arrived: Wholes, host_ns: Wholes, rate_hz: float
-) -> DeviceClock:
-    """Fit the host's clock to the source's; time is that of the stamps.
-
-    frame, stamp_ns : (N,) of all frames, growing; arrived, host_ns : (M,) stamps of arrivals, and these.
-    """
-    line = fit_clock(arrived, host_ns, 1e9, int(stamp_ns[0]))
-    knots = np.stack([frame.astype(float), line.time_s(stamp_ns)])
-    return replace(
-        line, first_frame=int(frame[0]), period_s=1 / rate_hz, measured_rate_hz=np.nan, knots=knots
     )
 
 

@@ -1,8 +1,4 @@
-"""Frame numbers that only grow: counters unwrapped, or cycles counted where a tracker has no counter.
-
-LIBERTY, PATRIOT and VIPER count frames in 32 bits; FASTRAK and trakSTAR do not count;
-OpenIGTLink may tell times.
-"""
+"""Frame numbers that only grow: the tracker's counter, of 32 bits, or its clock, unwrapped."""
 
 from __future__ import annotations
 
@@ -10,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from shukotsu.trackers.decode.cycles import LONGEST_GAP_S, Cycles, Stamps
 from shukotsu.trackers.protocols.records import (
     NONE,
     Bools,
@@ -22,17 +17,15 @@ from shukotsu.trackers.protocols.records import (
 )
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
+LONGEST_GAP_S = 86_400.0
+"""A count or clock that jumps by more than a day was not running: it was set anew."""
+
 
 class Counter:
-    """Numbers the records of one stream, piece by piece, and holds back those that later ones decide.
-
-    counts : whether the tracker numbers its frames itself; None before the first record.
-    """
+    """Numbers the records of one stream, piece by piece, and holds back those that later ones decide."""
 
     def __init__(self, settings: StreamSettings) -> None:
-        self.counts: bool | None = None
         self._settings = settings
-        self._cycles, self._stamps = Cycles(settings), Stamps(settings)
         self._rank = np.full(256, 0, np.int64)
         self._rank[list(settings.stations)] = np.arange(len(settings.stations))
         self._active = np.isin(np.arange(256), settings.stations)
@@ -45,18 +38,9 @@ class Counter:
         """Give the records that can be numbered, their arrivals, and which do not fit between neighbours."""
         records = concatenated([self._held, decoded.records])
         host_ns = np.concatenate([self._held_host_ns, host_ns])
-        if self.counts is None and len(records):
-            self.counts = bool(((records.frame != NONE) | (records.device_ms != NONE)).any())
         odd = np.zeros(len(records), bool)
-        if self.counts:
-            count = len(records) if final else max(0, len(records) - 2)
-            frame = self._counted(records, odd, count) if count else records.frame
-        elif (records.stamp_ns != NONE).any():
-            count = len(records)
-            frame, stamp_ns = self._stamps.number(records)
-            records = replace(records, stamp_ns=stamp_ns)
-        else:
-            frame, count = self._cycles.number(records, host_ns, final=final)
+        count = len(records) if final else max(0, len(records) - 2)
+        frame = self._counted(records, odd, count) if count else records.frame
         self._held, self._held_host_ns = records.take(slice(count, None)), host_ns[count:]
         return replace(records.take(slice(count)), frame=frame[:count]), host_ns[:count], odd[:count]
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from shukotsu.trackers.archive import open_archive
-from shukotsu.trackers.decode.cycles import JITTER_S
+from shukotsu.trackers.decode.losses import JITTER_S
 from shukotsu.trackers.decode.survey import Sightings, Survey, survey_archive
 from shukotsu.trackers.protocols.records import Wholes
 
@@ -29,38 +28,6 @@ def findings(survey: Survey) -> list[str]:
         *_device(survey),
         *_clocks(survey),
     ]
-
-
-def facts(survey: Survey) -> dict[str, Any]:
-    """Give the numbers of a survey as JSON types, for a table's metadata."""
-    clock = survey.clock
-    return {
-        "tracker": [survey.settings.to_json()],
-        "records": {str(station): count for station, count in survey.records.items()},
-        "lost_records": {str(s): heard.lost for s, heard in sorted(survey.losses.stations.items())},
-        "first_frame": survey.losses.first_frame,
-        "last_frame": survey.losses.all.frame,
-        "missing_frames": survey.losses.all.lost,
-        "partial_frames": survey.losses.partial_cycles,
-        "skipped_bytes": survey.skipped_bytes,
-        "doubtful_records": survey.doubtful.total + survey.out_of_order.total,
-        "clock": None if clock is None else _clock_facts(survey),
-        "events": [dict(event) for event in survey.tally.events],
-        "summary": None if survey.tally.summary is None else dict(survey.tally.summary),
-    }
-
-
-def _clock_facts(survey: Survey) -> Mapping[str, Any]:
-    clock = survey.clock
-    assert clock is not None
-    return {
-        "period_s": clock.period_s,
-        "fitted": clock.fitted,
-        "measured_rate_hz": None if np.isnan(clock.measured_rate_hz) else clock.measured_rate_hz,
-        "median_delay_ms": clock.delay_ms,
-        "host_ns_at_start": clock.host_ns,
-        "utc_offset_ns": survey.tally.first_utc_offset_ns,
-    }
 
 
 def _at(survey: Survey, frame: int) -> str:
@@ -151,23 +118,9 @@ def _sighted(survey: Survey, sightings: Sightings) -> str:
     return f"{named} {', '.join(map(str, stations))}, {when}"
 
 
-def doubts_on_time(options: Mapping[str, Any]) -> list[str]:
-    """Say what cannot be known of a source that does not stamp its frames, or not evenly."""
-    lost = f"losses of less than {JITTER_S:g} s cannot be counted"
-    if options.get("stamps") is False:
-        return [f"the source does not tell the times of its frames; they are when these came, and {lost}"]
-    return [f"the source's frames are not even in time; {lost}"] if options.get("steady") is False else []
-
-
 def _clocks(survey: Survey) -> Iterator[str]:
-    clock, options = survey.clock, survey.settings.options
-    yield from doubts_on_time(options)
-    if clock is not None and clock.knots.size and not options.get("stamps"):
-        yield (
-            f"frames, which the tracker does not number, did not always come at {survey.settings.rate_hz:g} "
-            "Hz; time is taken from when they came"
-        )
-    elif clock is not None and not np.isnan(clock.measured_rate_hz) and not clock.fitted:
+    clock = survey.clock
+    if clock is not None and not np.isnan(clock.measured_rate_hz) and not clock.fitted:
         yield (
             f"frames came at {clock.measured_rate_hz:.3f} Hz by the host's clock, not at "
             f"{survey.settings.rate_hz:g} Hz; time is taken from the frame counter at the nominal rate"

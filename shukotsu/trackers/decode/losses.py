@@ -14,6 +14,9 @@ from shukotsu.trackers.protocols.stream_settings import StreamSettings
 ABSENT_S = 1.0
 """A receiver that others outlive by more was unplugged (it takes about a second to be found again)."""
 
+JITTER_S = 0.1
+"""Arrivals are so much apart though nothing is lost."""
+
 STOP_FRAMES = 2
 """A stop cuts the cycle in which it comes, and some trackers answer it with a last frame so much later."""
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pyarrow as pa
 
 from shukotsu.trackers.archive import Archive
 from shukotsu.trackers.decode.stream import Block, Tally, blocks_of
 from shukotsu.trackers.decode.survey import Survey
-from shukotsu.trackers.protocols.records import NONE, Bools, Records
+from shukotsu.trackers.protocols.records import Bools, Records
 
 FLAGS = {
     "gap-before": "frames are missing between this record and the station's one before",
@@ -81,30 +79,3 @@ def _flags(block: Block, survey: Survey) -> npt.NDArray[np.uint16]:
         frame = records.frame[mine]
         flags[mine[np.isin(frame, survey.gap_ends(station))]] |= BIT["gap-before"]
     return flags
-
-
-def table_columns(flagged: FlaggedRecords) -> dict[str, Any]:
-    """Give the columns of the table of records."""
-    records = flagged.records
-    return {
-        "station": records.station,
-        "frame": records.frame,
-        "time_s": flagged.time_s,
-        "device_ms": _known(records.device_ms, np.int64),
-        **{f"{axis}_mm": records.position_mm[:, i].astype(np.float32) for i, axis in enumerate("xyz")},
-        **{f"q{part}": records.quaternion[:, i].astype(np.float32) for i, part in enumerate("wxyz")},
-        "error": records.error,
-        "distortion": _known(records.distortion, np.int16),
-        "button": _known(records.button, np.int8),
-        "sync": _known(records.sync, np.int8),
-        "host_ns": flagged.host_ns,
-        "offset": records.offset,
-        "flags": flagged.flags,
-    }
-
-
-def _known(values: npt.NDArray[np.int64], kind: type[np.signedinteger[Any]]) -> pa.Array:
-    """Values as a column of that type; null where there is none, or a damaged one that it cannot hold."""
-    limits = np.iinfo(kind)
-    unknown = (values == NONE) | (values < limits.min) | (values > limits.max)
-    return pa.array(np.where(unknown, 0, values).astype(kind), mask=unknown)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,22 +15,23 @@ import numpy.typing as npt
 from shukotsu.errors import InputError
 from shukotsu.trackers.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
 from shukotsu.trackers.decode.counting import Counter
-from shukotsu.trackers.families import decoder_of
+from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder
+from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder
 from shukotsu.trackers.protocols.records import Records, Skipped, Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings, settings_from_json
+from shukotsu.trackers.viper.decoder import ViperDecoder
 
 BLOCK_BYTES = 4 << 20
+DECODERS = {"liberty": BinaryDecoder, "patriot": BinaryDecoder, "viper": ViperDecoder}
 
 
 @dataclass(frozen=True)
 class Block:
     """Records of one stretch of the stream.
 
-    settings : with the names of all stations so far. records : offsets count from the first byte that came
-    after the settings; frames are unwrapped, stamps count from the first.
+    records : offsets count from the first byte that came after the settings; frames are unwrapped.
     host_ns : (N,) when the record's last byte had come.
     out_of_order : (N,) its station or frame does not fit between its neighbours'.
-    counted : whether the tracker numbers its frames itself.
     """
 
     settings: StreamSettings
@@ -38,7 +39,6 @@ class Block:
     host_ns: Wholes
     out_of_order: npt.NDArray[np.bool_]
     skipped: tuple[Skipped, ...] = ()
-    counted: bool = True
 
     @property
     def good(self) -> npt.NDArray[np.bool_]:
@@ -139,7 +139,7 @@ class ChunkDecoder:
     def __init__(self, settings: StreamSettings) -> None:
         self.settings = settings
         self.waiting_bytes = 0
-        self._decoder = decoder_of(settings)
+        self._decoder: PiecewiseDecoder = DECODERS[settings.family](settings)
         self._counter = Counter(settings)
         self._waiting: list[bytes] = []
         self._length = 0
@@ -168,9 +168,4 @@ class ChunkDecoder:
         first = bisect_left(self._ends, decided)
         del self._ends[:first], self._arrivals[:first]
         records, host_ns, out_of_order = self._counter.number(decoded, host_ns, final=final)
-        counted = self._counter.counts is not False
-        settings = self.settings
-        if self._decoder.names:
-            names = {str(station): name for station, name in self._decoder.names.items()}
-            settings = replace(settings, options={**settings.options, "names": names})
-        return Block(settings, records, host_ns, out_of_order, decoded.skipped, counted)
+        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped)

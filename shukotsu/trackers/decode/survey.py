@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from shukotsu.trackers.archive import Archive
-from shukotsu.trackers.decode.clock import DeviceClock, clock_of_stamps, fit_clock
+from shukotsu.trackers.decode.clock import DeviceClock, fit_clock
 from shukotsu.trackers.decode.losses import Losses
 from shukotsu.trackers.decode.stream import Block, Tally, blocks_of
-from shukotsu.trackers.protocols.records import NONE, Bools, Wholes
+from shukotsu.trackers.protocols.records import Bools, Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 
@@ -42,8 +42,7 @@ class Sightings:
 class Survey:
     """Hold what is in an archive.
 
-    settings : with the names of all its stations. losses : the count of good records and of what lies between
-    them. clock : None where there is no record.
+    losses : the count of good records and of what lies between them. clock : None where there is no record.
     gaps : (G, 3) station, first and last frame that have no good record of it; station 0: of none at all.
     absent : (G,) whether the receiver was absent. partial_frames : ascending, that lack a lost record while
     others are there. skipped : (byte offset, bytes, frame before). doubtful, out_of_order, distorted : the
@@ -83,8 +82,7 @@ class Survey:
         return sum(size for _, size, _ in self.skipped)
 
     def add(self, block: Block) -> Wholes:
-        """Count what a block has beside losses; give frames, times [ns] and stamps of arrivals (3, N)."""
-        self.settings = block.settings
+        """Count what a block has beside losses; return frames and times [ns] of arrivals (2, N)."""
         records, good = block.records, block.good
         for skip in block.skipped:
             row = int(np.searchsorted(records.offset, skip.offset)) - 1
@@ -106,32 +104,24 @@ class Survey:
             sighted(self.errors.setdefault(letter, Sightings()), (records.error == code) & good)
         arrived = np.flatnonzero(np.diff(block.host_ns, append=-1))
         arrived = arrived[good[arrived]]
-        return np.stack([records.frame[arrived], block.host_ns[arrived], records.stamp_ns[arrived]])
+        return np.stack([records.frame[arrived], block.host_ns[arrived]])
 
 
 def survey_archive(archive: Archive) -> Survey:
     """Read the whole archive once. Raises InputError where it holds no settings."""
-    tally, survey, counted = Tally(), None, True
+    tally, survey = Tally(), None
     found: list[tuple[Wholes, Wholes]] = []
     arrivals: list[Wholes] = []
-    stamps: list[Wholes] = []
     for block in blocks_of(archive, tally):
         survey = survey or Survey(block.settings, tally, Losses(block.settings))
         arrivals.append(survey.add(block))
-        stamps.append(np.stack([block.records.frame, block.records.stamp_ns])[:, block.good])
         found.append(survey.losses.add(block))
-        counted = block.counted
     assert survey is not None, "an archive gives a block at least"
     survey.losses, *last = survey.losses.closed()
     gaps, survey.partial_frames = (np.concatenate(each) for each in zip(*found, last, strict=True))
     gaps = gaps[np.lexsort((gaps[:, 1], gaps[:, 0]))]
     survey.gaps, survey.absent = gaps[:, :3], gaps[:, 5] > 0
-    frame, host_ns, arrived = np.concatenate(arrivals, 1)
-    rate_hz = survey.settings.rate_hz
-    if len(frame) and (arrived != NONE).any():
-        frames, first = np.unique(np.concatenate(stamps, 1)[0], return_index=True)
-        stamp_ns = np.concatenate(stamps, 1)[1, first]
-        survey.clock = clock_of_stamps(frames, stamp_ns, arrived, host_ns, rate_hz)
-    elif len(frame):
-        survey.clock = fit_clock(frame, host_ns, rate_hz, survey.losses.first_frame, counted=counted)
+    frame, host_ns = np.concatenate(arrivals, 1)
+    if len(frame):
+        survey.clock = fit_clock(frame, host_ns, survey.settings.rate_hz, survey.losses.first_frame)
     return survey

@@ -1,24 +1,27 @@
-"""Emulate what all trackers share: receivers in a world, counters, the stream cut into cycles. No I/O here.
+"""An emulated LIBERTY or PATRIOT: its settings, its commands, and what it measures. No I/O.
 
-A device lives in cycles: `cycle` is the number of the next one since power-up. Time is what its caller
-makes of them.
+The device lives in cycles: `cycle` is the number of the next one since power-up; time is what its caller
+makes of them. A command is a function: device and arguments -> answer. An argument that is left out keeps its
+value; a command that sets something answers nothing. `RefusedError` carries the manual's error number.
+Source: LIBERTY User Manual URM03PH156, chapter of commands and reply framing. What no manual says is invented
+and listed in docs/emulator.md.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+import struct
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
-from shukotsu.trackers.emulate.encoding import Block, Framing, Measured, encode
-from shukotsu.trackers.emulate.faults import Plug
+from shukotsu.trackers.emulate.encoding import Measured, encode
 from shukotsu.trackers.emulate.pose_sources import Motion
-from shukotsu.trackers.families import FAMILIES, loaded
+from shukotsu.trackers.liberty.items import DEFAULT_LIST, ITEMS, MOST_ITEMS, SINGLE, STREAMED, TAGS
+from shukotsu.trackers.liberty.replies import ERRORS
 from shukotsu.trackers.protocols.records import Array, Bools, Wholes
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT
 
@@ -27,7 +30,19 @@ BLOCK_CYCLES = 120
 FOLLOWING = (0.0, 0.0, 0.0)
 """The hemisphere that stands for "keep track of the receiver": no position flips."""
 
+RATES_HZ = {2: 60, 3: 120, 4: 240}
+"""Value of the rate command -> frames a second."""
+
+Arguments = Sequence[str]
+Command = Callable[["EmulatedLiberty", Arguments], bytes]
+
+UNKNOWN_COMMAND, INVALID_STATION, INVALID, TOO_FEW, TOO_MANY, BELOW, ABOVE = range(1, 8)
+
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_BIT_WORDS_OF_ONE_BOARD_SET = 9
+_FLAG = (0, 1)
+
+_CR, _LF, _P = b"\r"[0], b"\n"[0], b"P"[0]
 
 
 class RefusedError(Exception):
@@ -38,32 +53,9 @@ class RefusedError(Exception):
         self.code = code
 
 
-@dataclass(frozen=True)
-class World:
-    """Hold what surrounds the device: where receivers truly are, which are plugged in, and when that changes.
-
-    A receiver whose first event is that it is plugged in is out until then. restart_s : how long the device
-    is deaf after power-up.
-    """
-
-    motion: Motion
-    plugged: frozenset[int]
-    plugs: tuple[Plug, ...] = ()
-    restart_s: float = 8.0
-
-
-@dataclass(frozen=True)
-class Cycle:
-    """Hold the bytes of one cycle; since : cycles since the stream first started; starts : of each record."""
-
-    since: int
-    data: bytes = b""
-    starts: tuple[int, ...] = ()
-
-
 @dataclass
 class StationSettings:
-    """Hold one station's settings; all but the hemisphere move nothing, and are only answered when asked."""
+    """One station's settings; all but the hemisphere move nothing, and are only answered when asked."""
 
     items: tuple[int, ...]
     stylus: int = 0
@@ -74,144 +66,92 @@ class StationSettings:
     tip: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
-class EmulatedDevice(ABC):
-    """A tracker; families differ in commands and records.
+class EmulatedLiberty:
+    """LIBERTY with up to 16 connectors, or PATRIOT with 2.
 
+    motion : where the receivers truly are. plugged : the stations that have one. rate_hz : at power-up.
     binary, unit : whether records are binary, and positions in centimetres (1) or inches (0).
     position_filter, attitude_filter : are answered when asked for; motions are taken for what they gave.
+    counted_from : the cycle in which the counters and the motion began at 0.
     """
 
     def __init__(
-        self, world: World, stations: dict[int, StationSettings], position_filter: tuple[float, ...]
+        self,
+        motion: Motion,
+        plugged: frozenset[int],
+        *,
+        family: str = "liberty",
+        ports: int = 16,
+        rate_hz: int = 240,
     ) -> None:
-        self.world = world
-        self.stations = stations
-        self.position_filter = self.attitude_filter = position_filter
-        self.binary = self.unit = 0
+        self.motion, self.plugged = motion, plugged
+        self.family, self.ports = family, ports
+        self.stations = {number: StationSettings(DEFAULT_LIST) for number in range(1, ports + 1)}
+        self.rate_code = next(code for code, hz in RATES_HZ.items() if hz == rate_hz)
+        self.position_filter: tuple[float, ...] = (0.2, 0.2, 0.8, 0.95)
+        self.attitude_filter = self.position_filter
+        self.mounting_deg: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self.binary = self.unit = self.sync = self.echo = 0
+        self.buffered = 1
         self.cycle = 0
         self.streaming = False
-        self.first_stream: int | None = None
-        """The cycle of the first start of continuous output: fault times count from there."""
-        self.deaf_until: int | None = None
-        self._counted_from = 0
+        self.counted_from = 0
         self._typed = bytearray()
-        self._ahead: tuple[int, Block] | None = None  # a block that was encoded ahead, and its first cycle
+        self._ahead: tuple[int, list[bytes]] = (
+            0,
+            [],
+        )  # cycles that were encoded ahead, and the first of them
 
     @property
-    @abstractmethod
     def rate(self) -> Fraction:
-        """Cycles a second."""
+        """Cycles a second; a PATRIOT does not heed the rate command."""
+        return Fraction(60 if self.family == "patriot" else RATES_HZ[self.rate_code])
 
-    @abstractmethod
-    def receive(self, data: bytes) -> bytes:
-        """Take bytes of the client; give the answer."""
+    # --- cycles ---------------------------------------------------------------------------------------
 
-    def ready_text(self) -> bytes:
-        """Return what the device sends when it has started."""
-        return b""
-
-    @abstractmethod
-    def _encoded(self, measured: Measured, *, single: bool = False) -> Block:
-        """Encode cycles, streamed or in answer to a single poll."""
-
-    def turns(self, cycles: Wholes, taking_part: Bools) -> Bools:
-        """Tell which of the stations that take part (T, S) send a record in which cycle: all in each."""
-        del cycles
-        return taking_part
-
-    def pose_counts(self, cycles: Wholes, taking_part: Bools) -> Wholes:
-        """Tell which step of the motion each cycle since its beginning (T,) measures."""
-        del taking_part
-        return cycles
-
-    def next_cycle(self) -> Cycle:
-        """Let one cycle pass; give what it sent."""
-        number, since = self.cycle, self.since_start(self.cycle)
-        if self.deaf_until is not None and number >= self.deaf_until:
-            self.deaf_until, self._counted_from = None, number
-            self.cycle += 1
-            return Cycle(since, self.ready_text())
-        if self.streaming and (self._ahead is None or number - self._ahead[0] >= len(self._ahead[1])):
-            cycles = number + np.arange(BLOCK_CYCLES)
-            self._ahead = (number, self._encoded(self._measured(cycles, self._taking_part(cycles))))
+    def next_cycle(self) -> bytes:
+        """Let one cycle pass; return what it sent."""
+        first, ahead = self._ahead
+        if self.streaming and not 0 <= self.cycle - first < len(ahead):
+            cycles = self.cycle + np.arange(BLOCK_CYCLES)
+            first, ahead = self._ahead = (self.cycle, self._encoded(cycles, STREAMED))
         self.cycle += 1
-        if not self.streaming or self._ahead is None:
-            return Cycle(since)
-        return Cycle(since, *self._ahead[1].cycle(number - self._ahead[0]))
-
-    def since_start(self, cycle: int) -> int:
-        """Cycles since the first start of continuous output; -1 before it."""
-        return -1 if self.first_stream is None else cycle - self.first_stream
-
-    def start_stream(self) -> None:
-        """Begin continuous output with the next cycle."""
-        if self.first_stream is None:
-            self.first_stream = self.cycle
-            self.leave_block()
-        self.streaming = True
+        return ahead[self.cycle - 1 - first] if self.streaming else b""
 
     def single(self) -> bytes:
         """One record of every active station, now."""
-        self.leave_block()
-        measured = self._measured(np.array([self.cycle]), self.active(), single=True)
-        return self._encoded(measured, single=True).data.tobytes()
-
-    def reset_counters(self) -> None:
-        """Let the counters and the motion begin at 0 with the next cycle."""
-        self._counted_from = self.cycle
-
-    def start_up(self) -> None:
-        """Go deaf as after power-up; afterwards the device says that it is ready."""
-        self.streaming = False
-        self.deaf_until = self.cycle + round(self.world.restart_s * self.rate)
+        return self._encoded(np.array([self.cycle]), SINGLE)[0]
 
     def active(self) -> tuple[int, ...]:
-        """Stations that are plugged in now and take part."""
-        return self._taking_part(np.array([self.cycle]))
+        """Stations that are plugged in now and switched on."""
+        return tuple(station for station in self.detected() if self.stations[station].enabled)
 
     def detected(self) -> tuple[int, ...]:
         """Stations that are plugged in now."""
-        plugged = self._plugged(np.array([self.cycle]))[0]
+        plugged = self.present(np.array([self.cycle]))[0]
         return tuple(s for s, there in zip(self.stations, plugged.tolist(), strict=True) if there)
 
-    def _taking_part(self, cycles: Wholes) -> tuple[int, ...]:
-        """Stations that are switched on, and plugged in in any of the cycles."""
-        ever = self._plugged(cycles).any(axis=0)
-        return tuple(
-            s
-            for s, at in zip(self.stations, np.atleast_1d(ever), strict=True)
-            if at and self.stations[s].enabled
-        )
+    def present(self, cycles: Wholes) -> Bools:
+        """Whether each station of the device is plugged in, (T, S)."""
+        return np.tile(np.isin(list(self.stations), list(self.plugged)), (len(cycles), 1))
 
     def leave_block(self) -> None:
         """Drop what was encoded ahead, as before a setting changes."""
-        self._ahead = None
+        self._ahead = (0, [])
 
-    def _plugged(self, cycles: Wholes) -> Bools:
-        """Tell which stations of the device are plugged in, (T, S)."""
-        since = cycles - (WRAP if self.first_stream is None else self.first_stream)
-        plugged = np.tile(np.isin(list(self.stations), list(self.world.plugged)), (len(cycles), 1))
-        rate_hz = float(self.rate)
-        changed: set[int] = set()
-        for plug in sorted(self.world.plugs, key=lambda plug: plug.time.cycle(rate_hz)):
-            column = list(self.stations).index(plug.station)
-            if plug.is_in and plug.station not in changed:
-                plugged[:, column] = False
-            changed.add(plug.station)
-            plugged[since >= plug.cycle(rate_hz), column] = plug.is_in
-        return plugged
-
-    def _measured(self, cycles: Wholes, stations: tuple[int, ...], *, single: bool = False) -> Measured:
-        """Measure cycles."""
-        passed = cycles - self._counted_from
-        taking_part = self._plugged(cycles)[:, np.isin(list(self.stations), stations)]
-        position_mm, quaternion = self.world.motion.poses(self.pose_counts(passed, taking_part), stations)
-        sending = taking_part if single else self.turns(passed, taking_part)
-        present = sending & np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1)
+    def _encoded(self, cycles: Wholes, command: int) -> list[bytes]:
+        """Measure cycles and encode them; command : what they answer."""
+        enabled = np.array([settings.enabled for settings in self.stations.values()])
+        present = self.present(cycles) & enabled
+        taking_part = present.any(0)
+        stations = tuple(s for s, there in zip(self.stations, taking_part.tolist(), strict=True) if there)
+        passed = cycles - self.counted_from
+        position_mm, quaternion = self.motion.poses(passed, stations)
+        present = present[:, taking_part] & np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1)
         position_mm = np.nan_to_num(position_mm)
         for column, station in enumerate(stations):
             position_mm[:, column] *= _side(position_mm[:, column], self.stations[station].hemisphere)
-        return Measured(
+        measured = Measured(
             stations,
             passed % WRAP,
             passed * 1000 * self.rate.denominator // self.rate.numerator % WRAP,
@@ -219,39 +159,62 @@ class EmulatedDevice(ABC):
             np.nan_to_num(quaternion),
             present,
         )
+        lists = {number: settings.items for number, settings in self.stations.items()}
+        return encode(measured, lists, TAGS[self.family], command, binary=bool(self.binary))
 
+    # --- commands -------------------------------------------------------------------------------------
 
-class OutputListDevice(EmulatedDevice):
-    """A tracker whose records hold what an output list asks for."""
+    def receive(self, data: bytes) -> bytes:
+        """Take bytes of the client; return the answers, echo among them where that is on."""
+        out = bytearray()
+        for byte in data:
+            if self.echo:
+                out.append(byte)
+            out += self._take(byte)
+        return bytes(out)
 
-    earlier_list: tuple[int, ...]
-    """Output list of a device that is found streaming: not what a recorder asks for."""
+    def reply(self, command: int, text: str, binary: bytes = b"", station: int = 0) -> bytes:
+        """Frame an answer: in binary 8 bytes and the body, in ASCII station, letter, error, blank, text."""
+        if self.binary:
+            return self._header(station, command, 0, len(binary)) + binary
+        letter = chr(command + 0x60) if command < 0x20 else chr(command)
+        return f"{station:02d}{letter}  {text}\r\n".encode("latin-1")
 
-    @abstractmethod
-    def framing(self, *, single: bool) -> Framing:
-        """Return the framing of records, while streaming or in answer to a single poll."""
+    def _header(self, station: int, command: int, error: int, size: int) -> bytes:
+        return TAGS[self.family] + struct.pack("<BBBBh", station, command, error, 0, size)
 
-    def _encoded(self, measured: Measured, *, single: bool = False) -> Block:
-        """Encode cycles as the settings of the moment say."""
-        lists = {number: station.items for number, station in self.stations.items()}
-        return encode(measured, lists, self.framing(single=single), binary=bool(self.binary))
+    def _take(self, byte: int) -> bytes:
+        """Take one byte: P acts at once, CR ends a command, LF is nothing."""
+        if byte == _LF:
+            return b""
+        if not self._typed and byte in (_P, _P + 32):
+            self.streaming = False
+            return self.single()
+        if byte != _CR:
+            self._typed.append(byte)
+            return b""
+        typed = bytes(self._typed)
+        self._typed.clear()
+        return self._obey(typed)
 
-    def power_up_streaming(self) -> None:
-        """Be as an earlier client left it: streaming in binary, centimetres, an output list of its own."""
-        self.binary = self.unit = 1
-        for station in self.stations.values():
-            station.items = self.earlier_list
-        self.start_stream()
+    def _obey(self, typed: bytes) -> bytes:
+        code = typed[:1].upper()
+        if typed[:2].upper() == b"@B":
+            code, typed = b"@", typed[1:]
+        command = COMMANDS.get(code)
+        first = code[0] if code else _CR
+        if command is None:
+            return self._error(first, UNKNOWN_COMMAND)
+        self.leave_block()
+        arguments = [part.strip() for part in typed[1:].decode("latin-1").split(",")]
+        try:
+            return command(self, [] if arguments == [""] else arguments)
+        except RefusedError as refused:
+            return self._error(first, refused.code)
 
-
-def emulated_device(family: str, world: World, ports: int, rate_hz: int, **how: str) -> EmulatedDevice:
-    """Give an emulated tracker with that many connectors and that rate at power-up; how : what it alone
-    has.
-    """
-    name = FAMILIES[family].emulated_device
-    assert name is not None, f"{family} has no emulated device"
-    device: EmulatedDevice = loaded(name)(world, family=family, ports=ports, rate_hz=rate_hz, **how)
-    return device
+    def _error(self, command: int, code: int) -> bytes:
+        text = f"{ERRORS[code].title()}\r\n".encode()
+        return self._header(0, command, code, len(text)) + text if self.binary else text
 
 
 def _side(position_mm: Array, hemisphere: Sequence[float]) -> Array:
@@ -261,18 +224,161 @@ def _side(position_mm: Array, hemisphere: Sequence[float]) -> Array:
     return np.where(position_mm @ np.array(hemisphere) < 0, -1.0, 1.0)[:, None]
 
 
-def parsed_numbers(
-    texts: Sequence[str], present: Sequence[float], *, not_a_number: int, too_large: int
-) -> tuple[float, ...]:
-    """Read a command's numbers; one that is left out keeps its present value.
-
-    Raises RefusedError with those codes.
-    """
+def _floats(texts: Sequence[str], present: Sequence[float]) -> tuple[float, ...]:
+    """Read a command's numbers; one that is left out keeps its present value."""
     values = list(present)
     for place, text in enumerate(texts):
         if text and not _NUMBER.fullmatch(text):
-            raise RefusedError(not_a_number)
+            raise RefusedError(INVALID)
         if text and not math.isfinite(float(text)):
-            raise RefusedError(too_large)
+            raise RefusedError(ABOVE)
         values[place] = float(text) if text else values[place]
     return tuple(values)
+
+
+def _whole(text: str, allowed: Sequence[int]) -> int:
+    if not text.isdecimal():
+        raise RefusedError(INVALID)
+    if int(text) not in allowed:
+        raise RefusedError(BELOW if int(text) < min(allowed) else ABOVE)
+    return int(text)
+
+
+def _at_most(arguments: Arguments, count: int) -> None:
+    if len(arguments) > count:
+        raise RefusedError(TOO_MANY)
+
+
+def _stations(device: EmulatedLiberty, arguments: Arguments) -> list[int]:
+    if not arguments or not arguments[0]:
+        raise RefusedError(TOO_FEW)
+    if arguments[0] == "*":
+        return list(device.stations)
+    if not arguments[0].isdecimal() or int(arguments[0]) not in device.stations:
+        raise RefusedError(INVALID_STATION)
+    return [int(arguments[0])]
+
+
+def _wholes(*values: int) -> bytes:
+    return np.asarray(values, np.int64).astype("<i4").tobytes()
+
+
+def _setting(
+    code: int, name: str, text: str = "%d", allowed: Sequence[int] = (), *, per_station: bool = False
+) -> Command:
+    """Return the command that sets an attribute of the device or of stations, or answers what it is.
+
+    text : how its numbers are written, as many as it has or one after the other in such groups. allowed :
+    of a whole number, which it can be; otherwise they are floats.
+    """
+
+    def command(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+        stations = _stations(device, arguments) if per_station else [0]
+        values = arguments[1:] if per_station else arguments
+        answer = b""
+        for number in stations:
+            holder = device.stations[number] if per_station else device
+            present = getattr(holder, name)
+            numbers = (present,) if allowed else present
+            _at_most(values, len(numbers))
+            if values and allowed:
+                setattr(holder, name, _whole(values[0], allowed))
+            elif values:
+                kept = _floats(values, present)
+                setattr(holder, name, kept)
+            else:
+                body = _wholes(present) if allowed else np.asarray(present, "<f4").tobytes()
+                shown = text * (len(numbers) // text.count("%")) % tuple(numbers)
+                answer += device.reply(code, shown, body, number)
+        return answer
+
+    return command
+
+
+def _output_list(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    chosen = _stations(device, arguments)
+    _at_most(arguments, 1 + MOST_ITEMS)
+    answer = b""
+    for number in chosen:
+        station = device.stations[number]
+        if len(arguments) > 1:
+            items = [_whole(text, tuple(ITEMS)) for text in arguments[1:]]
+            station.items = tuple(items)
+        else:
+            end = (-1,) if len(station.items) < MOST_ITEMS else ()
+            text = " ".join(map(str, station.items))
+            answer += device.reply(0x4F, text, _wholes(*station.items, *end), number)
+    return answer
+
+
+def _continuous(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 0)
+    device.streaming = True
+    return b""
+
+
+def _reset_counters(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 1)
+    if not arguments:
+        raise RefusedError(TOO_FEW)
+    _whole(arguments[0], (0,))
+    device.counted_from = device.cycle
+    return b""
+
+
+def _bit_errors(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 0)
+    words = [0] * _BIT_WORDS_OF_ONE_BOARD_SET * (2 if device.ports > 8 else 1)
+    text = " ".join(f"0x{word:08x}" for word in words)
+    return device.reply(0x14, text, struct.pack(f"<{len(words)}I", *words))
+
+
+def _station_state(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 2)
+    if arguments == ["0"]:
+        detected, active = _bits(device.detected()), _bits(device.active())
+        return device.reply(0x15, f"{detected:04x}{active:04x}", struct.pack("<I", detected << 16 | active))
+    stations = _stations(device, arguments)
+    if len(arguments) < 2:
+        raise RefusedError(TOO_FEW)
+    state = _whole(arguments[1], _FLAG)
+    for number in stations:
+        device.stations[number].enabled = bool(state)
+    return b""
+
+
+def _bits(stations: Iterable[int]) -> int:
+    return sum(1 << (station - 1) for station in stations)
+
+
+def _whoami(device: EmulatedLiberty, arguments: Arguments) -> bytes:
+    _at_most(arguments, 0)
+    kind = 1 if device.family == "patriot" else 0
+    size = "" if kind else f" 240/{16 if device.ports > 8 else 8}"
+    text = f"{device.family.upper()}{size} (emulated), {device.ports} ports, firmware EMU-1, serial EMU0001"
+    return device.reply(0x16, text, bytes((device.ports, kind, 0)) + text.encode())
+
+
+COMMANDS: dict[bytes, Command] = {
+    b"A": _setting(0x41, "alignment", "%7.2f%7.2f%7.2f\r\n", per_station=True),
+    b"B": _setting(0x42, "boresight", "%7.2f ", per_station=True),
+    b"C": _continuous,
+    b"F": _setting(0x46, "binary", allowed=_FLAG),
+    b"G": _setting(0x47, "mounting_deg", "%8.3f "),
+    b"H": _setting(0x48, "hemisphere", "%7.3f", per_station=True),
+    b"L": _setting(0x4C, "stylus", allowed=_FLAG, per_station=True),
+    b"N": _setting(0x4E, "tip", "%6.3f ", per_station=True),
+    b"O": _output_list,
+    b"Q": _reset_counters,
+    b"R": _setting(0x52, "rate_code", allowed=(3, 4)),
+    b"U": _setting(0x55, "unit", allowed=_FLAG),
+    b"X": _setting(0x58, "position_filter", "%6.3f "),
+    b"Y": _setting(0x59, "attitude_filter", "%6.3f "),
+    b"Z": _setting(0x5A, "sync", allowed=_FLAG),
+    b"\x05": _setting(0x05, "echo", allowed=_FLAG),
+    b"\x14": _bit_errors,
+    b"\x15": _station_state,
+    b"\x16": _whoami,
+    b"@": _setting(0x40, "buffered", allowed=_FLAG),
+}
+"""Command letter, or control character, -> what it does. P has no place here: it acts without an end."""

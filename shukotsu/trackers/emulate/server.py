@@ -1,19 +1,75 @@
-"""The emulator on a port, in real time; a pseudo-terminal has a module of its own."""
+"""The emulator on a line, in real time: a pseudo-terminal, or a TCP port of this machine."""
 
 from __future__ import annotations
 
+import errno
+import os
 import select
 import socket
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from pathlib import Path
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.emulate.emulator import SECOND_NS, Emulator
+from shukotsu.trackers.emulate.device import EmulatedLiberty
 
+SECOND_NS = 1_000_000_000
 READ_BYTES = 4096
+MOST_WAITING_BYTES = 8 << 20
+"""What is kept for a client that reads late; beyond it whole cycles are left out."""
+
 _IDLE_S = 0.02
 """How long to wait for a client at most while nothing is streamed."""
+
+
+class Emulator:
+    """Device and clock. Time is the caller's, in ns from any beginning, and never goes back.
+
+    write : takes bytes towards the client and returns how many were taken.
+    """
+
+    def __init__(self, device: EmulatedLiberty, write: Callable[[bytes], int], now_ns: int) -> None:
+        self.device = device
+        self._write = write
+        self._rate = device.rate
+        self._from_cycle, self._from_ns = device.cycle, now_ns
+        self._waiting = bytearray()
+
+    @property
+    def due_ns(self) -> int:
+        """When the next cycle is to be measured."""
+        passed = self.device.cycle - self._from_cycle
+        return self._from_ns + passed * SECOND_NS * self._rate.denominator // self._rate.numerator
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether cycles are sent, or wait for the client."""
+        return self.device.streaming or bool(self._waiting)
+
+    def receive(self, data: bytes, now_ns: int) -> None:
+        """Hand the client's bytes to the device and its answer to the line."""
+        if not data:
+            return
+        self.run(now_ns)
+        self._waiting += self.device.receive(data)
+        if self.device.rate != self._rate:
+            self._from_ns, self._from_cycle = self.due_ns, self.device.cycle
+            self._rate = self.device.rate
+        self._send()
+
+    def run(self, now_ns: int) -> None:
+        """Let every cycle pass that is due."""
+        while self.due_ns <= now_ns:
+            data = self.device.next_cycle()
+            if len(self._waiting) < MOST_WAITING_BYTES:
+                self._waiting += data
+        self._send()
+
+    def _send(self) -> None:
+        if self._waiting:
+            taken = self._write(bytes(self._waiting))
+            del self._waiting[:taken]
 
 
 class Port(ABC):
@@ -32,7 +88,7 @@ class Port(ABC):
 
     @abstractmethod
     def write(self, data: bytes) -> int:
-        """Hand bytes to the client; give how many it took."""
+        """Hand bytes to the client; return how many it took."""
 
     @abstractmethod
     def close(self) -> None:
@@ -110,11 +166,66 @@ class TcpPort(Port):
         self._client = None
 
 
+class PtyPort(Port):
+    """A pseudo-terminal; bytes stay in it while nobody reads, until it is full. Nothing here waits.
+
+    name : what a client is to open. link : where to put a symbolic link to it. Raises InputError where the
+    link cannot be made, or the system has no pseudo-terminals.
+    """
+
+    def __init__(self, link: Path | None = None) -> None:
+        if not hasattr(os, "openpty"):
+            raise InputError("--pty: this system has no pseudo-terminals; give --tcp 4001")
+        import tty
+
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.name = os.ttyname(self._slave)
+        self._link = link
+        if link is not None:
+            try:
+                if link.is_symlink():
+                    link.unlink()
+                link.symlink_to(self.name)
+            except OSError as error:
+                raise InputError(
+                    f"{link}: cannot be made a link to {self.name} ({error.strerror})"
+                ) from error
+
+    @property
+    def readable(self) -> list[int]:
+        """Descriptors that are readable when there is something to do."""
+        return [self._master]
+
+    def read(self) -> bytes:
+        """Read what the client has sent."""
+        try:
+            return os.read(self._master, READ_BYTES)
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EIO):
+                return b""
+            raise
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to the client; none where it does not read."""
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+
+    def close(self) -> None:
+        """Hang up, and take the link away."""
+        os.close(self._master)
+        os.close(self._slave)
+        if self._link is not None and self._link.is_symlink():
+            self._link.unlink()
+
+
 def serve(emulator: Emulator, port: Port, stopped: Callable[[], bool]) -> None:
-    """Run until `stopped` says so or the device has vanished. Pace comes from the monotonic clock."""
-    while not stopped() and not emulator.gone:
-        now_ns = time.perf_counter_ns()
-        emulator.run(now_ns)
+    """Run until `stopped` says so. Pace comes from the monotonic clock."""
+    while not stopped():
+        emulator.run(time.perf_counter_ns())
         wait_s = max(0.0, (emulator.due_ns - time.perf_counter_ns()) / SECOND_NS)
         if not emulator.is_busy:
             wait_s = max(wait_s, _IDLE_S)

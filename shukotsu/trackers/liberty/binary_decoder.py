@@ -9,10 +9,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from shukotsu.trackers.liberty.items import HEADER_BYTES, OUTPUT_ITEMS, QUATERNION, SINGLE, STREAMED, TAGS
-from shukotsu.trackers.protocols.output_items import read_binary_records
-from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, gaps
-from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Wholes
+from shukotsu.trackers.liberty.items import (
+    HEADER_BYTES,
+    QUATERNION,
+    SINGLE,
+    STREAMED,
+    TAGS,
+    list_of_all,
+    record_type,
+)
+from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, gaps, rows_at
+from shukotsu.trackers.protocols.pose_numbers import fill_in
+from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Wholes, empty_records
 from shukotsu.trackers.protocols.resync import NO, YES, Starts, Verdicts, walk
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
@@ -29,8 +37,8 @@ class BinaryDecoder(PiecewiseDecoder):
 
     def __init__(self, settings: StreamSettings) -> None:
         super().__init__()
-        items = OUTPUT_ITEMS.one_list(settings.items)
-        self._kind = OUTPUT_ITEMS.record_type(items)
+        items = list_of_all(settings.items)
+        self._kind = record_type(items)
         self._mm_per_unit = settings.mm_per_unit
         self._tag = TAGS[settings.family]
         self._is_station = np.isin(np.arange(256), list(settings.items))
@@ -75,4 +83,14 @@ class BinaryDecoder(PiecewiseDecoder):
         return good
 
     def _records(self, b: Bytes, at: Wholes) -> Records:
-        return read_binary_records(b, at, self._kind, self._mm_per_unit)
+        """Read the records at those bytes; nothing is checked but what cannot be right."""
+        records = empty_records(len(at))
+        if not len(at):
+            return records
+        rows = rows_at(b, at, self._kind.itemsize).view(self._kind)[:, 0]
+        records.offset[:] = at
+        records.size[:] = self._kind.itemsize
+        records.station[:] = rows["station"]
+        records.error[:] = np.where(rows["error"] == ord(" "), 0, rows["error"])
+        fill_in(records, {name: rows[name] for name in self._kind.names or ()}, self._mm_per_unit)
+        return records

@@ -1,14 +1,15 @@
 """Setting up LIBERTY and PATRIOT, whatever state an earlier program left them in.
 
-Stop, wake, ask for everything, set what matters, ask again and compare: see `SettingsDriver`. All of that in
-binary; text comes last, where it is asked for. Commands are those of the LIBERTY User Manual URM03PH156,
-section on commands.
+They keep their settings from one program to the next, and do not answer when something is set. So: stop,
+wake, ask for everything, set what matters, ask again and compare, all of that in binary. What would last
+beyond this recording, or add up (saved settings, alignment, boresight), is never sent. Commands are those of
+the LIBERTY User Manual URM03PH156, section on commands.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from shukotsu.errors import InputError
@@ -16,6 +17,7 @@ from shukotsu.trackers.families import FAMILIES
 from shukotsu.trackers.liberty.items import ITEMS, TAGS
 from shukotsu.trackers.liberty.replies import (
     ERRORS,
+    Setting,
     Value,
     answers,
     binary_answers,
@@ -29,9 +31,27 @@ from shukotsu.trackers.liberty.replies import (
 from shukotsu.trackers.protocols.records import Reply
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.conversation import Conversation
-from shukotsu.trackers.record.driver import is_zero, shown
-from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.settings_driver import FILTER_OFF, LEFT, Setting, SettingsDriver, State, listed
+from shukotsu.trackers.record.driver import (
+    Driver,
+    is_default_alignment,
+    is_zero,
+    same_direction,
+    same_value,
+    shown,
+)
+from shukotsu.trackers.record.request import TRACK, RecordingRequest
+
+State = dict[str, Any]
+"""Name of a setting -> its value, or station -> value; None where the tracker did not say."""
+
+LEFT = ", left as it is"
+FILTER_OFF = (0.0, 1.0, 0.0, 0.0)
+FRAMES = {
+    "boresight": (is_zero, "a boresight turns its orientations"),
+    "alignment": (is_default_alignment, "an alignment moves its frame"),
+    "tip_offset": (is_zero, "a tip offset moves its positions"),
+}
+"""Setting that an earlier program may have left in force -> whether a value is none, what it does."""
 
 POLL = b"P"
 """Ends a stream and asks for one record of each station; the only command that ends without CR."""
@@ -44,7 +64,6 @@ RATES = {120: 3, 240: 4}
 """Frames a second -> the number that stands for it."""
 
 CENTIMETRES = 1
-
 
 SETTINGS = {
     "units": Setting(b"U", "number"),
@@ -69,13 +88,14 @@ SETTINGS = {
 ANSWER_S = 1.0
 
 
-class LibertyDriver(SettingsDriver):
+class LibertyDriver(Driver):
     """Driver of LIBERTY and PATRIOT."""
-
-    settings = SETTINGS
 
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
         super().__init__(conversation, request)
+        self._ports = FAMILIES[request.family].connectors
+        self._before: State = {}
+        self._complaints: list[str] = []
         self._was_binary = False
         self._changed: set[str] = set()
         self._switches: dict[int, bool] = {}
@@ -102,8 +122,6 @@ class LibertyDriver(SettingsDriver):
         if after["echo"] is not None:
             wanted["echo"] = 0
         self._compare(after, wanted, stations)
-        if self._request.mode == "ascii" and self._identify() is None:
-            raise InputError(f"{self._port_name}: the tracker was told to answer in text and does not")
         self._warn_of_frames(after, stations)
         self._warn_of(after)
         return self._stream_settings(whoami, after, stations)
@@ -172,6 +190,15 @@ class LibertyDriver(SettingsDriver):
         )
         return None if answer is None else answer[0]
 
+    def _ask_all(self) -> State:
+        stations = range(1, self._ports + 1)
+        return {
+            name: {str(station): self._ask(setting, station) for station in stations}
+            if setting.per_station
+            else self._ask(setting)
+            for name, setting in SETTINGS.items()
+        }
+
     def _answer(self, data: bytes, setting: Setting, station: int) -> tuple[Value | None] | None:
         """Find the answer to a question: its value, None in its place where it is refused."""
         for reply in binary_answers(data, [TAGS[self._request.family]]):
@@ -231,10 +258,52 @@ class LibertyDriver(SettingsDriver):
             wanted["rate"] = RATES[request.usual_rate_hz]
         wanted |= {"output_list": request.items, "hemisphere": request.hemisphere, "stylus": 0}
         # Without external sync on, the sync item would always be 0.
-        wanted["external_sync"] = int(any("sync" in ITEMS[item].fields for item in request.items))
+        wanted["external_sync"] = int(any("sync" in ITEMS[item][0] for item in request.items))
         if request.no_filters:
             wanted |= dict.fromkeys(("position_filter", "attitude_filter"), FILTER_OFF)
         return wanted
+
+    def _set_all(self, wanted: Mapping[str, Any]) -> None:
+        for name, value in wanted.items():
+            self._conversation.send(SETTINGS[name].assignment(value))
+
+    def _restore(self, names: Iterable[str]) -> None:
+        """Set those settings to what they were before."""
+        for name in names:
+            setting, before = SETTINGS[name], self._before[name]
+            for station, value in before.items() if setting.per_station else [(0, before)]:
+                if value is not None:
+                    self._conversation.send(setting.assignment(value, int(station)))
+
+    def _compare(self, after: State, wanted: Mapping[str, Any], stations: tuple[int, ...]) -> None:
+        """Raise InputError where a setting is not what was sent."""
+        for name, value in wanted.items():
+            title = "stylus mode" if name == "stylus" else name.replace("_", " ")
+            if SETTINGS[name].per_station:
+                for station in stations:
+                    self._compare_one(
+                        f"{title} of receiver {station}", name, after[name][str(station)], value
+                    )
+            else:
+                self._compare_one(title, name, after[name], value)
+
+    def _compare_one(self, what: str, name: str, reported: Any, sent: Any) -> None:
+        # While it follows the receiver it may well tell the present half instead of 0, 0, 0.
+        if name == "hemisphere" and (sent == TRACK or (reported and same_direction(reported, sent))):
+            return
+        # The manual gives the lowest and the highest in another order when it is asked for.
+        if name.endswith("filter") and reported and same_value(tuple(sorted(reported)), tuple(sorted(sent))):
+            return
+        self._require(what, reported, sent, self._complaints)
+
+    def _warn_of_frames(self, after: State, stations: tuple[int, ...]) -> None:
+        """Warn of what an earlier program has left in force, which is not for a recorder to undo."""
+        for name, (is_default, text) in FRAMES.items():
+            odd = [s for s in stations if after[name][str(s)] and not is_default(after[name][str(s)])]
+            if odd:
+                self.warnings.append(
+                    f"receiver {listed(odd)}: {text} ({shown(after[name][str(odd[0])])}){LEFT}"
+                )
 
     def _warn_of(self, after: State) -> None:
         """Warn of what concerns all receivers and is not for a recorder to undo."""
@@ -253,7 +322,7 @@ class LibertyDriver(SettingsDriver):
         every = range(1, self._ports + 1)  # a receiver that is plugged in later has the same list
         return StreamSettings(
             request.family,
-            request.mode,
+            "binary",
             "cm",
             float(request.usual_rate_hz),
             stations,
@@ -261,6 +330,11 @@ class LibertyDriver(SettingsDriver):
             dict.fromkeys(every, request.hemisphere),
             {"whoami": whoami, "before": self._before, "after": after, "warnings": self.warnings},
         )
+
+
+def listed(stations: Iterable[int]) -> str:
+    """Write stations for people."""
+    return ", ".join(map(str, stations)) or "none"
 
 
 def _whoami(data: bytes) -> tuple[str, Reply] | None:

@@ -1,11 +1,15 @@
-"""Output items of LIBERTY and PATRIOT.
+"""Output items of LIBERTY and PATRIOT: what a binary record holds, and how many bytes it takes.
 
 Source: LIBERTY User Manual URM03PH156, output list command ('O') and tables of output formats.
 """
 
 from __future__ import annotations
 
-from shukotsu.trackers.protocols.output_items import EXTENDED, Item, OutputItems
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from shukotsu.errors import InputError
 
 TAGS = {"liberty": b"LY", "patriot": b"PA"}
 """First two bytes of a binary record or reply."""
@@ -16,26 +20,31 @@ MAX_BODY_BYTES = 2800
 STREAMED, SINGLE = ord("C"), ord("P")
 """The command byte of a record: while streaming, and in answer to a single poll."""
 
-SPACE, LINE_END, COSINES, QUATERNION, TIMESTAMP, FRAME_COUNT = 0, 1, 6, 7, 8, 9
-_ANGLES = ("azimuth", "elevation", "roll")
-ITEMS = {
-    SPACE: Item(("blank",), "u1", " "),
-    LINE_END: Item(("cr", "lf"), "u1", "\r\n"),
-    2: Item(("x", "y", "z"), "f4", "%8.3f " * 3),
-    3: Item(("x", "y", "z"), "f4", EXTENDED * 3),
-    4: Item(_ANGLES, "f4", "%8.3f " * 3),
-    5: Item(_ANGLES, "f4", EXTENDED * 3),
-    COSINES: Item(
-        tuple(f"cosine_{row}{column}" for row in "xyz" for column in "xyz"), "f4", ("%8.5f " * 3 + "\r\n") * 3
-    ),
-    QUATERNION: Item(("qw", "qx", "qy", "qz"), "f4", "%8.5f " * 4),
-    TIMESTAMP: Item(("device_ms",), "u4", "%d"),
-    FRAME_COUNT: Item(("frame",), "u4", "%d"),
-    10: Item(("button",), "i4", "%d"),
-    11: Item(("distortion",), "i4", "%d"),
-    12: Item(("sync",), "i4", "%d"),
-}
+STATIONS = range(1, 17)
+HEADER = (
+    ("tag", "V2"), ("station", "u1"), ("command", "u1"), ("error", "u1"), ("reserved", "u1"), ("size", "<i2"),
+)  # fmt: skip
+HEADER_BYTES = np.dtype(list(HEADER)).itemsize
 
+QUATERNION = 7
+ITEMS: dict[int, tuple[tuple[str, ...], str]] = {
+    0: (("blank",), "u1"),
+    1: (("cr", "lf"), "u1"),
+    2: (("x", "y", "z"), "f4"),
+    3: (("x", "y", "z"), "f4"),
+    4: (("azimuth", "elevation", "roll"), "f4"),
+    5: (("azimuth", "elevation", "roll"), "f4"),
+    6: (tuple(f"cosine_{row}{column}" for row in "xyz" for column in "xyz"), "f4"),
+    QUATERNION: (("qw", "qx", "qy", "qz"), "f4"),
+    8: (("device_ms",), "u4"),
+    9: (("frame",), "u4"),
+    10: (("button",), "i4"),
+    11: (("distortion",), "i4"),
+    12: (("sync",), "i4"),
+}
+"""Item -> what its numbers are, in turn, and their NumPy letter in binary."""
+
+MOST_ITEMS = 20
 DEFAULT_LIST = (2, 4, 1)
 FULL_LIST = (8, 9, 11, 10, 12, 3, 7)
 """What a recorder asks for: both counters, distortion, stylus, sync, position and quaternion; 56 bytes."""
@@ -43,32 +52,31 @@ SHORT_LIST = (9, 2, 7)
 """Frame count, position and quaternion: 40 bytes, for a line that cannot carry more."""
 
 
-def _decodable(items: tuple[int, ...], mode: str) -> tuple[int, ...]:
-    """Put a blank behind every counter in ASCII, where there is none of its own, and end the line."""
-    if mode == "binary":
-        return items
-    parted: list[int] = []
-    for item, following in zip(items, (*items[1:], LINE_END), strict=True):
-        parted.append(item)
-        if item >= TIMESTAMP and following not in (SPACE, LINE_END):
-            parted.append(SPACE)
-    return tuple(parted) if parted[-1] == LINE_END else (*parted, LINE_END)
+def record_type(items: Sequence[int]) -> np.dtype[np.void]:
+    """NumPy type of a whole binary record; an item that is given twice keeps its first numbers."""
+    fields, names = list(HEADER), {name for name, _ in HEADER}
+    for place, item in enumerate(items):
+        numbers, kind = ITEMS[item]
+        for name in numbers:
+            fields.append((f"{name}_{place}" if name in names else name, f"<{kind}"))
+            names.add(name)
+    return np.dtype(fields)
 
 
-OUTPUT_ITEMS = OutputItems(
-    family="LIBERTY",
-    items=ITEMS,
-    stations=range(1, 17),
-    max_items=20,
-    max_record_bytes=1000,
-    header=(
-        *(("tag", "V2"), ("station", "u1"), ("command", "u1")),
-        *(("error", "u1"), ("reserved", "u1"), ("size", "<i2")),
-    ),
-    text_header_bytes=4,
-    full=FULL_LIST,
-    short=SHORT_LIST,
-    decodable=_decodable,
-)
+def list_of_all(lists: Mapping[int, Sequence[int]]) -> tuple[int, ...]:
+    """Return the output list that all stations have; lists : station -> its list.
 
-HEADER_BYTES = OUTPUT_ITEMS.header_bytes
+    Raises InputError where there is no such station or item, or the lists differ.
+    """
+    for station, items in lists.items():
+        if station not in STATIONS or not items or not ITEMS.keys() >= set(items):
+            raise InputError(
+                f"settings of the tracker: output list {list(items)} of station {station}; a LIBERTY "
+                f"has stations 1 to {STATIONS[-1]} and items {', '.join(map(str, ITEMS))}; correct the lists"
+            )
+    several = {tuple(items) for items in lists.values()}
+    if len(several) != 1:
+        raise InputError(
+            f"settings of the tracker: has {len(several)} output lists; expected one for all stations"
+        )
+    return several.pop()

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
-from shukotsu.trackers.liberty.items import HEADER_BYTES, MAX_BODY_BYTES, OUTPUT_ITEMS, TAGS
+from shukotsu.trackers.liberty.items import HEADER_BYTES, MAX_BODY_BYTES, STATIONS, TAGS
 from shukotsu.trackers.protocols.records import Reply
-
-if TYPE_CHECKING:
-    from shukotsu.trackers.record.settings_driver import Setting
 
 Value = int | tuple[int, ...] | tuple[float, ...]
 
@@ -46,6 +43,33 @@ ERRORS = {
     24: "firmware is outdated",
 }
 """Error code of an answer -> what it means."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting that can be asked for, and most of them set.
+
+    command : its letter. kind : of the answer, "number", "numbers" (a list of whole ones), "floats", "words"
+    or "stations" (two halves of bits). count : how many floats. per_station : asked and set for each station.
+    """
+
+    command: bytes
+    kind: str
+    count: int = 1
+    per_station: bool = False
+
+    def question(self, station: int = 0) -> bytes:
+        """The bytes that ask for it; of `stations`, 0 asks for all."""
+        asks_station = self.per_station or self.kind == "stations"
+        return self.command + (str(station).encode() if asks_station else b"") + b"\r"
+
+    def assignment(self, value: float | Sequence[float], station: int | None = None) -> bytes:
+        """The bytes that set it, of one station or (None) of all where it is a station's."""
+        numbers = [value] if isinstance(value, int | float) else value
+        words = [f"{number:g}" for number in numbers]
+        if self.per_station or self.kind == "stations":
+            words.insert(0, "*" if station is None else str(station))
+        return self.command + ",".join(words).encode() + b"\r"
 
 
 def binary_answers(data: bytes, tags: Iterable[bytes] = tuple(TAGS.values())) -> list[Reply]:
@@ -111,7 +135,7 @@ def half_stations(halves: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _stations(bits: int) -> tuple[int, ...]:
-    return tuple(station for station in OUTPUT_ITEMS.stations if bits & 1 << (station - 1))
+    return tuple(station for station in STATIONS if bits & 1 << (station - 1))
 
 
 def ports_of(reply: Reply) -> int | None:

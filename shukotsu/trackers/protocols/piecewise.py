@@ -19,12 +19,9 @@ class PiecewiseDecoder(ABC):
 
     However the stream is cut into pieces, the records, skips and replies in total are the same. Decided is on
     whole buffers of at most PIECE_BYTES and a rest.
-
-    names : what the source calls its stations, where it does.
     """
 
     def __init__(self) -> None:
-        self.names: dict[int, str] = {}
         self._rest = np.empty(0, np.uint8)
         self._offset = 0  # of the rest's first byte in the stream
 
@@ -39,7 +36,6 @@ class PiecewiseDecoder(ABC):
             concatenated([part.records for part in parts]),
             tuple(skip for part in parts for skip in part.skipped),
             tuple(reply for part in parts for reply in part.replies),
-            tuple(skip for part in parts for skip in part.passed),
         )
 
     def _part(self, piece: Bytes, final: bool) -> Decoded:
@@ -50,7 +46,6 @@ class PiecewiseDecoder(ABC):
             decoded.records,
             tuple(replace(skip, offset=skip.offset + self._offset) for skip in decoded.skipped),
             tuple(replace(reply, offset=reply.offset + self._offset) for reply in decoded.replies),
-            tuple(replace(skip, offset=skip.offset + self._offset) for skip in decoded.passed),
         )
         self._rest = b[decided:].copy()
         self._offset += decided

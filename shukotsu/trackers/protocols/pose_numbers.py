@@ -11,7 +11,7 @@ from shukotsu.skeleton.rotations import Array, about_axis, from_matrix, multiply
 from shukotsu.trackers.protocols.records import Records
 
 ROTATION_TOLERANCE = 1e-2
-"""How far R^T R may be off the identity, element by element: more than rounding to 14 bits or 4 decimals."""
+"""How far R^T R may be off the identity, element by element: more than rounding of its float32."""
 
 NORM_TOLERANCE = 1e-3
 FARTHEST_MM = 3048.0
@@ -67,7 +67,7 @@ def quaternion_of_angles(angles_deg: Array) -> Array:
     """Unit quaternions of azimuth, elevation and roll, R = Rz(azimuth) Ry(elevation) Rx(roll).
 
     angles_deg : (N, 3). Returns (N, 4) w, x, y, z; NaN where an angle is not finite. Source: LIBERTY User
-    Manual URM03PH156, attitude matrix; FASTRAK, VIPER and Flock of Birds use the same angles.
+    Manual URM03PH156, attitude matrix; VIPER uses the same angles.
     """
     finite: npt.NDArray[np.bool_] = np.all(np.isfinite(angles_deg), axis=-1)
     azimuth, elevation, roll = np.radians(np.where(finite[:, None], angles_deg, np.nan)).T
@@ -95,15 +95,7 @@ def _quaternion(numbers: Mapping[str, np.ndarray]) -> Array | None:
     if "azimuth" in numbers:
         angles = [numbers[name] for name in ("azimuth", "elevation", "roll")]
         return quaternion_of_angles(np.stack(angles, -1, dtype=float))
-    rows = {axis: _row(numbers, axis) for axis in _AXES if f"cosine_{axis}x" in numbers}
-    if len(rows) < 2:
+    if "cosine_xx" not in numbers:
         return None
-    for axis in _AXES:  # the row that is not in the list is the cross product of the other two
-        if axis not in rows:
-            following = [_AXES[(_AXES.index(axis) + step) % 3] for step in (1, 2)]
-            rows[axis] = np.cross(rows[following[0]], rows[following[1]])
-    return quaternion_of_cosines(np.stack([rows[axis] for axis in _AXES], -2))
-
-
-def _row(numbers: Mapping[str, np.ndarray], axis: str) -> Array:
-    return np.stack([numbers[f"cosine_{axis}{column}"] for column in _AXES], -1, dtype=float)
+    cosines = [numbers[f"cosine_{row}{column}"] for row in _AXES for column in _AXES]
+    return quaternion_of_cosines(np.stack(cosines, -1, dtype=float).reshape(-1, 3, 3))

@@ -27,8 +27,6 @@ class Records:
     transmitter frame; NaN where the stream has none.
     error : (N,) the code of the error letter, 0 for none. distortion, button, sync : (N,) as sent.
     doubtful : (N,) framed as a record should be, but its numbers cannot be right.
-    cycle, stamp_ns : (N,) of sources that do not count their frames and yet say which poses belong together:
-    frames in turn, whatever is lost between them; and their time by the source's clock, where it tells.
     """
 
     offset: Wholes
@@ -43,8 +41,6 @@ class Records:
     button: Wholes
     sync: Wholes
     doubtful: npt.NDArray[np.bool_]
-    cycle: Wholes
-    stamp_ns: Wholes
 
     def __len__(self) -> int:
         return len(self.offset)
@@ -73,8 +69,6 @@ def empty_records(count: int = 0) -> Records:
         button=unknown(),
         sync=unknown(),
         doubtful=np.zeros(count, bool),
-        cycle=unknown(),
-        stamp_ns=unknown(),
     )
 
 
@@ -97,7 +91,7 @@ class Skipped:
 
 @dataclass(frozen=True)
 class Reply:
-    """An answer of the tracker that is no pose record, text or binary.
+    """An answer of the tracker that is no pose record.
 
     command : the command byte that it answers, 0 where the reply does not say; error : the code of its
     error letter or number, 0 for none.
@@ -112,9 +106,8 @@ class Reply:
 
 @dataclass(frozen=True)
 class Decoded:
-    """Hold what one piece of a stream gave; passed : bytes of messages that are none of a pose."""
+    """What one piece of a stream gave."""
 
     records: Records
     skipped: tuple[Skipped, ...] = ()
     replies: tuple[Reply, ...] = ()
-    passed: tuple[Skipped, ...] = ()

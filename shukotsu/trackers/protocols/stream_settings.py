@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.files.limits import RATES_HZ
-from shukotsu.trackers.families import FAMILIES
+from shukotsu.schemas.left import instead
+from shukotsu.trackers.families import check_family
 
 STATIONS = frozenset(range(256))
 """Numbers that a station's byte can have; no tracker has as many."""
@@ -21,12 +22,11 @@ MM_PER_UNIT = {"cm": 10.0, "inch": 25.4, "m": 1000.0, "foot": 304.8, "mm": 1.0}
 class StreamSettings:
     """Everything that a decoder must know.
 
-    family : a name in FAMILIES; mode : "binary" or "ascii"; unit : of positions in the stream.
+    family : a name in FAMILIES; mode : "binary"; unit : of positions in the stream.
     rate_hz : frames a second (of each station). stations : those that were active at the start.
-    items : station -> output list, as LIBERTY, PATRIOT and FASTRAK number their items; empty for others.
+    items : station -> output list, as LIBERTY and PATRIOT number their items; empty for others.
     hemisphere : station -> vector of its half of space, (0, 0, 0) where the tracker follows the receiver.
-    options : what only this family has: trakSTAR's `group`, `names` of stations (see `names`), and for people
-    `whoami`, filters, errors.
+    options : for people: `whoami`, filters, errors.
     """
 
     family: str
@@ -42,19 +42,6 @@ class StreamSettings:
     def mm_per_unit(self) -> float:
         """Millimetres of the unit of positions."""
         return MM_PER_UNIT[self.unit]
-
-    @property
-    def names(self) -> dict[int, str]:
-        """What the source itself calls its stations, where these are numbers that the recorder gave them.
-
-        In JSON, whose keys are texts: `{"names": {"1": "ThumbToTracker"}}`.
-        """
-        return {int(station): str(name) for station, name in self.options.get("names", {}).items()}
-
-    def listed(self, stations: Iterable[int]) -> str:
-        """Write stations for people, with their names."""
-        names = self.names
-        return ", ".join(f"{s} ({names[s]})" if s in names else str(s) for s in sorted(stations))
 
     def to_json(self) -> dict[str, Any]:
         """Give the settings as JSON types."""
@@ -78,17 +65,19 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
             },
             options=dict(loaded.get("options", {})),
         )
-        stations = {*settings.stations, *settings.items, *settings.hemisphere, *settings.names}
+        stations = {*settings.stations, *settings.items, *settings.hemisphere}
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise InputError(f"{where}: the tracker's settings in it are damaged; copy it again") from error
-    known = settings.family in FAMILIES and settings.mode in ("binary", "ascii")
+    check_family(settings.family, where)
+    if why := instead("format", settings.mode):
+        raise InputError(f"{where}: {why}")
     vectors = [number for vector in settings.hemisphere.values() for number in vector]
     if not stations <= STATIONS or not all(map(math.isfinite, vectors)):
         raise InputError(
             f"{where}: the tracker's settings in it name stations or hemispheres that none has; copy it again"
         )
     possible = RATES_HZ[0] <= settings.rate_hz < 10_000
-    if not known or settings.unit not in MM_PER_UNIT or not possible:
+    if settings.mode != "binary" or settings.unit not in MM_PER_UNIT or not possible:
         raise InputError(
             f"{where}: the tracker's settings in it are none that is known (family {settings.family!r}, "
             f"mode {settings.mode!r}, unit {settings.unit!r}, {settings.rate_hz} Hz)"

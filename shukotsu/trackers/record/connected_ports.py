@@ -5,12 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from shukotsu.trackers.families import FAMILIES, READY, WANTS_FIRMWARE
+from shukotsu.trackers.families import READY, USB_TRACKERS, WANTS_FIRMWARE
 
-TRACKERS = {device: known for family in FAMILIES.values() for device, known in family.usb.items()}
-"""By USB vendor and product."""
-
-NETWORK = "A server of OpenIGTLink (PLUS, 3D Slicer) is not looked for; give it as --port igtl://HOST:18944."
 WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it comes back under another number."
 HINT = (
     "A tracker on USB is no serial port by itself; on Linux, once it has its firmware, this makes it one:\n"
@@ -50,10 +46,10 @@ def port_lines(
             lines.append(f"{name}  {description}")
             continue
         on_ports.add((vendor, product))
-        known = TRACKERS.get((vendor, product))
+        known = USB_TRACKERS.get((vendor, product))
         lines.append(f"{name}  {known.name if known else description} (USB {vendor:04x}:{product:04x})")
     for vendor, product in usb:
-        if (vendor, product) in TRACKERS and (vendor, product) not in on_ports:
+        if (vendor, product) in USB_TRACKERS and (vendor, product) not in on_ports:
             lines += _without_port(vendor, product)
     if lines:
         return lines
@@ -61,7 +57,7 @@ def port_lines(
 
 
 def _without_port(vendor: int, product: int) -> list[str]:
-    name, state, endpoints = TRACKERS[vendor, product]
+    name, state, endpoints = USB_TRACKERS[vendor, product]
     lines = [f"USB {vendor:04x}:{product:04x}  {name}: {state}"]
     if endpoints is not None:
         lines += [f"give it as --port usb:{vendor:04x}:{product:04x} (needs libusb1), or:"]

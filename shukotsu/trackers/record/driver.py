@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.families import FAMILIES, loaded
+from shukotsu.trackers.families import FAMILIES
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.conversation import Conversation
 from shukotsu.trackers.record.request import RecordingRequest
@@ -115,12 +115,6 @@ class Driver(ABC):
             f"{self._port_name}: the tracker did not take its {what}: sent was {shown(sent)}, and when "
             f"asked it {says}{complained}; switch it off and on, and try again"
         )
-
-
-def driver_of(conversation: Conversation, request: RecordingRequest) -> Driver:
-    """Give the driver that sets the tracker up."""
-    driver: Driver = loaded(FAMILIES[request.family].driver)(conversation, request)
-    return driver
 
 
 def same_value(reported: Any, sent: Any) -> bool:

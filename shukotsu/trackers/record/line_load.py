@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.families import FAMILIES, output_items
+from shukotsu.trackers.families import FAMILIES
+from shukotsu.trackers.liberty.items import SHORT_LIST, list_of_all, record_type
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 BITS_PER_BYTE = 10
 """8N1: a start bit, eight data bits, a stop bit."""
+
+VIPER_HEAD_BYTES, VIPER_RECORD_BYTES = 28, 32
 
 MUCH_MISSING_PERCENT = 20.0
 
@@ -18,14 +21,11 @@ def line_bytes_per_s(baud: int) -> float:
 
 
 def cycle_bytes(settings: StreamSettings) -> int:
-    """Bytes of one record of every station; in text the most that they can be."""
-    family = FAMILIES[settings.family]
-    items = output_items(settings.family)
-    if items is not None:
-        own = items.one_list(settings.items)
-        return items.record_bytes(own, settings.mode) * len(settings.stations)
-    address_bytes = int(bool(settings.options.get("group")))  # of a trakSTAR with several receivers
-    return family.cycle_bytes + (family.record_bytes + address_bytes) * len(settings.stations)
+    """Bytes of one record of every station."""
+    count = len(settings.stations)
+    if not settings.items:
+        return VIPER_HEAD_BYTES + VIPER_RECORD_BYTES * count
+    return record_type(list_of_all(settings.items)).itemsize * count
 
 
 def needed_bytes_per_s(settings: StreamSettings) -> float:
@@ -42,21 +42,14 @@ def arithmetic(settings: StreamSettings, baud: int) -> str:
     )
 
 
-def overload(settings: StreamSettings, baud: int | None, name: str, allowed: bool) -> str | None:
-    """Give a warning where the line cannot carry the stream and that is allowed; None where it can.
-
-    Raises InputError, with the arithmetic and what would fit, where it is not allowed.
-    """
+def check_line(settings: StreamSettings, baud: int | None, name: str) -> None:
+    """Raise InputError, with the arithmetic and what would fit, where the line cannot carry the stream."""
     if baud is None or needed_bytes_per_s(settings) <= line_bytes_per_s(baud):
-        return None
-    cycles = int(line_bytes_per_s(baud) // cycle_bytes(settings))
-    too_slow = f"the line is too slow: {arithmetic(settings, baud)}"
-    if allowed:
-        return f"{too_slow}; the tracker will leave frames out, about {cycles} a second come through"
+        return
     fits = what_fits(settings, baud)
     raise InputError(
-        f"{name}: {too_slow}; {f'what fits is {fits}' if fits else 'not one receiver fits'}; use the "
-        f"tracker's USB, or --allow-slower to record what comes through, about {cycles} frames a second"
+        f"{name}: the line is too slow: {arithmetic(settings, baud)}; "
+        f"{f'what fits is {fits}' if fits else 'not one receiver fits'}; or use the tracker's USB"
     )
 
 
@@ -68,7 +61,7 @@ def too_slow(settings: StreamSettings, bytes_per_s: float, missing_percent: floa
     need = needed_bytes_per_s(settings)
     enough = bytes_per_s > (1 - MUCH_MISSING_PERCENT / 100) * need
     remedies = FAMILIES[settings.family].remedies
-    if missing_percent <= MUCH_MISSING_PERCENT or enough or not remedies:
+    if missing_percent <= MUCH_MISSING_PERCENT or enough:
         return None
     count = len(settings.stations)
     who = f"{count} receivers need" if count > 1 else "1 receiver needs"
@@ -79,21 +72,17 @@ def too_slow(settings: StreamSettings, bytes_per_s: float, missing_percent: floa
 
 
 def what_fits(settings: StreamSettings, baud: int) -> str:
-    """Write how many receivers fit with this list and the short one, at each rate; of LIBERTY and PATRIOT."""
-    items, family = output_items(settings.family), FAMILIES[settings.family]
-    if items is None or not family.remedies:
+    """Format how many receivers of LIBERTY and PATRIOT fit with this list and the short one, at each rate."""
+    if not settings.items:
         return ""
-    ascii_mode = settings.mode == "ascii"
-    own = items.record_bytes(items.one_list(settings.items), settings.mode)
-    short = items.decodable(items.short, settings.mode)
-    sizes = {"with this list": own}
-    if items.record_bytes(short, settings.mode) < own:
-        sizes["with --items short"] = items.record_bytes(short, settings.mode)
-    if ascii_mode and items.record_bytes(items.short) < own:
-        sizes["with --items short and without --ascii"] = items.record_bytes(items.short)
+    listed, short = (record_type(items).itemsize for items in (list_of_all(settings.items), SHORT_LIST))
+    sizes = {"with this list": listed} | ({"with --items short": short} if short < listed else {})
     fits = []
     for how, size in sizes.items():
-        counts = [(int(line_bytes_per_s(baud) // (size * rate)), rate) for rate in family.rates_hz]
+        counts = [
+            (int(line_bytes_per_s(baud) // (size * rate)), rate)
+            for rate in FAMILIES[settings.family].rates_hz
+        ]
         choices = [f"{count} receiver{'s'[: count > 1]} at {rate} Hz" for count, rate in counts if count]
         if choices:
             fits.append(f"{' or '.join(choices)} {how}")

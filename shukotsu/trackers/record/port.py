@@ -1,5 +1,4 @@
-"""A tracker's port: a serial device, a pseudo-terminal, a URL of pySerial (socket://, rfc2217://), or another
-way to a tracker that has a module of its own (SCHEMES).
+"""A tracker's port: a serial device, a pseudo-terminal, a URL of pySerial (socket://, rfc2217://), or USB.
 
 Only three wires of a LIBERTY's RS-232 are connected, so no flow control is ever switched on.
 """
@@ -17,18 +16,11 @@ from typing import Any
 import serial
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.families import loaded
+from shukotsu.schemas.left import instead
+from shukotsu.trackers.families import POLHEMUS
 
 WAIT_S = 0.1
 """Longest time that a read waits for a first byte."""
-
-POLHEMUS_USB = 0x0F44
-
-SCHEMES = {
-    "lsl": "shukotsu.trackers.lsl.port:LslPort",
-    "usb": "shukotsu.trackers.record.usb_port:UsbPort",
-}
-"""What the name of a port begins with, a colon behind it -> what opens it, `module:object`."""
 
 _READ_BYTES = 65536
 _QUANTUM_S = 0.005
@@ -131,29 +123,31 @@ class SerialPort(Port):
             return
 
 
-def open_port(name: str, baud: int, line_rate: int | None = None) -> Port:
+def open_port(name: str, baud: int) -> Port:
     """Open a port for this program alone.
 
-    baud : to set where the port is a serial device. line_rate : bits a second of the line behind the port,
-    where the user knows it.
+    baud : to set where the port is a serial device.
 
     Raises InputError where there is no such port, it may not be opened, or another program has it.
     """
     scheme, colon, _ = name.partition(":")
-    if colon and scheme in SCHEMES:
-        port: Port = loaded(SCHEMES[scheme])(name)
-        return port
+    if colon and (why := instead("port", scheme)):
+        raise InputError(f"--port: {why}")
+    if colon and scheme == "usb":
+        from shukotsu.trackers.record.usb_port import UsbPort
+
+        return UsbPort(name)
     options: dict[str, Any] = {"baudrate": baud, "timeout": _QUANTUM_S}
     if "://" not in name:
         options |= {"exclusive": True, "write_timeout": 2.0}
-    elif not re.fullmatch(r"(socket|rfc2217|igtl)://[^/]+:\d{1,5}([/?].*)?", name):
-        kinds = "socket://HOST:PORT, rfc2217://HOST:PORT or igtl://HOST:PORT"
+    elif not re.fullmatch(r"(socket|rfc2217)://[^/]+:\d{1,5}([/?].*)?", name):
+        kinds = "socket://HOST:PORT or rfc2217://HOST:PORT"
         raise InputError(f"{name}: is no port of a network; expected {kinds}")
     try:
-        device = serial.serial_for_url(re.sub("^igtl:", "socket:", name), **options)
+        device = serial.serial_for_url(name, **options)
     except (OSError, serial.SerialException, ValueError) as error:
         raise InputError(f"{name}: {_why_not(name, error)}") from error
-    return SerialPort(name, device, None if "://" in name else baud, line_rate or _line_baud(name, baud))
+    return SerialPort(name, device, None if "://" in name else baud, _line_baud(name, baud))
 
 
 def _line_baud(name: str, baud: int) -> int | None:
@@ -166,7 +160,7 @@ def _line_baud(name: str, baud: int) -> int | None:
     from serial.tools import list_ports
 
     usb = {port.device: port.vid for port in list_ports.comports()}
-    return None if usb.get(path) == POLHEMUS_USB else baud
+    return None if usb.get(path) == POLHEMUS else baud
 
 
 def _why_not(name: str, error: Exception) -> str:
@@ -177,7 +171,7 @@ def _why_not(name: str, error: Exception) -> str:
     if re.fullmatch(r"[\w.-]+:\d+", name):
         return f"no such port; for one on the network give --port socket://{name}"
     if number == errno.ENOENT or "No such file" in text:
-        return "no such port; `shukotsu devices` lists those there are"
+        return "no such port; `shukotsu record --devices` lists those there are"
     if number == errno.EACCES or "Permission denied" in text:
         return "may not be opened by you; on most systems members of the group dialout may"
     if "://" in name:

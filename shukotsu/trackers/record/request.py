@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.families import FAMILIES, output_items
+from shukotsu.trackers.families import FAMILIES, check_family
+from shukotsu.trackers.liberty.items import FULL_LIST, SHORT_LIST
 
 LARGEST_STATION = 16
 TRACK = (0.0, 0.0, 0.0)
@@ -16,83 +17,38 @@ FORWARD = (1.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class RecordingRequest:
-    """Hold what a recording shall be like.
+    """What a recording shall be like.
 
-    items : output list as the family numbers its items; empty for the family's full one. stations : None for
-    all that are connected. hemisphere : vector of the half of space, TRACK to have the tracker follow the
-    receiver. rate_hz : None for what is usual. Raises InputError for what the family cannot do.
+    short : only the frame count, position and quaternion of each record. stations : None for all that are
+    connected. hemisphere : vector of the half of space, TRACK to have the tracker follow the receiver.
+    rate_hz : None for what is usual. Raises InputError for what the family cannot do.
     """
 
     family: str
-    mode: str = "binary"
-    items: tuple[int, ...] = ()
+    short: bool = False
     rate_hz: int | None = None
     stations: tuple[int, ...] | None = None
     hemisphere: tuple[float, float, float] = FORWARD
     no_filters: bool = False
 
     def __post_init__(self) -> None:
-        family = FAMILIES[self.family]
-        used = {
-            "--ascii": self.mode == "ascii",
-            "--stations": self.stations is not None,
-            "--hemisphere": self.hemisphere != FORWARD,
-            "--hemisphere track": self.hemisphere == TRACK,
-            "--no-filters": self.no_filters,
-        }
-        for option, sentence in family.unsupported.items():
-            if used[option]:
-                raise InputError(sentence)
-        if self.rate_hz is not None and len(family.rates_hz) < 2:
+        check_family(self.family, "--tracker")
+        if self.rate_hz is not None and len(FAMILIES[self.family].rates_hz) < 2:
             raise InputError(f"--rate: a {self.family} has a rate of its own; leave it out")
-        known = output_items(self.family)
-        if known is not None and not self.items:
-            object.__setattr__(self, "items", known.full)
+        if self.family == "viper" and self.stations is not None:
+            raise InputError("--stations: a VIPER sends every sensor that is connected; leave it out")
+        if self.family == "viper" and self.short:
+            raise InputError("--items: a VIPER has no output lists; leave it out")
+
+    @property
+    def items(self) -> tuple[int, ...]:
+        """Output list of LIBERTY and PATRIOT."""
+        return SHORT_LIST if self.short else FULL_LIST
 
     @property
     def usual_rate_hz(self) -> int:
         """Frames a second: what was asked for, or else what is usual."""
         return self.rate_hz or FAMILIES[self.family].rates_hz[0]
-
-
-def parse_items(text: str, mode: str, family: str = "liberty") -> tuple[int, ...]:
-    """Read --items: `full`, `short` or numbers with commas. Raises InputError.
-
-    What the family's records need to be decoded is put in (see `OutputItems.decodable`).
-    """
-    known = output_items(family)
-    if known is None:
-        if text != "full":
-            raise InputError(f"--items: a {family} has no output lists; leave it out")
-        return ()
-    try:
-        named = {"full": known.full, "short": known.short}
-        items = named.get(text) or tuple(int(number) for number in text.split(","))
-    except ValueError as error:
-        raise InputError(f"--items: is {text!r}; expected full, short or numbers such as 9,2,7") from error
-    unknown = [item for item in items if item not in known.items]
-    if unknown:
-        numbers = ", ".join(map(str, sorted(known.items)))
-        raise InputError(f"--items: {unknown[0]} is no item; expected some of {numbers}")
-    items = known.decodable(items, mode)
-    size = known.record_bytes(items, mode)
-    if len(items) > known.max_items or size > known.max_record_bytes:
-        raise InputError(
-            f"--items: has {len(items)} items and {size} bytes a record; "
-            f"the tracker takes {known.max_items} and {known.max_record_bytes}"
-        )
-    fields = {field for item in items for field in known.items[item].fields}
-    if "x" not in fields:
-        positions = " or ".join(str(item) for item in sorted(known.items) if "x" in known.items[item].fields)
-        raise InputError(f"--items: {text} has no position; expected item {positions} among them")
-    counters = {"frame", "device_ms"}
-    counts = any(counters & set(item.fields) for item in known.items.values())
-    if counts and not counters & fields:
-        raise InputError(
-            f"--items: {text} has neither the frame count (9) nor the timestamp (8), so a lost frame could "
-            "not be seen; add 9"
-        )
-    return items
 
 
 def parse_stations(text: str, last_station: int = LARGEST_STATION) -> tuple[int, ...]:

@@ -11,24 +11,22 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.archive import ArchiveWriter
 from shukotsu.trackers.decode.stream import ChunkDecoder
+from shukotsu.trackers.liberty.driver import LibertyDriver
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record import display
 from shukotsu.trackers.record.conversation import Chunk, Conversation, StoppedError
-from shukotsu.trackers.record.driver import Driver, driver_of
-from shukotsu.trackers.record.line_load import line_bytes_per_s, overload, too_slow
-from shukotsu.trackers.record.marks import Marks
+from shukotsu.trackers.record.driver import Driver
+from shukotsu.trackers.record.line_load import check_line, line_bytes_per_s, too_slow
 from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
 from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 from shukotsu.trackers.record.request import RecordingRequest
 from shukotsu.trackers.record.statistics import Moment, Statistics
-
-if TYPE_CHECKING:
-    from shukotsu.trackers.lsl.outlet import Outlet
+from shukotsu.trackers.viper.driver import ViperDriver
 
 TICK_S = 0.05
 FLUSH_S = 0.25
@@ -48,18 +46,15 @@ PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """Hold what to record and how long: duration_s None until it is stopped; notes go into the archive.
+    """What to record and how long: duration_s None until it is stopped; notes go into the archive.
 
-    outlet : makes that to which it is sent too. quiet : shows no state of the recording, only notes.
+    quiet : shows no state of the recording, only notes.
     """
 
     out: Path
     request: RecordingRequest
     duration_s: float | None = None
-    countdown_s: int = 0
     notes: tuple[str, ...] = ()
-    allow_slower: bool = False
-    outlet: Callable[[StreamSettings], Outlet] | None = None
     quiet: bool = False
 
 
@@ -84,22 +79,18 @@ def record(
     stop: StopRequest,
     about: Mapping[str, Any],
     utc_offset_ns: Callable[[], int] = lambda: time.time_ns() - time.perf_counter_ns(),
-    marks: Marks | None = None,
 ) -> Ending:
     """Record a tracker until the time is up, somebody asks for the end, or it cannot go on.
 
-    marks : what another program says of the recording, kept with it. Raises InputError where nothing could
-    be recorded; then there is no archive either.
+    Raises InputError where nothing could be recorded; then there is no archive either.
     """
     archive = ArchiveWriter(plan.out, about, utc_offset_ns)
     conversation = Conversation(port, archive, lambda: bool(stop))
     try:
         try:
             driver = driver_of(conversation, plan.request)
-            settings = _set_up(plan, driver, conversation, terminal)
+            settings = _set_up(driver, conversation, terminal)
             archive.flush()
-            outlet = None if plan.outlet is None else plan.outlet(settings)
-            _count_down(plan.countdown_s, terminal, stop, conversation)
         except BaseException as error:  # no file stays where there is no frame
             archive.discard()
             if isinstance(error, StoppedError):
@@ -112,9 +103,7 @@ def record(
             if isinstance(error, OSError):
                 raise InputError(f"{plan.out}: cannot be written ({error.strerror})") from error
             raise
-        session = _Session(
-            plan, conversation, driver, settings, archive, terminal, stop, utc_offset_ns, outlet, marks
-        )
+        session = _Session(plan, conversation, driver, settings, archive, terminal, stop, utc_offset_ns)
         try:
             return session.run()
         except BaseException as error:  # whatever ends the session, what was received is kept
@@ -124,28 +113,26 @@ def record(
         conversation.close()
 
 
-def _set_up(
-    plan: RecordingPlan, driver: Driver, conversation: Conversation, terminal: Terminal
-) -> StreamSettings:
+DRIVERS: Mapping[str, type[Driver]] = {
+    "liberty": LibertyDriver,
+    "patriot": LibertyDriver,
+    "viper": ViperDriver,
+}
+
+
+def driver_of(conversation: Conversation, request: RecordingRequest) -> Driver:
+    """Return the driver that sets the tracker up."""
+    return DRIVERS[request.family](conversation, request)
+
+
+def _set_up(driver: Driver, conversation: Conversation, terminal: Terminal) -> StreamSettings:
     port = conversation.port
     terminal.say(f"setting up the tracker at {port.name} ...")
     settings = driver.set_up()
-    slow = overload(settings, port.line_baud, port.name, plan.allow_slower)
-    if slow:
-        driver.warnings.append(slow)
+    check_line(settings, port.line_baud, port.name)
     for warning in driver.warnings:
         terminal.say(f"note: {warning}")
     return settings
-
-
-def _count_down(seconds: int, terminal: Terminal, stop: StopRequest, conversation: Conversation) -> None:
-    for left in range(seconds, 0, -1):
-        terminal.say(f"starting in {left} ...")
-        end = time.perf_counter() + 1
-        while (rest := end - time.perf_counter()) > 0:
-            if "q" in terminal.pressed().lower():
-                stop.ask("key q")
-            conversation.receive(min(rest, TICK_S))
 
 
 @dataclass
@@ -160,9 +147,6 @@ class _Session:
     _terminal: Terminal
     _stop: StopRequest
     _utc_offset_ns: Callable[[], int]
-    _outlet: Outlet | None = None
-    _marks: Marks | None = None
-    _refused_marks: int = 0
     _view_failed: bool = False
     _failure: str = ""
     _dropped_bytes: int = 0
@@ -181,12 +165,11 @@ class _Session:
         self._start()
         shown_s = VIEW_S if self._terminal.in_place else LOG_S
         flush_at = time.perf_counter()
-        look_s = TICK_S if self._outlet else QUIET_S if self._plan.quiet else VIEW_S
+        look_s = QUIET_S if self._plan.quiet else VIEW_S
         look_at, show_at = flush_at + look_s, flush_at + shown_s
         while not self._over():
             time.sleep(TICK_S)
             self._keep()
-            self._take_marks()
             self._watch_clock()
             now = time.perf_counter()
             if now >= flush_at:
@@ -223,8 +206,6 @@ class _Session:
         self._kept_ns = self._start_ns = time.perf_counter_ns()
         self._statistics = Statistics(self._settings, self._start_ns)
         self._archive.event("started", self._start_ns, **details)
-        for text in ("start", *self._plan.notes):
-            self._send("mark", text)
 
     def _over(self) -> bool:
         """Tell whether to end; the failure that made it so is kept."""
@@ -271,16 +252,6 @@ class _Session:
         self._watch_dropped()
         return chunks
 
-    def _take_marks(self) -> None:
-        """Keep what another program says of the recording; of lines that are no marks the first is told."""
-        for mark in self._marks.taken() if self._marks else ():
-            self._archive.event(mark.name, mark.host_ns, **mark.details)
-            if mark.name == "marks-ended" and not self._stop:
-                self._notice("standard input has ended; the recording goes on until a signal ends it")
-            if mark.reason and not self._refused_marks:
-                self._notice(f"a line on standard input {mark.reason}; it is no mark")
-            self._refused_marks += bool(mark.reason)
-
     def _watch_dropped(self) -> None:
         """Note what came faster than it could be kept."""
         dropped = self._conversation.dropped_bytes - self._dropped_bytes
@@ -317,18 +288,6 @@ class _Session:
         received_bytes = self._decoder.waiting_bytes
         block = self._decoder.decode(final=final)
         self._statistics.add(block, received_bytes, time.perf_counter_ns())
-        self._send("add", block, self._statistics.least_delay_ns, final)
-
-    def _send(self, what: str, *values: Any) -> None:
-        """Send something by LSL, where that is wanted: what fails there ends the sending alone."""
-        if self._outlet is None:
-            return
-        try:
-            getattr(self._outlet, what)(*values)
-        except Exception as error:  # of the network, or of a package of others
-            self._outlet = None
-            self._archive.event("outlet-failed", time.perf_counter_ns(), reason=repr(error))
-            self._notice(f"the LSL outlet has failed ({error!r}); every byte is still recorded")
 
     def _report_absences(self) -> None:
         absent = self._statistics.absent()
@@ -383,15 +342,11 @@ class _Session:
         except PortGoneError as error:
             if not self._failure:
                 self._fail(PORT_GONE, str(error))
-        self._take_marks()
         self._guarded(lambda: self._count(final=True))
-        self._send("mark", "stop")
         totals = self._statistics.totals(end_ns)
         self._notices += display.advice(totals, self._settings)
         if self._dropped_bytes:
             self._notices.append(f"{self._dropped_bytes} bytes came faster than they could be kept; lost")
-        if self._refused_marks > 1:
-            self._notices.append(f"{self._refused_marks} lines on standard input were no marks")
         reason = self._failure or self._stop.reason
         try:
             self._archive.close(

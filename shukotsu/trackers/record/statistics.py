@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.trackers.decode.cycles import JITTER_S
-from shukotsu.trackers.decode.losses import ABSENT_S, Heard, Losses
+from shukotsu.trackers.decode.losses import ABSENT_S, JITTER_S, Heard, Losses
 from shukotsu.trackers.decode.stream import Block
-from shukotsu.trackers.protocols.records import NONE, Wholes
+from shukotsu.trackers.protocols.records import Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 WINDOW_S = 2.0
@@ -65,12 +64,6 @@ class Moment:
     silent_s: float
     skipped_bytes: int
     partial_cycles: int
-
-
-def device_ns(block: Block, rate_hz: float) -> npt.NDArray[np.float64]:
-    """Give the device's own time of every record, (N,): what it says, or else by its frame."""
-    stamp_ns = block.records.stamp_ns
-    return np.where(stamp_ns != NONE, stamp_ns, block.records.frame * (1e9 / rate_hz))
 
 
 class Statistics:
@@ -225,7 +218,7 @@ class Statistics:
     def _measure_lag(self, block: Block, rows: Wholes) -> None:
         if not len(rows):
             return
-        delay = block.host_ns[rows] - device_ns(block, self._settings.rate_hz)[rows]
+        delay = block.host_ns[rows] - block.records.frame[rows] * (1e9 / self._settings.rate_hz)
         second = int(block.host_ns[rows[-1]] // 1_000_000_000)
         least = float(delay.min())
         if self._fastest and self._fastest[-1][0] == second:
@@ -233,12 +226,7 @@ class Statistics:
         self._fastest.append((second, least))
         while self._fastest[0][0] < second - LAG_WINDOW_S:
             self._fastest.popleft()
-        self._lag_ns = float(delay[-1]) - self.least_delay_ns
-
-    @property
-    def least_delay_ns(self) -> float:
-        """The host's time minus the device's, of the earliest arrival of the last seconds."""
-        return min((delay for _, delay in self._fastest), default=0.0)
+        self._lag_ns = float(delay[-1]) - min(least for _, least in self._fastest)
 
     def _remember(self, now_ns: int) -> None:
         counts = {station: (heard.records, heard.lost) for station, heard in self._losses.stations.items()}

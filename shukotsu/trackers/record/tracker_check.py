@@ -11,11 +11,12 @@ from shukotsu.trackers.decode.stream import ChunkDecoder
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record import display
 from shukotsu.trackers.record.conversation import Conversation, StoppedError
-from shukotsu.trackers.record.driver import Driver, driver_of
+from shukotsu.trackers.record.driver import Driver
 from shukotsu.trackers.record.line_load import arithmetic, line_bytes_per_s, needed_bytes_per_s, what_fits
 from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
 from shukotsu.trackers.record.recording_terminal import StopRequest
 from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.session import driver_of
 from shukotsu.trackers.record.statistics import Statistics
 
 STREAM_S = 2.0
@@ -55,7 +56,7 @@ def answer_lines(settings: StreamSettings, warnings: list[str]) -> list[str]:
     names = [name for name in after if name != "stations"]
     return [
         f"tracker     {settings.options.get('whoami') or settings.family}",
-        f"receivers   {settings.listed(settings.stations)}",
+        f"receivers   {', '.join(map(str, settings.stations))}",
         *(_setting(name, before.get(name), after.get(name), settings.stations) for name in names),
         *(f"note: {warning}" for warning in warnings),
     ]

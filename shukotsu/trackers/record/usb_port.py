@@ -6,8 +6,8 @@ import importlib
 from typing import Any
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.families import READY, WANTS_FIRMWARE
-from shukotsu.trackers.record.connected_ports import TRACKERS, WITHOUT_FIRMWARE
+from shukotsu.trackers.families import READY, USB_TRACKERS, WANTS_FIRMWARE
+from shukotsu.trackers.record.connected_ports import WITHOUT_FIRMWARE
 from shukotsu.trackers.record.port import WAIT_S, Port, PortGoneError
 
 READ_BYTES = 4096
@@ -57,17 +57,20 @@ class UsbPort(Port):
         found = []
         for device in self._context.getDeviceIterator(skip_on_error=True):
             ids = (device.getVendorID(), device.getProductID())
-            if ids in TRACKERS and wanted in ("", f"{ids[0]:04x}:{ids[1]:04x}"):
-                found.append((device, TRACKERS[ids]))
+            if ids in USB_TRACKERS and wanted in ("", f"{ids[0]:04x}:{ids[1]:04x}"):
+                found.append((device, USB_TRACKERS[ids]))
         if len(found) != 1:
             raise InputError(
-                f"{self.name}: are {len(found)} trackers on USB; expected one; `shukotsu devices` lists them"
+                f"{self.name}: are {len(found)} trackers on USB; expected one; "
+                "`shukotsu record --devices` lists them"
             )
         device, tracker = found[0]
         if tracker.state == WANTS_FIRMWARE:
             raise InputError(f"{self.name}: a {tracker.name} {tracker.state}; {WITHOUT_FIRMWARE}")
         if tracker.state != READY or tracker.endpoints is None:
-            raise InputError(f"{self.name}: a {tracker.name} is not read this way; see `shukotsu devices`")
+            raise InputError(
+                f"{self.name}: a {tracker.name} is not read this way; see `shukotsu record --devices`"
+            )
         return device, tracker.endpoints
 
     def read(self) -> bytes:

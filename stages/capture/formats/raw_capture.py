@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import FileMapping
 from shukotsu.stages.capture.formats.mapped import mapped_segments, name_in_file
@@ -29,17 +28,13 @@ _KEPT = ("device-error", "device-warning", "distorted")
 COACH_SUMMARY = "coach-summary"
 """Name of the archive's event in which the coach says, as `sentence`, what a calibration came to."""
 
-_TO_TRACKER = re.compile(r"To([A-Z]\w*)?$")
-"""What PLUS puts behind a tool's name, perhaps cut."""
-
 
 def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
     """Read a raw capture part by part; the first part has what is to be said of the whole.
 
-    Whose record is which segment's is told by the mapping, or else by the names of its stations where one is
-    a segment's, or else by the layout's `receiver:` numbers. A record whose station or frame cannot be
-    believed is left out and counted. Raises InputError where the file is no capture, holds no pose or none of
-    a segment of the layout.
+    Whose record is which segment's is told by the mapping, or else by the layout's `receiver:` numbers. A
+    record whose station or frame cannot be believed is left out and counted. Raises InputError where the file
+    is no capture, holds no pose or none of a segment of the layout.
     """
     archive = open_archive(path)
     survey = survey_archive(archive)
@@ -70,44 +65,29 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
 def segments_of_receivers(
     path: Path, settings: StreamSettings, there: Collection[int], layout: Layout, mapping: FileMapping | None
 ) -> dict[int, int]:
-    """Give by station its index into `layout.measured`; there : the stations that sent anything.
+    """Return by station its index into `layout.measured`; there : the stations that sent anything.
 
     Raises InputError where a mapping is of another recording.
     """
-    names = settings.names
     if mapping is not None:
         unit = mapping.config["position_unit"]
         if unit != settings.unit:
             raise InputError(f"{mapping.where}: position_unit: is {unit}, but {path} has {settings.unit}")
         stations = {str(station): station for station in there}
-        stations |= {name: station for station, name in names.items()}
         sources = [name_in_file(mapping, own, "value", [*stations], str(path)) for own in mapping.receivers]
         return dict(zip((stations[name] for name in sources), mapped_segments(mapping, layout), strict=True))
-    known = {_bare(name): index for index, name in enumerate(layout.measured)}
-    ways = ((name, _TO_TRACKER.sub("", name)) for name in names.values())
-    indices = [next((known[_bare(way)] for way in own if _bare(way) in known), -1) for own in ways]
-    named = {station: index for station, index in zip(names, indices, strict=True) if index >= 0}
-    if len(set(named.values())) < len(named):
-        raise InputError(
-            f"{path}: two of its receivers have the name of one segment ({listed([*names.values()])}); "
-            "say in a mapping which is which"
-        )
     numbers = ((layout.segments[name].receiver, index) for index, name in enumerate(layout.measured))
-    return named or {number: index for number, index in numbers if number is not None}
-
-
-def _bare(name: str) -> str:
-    """Give a name without what people spell differently."""
-    return re.sub(r"[\W_]", "", name).lower()
+    return {number: index for number, index in numbers if number is not None}
 
 
 def _left_out(path: Path, survey: Survey, segment_of: Mapping[int, int], layout: Layout) -> list[str]:
     """A note on the stations that came and are no segment's; InputError where none is."""
-    shown, there, known = survey.settings.listed, {*survey.records}, {*segment_of}
-    if not there & known:
-        has, expected = shown(there), shown(known) or "none: its segments have no `receiver:`"
+    there, named = {*survey.records}, {*segment_of}
+    if not there & named:
+        has, expected = (", ".join(map(str, sorted(stations))) for stations in (there, named))
+        expected = expected or "none: its segments have no `receiver:`"
         raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {expected}")
-    others = shown(there - known)
+    others = ", ".join(map(str, sorted(there - named)))
     return [f"receiver {others}: not in layout {layout.name}; left out"] if others else []
 
 

@@ -3,11 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-from fuzzing.sample_files import capture_bytes
+from event_files import flags_of
 
-from shukotsu.schemas.catalogue import CAPTURE_RECORDS
-from shukotsu.schemas.tables import Provenance, write_table
 from shukotsu.stages.align_events.event_list import Clock, Events
 from shukotsu.stages.align_events.tracker_events import read_tracker_events
 
@@ -16,21 +13,16 @@ RATE_HZ = 240.0
 
 
 def records(
-    tmp_path: Path, sync: list[int | None], buttons: dict[int, list[int]], lost: tuple[int, ...] = ()
+    tmp_path: Path, sync: list[int], buttons: dict[int, list[int]], lost: tuple[int, ...] = ()
 ) -> Events:
     """Two stations' records, frame by frame."""
-    rows = [(frame, station) for frame in range(FRAMES) for station in (1, 2) if frame not in lost]
-    frame, station = np.array(rows).T
-    columns: dict[str, object] = {
-        column.name: pa.nulls(len(rows), column.type) if column.nullable else np.zeros(len(rows))
-        for column in CAPTURE_RECORDS.columns
-    }
-    columns |= {"frame": frame, "station": station, "time_s": frame / RATE_HZ}
-    columns |= {"sync": pa.array([sync[f] for f in frame], pa.int8())}
-    columns |= {"button": pa.array([buttons.get(s, [0] * FRAMES)[f] for f, s in rows], pa.int8())}
-    path = tmp_path / "records.parquet"
-    write_table(path, CAPTURE_RECORDS, columns, Provenance())
-    return read_tracker_events(path)
+    rows = [
+        (frame, station, sync[frame], buttons.get(station, [0] * FRAMES)[frame])
+        for frame in range(FRAMES)
+        for station in (1, 2)
+        if frame not in lost
+    ]
+    return read_tracker_events(flags_of(tmp_path / "records.arrows", rows))
 
 
 def test_sync_rises_between_two_frames(tmp_path: Path) -> None:
@@ -49,8 +41,3 @@ def test_lost_frames_leave_the_time_less_sure(tmp_path: Path) -> None:
     np.testing.assert_allclose(events.time_s * RATE_HZ, [2.5])
     np.testing.assert_allclose(events.sd_s * RATE_HZ, [3 / np.sqrt(12)])
     assert np.isnan(events.duration_s).all()
-
-
-def test_a_raw_capture_is_decoded(tmp_path: Path) -> None:
-    (tmp_path / "a.arrows").write_bytes(capture_bytes())
-    assert read_tracker_events(tmp_path / "a.arrows").names == (), "both flags are sent and never on"

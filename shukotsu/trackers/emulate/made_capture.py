@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from shukotsu.trackers.archive import ArchiveWriter
-from shukotsu.trackers.emulate.device import FOLLOWING
-from shukotsu.trackers.emulate.emulator import SECOND_NS, Behaviour, Emulator
+from shukotsu.trackers.emulate.device import FOLLOWING, EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import Motion
-from shukotsu.trackers.liberty.emulated_device import EmulatedLiberty
+from shukotsu.trackers.emulate.server import SECOND_NS, Emulator
 from shukotsu.trackers.liberty.items import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
@@ -32,14 +31,8 @@ _GLOBAL_QUERIES = (b"U\r", b"R\r", b"X\r", b"Y\r", b"Z\r", b"\x150\r", b"\x14\r"
 _STATION_QUERIES = b"OHBANL"
 
 
-def write_archive(
-    device: EmulatedLiberty,
-    motion: Motion,
-    out: Path,
-    behaviour: Behaviour,
-    about: Mapping[str, Any],
-) -> None:
-    """Record the device, which measures that motion, from its first to its last frame.
+def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) -> None:
+    """Record the device from the first to the last frame of its motion.
 
     Positions pass through float32 centimetres: they come back within 1e-4 mm up to 1 m from the transmitter.
     about : kept with the recording. The hemisphere is one that no receiver leaves, or following. Raises
@@ -51,9 +44,9 @@ def write_archive(
         arrived.extend(data)
         return len(data)
 
-    emulator = Emulator(device, behaviour, write, BEGINNING_NS)
+    emulator = Emulator(device, write, BEGINNING_NS)
     archive = ArchiveWriter(out, {"emulated": True, **about}, utc_offset_ns=lambda: 0)
-    vector = home_hemisphere(motion)
+    vector = home_hemisphere(device.motion)
     now_ns = BEGINNING_NS
     replies: dict[bytes, bytes] = {}
     for command in _handshake(device, vector):
@@ -63,7 +56,7 @@ def write_archive(
     for command in (b"Q0\r", b"C\r"):
         _exchange(emulator, archive, arrived, command, now_ns)
     begun_ns = emulator.due_ns
-    end_ns = begun_ns + motion.cycles * SECOND_NS // int(device.rate) - 1
+    end_ns = begun_ns + device.motion.cycles * SECOND_NS // int(device.rate) - 1
     pieces = 0
     ticks_ns = [*range(begun_ns + PIECE_NS, end_ns, PIECE_NS), end_ns]
     for pieces, due_ns in enumerate(ticks_ns, 1):
@@ -97,7 +90,7 @@ def home_hemisphere(motion: Motion) -> tuple[float, float, float]:
 
 
 def _handshake(device: EmulatedLiberty, hemisphere: Sequence[float]) -> Iterator[bytes]:
-    """Give the commands of a recorder in turn, up to those that start the stream."""
+    """Commands of a recorder in turn, up to those that start the stream."""
     items = ",".join(map(str, FULL_LIST))
     vector = ",".join(f"{part:g}" for part in hemisphere)
     rate = f"R{device.rate_code}\r".encode()

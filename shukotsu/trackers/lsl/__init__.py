@@ -1,1 +1,0 @@
-"""Streams of LabStreamingLayer: recorded as they come, decoded afterwards, and sent."""
