@@ -2,12 +2,12 @@
 
 from tracker_processes import at_a_port
 
-from shukotsu.trackers.emulate.device import EmulatedDevice
+from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.conversation import Conversation
-from shukotsu.trackers.record.driver import driver_of
 from shukotsu.trackers.record.port import open_port
 from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.session import driver_of
 
 
 class StubbornTracker:
@@ -15,7 +15,7 @@ class StubbornTracker:
 
     streaming = True
 
-    def __init__(self, device: EmulatedDevice, unheard: bytes, heard: bytes = b"") -> None:
+    def __init__(self, device: EmulatedLiberty, unheard: bytes, heard: bytes = b"") -> None:
         self.device = device
         self.period_s = float(1 / device.rate)
         self.unheard, self.heard = unheard, heard
@@ -26,7 +26,7 @@ class StubbornTracker:
 
     def cycle(self) -> bytes:
         """Give what it sends in one cycle."""
-        return self.device.next_cycle().data
+        return self.device.next_cycle()
 
 
 def set_up(

@@ -33,11 +33,8 @@ class RunningEmulator:
 
 @contextmanager
 def emulator(*options: str, port: Sequence[str] = ("--pty",)) -> Iterator[RunningEmulator]:
-    """Run the emulator with the given options while the context lasts; it must end with exit code 0.
-
-    It keeps what a busy computer reads late, unless the options say how much.
-    """
-    command = [*CAPTURE, "emulate", *port, "--fifo", "10000000", *options]
+    """Run the emulator with the given options while the context lasts; it must end with exit code 0."""
+    command = [*CAPTURE, "emulate", *port, *options]
     process = subprocess.Popen(command, cwd=REPOSITORY, stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
@@ -51,8 +48,15 @@ def emulator(*options: str, port: Sequence[str] = ("--pty",)) -> Iterator[Runnin
         assert process.returncode == 0
 
 
+class VanishedError(Exception):
+    """The tracker is gone, after some last bytes."""
+
+
 class StandIn(Protocol):
-    """What stands in for a tracker: it answers what it takes, and while it streams gives a cycle a period."""
+    """What stands in for a tracker: it answers what it takes, and while it streams gives a cycle a period.
+
+    A cycle that raises VanishedError is its last, and the port is gone.
+    """
 
     streaming: bool
     period_s: float
@@ -73,6 +77,7 @@ def at_a_port(device: StandIn) -> Iterator[str]:
     tty.setraw(slave)
     os.set_blocking(master, False)
     ended = threading.Event()
+    open_ends = [master, slave]
 
     def serve() -> None:
         due = time.monotonic()
@@ -81,7 +86,14 @@ def at_a_port(device: StandIn) -> Iterator[str]:
                 os.write(master, device.take(os.read(master, 4096)))
             if device.streaming and time.monotonic() >= due:
                 due = max(due + device.period_s, time.monotonic() - 0.1)
-                os.write(master, device.cycle())
+                try:
+                    os.write(master, device.cycle())
+                except VanishedError as error:
+                    os.write(master, *error.args)
+                    time.sleep(0.1)  # the client reads it
+                    while open_ends:
+                        os.close(open_ends.pop())
+                    return
 
     thread = threading.Thread(target=serve)
     thread.start()
@@ -90,8 +102,8 @@ def at_a_port(device: StandIn) -> Iterator[str]:
     finally:
         ended.set()
         thread.join()
-        os.close(master)
-        os.close(slave)
+        for descriptor in open_ends:
+            os.close(descriptor)
 
 
 def capture(*words: str) -> subprocess.CompletedProcess[str]:

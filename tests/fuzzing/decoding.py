@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Iterable
-from dataclasses import fields, replace
+from dataclasses import fields
 from itertools import pairwise
 
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.families import decoder_of
+from shukotsu.trackers.decode.stream import DECODERS
 from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder as Decoder
 from shukotsu.trackers.protocols.records import Decoded, Records, Reply, concatenated
 from shukotsu.trackers.protocols.stream_settings import StreamSettings, settings_from_json
@@ -29,7 +29,6 @@ def decode(decoder: Decoder, data: bytes, cuts: Iterable[int] = ()) -> Decoded:
         concatenated([part.records for part in parts]),
         tuple(skip for part in parts for skip in part.skipped),
         tuple(reply for part in parts for reply in part.replies),
-        tuple(skip for part in parts for skip in part.passed),
     )
 
 
@@ -44,14 +43,11 @@ def check_same(one: Decoded, other: Decoded) -> None:
         np.testing.assert_array_equal(getattr(one.records, part.name), getattr(other.records, part.name))
     assert skipped_bytes(one) == skipped_bytes(other), "other bytes are skipped"
     assert one.replies == other.replies, "other replies"
-    passed = [replace(decoded, skipped=decoded.passed) for decoded in (one, other)]
-    assert skipped_bytes(passed[0]) == skipped_bytes(passed[1]), "other bytes are passed over"
 
 
 def check_tiles(decoded: Decoded, length: int) -> None:
     """AssertionError unless every byte is in one record, reply or skip; a reply is its body and its frame."""
-    skips = (*decoded.skipped, *decoded.passed)
-    stretches: list[tuple[int, int | Reply]] = [(skip.offset, skip.size) for skip in skips]
+    stretches: list[tuple[int, int | Reply]] = [(skip.offset, skip.size) for skip in decoded.skipped]
     stretches += zip(decoded.records.offset.tolist(), decoded.records.size.tolist(), strict=True)
     stretches += [(reply.offset, reply) for reply in decoded.replies]
     stretches.sort(key=lambda stretch: stretch[0])
@@ -70,11 +66,11 @@ def check_tiles(decoded: Decoded, length: int) -> None:
 
 def check_decoder(settings: StreamSettings, data: bytes, chance: random.Random) -> str:
     """Decode, and for every third stream in pieces too. AssertionError where something does not hold."""
-    decoded = decode(decoder_of(settings), data)
+    decoded = decode(DECODERS[settings.family](settings), data)
     check_tiles(decoded, len(data))
     if chance.randrange(3) == 0:
         cuts = [chance.randint(0, len(data)) for _ in range(chance.randint(1, 10))]
-        check_same(decoded, decode(decoder_of(settings), data, cuts))
+        check_same(decoded, decode(DECODERS[settings.family](settings), data, cuts))
     return "decoded" if len(decoded.records) else "nothing in it"
 
 
@@ -86,7 +82,7 @@ def check_settings(text: bytes, data: bytes, chance: random.Random) -> str:
         return "no JSON"
     try:
         settings = settings_from_json(loaded, "a.arrows")
-        decoder_of(settings)
+        DECODERS[settings.family](settings)
     except InputError:
         return "refused"
     return check_decoder(settings, data, chance)

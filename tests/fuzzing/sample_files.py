@@ -58,7 +58,7 @@ def capture_bytes() -> bytes:
     items = (8, 9, 11, 10, 12, 3, 7)
     with tempfile.TemporaryDirectory() as name:
         writer = ArchiveWriter(Path(name, "a.arrows"), {"note": "made up"}, lambda: 0)
-        writer.settings(settings("liberty", "binary", items, (1, 2)).to_json(), 0)
+        writer.settings(settings("liberty", items, (1, 2)).to_json(), 0)
         for frame in range(1, 3 * FRAMES):
             pieces = [liberty_binary(frame, station, items) for station in (1, 2)]
             writer.received(b"".join(pieces), frame * 4_166_667)

@@ -22,9 +22,9 @@ def emulated(tmp_path: Path) -> Iterator[Callable[..., str]]:
     """Start an emulated tracker with the emulator's own options; gives the port to open."""
     with ExitStack() as running:
 
-        def start(*options: str, tcp: bool | str = False) -> str:
+        def start(*options: str, tcp: bool = False) -> str:
             link = tmp_path / f"tracker{len(list(tmp_path.glob('tracker*')))}"
-            where = ("--igtl" if tcp == "igtl" else "--tcp", "0") if tcp else ("--pty", str(link))
+            where = ("--tcp", "0") if tcp else ("--pty", str(link))
             return running.enter_context(emulator(*options, port=where)).name
 
         yield start

@@ -1,4 +1,4 @@
-"""The command lines `record`, `devices` and `check`: help, refusals, exit codes."""
+"""The command line `record`: help, refusals, exit codes."""
 
 from pathlib import Path
 
@@ -11,11 +11,11 @@ from shukotsu.stages.capture import record_tracker
     ("options", "sentence"),
     [
         (["--duration", "0"], "--duration: is 0; expected seconds above 0"),
-        (["--countdown", "-1"], "--countdown: is -1; expected 0 or more seconds"),
         (["--out", "rom.parquet"], "--out: is rom.parquet; expected a name that ends with .arrows"),
-        (["--tracker", "fastrak", "--rate", "120"], "--rate: a fastrak has a rate of its own; leave it out"),
+        (["--tracker", "fastrak"], "--tracker: fastrak left in 0.2: record with the tracker's own program"),
+        (["--port", "igtl://host:18944"], "--port: igtl left in 0.2: record with PLUS or 3D Slicer"),
+        (["--lsl-outlet"], "record --lsl-outlet left in 0.2: import the archive"),
         (["--stations", "0"], "--stations: is '0'"),
-        (["--items", "nothing"], "--items: is 'nothing'"),
         (["--hemisphere", "up"], "--hemisphere: is 'up'"),
         ([], "/dev/no-such-port: no such port"),
     ],
@@ -29,3 +29,10 @@ def test_what_cannot_be_asked_is_refused_before_anything_is_done(
     assert told.startswith(f"error: {sentence}")
     assert told.count("\n") == 1
     assert not out.exists()
+
+
+def test_ports_are_listed_without_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert record_tracker.main(["--devices"]) == 0
+    assert capsys.readouterr().out
+    assert record_tracker.main(["--ask"]) == 2
+    assert "--port: is missing; `shukotsu record --devices` lists" in capsys.readouterr().err

@@ -7,7 +7,9 @@ import pytest
 from fuzzing.decoding import decode, skipped_bytes
 from fuzzing.tracker_streams import liberty_binary, pose
 
+from shukotsu.errors import InputError
 from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder
+from shukotsu.trackers.liberty.items import list_of_all, record_type
 from shukotsu.trackers.protocols.records import Records
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
@@ -71,3 +73,25 @@ def test_numbers_that_cannot_be_right_are_doubted() -> None:
     long = good[:24] + struct.pack("<4f", 1, 0.2, 0, 0) + good[40:]
     records, _ = read(b"".join([good, far, nan, long, good]), given=settings((9, 2, 7)))
     assert records.doubtful.tolist() == [False, True, True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("items", "size"),
+    [
+        ((2, 4, 1), 34),
+        ((2, 7), 36),
+        ((9, 2, 7), 40),
+        ((8, 9, 11, 3, 7), 48),
+        (FULL, 56),
+        ((2,), 20),
+        ((6,), 44),
+    ],
+)
+def test_a_record_has_the_bytes_of_the_manual(items, size: int) -> None:
+    assert record_type(items).itemsize == size
+
+
+@pytest.mark.parametrize("lists", [{1: (2, 13)}, {17: (2,)}, {1: ()}])
+def test_lists_that_a_tracker_does_not_take(lists) -> None:
+    with pytest.raises(InputError, match=r"output list .* of station .*; a LIBERTY has stations 1 to"):
+        list_of_all(lists)

@@ -4,13 +4,11 @@ import pytest
 from stubborn_trackers import StubbornTracker, set_up
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.emulate.device import World
+from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.liberty import driver
-from shukotsu.trackers.liberty.driver import SETTINGS
-from shukotsu.trackers.liberty.emulated_device import EmulatedLiberty
+from shukotsu.trackers.liberty.driver import FILTER_OFF, SETTINGS
 from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.settings_driver import FILTER_OFF
 
 REQUEST = RecordingRequest("liberty", rate_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True)
 EVERYTHING_HEARD = b"not a command"
@@ -18,7 +16,7 @@ EVERYTHING_HEARD = b"not a command"
 
 def stubborn(unheard: bytes, heard: bytes = b"", *, before: bytes = b"") -> StubbornTracker:
     """A LIBERTY with two receivers; before : what an earlier program has sent it."""
-    device = EmulatedLiberty(World(built_in_motion(), frozenset({1, 2})), ports=4)
+    device = EmulatedLiberty(built_in_motion(), frozenset({1, 2}), ports=4)
     device.receive(before)
     return StubbornTracker(device, unheard, heard)
 

@@ -28,9 +28,25 @@ def test_what_was_kept_comes_back() -> None:
         {"rate_hz": 1e308},
         {"rate_hz": 10**400},
         {"family": [[[[]]]]},
+        {"mode": "other"},
         {"options": 7},
     ],
 )
 def test_damaged_settings_are_refused(change: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=r"^a\.arrows: the tracker's settings in it"):
         settings_from_json(SETTINGS.to_json() | change, "a.arrows")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"family": "fastrak"}, "fastrak left in 0.2: record with the tracker's own program"),
+        ({"family": "lsl"}, "lsl left in 0.2: record with LabRecorder"),
+        ({"family": "liberti"}, "is 'liberti'; expected one of liberty, patriot, viper"),
+        ({"mode": "ascii"}, "ascii left in 0.2: record in binary; version 0.1 decodes an older capture"),
+    ],
+)
+def test_a_capture_of_what_left_says_what_to_take(change: dict[str, str], sentence: str) -> None:
+    with pytest.raises(InputError) as told:
+        settings_from_json(SETTINGS.to_json() | change, "a.arrows")
+    assert str(told.value).startswith(f"a.arrows: {sentence}")

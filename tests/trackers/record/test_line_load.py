@@ -8,21 +8,21 @@ from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record import line_load
 
 
-def settings(count: int, items=FULL_LIST, rate_hz: float = 240.0, mode: str = "binary") -> StreamSettings:
+def settings(count: int, items=FULL_LIST, rate_hz: float = 240.0) -> StreamSettings:
     stations = tuple(range(1, count + 1))
-    return StreamSettings("liberty", mode, "cm", rate_hz, stations, dict.fromkeys(stations, items))
+    return StreamSettings("liberty", "binary", "cm", rate_hz, stations, dict.fromkeys(stations, items))
 
 
 def test_a_line_that_is_just_full_is_not_too_slow() -> None:
     """48 bytes 240 times a second are all of 11520."""
-    assert line_load.overload(settings(1, (8, 9, 11, 3, 7)), 115200, "p", allowed=False) is None
+    line_load.check_line(settings(1, (8, 9, 11, 3, 7)), 115200, "p")
     with pytest.raises(InputError):
-        line_load.overload(settings(1, (8, 9, 11, 3, 7, 0)), 115200, "p", allowed=False)
+        line_load.check_line(settings(1, (8, 9, 11, 3, 7, 0)), 115200, "p")
 
 
 def test_the_sentence_has_the_arithmetic_and_what_fits() -> None:
     with pytest.raises(InputError) as told:
-        line_load.overload(settings(16), 115200, "/dev/ttyUSB0", allowed=False)
+        line_load.check_line(settings(16), 115200, "/dev/ttyUSB0")
     sentence = str(told.value)
     assert sentence.startswith(
         "/dev/ttyUSB0: the line is too slow: 16 receivers x 56 bytes x 240 Hz = 215040"
@@ -30,4 +30,4 @@ def test_the_sentence_has_the_arithmetic_and_what_fits() -> None:
     assert "115200 baud carries 11520" in sentence
     assert "1 receiver at 120 Hz with this list" in sentence
     assert "1 receiver at 240 Hz or 2 receivers at 120 Hz with --items short" in sentence
-    assert sentence.endswith("or --allow-slower to record what comes through, about 12 frames a second")
+    assert sentence.endswith("; or use the tracker's USB")

@@ -54,11 +54,15 @@ def test_two_programs_cannot_share_a_port(pty_pair: tuple[int, str]) -> None:
     open_port(pty_pair[1], 115200).close()
 
 
-@pytest.mark.parametrize(
-    "name", ["socket://", "socket://a:b", "rfc2217://host", "igtl://host", "loop://", "tcp://host:1"]
-)
+@pytest.mark.parametrize("name", ["socket://", "socket://a:b", "rfc2217://host", "loop://", "tcp://host:1"])
 def test_what_is_no_port_of_a_network_is_not_tried(name: str) -> None:
     with pytest.raises(InputError, match=f"{name}: is no port of a network; expected socket://HOST:PORT"):
+        open_port(name, 115200)
+
+
+@pytest.mark.parametrize("name", ["igtl://host:18944", "lsl:Hand"])
+def test_a_port_that_left_says_what_to_take(name: str) -> None:
+    with pytest.raises(InputError, match=r"^--port: (igtl|lsl) left in 0\.2: record with "):
         open_port(name, 115200)
 
 

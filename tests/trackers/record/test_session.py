@@ -17,16 +17,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tracker_processes import PATIENCE_S, REPOSITORY, capture, leave_in, started, until_lines
+from stubborn_trackers import StubbornTracker
+from tracker_processes import (
+    PATIENCE_S,
+    REPOSITORY,
+    VanishedError,
+    at_a_port,
+    capture,
+    leave_in,
+    started,
+    until_lines,
+)
 
 from shukotsu.stages.capture import record_tracker
 from shukotsu.trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_archive
 from shukotsu.trackers.decode.stream import Tally, blocks_of
+from shukotsu.trackers.emulate.device import EmulatedLiberty
+from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.protocols.records import Records, concatenated
-from shukotsu.trackers.record.port import open_port
+from shukotsu.trackers.record.conversation import Conversation
+from shukotsu.trackers.record.port import SerialPort, open_port
 from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.session import RecordingPlan, record
+from shukotsu.trackers.record.session import RecordingPlan, driver_of, record
 
 NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
 """What stays after the recorder has gone: re-initialise, start-up settings, save, name, line settings."""
@@ -85,7 +98,7 @@ def error_line(stderr: str) -> str:
 def recording(emulated, tmp_path: Path) -> Callable[..., tuple[str, Path, subprocess.CompletedProcess[str]]]:
     """Record an emulated tracker of those options; gives its port, the archive and the ended recorder."""
 
-    def run(state: Sequence[str], *how: str, returncode: int = 0, tcp: bool | str = False, left: bytes = b""):
+    def run(state: Sequence[str], *how: str, returncode: int = 0, tcp: bool = False, left: bytes = b""):
         port, out = emulated(*state, tcp=tcp), tmp_path / "rom.arrows"
         if left:
             leave_in(port, left)
@@ -98,7 +111,8 @@ def recording(emulated, tmp_path: Path) -> Callable[..., tuple[str, Path, subpro
 
 def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys) -> None:
     """Nothing is lost; the archive says all that is needed to read it alone."""
-    port, out = emulated("--already-streaming", "--stations", "1-4"), tmp_path / "rom.arrows"
+    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
+    leave_in(port, b"F1\rU1\rO*,2,4,9,1\rC\r")
     argv = ["--port", port, "--out", str(out), "--duration", "1.2", "--note", "first", "--note", "second"]
     assert record_tracker.main(argv) == 0
     printed = capsys.readouterr()
@@ -133,7 +147,7 @@ def test_whatever_another_program_has_left(left: bytes, recording) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("stations", "tcp"), [(1, False), (16, True), (16, "igtl")])
+@pytest.mark.parametrize(("stations", "tcp"), [(1, False), (16, True)])
 def test_nothing_is_lost_in_eight_seconds(stations, tcp, recording) -> None:
     """240 Hz, the full list, the log on. A pseudo-terminal's buffer holds 1.6 s of one receiver, which a busy
     host may need; more through one are for the benchmark, on a machine that does nothing else.
@@ -167,7 +181,7 @@ def test_the_key_q_ends_it_and_the_terminal_is_as_before(emulated, tmp_path: Pat
     """The view is rewritten in place; after q the terminal echoes and waits for Return as it did."""
     out = tmp_path / "rom.arrows"
     port = emulated("--stations", "1-2")
-    child, master = in_a_terminal("record", "--port", port, "--out", str(out), "--countdown", "1")
+    child, master = in_a_terminal("record", "--port", port, "--out", str(out))
     before = termios.tcgetattr(master)
     shown = shown_until(master, b"elapsed 0:01")
     during = termios.tcgetattr(master)
@@ -177,7 +191,6 @@ def test_the_key_q_ends_it_and_the_terminal_is_as_before(emulated, tmp_path: Pat
     assert os.waitstatus_to_exitcode(status) == 0
     assert not during[3] & termios.ICANON
     assert termios.tcgetattr(master)[3] == before[3]
-    assert b"starting in 1 ..." in shown
     assert b"(key q)" in shown
     assert shown.rindex(b"\x1b[?25h") > shown.rindex(b"\x1b[?25l")
     assert_whole(out, 2)
@@ -187,21 +200,84 @@ def test_the_key_q_ends_it_and_the_terminal_is_as_before(emulated, tmp_path: Pat
 # --- what goes wrong: what is kept of it, and what the user is told ----------------------------------------
 
 
+class Silent:
+    """A stand-in for a tracker that is switched off."""
+
+    streaming, period_s = False, 1.0
+
+    def take(self, data: bytes) -> bytes:
+        """Take commands, and answer none."""
+        del data
+        return b""
+
+    def cycle(self) -> bytes:
+        """Return nothing."""
+        return b""
+
+
+class Vanishing:
+    """A LIBERTY with four receivers that vanishes in the middle of a record, after so many frames."""
+
+    def __init__(self, frames: int) -> None:
+        self._device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3, 4}))
+        self.period_s, self._left = float(1 / self._device.rate), frames
+
+    @property
+    def streaming(self) -> bool:
+        """Whether it sends."""
+        return self._device.streaming
+
+    def take(self, data: bytes) -> bytes:
+        """Answer commands."""
+        return self._device.receive(data)
+
+    def cycle(self) -> bytes:
+        """Return what it sends in one cycle; half a record, and it is gone."""
+        data, self._left = self._device.next_cycle(), self._left - 1
+        if self._left < 0:
+            raise VanishedError(data[:20])
+        return data
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("line", [[], ["--line-rate", "115200"]])
-def test_nothing_answers(line: list[str], recording) -> None:
-    port, out, done = recording(["--silent"], *line, returncode=2)
+def test_nothing_answers(tmp_path: Path) -> None:
+    out = tmp_path / "rom.arrows"
+    with at_a_port(Silent()) as port:
+        done = capture("record", "--port", port, "--out", str(out))
+    assert done.returncode == 2
     assert f"error: {port}: nothing answers" in error_line(done.stderr)
     assert "(just switched on? it takes 10 s)" in done.stderr
-    assert ("at 115200, 57600, 38400, 19200, 9600 baud" in done.stderr) == bool(line)
     assert not out.exists(), "the name is free for the next attempt"
 
 
+def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is heard at the wrong speed is garbage."""
+
+    def read(port: SerialPort) -> bytes:
+        data = SerialPort.read(port)
+        return data if port.baud == 38400 else bytes(255 - byte for byte in data)
+
+    device = EmulatedLiberty(built_in_motion(), frozenset({1}))
+    with at_a_port(StubbornTracker(device, b"not a command")) as name:
+        port = open_port(name, 115200)
+        assert isinstance(port, SerialPort)
+        port.line_baud = 115200
+        monkeypatch.setattr(port, "read", lambda: read(port))
+        conversation = Conversation(port)
+        driver = driver_of(conversation, RecordingRequest("liberty"))
+        driver.set_up()
+        conversation.close()
+        port.close()
+    assert driver.warnings == ["it answered at 38400 baud and not at 115200; 38400 is used"]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("gone_s", "tcp"), [("2", False), ("6", "igtl")])
-def test_the_tracker_vanishes_in_the_middle_of_a_record(gone_s: str, tcp: bool | str, recording) -> None:
+def test_the_tracker_vanishes_in_the_middle_of_a_record(tmp_path: Path) -> None:
     """All that came is kept, the archive is whole, the exit code is 3."""
-    port, out, done = recording(["--stations", "1-4", "--gone-at", gone_s], returncode=3, tcp=tcp)
+    out = tmp_path / "rom.arrows"
+    with at_a_port(Vanishing(600)) as port:
+        done = capture("record", "--port", port, "--out", str(out))
+    assert done.returncode == 3, done.stderr
     message = error_line(done.stderr)
     assert message.startswith(f"error: {port}: the port is gone (")
     after_s, kept_s = re.findall(r"(\d+\.\d) s", message)
@@ -248,10 +324,9 @@ def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: P
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("stations", "tcp"), [("1-16", True), ("1-4", "igtl")])
-def test_a_disk_that_is_full(stations: str, tcp: bool | str, emulated, tmp_path: Path) -> None:
+def test_a_disk_that_is_full(emulated, tmp_path: Path) -> None:
     """A child that may write so much and no more; what was written before is whole."""
-    port, out = emulated("--stations", stations, tcp=tcp), tmp_path / "rom.arrows"
+    port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
 
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))

@@ -1,4 +1,4 @@
-"""`check`: says what it finds, and leaves the tracker as it was."""
+"""`record --ask`: says what it finds, and leaves the tracker as it was."""
 
 import pytest
 from tracker_processes import capture, leave_in
@@ -41,7 +41,7 @@ def test_a_check_leaves_no_trace(emulated) -> None:
     """What a second check finds before its settings is what the first found."""
     port = emulated("--stations", "1-2")
     leave_in(port, b"U0\rR3\rO1,2,4,9\rO2,8,3,7\rH1,0,0,-1\rL2,1\rX0,1,0,0\r")
-    first, second = (capture("check", "--port", port, "--no-filters") for _ in range(2))
+    first, second = (capture("record", "--ask", "--port", port, "--no-filters") for _ in range(2))
     assert first.returncode == second.returncode == 0, first.stderr
     settings = [out.split("\n\n")[0] for out in (first.stdout, second.stdout)]
     assert settings[0] == settings[1]

@@ -13,9 +13,9 @@ import pytest
 from shukotsu.errors import InputError
 from shukotsu.trackers.archive import open_archive
 from shukotsu.trackers.decode.stream import Tally, blocks_of
-from shukotsu.trackers.emulate.device import World, emulated_device
-from shukotsu.trackers.emulate.emulator import Behaviour, Emulator
+from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import built_in_motion
+from shukotsu.trackers.emulate.server import Emulator
 from shukotsu.trackers.record.connected_ports import port_lines
 from shukotsu.trackers.record.port import PortGoneError, open_port
 from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
@@ -41,8 +41,8 @@ class Bus:
     def __init__(self, product: int = 0xFF20, claiming: str = "", reads: int = 1 << 30) -> None:
         self.product, self.claiming, self.reads = product, claiming, reads
         self.waiting, self.lock = bytearray(), threading.Lock()
-        device = emulated_device("liberty", World(built_in_motion(), frozenset({1, 2, 3})), 16, 240)
-        self.emulator = Emulator(device, Behaviour(), self._sent, time.perf_counter_ns())
+        device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3}))
+        self.emulator = Emulator(device, self._sent, time.perf_counter_ns())
 
     def _sent(self, data: bytes) -> int:
         self.waiting += data

@@ -94,7 +94,7 @@ def sealed(frame: bytes) -> bytes:
 
 def test_a_viper_is_set_up_and_recorded(recorded) -> None:
     device = Viper()
-    records, settings, tally = recorded(device, RecordingRequest("viper", items=(), no_filters=True))
+    records, settings, tally = recorded(device, RecordingRequest("viper", no_filters=True))
     assert settings.stations == (1, 3)
     assert (settings.unit, settings.rate_hz) == ("cm", 240.0)
     assert "VIPER 16 1234" in settings.options["whoami"]
@@ -117,5 +117,5 @@ def test_a_viper_that_does_not_take_a_setting_is_told(recorded, tmp_path: Path) 
     with pytest.raises(
         InputError, match=r"did not take its units: sent was 0200000002000000, and when asked it says"
     ):
-        recorded(Viper(deaf_to=(UNITS,)), RecordingRequest("viper", items=()))
+        recorded(Viper(deaf_to=(UNITS,)), RecordingRequest("viper"))
     assert not (tmp_path / "rom.arrows").exists()

@@ -11,7 +11,7 @@ from shukotsu.schemas.layout import read_layout
 from shukotsu.stages.capture.__main__ import main
 from shukotsu.trackers.archive import END, RECEIVED, SENT, SETTINGS, open_archive
 from shukotsu.trackers.emulate.pose_sources import MAX_STATION, built_in_motion
-from shukotsu.trackers.families import decoder_of
+from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder
 from shukotsu.trackers.protocols.records import Records, concatenated
 from shukotsu.trackers.protocols.stream_settings import settings_from_json
 
@@ -58,7 +58,7 @@ def decoded(path: Path) -> Records:
 
     found = rows(path)
     start = next(index for index, (_, kind, _) in enumerate(found) if kind == SETTINGS)
-    decoder = decoder_of(settings_from_json(json.loads(found[start][2]), str(path)))
+    decoder = BinaryDecoder(settings_from_json(json.loads(found[start][2]), str(path)))
     parts = [decoder.feed(data) for _, kind, data in found[start:] if kind == RECEIVED]
     parts.append(decoder.feed(b"", final=True))
     assert not any(part.skipped for part in parts)
