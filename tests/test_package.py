@@ -158,13 +158,13 @@ def test_the_recorder_needs_three_packages(wheel: Path, tmp_path: Path) -> None:
         try:
             assert emulator.stdout is not None
             assert emulator.stdout.readline()
-            run(shukotsu, "devices", folder=tmp_path)
-            assert "LIBERTY" in run(shukotsu, "tracker", "--port", port, folder=tmp_path)
+            run(shukotsu, "record", "--devices", folder=tmp_path)
+            assert "LIBERTY" in run(shukotsu, "record", "--ask", "--port", port, folder=tmp_path)
             run(shukotsu, "record", "--port", port, "--out", "a.arrows", "--duration", "1", folder=tmp_path)
-            decoded = run(shukotsu, "decode", "--in", "a.arrows", "--out", "a.parquet", folder=tmp_path)
+            described = run(shukotsu, "inspect", "a.arrows", folder=tmp_path)
         finally:
             emulator.terminate()
-    assert "records of 2 receivers" in decoded
+    assert "records of each station: 1: " in described
 
 
 @pytest.fixture(scope="module")

@@ -53,10 +53,8 @@ def test_a_key_that_nobody_holds_stops_every_model(group: str) -> None:
         model_from_config(config, "")
 
 
-def test_every_family_and_mode_is_fuzzed() -> None:
-    known = {(stream.settings.family, stream.settings.mode) for stream in streams(1).values()}
-    decoded = {(name, mode) for name, family in FAMILIES.items() for mode in family.decoders}
-    assert decoded - known <= {("patriot", "ascii")}  # which is LIBERTY's
+def test_every_family_is_fuzzed() -> None:
+    assert {stream.settings.family for stream in streams(1).values()} == {*FAMILIES}
 
 
 def test_the_guide_names_every_family() -> None:

@@ -49,18 +49,17 @@ def shukotsu(*argv: str | Path, folder: Path) -> subprocess.CompletedProcess[str
 
 def test_a_recording_from_the_port_to_the_table_of_poses(tmp_path: Path) -> None:
     with emulator("--stations", "1-4", port=("--tcp", "0")) as device:
-        tracker = shukotsu("tracker", "--port", device.name, folder=tmp_path)
+        tracker = shukotsu("record", "--ask", "--port", device.name, folder=tmp_path)
         assert tracker.returncode == 0, tracker.stderr
         assert "receivers   1, 2, 3, 4" in tracker.stdout
         recording = ("--port", device.name, "--out", "a.arrows", "--duration", "1")
         recorded = shukotsu("record", *recording, folder=tmp_path)
         assert recorded.returncode == 0, recorded.stderr
     for argv in (
-        ("decode", "--in", "a.arrows", "--out", "records.parquet"),
         ("inspect", "a.arrows"),
         ("import", "--in", "a.arrows", "--layout", "liberty16", "--out", "poses.parquet", "--subject", "S01",
          "--hand", "right", "--task", "rom"),
-        ("devices",),
+        ("record", "--devices"),
     ):  # fmt: skip
         done = shukotsu(*argv, folder=tmp_path)
         assert done.returncode == 0, (argv, done.stderr)
@@ -73,7 +72,7 @@ def test_an_emulator_at_a_port_of_the_network(tmp_path: Path) -> None:
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
-            done = shukotsu("tracker", "--port", process.stdout.readline().strip(), folder=tmp_path)
+            done = shukotsu("record", "--ask", "--port", process.stdout.readline().strip(), folder=tmp_path)
             assert done.returncode == 0, done.stderr
         finally:
             process.terminate()

@@ -201,11 +201,13 @@ def test_receivers_that_are_put_right_begin_a_recording_of_their_own(study: Path
 
 @pytest.mark.slow
 def test_where_the_tracker_goes_away_what_came_is_kept_and_solved(study: Path, tmp_path: Path) -> None:
-    options = [*played(tmp_path, one_after_another(CALIBRATION)), "--gone-at=12"]
     with (
-        emulator(*options) as running,
+        emulator(*played(tmp_path, one_after_another(CALIBRATION))) as running,
         coached(study, running.name, "--subject=03", "--hand=left", "--no-page") as process,
     ):
+        until(process, "Move every finger")
+        time.sleep(12)
+        running.process.terminate()
         out, error = process.communicate(timeout=180)
     assert process.returncode == 3
     assert "the port is gone" in error

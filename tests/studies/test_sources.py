@@ -1,25 +1,16 @@
-"""Each source of the recorder through a study to a report: one hand, sent in every way, is the same hand."""
+"""The recorder through a study to a report: a hand that is sent is the same hand."""
 
-from contextlib import ExitStack
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
-from lsl_here import LSL_HERE
 from studies.running import StudyRun, record, write_study
-from tracker_processes import PATIENCE_S, emulator, started
+from tracker_processes import capture, emulator
 
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses, read_poses
 
 SECONDS = 10
-SOURCES = {
-    "socket": ("--tcp", "0"),
-    "transform": ("--igtl", "0"),
-    "qtdata": ("--igtl", "0", "--message", "qtdata"),
-    "lsl": ("--lsl", f"hand of {Path(__file__).stem}"),
-}
 NEAR_MM, NEAR = 1e-4, 1e-6
 """Numbers of 32 bits came."""
 
@@ -31,33 +22,23 @@ def poses_of(study: StudyRun, subject: str) -> Poses:
 
 
 @pytest.mark.slow
-def test_a_hand_is_the_same_by_every_source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "lsl.cfg").write_text(LSL_HERE)
-    monkeypatch.setenv("LSLAPICFG", str(tmp_path / "lsl.cfg"))
-    known = record(tmp_path / "rom.parquet", frames=SECONDS * 240)
-    sources = {name: port for name, port in SOURCES.items() if name != "lsl" or find_spec("pylsl")}
-    with ExitStack() as running:
-        recorders = []
-        for name, port in sources.items():
-            device = running.enter_context(emulator("--recording", str(known), "--loop", port=port))
-            out = str(tmp_path / f"{name}.arrows")
-            words = ("record", "--port", device.name, "--out", out, "--duration", str(SECONDS))
-            recorders.append(running.enter_context(started(*words)))
-        for recorder in recorders:
-            assert recorder.wait(PATIENCE_S) == 0
-    rows = [f"{name}\tright\trom\tboth\t{name}.arrows" for name in sources]
-    study = write_study(tmp_path, "sent", [*rows, "file\tright\trom\tboth\trom.parquet"], ["rigid"])
+def test_a_hand_that_is_sent_is_the_same(tmp_path: Path) -> None:
+    file = record(tmp_path / "rom.parquet", frames=SECONDS * 240)
+    with emulator("--recording", str(file), "--loop", port=("--tcp", "0")) as device:
+        words = ("record", "--port", device.name, "--out", str(tmp_path / "sent.arrows"))
+        assert capture(*words, "--duration", str(SECONDS)).returncode == 0
+    rows = ["came\tright\trom\tboth\tsent.arrows", "file\tright\trom\tboth\trom.parquet"]
+    study = write_study(tmp_path, "sent", rows, ["rigid"])
     study.run()
     assert study.results.report.is_file()
     assert study.rows("problems") == []
     sent = poses_of(study, "file")
     there = np.flatnonzero(sent.valid.all(0))  # the layout's forearm has no receiver
     assert len(there) == 16
-    for name in sources:
-        came = poses_of(study, name)
-        assert came.valid[:, there].all()
-        off_mm = np.abs(sent.position_mm - came.position_mm[0])[:, there].sum((1, 2))
-        rows = (came.frame - came.frame[0] + off_mm.argmin()) % len(sent.frame)
-        np.testing.assert_allclose(came.position_mm, sent.position_mm[rows], atol=NEAR_MM, err_msg=name)
-        alike = np.abs((came.quaternion * sent.quaternion[rows]).sum(-1))
-        np.testing.assert_allclose(alike[:, there], 1, atol=NEAR, err_msg=name)
+    came = poses_of(study, "came")
+    assert came.valid[:, there].all()
+    off_mm = np.abs(sent.position_mm - came.position_mm[0])[:, there].sum((1, 2))
+    rows_sent = (came.frame - came.frame[0] + off_mm.argmin()) % len(sent.frame)
+    np.testing.assert_allclose(came.position_mm, sent.position_mm[rows_sent], atol=NEAR_MM)
+    alike = np.abs((came.quaternion * sent.quaternion[rows_sent]).sum(-1))
+    np.testing.assert_allclose(alike[:, there], 1, atol=NEAR)

@@ -189,7 +189,7 @@ def test_an_event_is_added_behind_the_end(tmp_path: Path) -> None:
     pieces = list(open_archive(path).pieces())
     assert [piece.missing_rows + piece.unreadable_bytes + piece.spoilt_bytes for piece in pieces] == [0] * 9
     assert (pieces[-2].host_ns, pieces[-2].utc_offset_ns, pieces[-2].kind) == (100_000, 7, EVENT)
-    assert pa.ipc.open_stream(path).read_all().column("row").to_pylist() == list(range(27))
+    assert pa.ipc.open_stream(path).read_all().column("row").to_pylist() == list(range(28))
 
 
 @pytest.mark.parametrize("cut", [1, 8, 400])

@@ -1,1 +1,1 @@
-"""The emulator: a Polhemus LIBERTY, PATRIOT or FASTRAK made of software, on a pseudo-terminal or TCP port."""
+"""The emulator: a Polhemus LIBERTY or PATRIOT made of software, on a pseudo-terminal or TCP port."""

@@ -1,1 +1,1 @@
-"""Polhemus LIBERTY and PATRIOT: items, records, commands and replies, the set-up, and an emulated device."""
+"""Polhemus LIBERTY and PATRIOT: items, records, commands and replies, and the set-up."""

@@ -18,7 +18,7 @@ from shukotsu.stages.capture.formats.raw_capture import read_capture
 from shukotsu.stages.capture.import_recording import main
 from shukotsu.stages.capture.samples import joined
 from shukotsu.trackers.archive import ArchiveWriter
-from shukotsu.trackers.liberty.items import HEADER_BYTES, OUTPUT_ITEMS
+from shukotsu.trackers.liberty.items import HEADER_BYTES, record_type
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 LIBERTY = read_layout("liberty16")
@@ -46,7 +46,7 @@ def write_capture(path: Path, seconds: float) -> None:
 
 def _second(first: int, random: np.random.Generator) -> np.ndarray:
     """Records of 240 frames, (240, 16)."""
-    rows = np.zeros((240, len(STATIONS)), OUTPUT_ITEMS.record_type(ITEMS))
+    rows = np.zeros((240, len(STATIONS)), record_type(ITEMS))
     raw = rows.view(np.uint8).reshape(240, len(STATIONS), -1)
     raw[..., :2] = np.frombuffer(b"LY", np.uint8)
     rows["station"] = STATIONS
@@ -74,23 +74,18 @@ def test_the_tracker_is_named(tmp_path: Path) -> None:
     assert read_metadata(out)["parameters"]["tracker"] == "LIBERTY"
 
 
-NAMED = {"1": "Index-ProximalToTracker", "2": "HAND", "3": "TableToT"}
-
-
 @pytest.mark.parametrize(
-    ("names", "receivers", "segments", "note"),
+    ("receivers", "segments", "note"),
     [
-        (NAMED, None, {"hand": 2, "index_proximal": 1}, "receiver 3 (TableToT): not in layout"),
-        ({"1": "Tool 1", "9": "Tool 2"}, None, {"hand": 1, "thumb_metacarpal": 2, "thumb_proximal": 3}, ""),
-        (NAMED, {"hand": "TableToT", "ring_distal": 2}, {"hand": 3, "ring_distal": 2}, "receiver 1 (Index-"),
-        ({"1": "hand", "2": "HandToTracker"}, None, None, "two of its receivers"),
-        (NAMED, {"hand": "Tabel"}, None, "did you mean 'TableToT'"),
+        (None, {"hand": 1, "thumb_metacarpal": 2, "thumb_proximal": 3}, ""),
+        ({"hand": 3, "ring_distal": 2}, {"hand": 3, "ring_distal": 2}, "receiver 1: not in layout"),
+        ({"hand": 9}, None, "'9' is not in"),
     ],
 )
-def test_names_say_which_segment_a_tool_is(tmp_path: Path, names, receivers, segments, note) -> None:
-    """By a mapping, or by a segment's name however it is spelled, or else by the layout's numbers."""
-    given = captures.settings(names=names)
-    path = captures.write(tmp_path / "a.arrows", [captures.cycle(frame) for frame in range(20)], given)
+def test_whose_receiver_is_which_is_said_by_a_mapping_or_the_layout(
+    tmp_path: Path, receivers, segments, note
+) -> None:
+    path = captures.write(tmp_path / "a.arrows", [captures.cycle(frame) for frame in range(20)])
     mapping = receivers and mapping_from_config(
         {
             "format": "capture",
