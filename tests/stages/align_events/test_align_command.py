@@ -75,7 +75,7 @@ def test_a_plan_names_files_pulses_and_rows_of_the_sheet(tmp_path: Path) -> None
     head = HEADER.replace("\t", " ").split(" ")
     study = write_study(
         tmp_path,
-        "01 right piece both a.parquet 2",
+        "01 right piece both a.arrows 2",
         "01 right scale both b.parquet",
         "01 left scale both c.parquet",
         events="subject hand task onset_s name\n01 left scale 3.5 tap\n01 right scale 1 tap",
@@ -86,7 +86,7 @@ def test_a_plan_names_files_pulses_and_rows_of_the_sheet(tmp_path: Path) -> None
     whole = [[*line, *[""] * (len(head) - len(line)), *more] for line, more in zip(lines, added, strict=True)]
     sheet.write_text("\n".join("\t".join(line) for line in whole))
     midi_of(tmp_path, TRUE_S + 7)
-    records_of(tmp_path, TRUE_S).rename(tmp_path / "a.parquet")
+    records_of(tmp_path, TRUE_S).rename(tmp_path / "a.arrows")
     path = write_plans(study)["01"]
     plan = read_plan(path)
     for recording in plan.recordings:
