@@ -24,7 +24,6 @@ from shukotsu.schemas.table_columns import (
     REAL,
     REASON_VALUES,
     SESSION,
-    SINGLE,
     STATUS,
     SUBJECT,
     TEXT,

@@ -7,7 +7,6 @@ import pyarrow as pa
 from shukotsu.schemas.tables import Column
 
 TEXT, REAL, WHOLE, YES_NO = pa.string(), pa.float64(), pa.int64(), pa.bool_()
-SINGLE = pa.float32()
 
 SUBJECT = Column("subject", TEXT, "", "the subject's name, as in the recordings sheet")
 SESSION = Column("session", TEXT, "", "when receivers were put on; empty where the sheet names none")
