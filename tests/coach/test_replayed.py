@@ -17,6 +17,7 @@ def test_marks_come_before_the_piece_that_came_next(tmp_path: Path) -> None:
     append_events(path, [("mark", host_ns, {"kind": str(nth)}) for nth, host_ns in enumerate(at_ns)])
     replayed, came = Replayed(path, 0), []
     while not replayed.ended:
-        for piece in replayed.read():
-            came.append([mark["kind"] for mark in marks_in(piece, path)] or len(piece.kind))
+        came += [
+            [mark["kind"] for mark in marks_in(piece, path)] or len(piece.kind) for piece in replayed.read()
+        ]
     assert came == [["0"], 52, ["1"], 50, 50, ["2"], 1]
