@@ -1,5 +1,8 @@
 """Receivers on the wrong side of the transmitter, in a file of any format: put back, or gaps."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from chains import random_chain
@@ -7,9 +10,14 @@ from poses_columns import columns_of
 from simulated_poses import hand_of
 
 from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import read_poses
+from shukotsu.stages.capture.__main__ import main
 from shukotsu.stages.capture.hemispheres import expected_joints
 from shukotsu.stages.capture.poses_table import poses_table
 from shukotsu.stages.capture.samples import NUMBERS, Samples
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.recording import write_recording
+from shukotsu.stages.simulate.simulation import simulate
 
 
 def recorded(
@@ -109,3 +117,26 @@ def test_a_receiver_that_comes_off_is_left_out_from_then_on_and_kept_as_recorded
     assert np.array_equal(kept_mm, position_mm)
     assert np.array_equal(valid, flags == "")
     assert np.array_equal(np.argwhere(flags == "broken-off"), [[row, 3] for row in range(400, len(flags))])
+
+
+def test_a_raw_capture_of_the_other_hemisphere_is_named_and_put_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A raw capture cannot be edited: `--repair-hemisphere` is its cure, and no finding is left."""
+    who = ["--layout", "liberty16", "--subject", "01", "--hand", "right", "--task", "rom"]
+    drawn = simulate("01", "right", "rom", 7, Realism(), 1200)
+    poses = {}
+    for name, side in (("here", 1.0), ("there", -1.0)):
+        recording, archive = tmp_path / f"{name}.parquet", tmp_path / f"{name}.arrows"
+        write_recording(recording, replace(drawn, position_mm=side * drawn.position_mm))
+        assert main(["emulate", "--archive", str(archive), "--recording", str(recording)]) == 0
+        for repair in ([], ["--repair-hemisphere"]):
+            out = tmp_path / f"{name}{len(repair)}.parquet"
+            capsys.readouterr()
+            assert main(["import", "--in", str(archive), "--out", str(out), *who, *repair]) == 0
+            suspect = "suspect: " in (printed := capsys.readouterr().err)
+            assert suspect == (side < 0 and not repair), printed
+            assert not suspect or "hemisphere: All receivers" in printed
+            poses[name, len(repair)] = read_poses(out, drawn.segments).position_mm
+    np.testing.assert_array_equal(poses["here", 0], poses["here", 1])
+    np.testing.assert_allclose(poses["there", 1], poses["here", 0], rtol=0, atol=1e-3)
