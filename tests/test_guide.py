@@ -124,7 +124,7 @@ def inline_commands(page: Path) -> list[str]:
 
 
 LINES = [line for block in SHELL for line in commands(block)]
-LINES += [line for page in PAGES for line in inline_commands(page)]
+LINES += [line for page in PAGES if page.name != "CHANGELOG.md" for line in inline_commands(page)]
 COMMANDS = sorted({argv for line in LINES if (argv := argv_of(line)) and not PLACES & set(argv)})
 
 
