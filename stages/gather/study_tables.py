@@ -227,6 +227,7 @@ def _moved_problems(moved: pa.Table) -> list[Row]:
             task=_title(row),
         )
         for row in rows_of(moved)
+        if row["message"]
     ]
 
 
