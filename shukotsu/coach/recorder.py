@@ -15,6 +15,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from shukotsu.coach.replayed import with_marks
 from shukotsu.errors import InputError
 from shukotsu.trackers.archive import FollowedArchive, Piece, append_events
 
@@ -33,7 +34,7 @@ class Recorder:
         self._archive = FollowedArchive(out)
         self._entering = threading.Lock()
         self._entries: list[tuple[str, int, Mapping[str, Any]]] = []
-        self._given = 0  # of them, by `read`
+        self._waiting: list[tuple[str, int, Mapping[str, Any]]] = []  # for a piece that came later
         self.notes: deque[str] = deque(maxlen=MOST_NOTES)
         self._process = subprocess.Popen(
             argv,
@@ -62,17 +63,19 @@ class Recorder:
         return self._archive.ended or self.exit_code is not None
 
     def read(self) -> list[Piece]:
-        """Return what was written and entered since the last call."""
+        """Return what was written since the last call, and what was entered meanwhile, as a replay does."""
+        pieces = self._archive.read()
         with self._entering:
-            new, self._given = self._entries[self._given :], len(self._entries)
-        return [*self._archive.read(), *([Piece.of_events(new)] if new else [])]
+            return [each for piece in pieces for each in with_marks(piece, self._waiting)]
 
     def send(self, entry: Mapping[str, Any]) -> None:
         """Keep an entry for the archive. Raises InputError where the recorder is gone."""
         if self.exit_code is not None:
             raise InputError(f"the recorder has ended ({self.last_note}); begin again")
         with self._entering:
-            self._entries.append(("mark", time.perf_counter_ns(), entry))
+            made = ("mark", time.perf_counter_ns(), entry)
+            self._entries.append(made)
+            self._waiting.append(made)
 
     @property
     def last_note(self) -> str:

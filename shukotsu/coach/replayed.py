@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -49,13 +49,20 @@ def _in_time(archive: Archive) -> Iterator[Piece]:
     for piece in archive.pieces():
         marks += marks_in(piece, archive.path) if ended else []
         ended |= END in piece.kind
-    marks.sort(key=lambda mark: mark["host_ns"])
+    entries = sorted((("mark", mark["host_ns"], mark) for mark in marks), key=lambda entry: entry[1])
     for piece in archive.pieces():
-        last = END in piece.kind
-        due = sum(last or mark["host_ns"] <= piece.host_ns.max(initial=0) for mark in marks)
-        if due:
-            yield Piece.of_events([("mark", mark["host_ns"], mark) for mark in marks[:due]])
-            marks = marks[due:]
-        yield piece
-        if last:
+        yield from with_marks(piece, entries)
+        if END in piece.kind:
             return
+
+
+def with_marks(piece: Piece, entries: list[tuple[str, int, Mapping[str, Any]]]) -> Iterator[Piece]:
+    """A piece, behind those entries (name, host_ns and details, in time) that were made before its last
+    row, or before the end; they are taken off the list.
+    """
+    last_ns = piece.host_ns.max(initial=0)
+    due = sum(END in piece.kind or host_ns <= last_ns for _, host_ns, _ in entries)
+    if due:
+        yield Piece.of_events(entries[:due])
+        del entries[:due]
+    yield piece
