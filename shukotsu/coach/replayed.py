@@ -49,7 +49,9 @@ def _in_time(archive: Archive) -> Iterator[Piece]:
     for piece in archive.pieces():
         marks += marks_in(piece, archive.path) if ended else []
         ended |= END in piece.kind
-    entries = sorted((("mark", mark["host_ns"], mark) for mark in marks), key=lambda entry: entry[1])
+    entries: list[tuple[str, int, Mapping[str, Any]]] = sorted(
+        (("mark", mark["host_ns"], mark) for mark in marks), key=lambda entry: entry[1]
+    )
     for piece in archive.pieces():
         yield from with_marks(piece, entries)
         if END in piece.kind:
