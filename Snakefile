@@ -198,27 +198,6 @@ rule align_events:  # not in the paper: notes, markers and pulses, on each recor
         " --out-clocks {output.clocks:q} 2> {log:q}"
 
 
-rule check_calibration:  # not in the paper: which joints should have moved more
-    input:
-        study.poses,
-        plan=ancient(f"{subject}/plan.json"),
-        findings=f"{subject}/findings.parquet",
-    output:
-        f"{subject}/calibration_advice.parquet",
-    log:
-        f"{logs}/check_calibration/sub-{{subject}}.log",
-    resources:
-        **study.resources(1, 5),
-    params:
-        code=code_digest("shukotsu.stages.solve_joints.check_calibration"),
-        plan=study.plan,
-    message:
-        "check_calibration: subject {wildcards.subject}"
-    shell:
-        f"{run} shukotsu.stages.solve_joints.check_calibration --record-failure --plan {{input.plan:q}} --inputs {{input:q}}"
-        " --out {output:q} > /dev/null 2> {log:q}"
-
-
 rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     input:
         study.poses,

@@ -28,7 +28,7 @@ SIMULATED = ("01", "02")
 """Subjects that are simulated; the others' recordings are theirs under another name."""
 
 PAPER_MODELS = ("paper-fig3-rest", "paper-fig3", "paper-fig4", "paper-fig4-corrected", "rigid")
-ALL_MODELS = (*PAPER_MODELS, "anatomical", "whole-hand")
+ALL_MODELS = (*PAPER_MODELS, "whole-hand")
 OWN_MODEL = "paper-fig4"
 """The model whose file a study has in its own folder, to be changed there."""
 

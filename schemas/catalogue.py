@@ -269,33 +269,6 @@ BONE_LENGTHS = Table(
     ("subject", "session", "hand", "model", "made_without", "digit", "bone"),
 )
 
-CALIBRATION_ADVICE = Table(
-    "calibration_advice",
-    3,
-    "whether the calibration moves the joint enough, and what more would gain",
-    (
-        SUBJECT,
-        SESSION,
-        HAND,
-        JOINT,
-        _real("range_deg", "range of motion that it has there"),
-        _real("sd_now_mm", "1-sigma error of its centre, joint by joint with anatomy"),
-        _real("sd_moved_mm", "the same if it moved as the advice says"),
-        Column(
-            "kind",
-            TEXT,
-            "",
-            "enough or enough-on-skin; move-more; receivers-disagree, open-along-axis or uncertain: more of "
-            "the movement does not help; never-seen; finding-stands",
-        ),
-        Column(
-            "values", TEXT, "", "the numbers and names of the advice, as JSON; empty where there are none"
-        ),
-        Column("advice", TEXT, "", "the same in words"),
-    ),
-    ("subject", "session", "hand", "joint"),
-)
-
 RECEIVERS = Table(
     "receivers",
     3,
@@ -617,7 +590,6 @@ TABLES = {
         TIPS,
         TIP_ERRORS,
         BONE_LENGTHS,
-        CALIBRATION_ADVICE,
         RECEIVERS,
         MOVED_RECEIVERS,
         GAINS,

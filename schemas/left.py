@@ -12,6 +12,7 @@ _EMULATED_FAULTS = (
     "line-rate", "fifo", "baud", "power-up-text", "reinit-delay", "already-streaming", "echo",
 )  # fmt: skip
 
+_FITTED = "take whole-hand, or paper-fig4 for an arm"
 _FROM_GLB = "export glb, and convert it by Blender or usd-core (docs/handing-on.md)"
 
 LEFT = {
@@ -33,6 +34,8 @@ LEFT = {
     ("format", "ascii"): "record in binary; version 0.1 decodes an older capture in ASCII",
     ("command", "devices"): "take record --devices",
     ("command", "tracker"): "take record --ask",
+    ("model", "anatomical"): _FITTED,
+    ("joint", "anatomical"): "take solver closed, or the model whole-hand",
     ("command", "decode"): "take import, or inspect for what a capture lacks",
     **{("option", f"{command} --ascii"): "binary has all of it" for command in ("record", "coach")},
     **{
@@ -56,7 +59,8 @@ LEFT = {
 """(kind, name) -> what to take instead.
 
 Kinds: port, family, command, option (with its command: `record --marks`), export, format, model, layout,
-key (of a configuration file: `study.models`). Who refuses a name puts before the sentence where it stands.
+joint (a value in a model's group `joints`), key (of a configuration file: `study.models`). Who refuses a
+name puts before the sentence where it stands.
 """
 
 

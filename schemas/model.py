@@ -116,11 +116,6 @@ def _read(path: Path, *_: int) -> SkeletonModel:
 def model_from_config(config: dict[str, Any], where: str) -> SkeletonModel:
     """Make a model of a checked file's content; `where` names it in the InputError of one that is wrong."""
     joints, planes, metacarpals = config["joints"], config["planes"], config["metacarpals"]
-    if joints["solver"] == "anatomical" and planes["cut"]:
-        raise InputError(
-            f"{where}: planes.cut: is true; the solver anatomical gives final centres, so write planes: "
-            "{cut: false}"
-        )
     if planes["corrections"] and not planes["cut"]:
         raise InputError(f"{where}: planes.corrections: is true, but planes.cut: false makes centres final")
     fit = dict(config["fit"])

@@ -16,7 +16,7 @@ from benchmarks.benchmark_table import TextTable, add_people, workers
 N_HANDS, FIRST_SEED = 20, 5200
 """Of the documented run; seeds below are for development."""
 
-SHOWN = (estimators.PAPER, estimators.ANATOMICAL, estimators.WHOLE)
+SHOWN = (estimators.PAPER, estimators.WHOLE)
 COMPARED = (*SHOWN, estimators.LENGTHS, estimators.MEASURED)
 
 HANDS = ("right", "left")
@@ -71,8 +71,6 @@ def _one_hand(trial: Trial, names: Sequence[str]) -> Iterator[tuple[str, Estimat
     for name in names:
         if name in (estimators.PAPER, estimators.SCORE, estimators.SARA):
             yield name, estimators.joint_by_joint(trial, name)
-        elif name == estimators.ANATOMICAL:
-            yield name, estimators.anatomical(trial)
 
 
 def run(

@@ -49,7 +49,7 @@ def estimator_table(scenario: str, scores: Mapping[str, Sequence[HandScore]], pe
 
 def joint_table(scores: Mapping[str, Sequence[HandScore]], people: str) -> TextTable:
     """Median and p90 by type of joint."""
-    names = (estimators.PRIOR, estimators.PAPER, estimators.ANATOMICAL, estimators.WHOLE, estimators.MEASURED)
+    names = (estimators.PRIOR, estimators.PAPER, estimators.WHOLE, estimators.MEASURED)
     shown = [name for name in names if name in scores]
     rows: list[tuple[Cell, ...]] = []
     for kind, members in JOINT_TYPES.items():

@@ -19,7 +19,6 @@ from shukotsu.stages.fit_hand.shared_lengths import share_lengths
 from shukotsu.stages.project_planes.place import place_joint
 from shukotsu.stages.simulate.random_hand import BONES
 from shukotsu.stages.simulate.simulation import LAYOUT
-from shukotsu.stages.solve_joints.anatomical import HandSample, solve_hand
 from shukotsu.stages.solve_joints.closed import JointSolution, solve_closed
 from shukotsu.stages.solve_joints.moments import BLOCK_FRAMES, JointMoments
 from shukotsu.stages.solve_joints.solution_rows import solution_row
@@ -27,12 +26,11 @@ from shukotsu.stages.solve_joints.solve import add_block
 
 PRIOR = "prior only"
 PAPER, SCORE, SARA = "paper-fig4", "SCoRE", "SARA"
-ANATOMICAL = "anatomical"
 WHOLE = "whole-hand"
 BOTH = "whole-hand, both hands"
 LENGTHS = "whole-hand + lengths"
 MEASURED = "whole-hand + lengths, mounts"
-OURS = (PRIOR, PAPER, SCORE, SARA, ANATOMICAL, WHOLE, BOTH, LENGTHS, MEASURED)
+OURS = (PRIOR, PAPER, SCORE, SARA, WHOLE, BOTH, LENGTHS, MEASURED)
 
 MEASURED_SD_MM = 0.4
 POSED_EVERY = 20
@@ -67,22 +65,6 @@ def _on_plane(joint: Joint, solution: JointSolution) -> Centre:
         return Centre(solution.p_mm, solution.q_mm, None, solution.null_child)
     parent, child = (np.array([row[f"{half}_{axis}_mm"] for axis in "xyz"]) for half in ("parent", "child"))
     return Centre(parent, child, np.reshape(row["covariance_mm2"], (6, 6)), solution.null_child)
-
-
-def anatomical(trial: Trial) -> Estimate:
-    """The hand's joints weighed against anatomy, as the model `anatomical` does."""
-    layout = read_layout(LAYOUT)
-    joints = _solved_joints(trial)
-    started = time.process_time()
-    moments, sample = JointMoments(len(joints)), HandSample(joints)
-    sample.add(add_block(moments, trial.poses, joints))
-    solutions = solve_hand(sample, moments, layout, trial.hand, None)
-    seconds = time.process_time() - started
-    centres = {
-        name: Centre(one.p_mm, one.q_mm, one.covariance_mm2, one.null_child)
-        for name, one in solutions.items()
-    }
-    return Estimate(centres, seconds, phalanges_mm(centres))
 
 
 Fits = dict[str, list[tuple[HandFit, float]]]

@@ -243,15 +243,8 @@ sources differ by 2 to 9 mm."""
 THUMB_METACARPAL_SD_MM = 3.5
 """Of the thumb's first length: where along the bone its CMC axes lie is known to 4 mm."""
 
-JOINTWISE_LENGTH_SD = 0.055
-"""Of a bone's length, relative: both together, for the joint-by-joint estimator."""
-
 BASE_SD_MM = 2.0
 """Of a metacarpal's base about that of the average palm (ours; three hands differ by as much)."""
-
-JOINTWISE_BASE_SD_MM = 2.5
-"""Of any joint on the hand about its place, the hand's size apart (ours): of an MCP joint, what the base, the
-direction and the length of its metacarpal come to, which the joint-by-joint estimator does not tell apart."""
 
 DIRECTION_SD_RAD = float(np.radians(3.0))
 """Of a digit's direction in the flat hand, either way (ours: neighbours lie 5 to 8 deg apart)."""
@@ -302,7 +295,7 @@ HAND_MOUNT_SD_MM = (8.0, 5.0, 4.0)
 # Markers on a finger keep their spacing to 5 % in a pinch (Yang), 2 mm along a proximal phalanx; excursions
 # are linear in flexion with R^2 of 0.89 to 0.97 (Zhang), mostly along the bone, about a millimetre at
 # mid-bone.
-# JOINTWISE: assumed by the joint-by-joint estimator, whose skin has one looseness for the whole hand.
+# JOINTWISE: assumed of joints that are solved one by one, whose skin has one looseness for the whole hand.
 
 SLIDE_SD_MM, JOINTWISE_SLIDE_SD_MM = (1.0, 0.3, 0.4), (1.0, 0.45, 0.45)
 """Of a receiver per rad of an adjacent joint: along, across, in height (Zhang)."""
@@ -319,9 +312,6 @@ TURN_LAG, TURN_LAG_SD = -0.15, 0.12
 """Share of the CMC's motion that the place of a receiver over the thumb's metacarpal adds, which is less than
 none, and what its turn adds to that: the turn is known to lag by 20 to 40 %, of which slide and tilt take
 some; of the place only that it lags less (ours)."""
-
-UNDER_READING, UNDER_READING_SD = -0.25, 0.12
-"""Both together, for the joint-by-joint estimator."""
 
 RELAXED_RAD = float(np.radians(25.0))
 """Flexion of MCP, PIP, DIP and IP joints at which skin is where the receivers were put on: a hand at rest."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 import argparse
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from shukotsu.commands.study_file import USUAL
 from shukotsu.errors import InputError
 from shukotsu.files.text_files import reading
 from shukotsu.stages import command_line
+
+if TYPE_CHECKING:
+    from shukotsu.schemas.layout import Layout
 
 STUDY_ENDINGS = (".yaml", ".yml", ".json")
 
@@ -20,7 +24,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu check",
         "Read a study file and all that it names as a run would, name what it reads outside its folder, and "
         "say what in its recordings contradicts what was declared. Of a recording: say that, and which "
-        "joints should move more.",
+        "measurements on the hand would gain most.",
         "shukotsu check study.yaml\n  shukotsu check rom.csv --hand right\n  "
         "shukotsu check lab.csv --hand right --mapping mapping.yaml",
         records_failure=False,
@@ -59,13 +63,14 @@ def check(arguments: argparse.Namespace) -> None:
 def check_recording(
     path: Path, hand: str | None, layout: str, mapping: Path | None, *, repair_hemisphere: bool = False
 ) -> None:
-    """Import a recording into a folder that is removed again; print its findings, or else joints' advice."""
+    """Import a recording into a folder that is removed again; print its findings, or else what would make the
+    hand fitted to it better.
+    """
     from shukotsu.checks.checked_poses import checked_poses
     from shukotsu.schemas.findings import SUSPECT
     from shukotsu.schemas.layout import read_layout
     from shukotsu.sentences.finding_sentences import in_quotes
     from shukotsu.stages.capture import import_recording
-    from shukotsu.stages.solve_joints import check_calibration
 
     with reading(path, "a study or a recording"):
         path.stat()
@@ -81,14 +86,34 @@ def check_recording(
             import_recording.import_recording(import_recording.build_parser().parse_args([*who, *silent]))
         except InputError as error:
             raise _without_mapping(path, layout, error) if mapping is None else error from error
-        findings = checked_poses(poses, read_layout(layout).of_hand(hand)).findings
+        worn = read_layout(layout)
+        findings = checked_poses(poses, worn.of_hand(hand)).findings
         for finding in findings:
             print(f"{finding.severity}: {finding.kind}: {in_quotes(finding.message)}")
         if any(finding.severity == SUSPECT for finding in findings):
             return  # before that is settled, nothing can be said of joints
         print("" if findings else "no finding\n", end="")
-        of_hand = [f"--poses={poses}", f"--layout={layout}"]
-        check_calibration.check(check_calibration.build_parser().parse_args(of_hand))
+        for line in _gain_lines(poses, worn, hand):
+            print(line)
+
+
+def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
+    """Return what would make the hand fitted to these poses better; nothing of a layout of no hand."""
+    from numpy.linalg import LinAlgError
+
+    from shukotsu.anatomy.known_digits import no_whole_hand
+    from shukotsu.stages.fit_hand.calibration import read_thinned
+    from shukotsu.stages.fit_hand.fingertips import fingertips
+    from shukotsu.stages.fit_hand.fit import fit_hand
+    from shukotsu.stages.fit_hand.gains import gains
+    from shukotsu.stages.report.next_step import gain_lines
+
+    if no_whole_hand(layout, "whole-hand"):
+        return []
+    try:
+        return gain_lines(gains(fingertips(fit_hand([read_thinned(poses, layout.measured)], layout, hand))))
+    except LinAlgError as error:
+        raise InputError(f"no hand can be fitted to these poses ({error})") from error
 
 
 def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:

@@ -8,7 +8,7 @@ from pathlib import Path
 from shukotsu.stages import command_line
 
 STAGES = Path(__file__).parents[1] / "stages"
-FURTHER = ("export.collect", "report.subject", "solve_joints.check_calibration")
+FURTHER = ("export.collect", "report.subject")
 """Commands of stages beside their own."""
 
 

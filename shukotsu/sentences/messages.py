@@ -19,7 +19,6 @@ MESSAGES: Mapping[str, Template] = {
     "not-moved": N_("the joint did not move, so its centre cannot be found; record it moving"),
     "no-calibration": N_("no calibration recording: {reason}"),
     "none-named": N_("the study names none"),
-    "none-given": N_("none is given"),
     "no-calibration-left": N_("no calibration recording is left: {finding}"),
     "axis-in-plane": N_("the axis lies in the plane that should cut it"),
     "nowhere": N_(
@@ -80,7 +79,7 @@ MESSAGES: Mapping[str, Template] = {
     "no-anatomy": N_("no published anatomy of this digit"),
     "no-whole-hand": N_(
         "model {model} fits a whole hand, and layout {layout} is none, as no digit in it is a thumb or a "
-        "finger whose anatomy is known; take model anatomical, which solves each joint by itself"
+        "finger whose anatomy is known; take model paper-fig4, which solves each joint by itself"
     ),
     "no-orientation": N_(
         "model {model} finds a joint from two receivers that turn, and layout {layout} has points without "
@@ -108,35 +107,6 @@ MESSAGES: Mapping[str, Template] = {
         "not stated: {n} subjects are in all {times}, it takes {least}",
     ),
     "internal": N_("internal error in {stage} ({text}); please report it with the log"),
-    "enough": N_("enough"),
-    "enough-on-skin": N_(
-        "enough for a limb, whose skin moves: its receivers disagree by {gap_mm:.1f} mm at best, which is a "
-        "fault where they sit on something rigid"
-    ),
-    "move-more": N_("move it alone through {wanted_deg:.0f} deg"),
-    "move-mcp": N_("move the {digit} finger's knuckle alone through {wanted_deg:.0f} deg"),
-    "move-pip": N_("move the {digit} finger's middle joint alone through {wanted_deg:.0f} deg"),
-    "move-dip": N_("move the {digit} finger's fingertip joint alone through {wanted_deg:.0f} deg"),
-    "move-cmc": N_("move the {digit} finger's base alone through {wanted_deg:.0f} deg"),
-    "move-thumb_mcp": N_("move the thumb's knuckle alone through {wanted_deg:.0f} deg"),
-    "move-thumb_ip": N_("move the thumb's tip joint alone through {wanted_deg:.0f} deg"),
-    "move-thumb_cmc": N_("move the thumb's base alone through {wanted_deg:.0f} deg"),
-    "receivers-disagree": N_(
-        "its receivers disagree by {gap_mm:.1f} mm at best: more movement does not help; look at the "
-        "receivers on {parent} and {child}, whether one is loose"
-    ),
-    "open-along-axis": N_(
-        "it turned about one axis alone, which leaves open by {sd_mm:.0f} mm where on that axis its centre "
-        "is (at best its receivers disagree by {gap_mm:.1f} mm): more of this movement does not help; turn "
-        "it about another axis too, or take a model that cuts the axis with a plane"
-    ),
-    "uncertain": N_(
-        "known to {sd_mm:.1f} mm only, where {enough_mm:.1f} would do (at best its receivers disagree by "
-        "{gap_mm:.1f} mm), and more of this movement gains little; look at the receivers on {parent} and "
-        "{child}, and whether the layout is theirs"
-    ),
-    "never-seen": N_("no frame in which {parent} and {child} are both valid; check these receivers"),
-    "finding-stands": N_("nothing can be said before this is settled: {finding}"),
     "recording/no-pose": N_("no usable pose of {segments}; check that receiver"),
     "hand/uncalibrated": N_("no recording calibrates this hand, so none of its joints could be solved"),
     "knuckles-too-close": N_(

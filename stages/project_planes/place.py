@@ -9,7 +9,7 @@ import numpy as np
 
 from shukotsu.schemas.layout import Joint, Layout
 from shukotsu.schemas.model import SkeletonModel
-from shukotsu.schemas.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, doubts_of, noted
+from shukotsu.schemas.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, noted
 from shukotsu.sentences.messages import message_of
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.project_planes.plane import (
@@ -55,7 +55,7 @@ def place_joint(
         return row | {"status": "failed", "message": message_of("axis-in-plane")}
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
     row |= _centre(solution, placed, shift_mm, model)
-    doubts = doubts_of(solution)
+    doubts: dict[str, Values] = {}
     if model.planes.cut:
         row |= _whole_error(joint, layout, placed, solution)
         doubts |= _doubts(joint, row, model)

@@ -46,7 +46,7 @@ def opening(results: StudyResults) -> str:
     rows = [row for row in judging.joints if row["model"] == model]
     found, judged = study_beliefs(judging, model), {hand_of(row) for row in rows}
     if not found:
-        return f"{_nothing_judged(results, model)} {next_step(results)}"
+        return f"{_nothing_judged(results, model)} {next_step(results)}".rstrip()
     of = {each: [joint for joint, own in found.items() if own == each] for each in BELIEFS}
     sds = [row["sd_mm"] for row in rows if belief(row) == BELIEVED and row["sd_mm"] is not None]
     known = tr(", typically to {sds:.1f} mm", sds=median(sds)) if sds else ""
@@ -60,7 +60,7 @@ def opening(results: StudyResults) -> str:
     text += tr(": {names}.", names=joints_text(of[BELIEVED])) if of[BELIEVED] else tr(".")
     text += tr(" With care: {of}.", of=joints_text(of[CARE])) if of[CARE] else ""
     text += tr(" Not: {of}.", of=joints_text(of[NOT])) if of[NOT] else ""
-    return f"{_how_many_judged(results, judged)}{text} {next_step(results)}"
+    return f"{_how_many_judged(results, judged)}{text} {next_step(results)}".rstrip()
 
 
 def _nothing_judged(results: StudyResults, model: str) -> str:

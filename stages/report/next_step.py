@@ -1,21 +1,13 @@
-"""Choose the next step, in a sentence: settle what was found, else the one thing that would gain most.
-
-Everything that could be done is weighed by the same number, the mean 1-sigma error of a hand's joint centres
-before and after it, as the tables calibration_advice and gains have it, and the mean of that over the hands.
-"""
+"""What to record or measure next, by the table gains: of a study in a sentence, of a hand in three lines."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from statistics import mean
 
-from shukotsu.schemas.advice import MOVE
 from shukotsu.schemas.study import Hand
-from shukotsu.sentences.translation import listed, ngettext, tr
-from shukotsu.stages.report.belief import joints_text
-from shukotsu.stages.report.next_recording import doing_text
+from shukotsu.sentences.translation import N_, listed, ngettext, tr
 from shukotsu.stages.report.study_results import Row, StudyResults, hand_of
 from shukotsu.stages.report.table_cells import number
 
@@ -25,23 +17,20 @@ WORTH = 0.03
 FEW_HANDS = 3
 """So many hands are named, of more the rest is counted."""
 
+MOST_GAINS = 3
 
-@dataclass(frozen=True)
-class Step:
-    """One thing to do, in words, and the mean error of the joints, mm, before and after it."""
-
-    doing: str
-    before_mm: float
-    after_mm: float
-
-    @property
-    def gain_mm(self) -> float:
-        """By how much it lowers the error."""
-        return self.before_mm - self.after_mm
+_TOUCH = "touch"
+_PLACES = {
+    "along": N_("how far along {bone} its receiver sits"),
+    "lateral": N_("how far to the side of {bone} its receiver sits"),
+    "height": N_("how high over {bone} its receiver sits"),
+    "distal": N_("how far from the next joint the receiver of {bone} sits"),
+}
+"""Parts of a quantity that could be measured, as measurements.tsv calls them."""
 
 
 def next_step(results: StudyResults) -> str:
-    """Recommend the next step in a sentence."""
+    """Recommend the next step in a sentence; empty where no hand is fitted that could tell."""
     if results.findings:
         return tr(
             "Next: settle what was found in the recordings of {whose} (in the report: “Settle this first”) "
@@ -56,24 +45,40 @@ def next_step(results: StudyResults) -> str:
             tasks=listed(dict.fromkeys(row["task"] for row in moved)),
             whose=hands_text(dict.fromkeys(map(hand_of, moved))),
         )
-    steps = [*_modelling(results), *_moving(results), *_measuring(results)]
-    if not steps:
+    if not results.fitted:
+        return tr("Next: add {model} to the models of the study.", model="whole-hand") * results.of_hands
+    before: dict[Hand, float] = {}
+    gained: dict[str, list[float]] = defaultdict(list)
+    rows = [row for row in results.counted(results.gains) if row["model"] == results.leading]
+    for row in rows:
+        before[hand_of(row)] = row["mean_sd_before_mm"]
+        gained[row["quantity"]].append(row["mean_sd_before_mm"] - row["mean_sd_after_mm"])
+    if not rows:
         return tr("Next: see “What went wrong”.")
-    best = max(steps, key=lambda step: step.gain_mm)
+    best = max(gained, key=lambda quantity: sum(gained[quantity]))
+    before_mm, gain_mm = mean(before.values()), sum(gained[best]) / len(before)
     least_mm = WORTH * min(layout.wanted_mm for layout in results.layouts.values())
-    if best.gain_mm < least_mm:
+    if gain_mm < least_mm:
         return tr(
             "Next: nothing is worth recording or measuring again; whatever it is, it would lower the mean "
             "error of the joints by less than {least_mm:g} mm. Leave joints that are not believed out of "
             "conclusions.",
             least_mm=least_mm,
         )
+    n, hands = len(gained[best]), hands_counted(results, len(before))
+    row = next(row for row in rows if row["quantity"] == best)
+    doing = tr(
+        "{doing}, to {sd_mm:.1f} mm{where}",
+        doing=doing_text(row, asked=True),
+        sd_mm=row["sd_mm"],
+        where=tr(" ({n} of {hands})", n=n, hands=hands) if len(before) > 1 else "",
+    )
     return tr(
         "Next: {doing}. Of all that could be done that gains most: the mean error of the joints would fall "
         "from {before} to {after} mm.",
-        doing=best.doing,
-        before=number(best.before_mm),
-        after=number(best.after_mm),
+        doing=doing,
+        before=number(before_mm),
+        after=number(before_mm - gain_mm),
     )
 
 
@@ -90,80 +95,53 @@ def hands_counted(results: StudyResults, n: int) -> str:
     return ngettext("{n} hand", "{n} hands", n) if results.of_hands else ngettext("{n} side", "{n} sides", n)
 
 
-def _modelling(results: StudyResults) -> Iterator[Step]:
-    """To let a model solve it that knows anatomy, where the leading one does not: what the recordings that
-    are there then say stands in the advice, which is made so.
-    """
-    if results.fitted:
-        return
-    now = {
-        (hand_of(row), row["joint"]): row["sd_mm"]
-        for row in results.counted(results.joints)
-        if row["model"] == results.leading and row["sd_mm"] is not None
-    }
-    pairs = [
-        (now[key], row["sd_now_mm"])
-        for row in results.counted(results.advice)
-        if (key := (hand_of(row), row["joint"])) in now and row["sd_now_mm"] is not None
-    ]
-    if pairs:
-        model = "whole-hand" if results.of_hands else "anatomical"
-        before, after = zip(*pairs, strict=True)
-        yield Step(tr("add {model} to the models of the study", model=model), mean(before), mean(after))
-
-
-def _moving(results: StudyResults) -> Iterator[Step]:
-    """To record the calibration again, those joints moving more that gain most by it."""
-    of_hand: dict[Hand, list[Row]] = defaultdict(list)
-    gains: dict[str, float] = defaultdict(float)
-    for row in results.counted(results.advice):
-        if row["sd_now_mm"] is not None:
-            of_hand[hand_of(row)].append(row)
-            gains[row["joint"]] += _gain_mm(row)
-    if not of_hand:
-        return
-    most = max(gains.values())
-    named = {joint for joint, gain in gains.items() if most > 0 and 2 * gain >= most}
-    lacking = [h for h, rows in of_hand.items() if any(_gain_mm(r) > 0 for r in rows if r["joint"] in named)]
-    before = [mean(row["sd_now_mm"] for row in rows) for rows in of_hand.values()]
-    gained = [
-        sum(_gain_mm(row) for row in rows if row["joint"] in named) / len(rows) for rows in of_hand.values()
-    ]
-    doing = tr(
-        "let {joints} move more when calibrating{where}",
-        joints=joints_text(joint for joint in gains if joint in named),
-        where=_where(results, len(lacking), len(of_hand)),
-    )
-    yield Step(doing, mean(before), mean(before) - mean(gained))
-
-
-def _gain_mm(row: Row) -> float:
-    """By how much a joint's error would fall if it moved as advised; nothing where that is not advised."""
-    if row["kind"] != MOVE or row["sd_moved_mm"] is None:
-        return 0.0
-    return max(0.0, float(row["sd_now_mm"] - row["sd_moved_mm"]))
-
-
-def _measuring(results: StudyResults) -> Iterator[Step]:
-    """To measure one more thing on every hand of which that is known, under the leading model."""
-    of_hand: dict[Hand, dict[str, Row]] = defaultdict(dict)
-    for row in results.counted(results.gains):
-        if row["model"] == results.leading:
-            of_hand[hand_of(row)][row["quantity"]] = row
-    before = {hand: next(iter(rows.values()))["mean_sd_before_mm"] for hand, rows in of_hand.items()}
-    for quantity in dict.fromkeys(quantity for rows in of_hand.values() for quantity in rows):
-        own = {hand: rows[quantity] for hand, rows in of_hand.items() if quantity in rows}
-        after = [own[hand]["mean_sd_after_mm"] if hand in own else before[hand] for hand in of_hand]
-        row = next(iter(own.values()))
-        doing = tr(
-            "{doing}, to {sd_mm:.1f} mm{where}",
-            doing=doing_text(row, asked=True),
+def gain_lines(rows: Sequence[Row]) -> list[str]:
+    """Return what the best of a hand's rows of gains would do, a sentence each, at most three."""
+    return [
+        tr(
+            "{doing} to {sd_mm:.1f} mm would take {joint} from {joint_sd_before_mm:.1f} to "
+            "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
+            doing=doing_text(row),
             sd_mm=row["sd_mm"],
-            where=_where(results, len(own), len(of_hand)),
+            joint=_joint_text(row["joint"], row["quantity"].partition(".")[0].partition("_")[0]),
+            joint_sd_before_mm=row["joint_sd_before_mm"],
+            joint_sd_after_mm=row["joint_sd_after_mm"],
+            before=number(row["mean_sd_before_mm"]),
+            after=number(row["mean_sd_after_mm"]),
         )
-        yield Step(doing, mean(before.values()), mean(after))
+        for row in rows[:MOST_GAINS]
+    ]
 
 
-def _where(results: StudyResults, n: int, of: int) -> str:
-    """On how many of the hands that is to be done; empty where there is one hand."""
-    return tr(" ({n} of {hands})", n=n, hands=hands_counted(results, of)) if of > 1 else ""
+def doing_text(row: Row, *, asked: bool = False) -> str:
+    """Describe the action of a row of gains; asked : as something to do, not as something done."""
+    name, _, part = row["quantity"].partition(".")
+    if part == _TOUCH:
+        touch = (
+            N_("touch a known point with the tip of {digit_text}")
+            if asked
+            else N_("Touching a known point with the tip of {digit_text}")
+        )
+        return tr(touch, digit_text=_digit_text(name))
+    what = tr(_PLACES[part], bone=_bone_text(name)) if part else _bone_text(name)
+    return tr("measure {what}", what=what) if asked else tr("Measuring {what}", what=what)
+
+
+def _digit_text(digit: str) -> str:
+    return tr("the thumb") if digit == "thumb" else tr("the {digit} finger", digit=digit)
+
+
+def _bone_text(segment: str) -> str:
+    digit, _, kind = segment.rpartition("_")
+    if not digit:
+        return tr("the {segment}", segment=segment)
+    bone = kind if kind == "metacarpal" else f"{kind} phalanx"
+    return tr("{owner}'s {segment}", owner=_digit_text(digit), segment=bone)
+
+
+def _joint_text(joint: str, of_digit: str) -> str:
+    digit, _, kind = joint.rpartition("_")
+    if not digit:
+        return tr("the {joint}", joint=joint)
+    owner = tr("its") if digit == of_digit else tr("{owner}'s", owner=_digit_text(digit))
+    return tr("{owner} {joint}", owner=owner, joint=kind.upper())

@@ -31,7 +31,7 @@ HandModel = tuple[Hand, str]
 
 FIRST_FRAME, LEAST_SQUARES = "first-frame", "least-squares"
 HANDS = ("right", "left")
-FITTED_TABLES = ("receivers", "gains", "receiver_costs")
+FITTED_TABLES = ("receivers", "gains")
 
 _ROWS_OF = {
     "recordings": "recording_rows",
@@ -41,10 +41,8 @@ _ROWS_OF = {
     "tip_errors": "tip_errors",
     "skeleton_scores": "scores",
     "joint_errors": "joint_errors",
-    "calibration_advice": "advice",
     "receivers": "receivers",
     "gains": "gains",
-    "receiver_costs": "receiver_costs",
     **{name: name for name in MODEL_COMPARISONS},
 }
 """The tables that are read, and what StudyResults calls their rows."""
@@ -104,10 +102,8 @@ class StudyResults:
     tip_errors: list[Row]
     scores: list[Row]
     joint_errors: list[Row]
-    advice: list[Row]
     receivers: list[Row]
     gains: list[Row]
-    receiver_costs: list[Row]
     model_values: list[Row]
     model_pairs: list[Row]
     model_differences: list[Row]
@@ -196,7 +192,6 @@ class StudyResults:
     bones_of = _by_hand_and_model("bones")
     receivers_of = _by_hand_and_model("receivers")
     gains_of = _by_hand_and_model("gains")
-    receiver_costs_of = _by_hand_and_model("receiver_costs")
 
     @property
     def fitted(self) -> list[str]:

@@ -11,7 +11,7 @@ from shukotsu.stages.report import provenance
 from shukotsu.stages.report.headline import opening, used_text
 from shukotsu.stages.report.links import link, recording_links
 from shukotsu.stages.report.measured_ranges import measured_ranges, measured_table
-from shukotsu.stages.report.next_recording import next_recording
+from shukotsu.stages.report.next_step import gain_lines
 from shukotsu.stages.report.paper_tables import (
     SLIPS,
     is_the_papers_hand,
@@ -69,7 +69,11 @@ def render_subject(results: StudyResults) -> str:
         truth=truth_table(results, who),
         truth_said=truth_summary(results, who, results.leading),
         joint_errors=joint_error_tables(results, who),
-        next_recording=[next_recording(results, hand) for hand in reversed(hands)],
+        next_recording=[
+            {"hand": tr("{hand} hand", hand=hand.hand.capitalize()), "lines": gain_lines(rows)}
+            for hand in reversed(hands)
+            if (rows := results.gains_of.get((hand, results.leading)))
+        ],
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
         skeletons=skeleton_pictures(results, posed),
         bones=[

@@ -1,4 +1,4 @@
-"""Which joints to believe: hand by hand, and over the whole study; the reasons; and what would help."""
+"""Which joints to believe: hand by hand, and over the whole study; and the reasons."""
 
 from __future__ import annotations
 
@@ -8,12 +8,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from statistics import median
 
-from shukotsu.schemas.advice import NOTHING_TO_DO, advice_text
-from shukotsu.schemas.findings import values_of
 from shukotsu.schemas.study import Hand, path_token
 from shukotsu.sentences.translation import N_, listed, tr, word
 from shukotsu.stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, commonest, reasons_of
-from shukotsu.stages.report.study_results import Row, StudyResults, hand_of
+from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.stages.report.table_cells import DASH, Block, DataTable, number
 
 APART_MM = 5.0
@@ -90,19 +88,12 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     """
     found = verdicts(results, hand, model)
     columns = [c for c in _COLUMNS if any(v.row[c[1]] is not None for v in found)]
-    advice = {
-        row["joint"]: ""
-        if row["kind"] in NOTHING_TO_DO
-        else advice_text(row["joint"], row["kind"], values_of(row["values"]))
-        for row in results.advice
-        if hand_of(row) == hand
-    }
-    helps = any(advice.get(v.joint) for v in found)
     header = (
         tr("Joint"),
         tr("Believe it?"),
         tr("SD of the centre [mm]"),
         *(heading for heading, _, _ in columns),
+        tr("Farthest other model [mm]"),
     )
     rows = tuple(
         (
@@ -111,17 +102,14 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
             number(v.row["sd_mm"]),
             *(number(v.row[name], decimals) for _, name, decimals in columns),
             _apart_in_words(v),
-            *((advice.get(v.joint, ""),) if helps else ()),
         )
         for v in found
     )
-    header += (tr("Farthest other model [mm]"), *((tr("What would help"),) if helps else ()))
-    last = len(header) - 1
     return DataTable(
         tr("Whether to believe the joints of {model}: {hand}.", model=model, hand=hand),
         (Block(header, rows),),
         tuple(reasons(found)) if rows else (tr(NO_JOINT),),
-        frozenset({0, 1, last, last - helps}),
+        frozenset({0, 1, len(header) - 1}),
         tuple(joint_anchor(hand, v.joint, model) for v in found),
     )
 

@@ -22,7 +22,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage solve_joints --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16 --model paper-fig4 --out joint_solutions.parquet",
     )
-    subject_stage.add_plan_options(parser, calibration="--poses", sizes=("hand_length_mm",))
+    subject_stage.add_plan_options(parser, calibration="--poses")
     parser.add_argument("--out", type=Path, required=True, help="the joint_solutions table to write")
     return parser
 
@@ -55,7 +55,6 @@ def solve(arguments: argparse.Namespace) -> None:
 def part_requests(plan: SubjectPlan) -> list[PartRequest]:
     """List the inputs to solve every part of the plan from."""
     from shukotsu.stages.solve_joints.part_solutions import PartRequest
-    from shukotsu.stages.solve_joints.solve import HandDescription
 
     return [
         PartRequest(
@@ -63,7 +62,6 @@ def part_requests(plan: SubjectPlan) -> list[PartRequest]:
             tuple(plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)),
             plan.layouts[part.hand],
             plan.models[part.model].solving,
-            HandDescription(part.hand, plan.hand_length_mm),
         )
         for part in plan.parts()
     ]

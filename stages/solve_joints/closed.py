@@ -6,11 +6,10 @@ pose; `solve_closed` turns the results into the parent's and the child's receive
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from shukotsu.schemas.verdict import Doubts
 from shukotsu.skeleton.angle_range import angle_range, flattening
 from shukotsu.skeleton.effective_samples import effective_samples
 from shukotsu.skeleton.rotations import Array
@@ -31,7 +30,6 @@ class JointSolution:
     mean_rotation : (3, 3) mean of R_a^T R_b.
     singular_values : (6,) of the stack over sqrt(frames), largest first.
     covariance_mm2 : (6, 6) of (p, q), without the null direction when five singular values are inverted.
-    doubts : what the solver knows against the centre, by kind (shukotsu.schemas.verdict).
     """
 
     p_mm: Array
@@ -49,7 +47,6 @@ class JointSolution:
     axis_sd_deg: float
     n_frames: int
     n_effective: float
-    doubts: Doubts = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

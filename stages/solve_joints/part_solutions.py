@@ -14,12 +14,7 @@ from shukotsu.schemas.parts import Part
 from shukotsu.schemas.poses import usable_poses
 from shukotsu.sentences.messages import joined, message_of
 from shukotsu.stages.solve_joints.solution_rows import Row, solution_rows
-from shukotsu.stages.solve_joints.solve import (
-    ANATOMICAL,
-    HandDescription,
-    solve_recordings,
-    stream_recordings,
-)
+from shukotsu.stages.solve_joints.solve import solve_recordings, stream_recordings
 
 
 @dataclass(frozen=True)
@@ -32,7 +27,6 @@ class PartRequest:
     poses: tuple[Path, ...]
     layout: Layout
     settings: JointSolving
-    hand: HandDescription
 
 
 def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Exception]:
@@ -59,15 +53,13 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Excep
 
 def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[Row]]:
     """Solve the joints of one hand's recordings with every solver that the group asks for."""
-    layout, hand = group[0].layout, group[0].hand
+    layout = group[0].layout
     usable, reasons = usable_poses(group[0].poses)
     for reason in reasons:
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
     settings = dict.fromkeys(request.settings for request in group)
-    recordings = stream_recordings(
-        usable, layout, sample_frames=any(own.solver == ANATOMICAL for own in settings)
-    )
-    rows = {own: solution_rows(layout, solve_recordings(recordings, own, hand)) for own in settings}
+    recordings = stream_recordings(usable, layout)
+    rows = {own: solution_rows(layout, solve_recordings(recordings, own)) for own in settings}
     if not usable:
         why = message_of("no-calibration", reason=joined(reasons) or message_of("none-named"))
         rows = {own: [{**row, "message": why} for row in failed] for own, failed in rows.items()}

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from shukotsu.schemas.layout import Joint, Layout
-from shukotsu.schemas.verdict import noted
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.solve_joints.closed import JointSolution
 
@@ -55,7 +54,7 @@ def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
         "singular_values": solution.singular_values,
         "covariance_mm2": solution.covariance_mm2.ravel(),
         **{name: getattr(solution, name) for name in _SCALARS},
-        "reason_values": noted(solution.doubts)["reason_values"],
+        "reason_values": "",
         "status": "ok",
         "message": "",
     }

@@ -12,80 +12,43 @@ from shukotsu.schemas.layout import Joint, Layout
 from shukotsu.schemas.model import JointSolving
 from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_poses
 from shukotsu.sentences.messages import message_of
-from shukotsu.stages.solve_joints.anatomical import HandSample, WeighedHand, solutions, weigh_hand
 from shukotsu.stages.solve_joints.closed import JointSolution, is_solvable, solve_closed
-from shukotsu.stages.solve_joints.moments import BLOCK_FRAMES, JointMoments, RelativePoses, relative_poses
+from shukotsu.stages.solve_joints.moments import BLOCK_FRAMES, JointMoments, relative_poses
 from shukotsu.stages.solve_joints.stacked import solve_stacked
-
-ANATOMICAL = "anatomical"
-"""The solver that weighs joints against anatomy, for which frames are sampled."""
-
-
-@dataclass(frozen=True)
-class HandDescription:
-    """Whose anatomy to expect: the side, right or left, and the length where it was measured."""
-
-    side: str
-    length_mm: float | None = None
 
 
 @dataclass(frozen=True)
 class StreamedRecordings:
-    """Recordings read once: moments of every solvable joint, and which segments had a valid pose.
-
-    sample : frames spread over the postures; None where they were not sampled.
-    """
+    """Recordings read once: moments of every solvable joint, and which segments had a valid pose."""
 
     paths: tuple[Path, ...]
     layout: Layout
     moments: JointMoments
     seen: Mapping[str, bool]
-    sample: HandSample | None
-
-    def weigh(self, hand: HandDescription) -> WeighedHand | None:
-        """Weigh the sample against anatomy, see `anatomical.weigh_hand`."""
-        if self.sample is None:
-            raise ValueError("the frames were not sampled")
-        return weigh_hand(self.sample, self.moments, self.layout, hand.side, hand.length_mm)
 
 
-def stream_recordings(paths: Sequence[Path], layout: Layout, *, sample_frames: bool) -> StreamedRecordings:
-    """Go through recordings once; only moments and samples stay in memory.
-
-    sample_frames : whether to sample frames of the layout's solvable joints along the way. Raises InputError
-    where a file is no poses table.
+def stream_recordings(paths: Sequence[Path], layout: Layout) -> StreamedRecordings:
+    """Go through recordings once; only moments stay in memory. Raises InputError where a file is no poses
+    table.
     """
     moments = JointMoments(len(layout.solvable), sum(map(frame_count, paths)))
-    sample = HandSample(layout.solvable) if sample_frames else None
     seen = dict.fromkeys(layout.measured, False)
     for path in paths:
         for block in pose_blocks(path, layout.measured, BLOCK_FRAMES):
-            relative = add_block(moments, block, layout.solvable)
-            if sample is not None:
-                sample.add(relative)
+            add_block(moments, block, layout.solvable)
             for index, segment in enumerate(block.segments):
                 seen[segment] |= bool(block.valid[:, index].any())
-    return StreamedRecordings(tuple(paths), layout, moments, seen, sample)
+    return StreamedRecordings(tuple(paths), layout, moments, seen)
 
 
 def solve_recordings(
-    recordings: StreamedRecordings, settings: JointSolving, hand: HandDescription
+    recordings: StreamedRecordings, settings: JointSolving
 ) -> dict[str, JointSolution | str]:
-    """Solve every joint between two receivers; a joint without an answer has the reason instead.
-
-    hand : for the solver `anatomical` alone.
-    """
-    if settings.solver == ANATOMICAL:
-        solved = solutions(recordings.weigh(hand), recordings.moments)
-    else:
-        solved = {
-            joint.name: _solve_joint(recordings, index, joint, settings)
-            for index, joint in enumerate(recordings.layout.solvable)
-            if is_solvable(recordings.moments, index)
-        }
+    """Solve every joint between two receivers; a joint without an answer has the reason instead."""
     return {
-        joint.name: solved.get(joint.name)
-        or _reason(joint, recordings.seen, int(recordings.moments.count[index]))
+        joint.name: _solve_joint(recordings, index, joint, settings)
+        if is_solvable(recordings.moments, index)
+        else _reason(joint, recordings.seen, int(recordings.moments.count[index]))
         for index, joint in enumerate(recordings.layout.solvable)
     }
 
@@ -99,13 +62,11 @@ def _solve_joint(
     return solution
 
 
-def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> RelativePoses:
-    """Add a block of poses to the moments of those joints; give the joints' relative poses."""
+def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> None:
+    """Add a block of poses to the moments of those joints."""
     parents = np.array([block.index(joint.parent_receiver) for joint in joints])
     children = np.array([block.index(joint.child) for joint in joints])
-    relative = relative_poses(block.quaternion, block.position_mm, block.valid, parents, children)
-    moments.add(relative)
-    return relative
+    moments.add(relative_poses(block.quaternion, block.position_mm, block.valid, parents, children))
 
 
 def _by_stack(

@@ -1,4 +1,4 @@
-"""`shukotsu check` of a recording: findings first; advice on joints only where nothing contradicts."""
+"""`shukotsu check` of a recording: findings first; what would gain only where nothing contradicts."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_a_good_recording_has_a_line_a_joint(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_good_recording_has_three_lines_on_what_would_gain(
+    rom: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert check([str(rom), "--hand", "right"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "no finding"
-    assert lines[1].split()[:2] == ["joint", "turned"]
-    assert [line.split()[0] for line in lines[2:]][:4] == ["thumb_cmc", "thumb_mcp", "thumb_ip", "index_mcp"]
+    assert len(lines) == 4
+    assert all(line.startswith(("Measuring ", "Touching ")) for line in lines[1:])
     assert list(rom.parent.iterdir()) == [rom]  # nothing is left beside it
 
 
@@ -37,7 +39,7 @@ def test_of_the_other_hand_only_that_is_said(rom: Path, capsys: pytest.CaptureFi
     assert check([str(rom), "--hand", "left"]) == 0
     out = capsys.readouterr().out
     assert out.startswith("suspect: wrong-hand: This seems to be a right hand")
-    assert "thumb_cmc" not in out
+    assert "Measuring" not in out
 
 
 def test_a_receiver_on_the_other_side_is_put_back_if_asked(

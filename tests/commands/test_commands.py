@@ -61,9 +61,9 @@ def test_the_help_names_every_command(tmp_path: Path) -> None:
 
 def test_a_stage_is_run_alone(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["stage", "solve_joints.check_calibration", "--help"])
+        main(["stage", "export.collect", "--help"])
     assert ended.value.code == 0
-    assert "usage: shukotsu stage solve_joints.check_calibration" in capsys.readouterr().out
+    assert "usage: shukotsu stage export.collect" in capsys.readouterr().out
 
 
 def test_outside_the_environment_it_is_a_sentence(tmp_path: Path) -> None:

@@ -23,10 +23,8 @@ from shukotsu.schemas.poses import Poses, read_poses
 from shukotsu.schemas.units import MM_PER_UNIT
 from shukotsu.skeleton.rotations import Array, conjugate, matrix
 from shukotsu.stages.capture import import_recording
+from shukotsu.stages.fit_hand.fit import Settings, fit_hand
 from shukotsu.stages.simulate.simulation import LAYOUT
-from shukotsu.stages.solve_joints.anatomical import HandSample, solve_hand
-from shukotsu.stages.solve_joints.moments import JointMoments
-from shukotsu.stages.solve_joints.solve import add_block
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 PARTS = {"quaternion": ("1", "2", "3", "4"), "euler": ("az", "el", "ro")}
@@ -188,13 +186,7 @@ def _written(brought: Brought, folder: Path) -> Iterator[str]:
 
 
 def centres(poses: Sequence[Poses], layout: Layout, hand: str) -> Iterator[tuple[str, Array]]:
-    """Solve joints of recordings under the model anatomical: (2, 3) mm, along the axes of the two bones."""
-    seen = {*poses[0].segments}
-    joints = [one for one in layout.solvable if {one.parent_receiver, one.child} <= seen]
-    total, sample = JointMoments(len(joints)), HandSample(joints)
-    for own in poses:
-        sample.add(add_block(total, own, joints))
-    for name, solution in solve_hand(sample, total, layout, hand, None).items():
-        ends = (layout.joints[name].parent_receiver, layout.joints[name].child)
-        own_mm = zip(ends, (solution.p_mm, solution.q_mm), strict=True)
-        yield name, np.array([layout.segments[end].axes.T @ centre for end, centre in own_mm])
+    """Yield joints as the whole hand's fit has them: (2, 3) mm, along the axes of both bones."""
+    for name, joint in fit_hand(poses, layout, hand, settings=Settings(n_frames=40, rounds=0)).joints.items():
+        ends = (joint.parent_segment, joint.parent_mm), (joint.child_segment, joint.child_mm)
+        yield name, np.array([layout.segments[end].axes.T @ centre for end, centre in ends])

@@ -27,7 +27,6 @@ from shukotsu.stages.project_planes.__main__ import main as project_planes
 from shukotsu.stages.report.__main__ import main as report
 from shukotsu.stages.report.subject import main as subject_pages
 from shukotsu.stages.solve_joints.__main__ import main as solve_joints
-from shukotsu.stages.solve_joints.check_calibration import main as check_calibration
 
 pytestmark = pytest.mark.slow
 
@@ -35,7 +34,6 @@ BUILT = {"joints": "joint_centres", "bones": "bone_lengths", "metacarpals": "met
 STAGES: dict[str, tuple[Callable[[list[str]], int], dict[str, str]]] = {
     "check_recordings": (check_recordings, {"out": "findings"}),
     "align_events": (align_events, {"out": "events", "out-clocks": "clocks"}),
-    "solve_joints.check_calibration": (check_calibration, {"out": "calibration_advice"}),
     "solve_joints": (solve_joints, {"out": "joint_solutions"}),
     "project_planes": (project_planes, {"joints": "joint_solutions", "out": "projected_joints"}),
     "fit_hand": (fit_hand, {}),
@@ -55,7 +53,6 @@ STAGES: dict[str, tuple[Callable[[list[str]], int], dict[str, str]]] = {
 IN_A_PART = {
     "check_recordings": "shukotsu.checks.checked_poses.checked_poses",
     "align_events": "shukotsu.stages.align_events.recording_events.RecordingEvents.aligned",
-    "solve_joints.check_calibration": "shukotsu.stages.solve_joints.calibration_advice.advise",
     "solve_joints": "shukotsu.stages.solve_joints.part_solutions.solution_rows",
     "project_planes": "shukotsu.stages.project_planes.place.place_joint",
     "fit_hand": "shukotsu.stages.fit_hand.calibration.fit_hand",

@@ -20,7 +20,6 @@ from shukotsu.schemas.tables import Provenance, columns_from_rows, read_table, w
 from shukotsu.stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
 from shukotsu.stages.fit_hand.hand_tables import FIT
 from shukotsu.stages.measure_movement.__main__ import main as measure_movement
-from shukotsu.stages.solve_joints.check_calibration import main as check_calibration
 
 pytestmark = pytest.mark.slow
 
@@ -49,7 +48,6 @@ def run(subject: PlannedSubject) -> PlannedSubject:
         assert subject.fit(hand, "--record-failure") == 0
         assert subject.fit(hand, "--record-failure", model=REFERENCE) == 0
     run_stages(subject.plan_file, "--record-failure")
-    assert check_calibration([*own, f"--out={folder / 'calibration_advice.parquet'}"]) == 0
     scores = [f"--out={folder}/skeleton_scores.parquet", f"--out-joints={folder}/joint_errors.parquet"]
     assert evaluate_skeletons([*own, *scores]) == 0
     assert measure_movement([*own, f"--out={folder}"]) == 0

@@ -1,4 +1,4 @@
-"""Pages that teach: their pictures are there, say what they show, fetch nothing; they ask as advice does."""
+"""Pages that teach: their pictures are there, say what they show, fetch nothing."""
 
 import re
 from pathlib import Path
@@ -6,18 +6,8 @@ from xml.etree import ElementTree
 
 import pytest
 
-from shukotsu.stages.solve_joints.calibration_advice import WANTED_DEG
-
 DOCS = Path(__file__).parents[2] / "docs"
 PICTURES = sorted((DOCS / "pictures").glob("*.svg"))
-KINDS = {
-    "thumb CMC": "cmc",
-    "thumb MCP": "thumb_mcp",
-    "thumb IP": "ip",
-    "MCP": "mcp",
-    "PIP": "pip",
-    "DIP": "dip",
-}
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -45,13 +35,6 @@ def test_a_picture_says_in_words_what_it_shows_and_is_whole_by_itself(picture: P
     assert root.findtext(f"{SVG}desc")
     assert root.get("lang") == ("ja" if picture.name.endswith(".ja.svg") else "en")
     assert not re.search(r"(?:href|src)=\"(?!#)|url\((?!#)|<script", text)
-
-
-def test_the_page_asks_for_what_the_advice_asks_for() -> None:
-    rows = re.findall(r"^\| ([\w ]+?) \| (\d+) \|$", text_of("calibration-movements.md"), re.MULTILINE)
-    assert {joint: float(degrees) for joint, degrees in rows} == {
-        name: WANTED_DEG[kind] for name, kind in KINDS.items()
-    }
 
 
 def test_the_protocol_has_a_box_for_every_movement_of_the_page() -> None:

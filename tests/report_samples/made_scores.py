@@ -1,6 +1,6 @@
-"""Made-up scores, joint errors, advice, receivers and gains of a hand, as the earlier stages write them.
+"""Made-up scores, joint errors, receivers and gains of a hand, as the earlier stages write them.
 
-On the first subject's left hand the ring DIP joint failed, the little DIP joint should move more, and the
+On the first subject's left hand the ring DIP joint failed, and the
 receiver of the ring's middle phalanx came loose.
 """
 
@@ -9,10 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from shukotsu.schemas.advice import ENOUGH, MOVE
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel
-from shukotsu.stages.solve_joints.calibration_advice import Advice
 
 Rows = list[dict[str, Any]]
 
@@ -78,21 +76,6 @@ def joint_error_rows(key: dict[str, str], layout: Layout, models: list[SkeletonM
                 row |= {"axis_deg": 2 * error if layout.joints[joint].dof == 1 else None}
                 row |= {} if name == "prior-only" else {"within_95": error < 5, "sd_mm": 1.0}
             rows.append(row)
-    return rows
-
-
-def advice_rows(key: dict[str, str], layout: Layout) -> Rows:
-    """Rows of calibration_advice: enough everywhere, but for one joint of the spoiled hand."""
-    rows: Rows = []
-    for joint in seen_joints(layout):
-        lacks = spoiled(key) and joint == "little_dip"
-        kind, values = (MOVE, {"wanted_deg": 40.0}) if lacks else (ENOUGH, {})
-        numbers = {
-            "range_deg": 8.0 if lacks else 60.0,
-            "sd_now_mm": 4.5,
-            "sd_moved_mm": 2.0 if lacks else 4.5,
-        }
-        rows.append(_hand(key) | Advice(joint, *numbers.values(), kind, values).columns)
     return rows
 
 

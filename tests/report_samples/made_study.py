@@ -16,7 +16,6 @@ import numpy as np
 import pyarrow as pa
 
 from report_samples.made_scores import (
-    advice_rows,
     cost_rows,
     gain_rows,
     joint_error_rows,
@@ -154,7 +153,6 @@ def _add_judgement(rows: Rows, key: dict[str, str], models: list[SkeletonModel],
     layout = read_layout("liberty16")
     rows["skeleton_scores"] += score_rows(key, layout, models, simulated=simulated)
     rows["joint_errors"] += joint_error_rows(key, layout, models) if simulated else []
-    rows["calibration_advice"] += advice_rows(key, layout)
     for model in (model for model in models if model.fitting is not None):
         rows["receivers"] += receiver_rows(key, layout, model.name)
         rows["gains"] += gain_rows(key, model.name)

@@ -39,7 +39,7 @@ def test_the_papers_tables() -> None:
         ("model: mine", "the key 'description' is missing"),
         (
             "model: mine\ndescription: d\njoints: {solver: anatomical}",
-            "planes.cut: is true; the solver anatomical gives final centres",
+            "joints.solver: anatomical left in 0.2: take solver closed",
         ),
         (
             "model: mine\ndescription: d\nplanes: {cut: false, corrections: true}",

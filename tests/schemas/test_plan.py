@@ -37,7 +37,7 @@ SHEETS = {
     "corrections": "subject hand joint dx_mm dy_mm dz_mm\n02 right wrist 1 2 3\n01 right thumb_ip 1 2 3.5",
     "measurements": "subject hand quantity value_mm sd_mm\n01 right hand_breadth 80 2",
 }
-MODELS = ("rigid", "anatomical")
+MODELS = ("rigid", "whole-hand")
 RIGHT, LEFT = "right", "left"
 
 
@@ -167,19 +167,19 @@ def test_which_recordings_calibrate_and_which_are_evaluated(
 ) -> None:
     read = plan(tmp_path, *rows)
     assert tasks(read.calibrating(RIGHT, "rigid")) == from_evaluated
-    assert tasks(read.calibrating(RIGHT, "anatomical")) == tasks(read.all_calibrating(RIGHT)) == from_all
+    assert tasks(read.calibrating(RIGHT, "whole-hand")) == tasks(read.all_calibrating(RIGHT)) == from_all
     assert tasks(read.evaluated(RIGHT)) == evaluated
 
 
 @pytest.mark.parametrize(
     ("rows", "model", "left_out"),
     [
-        (("01 right c calibration 1", "01 right b both 2"), "anatomical", {"b": "c"}),
+        (("01 right c calibration 1", "01 right b both 2"), "whole-hand", {"b": "c"}),
         (("01 right c calibration 1", "01 right b both 2"), "rigid", {"b": "c"}),
         (("01 right b both 1", "01 right d both 2"), "rigid", {"b": "d", "d": "b"}),
-        (("01 right c calibration 1", "01 right e evaluation 2"), "anatomical", {}),
-        (("01 right b both 1",), "anatomical", {}),
-        (("01 right b both 1", "01 left c calibration 2"), "anatomical", {}),
+        (("01 right c calibration 1", "01 right e evaluation 2"), "whole-hand", {}),
+        (("01 right b both 1",), "whole-hand", {}),
+        (("01 right b both 1", "01 left c calibration 2"), "whole-hand", {}),
     ],
     ids=["with-a-calibration", "the-papers", "each-other", "held-out-anyhow", "nothing-left", "other-hands"],
 )

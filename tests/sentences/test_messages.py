@@ -8,18 +8,15 @@ from pathlib import Path
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.advice import GAP, KINDS, MOVE, advice_text
 from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
-from shukotsu.schemas.findings import NOTE, same_file, worded
+from shukotsu.schemas.findings import NOTE, worded
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.tables import Provenance, rows_of
 from shukotsu.sentences.messages import (
-    MESSAGES,
     Message,
     joined,
     message_of,
-    of_finding,
     read_message,
     values_text,
 )
@@ -27,15 +24,6 @@ from shukotsu.stages.solve_joints.solution_rows import solution_row
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 LOST = message_of("no-valid-pose", segments=["index_distal", "hand"])
-VALUES = {
-    "wanted_deg": 40.0,
-    "gap_mm": 12.34,
-    "sd_mm": 353.6,
-    "enough_mm": 3.4,
-    "parent": "hand",
-    "child": "lid",
-    "finding": of_finding("same-file", "", same_file("right", "rom").values),
-}
 
 
 def test_a_message_is_its_english_sentence() -> None:
@@ -69,27 +57,3 @@ def test_a_table_keeps_what_a_message_is_made_of(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no valid pose of index_distal and hand") as caught:
         read_part(path, JOINT_SOLUTIONS, other)
     assert worded("hand", NOTE, caught.value.message).values == {"message": list(LOST.parts)}
-
-
-@pytest.mark.parametrize(
-    ("joint", "said"),
-    [
-        ("little_dip", "move the little finger's fingertip joint alone through 40 deg"),
-        ("thumb_cmc", "move the thumb's base alone through 40 deg"),
-        ("elbow", "move it alone through 40 deg"),
-    ],
-)
-def test_what_to_move_has_the_words_that_people_use(joint: str, said: str) -> None:
-    assert advice_text(joint, MOVE, VALUES) == said
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_advice_has_a_whole_sentence(kind: str) -> None:
-    said = advice_text("elbow", kind, VALUES)
-    assert kind in MESSAGES
-    assert said
-    assert "{" not in said
-
-
-def test_advice_has_its_numbers() -> None:
-    assert "by 12.3 mm at best" in advice_text("elbow", GAP, VALUES)

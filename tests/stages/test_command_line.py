@@ -17,7 +17,7 @@ from small_study import write_plans, write_study
 from shukotsu.errors import InputError, TableError
 from shukotsu.files.parquet_files import naming_damage
 from shukotsu.files.whole_files import write_text
-from shukotsu.schemas.catalogue import CALIBRATION_ADVICE, JOINT_CENTRES, POSES
+from shukotsu.schemas.catalogue import GAINS, JOINT_CENTRES, POSES
 from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.plan import read_plan
 from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table
@@ -245,7 +245,7 @@ def test_a_part_that_fails_is_recorded_in_every_table(
     paths = [tmp_path / "one.parquet", tmp_path / "two.parquet"]
     with (
         parts_writer(paths[0], JOINT_CENTRES, Provenance()) as one,
-        parts_writer(paths[1], CALIBRATION_ADVICE, Provenance()) as two,
+        parts_writer(paths[1], GAINS, Provenance()) as two,
     ):
         for part in (RIGHT, LEFT):
             with subject_stage.recording_failure(given("--record-failure"), part, one, two):
@@ -253,7 +253,7 @@ def test_a_part_that_fails_is_recorded_in_every_table(
                 if part == RIGHT:
                     raise error
                 two.rows(part, [])
-    for path, table in zip(paths, (JOINT_CENTRES, CALIBRATION_ADVICE), strict=True):
+    for path, table in zip(paths, (JOINT_CENTRES, GAINS), strict=True):
         assert part_metadata(path, table) == {RIGHT: {"failure": message}, LEFT: {}}
     assert read_part(paths[0], JOINT_CENTRES, LEFT).num_rows == 1
     log = capsys.readouterr().err

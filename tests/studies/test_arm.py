@@ -11,7 +11,7 @@ pytestmark = pytest.mark.slow
 
 SIDES = ("right", "left")
 WHOLE = "whole-hand"
-MODELS = ("paper-fig4", "rigid", "anatomical", WHOLE)
+MODELS = ("paper-fig4", "rigid", WHOLE)
 FREE_GAP_MM = {"shoulder": (16, 26), "elbow": (6, 8), "wrist": (4.5, 7)}
 
 

@@ -79,7 +79,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     (folder / "participants.tsv").write_text("subject\tgroup\n01\ta\n02\tb\n")
     (folder / "events.tsv").write_text("subject\thand\ttask\tonset_s\tname\n01\tright\trom\t0.5\ttap\n")
     (folder / "fitted.yaml").write_text(
-        "model: fitted\ndescription: a short fit\njoints: {solver: anatomical, calibration: all}\n"
+        "model: fitted\ndescription: a short fit\njoints: {calibration: all}\n"
         "planes: {cut: false}\nfit: {whole_hand: true, frames: 40, steps: 1}\n"
         "metacarpals: {unmeasured: fitted, measured: fitted}\n"
     )

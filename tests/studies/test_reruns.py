@@ -20,7 +20,7 @@ ROWS = [
     "late\tright\trom\tboth\tlate.csv",
 ]
 CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t{}\t0\t0\n"
-AFTER_CAPTURE = {"check_recordings", "align_events", "check_calibration", "solve_joints"}
+AFTER_CAPTURE = {"check_recordings", "align_events", "solve_joints"}
 AFTER_CAPTURE |= {"fit_hand"}
 AFTER_SOLVING = {
     "project_planes",
@@ -48,7 +48,7 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (study / f"{CORRECTED}.yaml").write_text(f"model: {CORRECTED}\n{head}planes: {{corrections: true}}\n")
     for name in (FITTED, "another"):
         (study / f"{name}.yaml").write_text(
-            f"model: {name}\ndescription: a short fit\njoints: {{solver: anatomical, calibration: all}}\n"
+            f"model: {name}\ndescription: a short fit\njoints: {{calibration: all}}\n"
             "planes: {cut: false}\nfit: {whole_hand: true, frames: 40, steps: 1}\n"
             "metacarpals: {unmeasured: fitted, measured: fitted}\n"
         )

@@ -159,7 +159,7 @@ STUDY = {"gather", "compare_models", "compare_movement"}
 PLANTED = {
     "a threshold of the checks": (
         ("checks/timeline.py", "STUCK_S, STUCK_FRAMES = 0.25", "STUCK_S, STUCK_FRAMES = 0.5"),
-        {"check_recordings", "solve_joints.check_calibration"},
+        {"check_recordings"},
     ),
     "a language": (("stages/report/languages/eo.po", "", "x"), REPORTS),
     "an export format": (("stages/export/registry.py", "Format] = {", "Format] = {'x': None,"), {"export"}),

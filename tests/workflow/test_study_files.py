@@ -250,7 +250,7 @@ def test_models_of_whole_hands_are_refused_where_no_layout_is_a_hand(folder: Pat
         InputError, match=r"study\.yaml: models: model whole-hand fits .* layout arm is none, .*"
     ):
         StudyFiles(path)
-    more = write_study(folder / "more", "01 right rom both a.csv - arm", models=("whole-hand", "anatomical"))
+    more = write_study(folder / "more", "01 right rom both a.csv - arm", models=("whole-hand", "paper-fig4"))
     assert StudyFiles(more).study.models
     both = ("01 right rom both a.csv - arm", "02 right rom both b.csv")
     assert StudyFiles(write_study(folder / "both", *both, models=("whole-hand",))).study.models

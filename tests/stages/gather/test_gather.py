@@ -79,7 +79,7 @@ def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | Non
             parts = plan.parts()
             if name in FIT_TABLES:
                 parts = [p for p in parts if path == plan.fit_table(p.hand, p.model, name)]
-            if "made_without" not in TABLES[name].key:  # scores and advice: a part is a hand
+            if "made_without" not in TABLES[name].key:  # scores: a part is a hand
                 parts = [plan.part(hand) for hand in plan.hands]
             _write_parts(path, TABLES[name], parts, failures or {})
 
@@ -232,7 +232,7 @@ def test_failed_parts_are_named_once_and_the_others_are_there(
     tables = ("joint_centres", "bone_lengths", "tip_errors")
     failures = {(name, rigid): "no frame was valid" for name in tables}
     failures |= {(name, without): "too few frames" for name in tables}
-    failures["calibration_advice", plans[0].part("left")] = "no recording"
+    failures["skeleton_scores", plans[0].part("left")] = "no recording"
     write_subject(plans[0], failures)
     found = gathered(tmp_path)
     assert ("01", "right", "rigid") not in {whose(row) for row in found["joint_centres"]}
@@ -240,7 +240,7 @@ def test_failed_parts_are_named_once_and_the_others_are_there(
     problems = [row for row in found["problems"] if row["stage"] not in ("solve_joints", "project_planes")]
     assert [(*whose(row), row["stage"], row["kind"], row["message"]) for row in problems] == [
         ("01", "right", "rigid", "estimate_metacarpals", "skeleton", "no frame was valid"),
-        ("01", "left", "", "check_calibration", "hand", "no recording"),
+        ("01", "left", "", "evaluate_skeletons", "hand", "no recording"),
     ]
 
 

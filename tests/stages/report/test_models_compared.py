@@ -29,7 +29,7 @@ from shukotsu.stages.report.models_compared import sections
 from shukotsu.stages.report.models_compared.sections import ModelsCompared, models_compared
 from shukotsu.stages.report.study_results import StudyResults, read_results
 
-FOUR = ("paper-fig3-rest", "paper-fig4", "anatomical", "whole-hand")
+FOUR = ("paper-fig3-rest", "paper-fig4", "paper-fig4-corrected", "whole-hand")
 BODY = """{% from "models_compared/models_compared.html.j2" import models_compared %}
 {{ models_compared(compared) }}"""
 
@@ -125,8 +125,8 @@ def test_a_study_of_many_says_who_is_better(twelve: StudyResults, twelve_compare
     mean = {each.model: each.mean_difference for each in found.overall}
     assert compared.headline.startswith(
         "Models are judged by how far the joint centres are from the true ones. Over 12 subjects, better "
-        f"than paper-fig4 are whole-hand (by {-mean['whole-hand']:.2f} mm in the mean) and anatomical (by "
-        f"{-mean['anatomical']:.2f} mm in the mean); worse is paper-fig3-rest (by "
+        f"than paper-fig4 are whole-hand (by {-mean['whole-hand']:.2f} mm in the mean) and "
+        f"paper-fig4-corrected (by {-mean['paper-fig4-corrected']:.2f} mm in the mean); worse is paper-fig3-rest (by "
         f"{mean['paper-fig3-rest']:.2f} mm in the mean)."
     )
     first = compared.sections[0]
@@ -143,8 +143,8 @@ def test_what_cannot_be_decided_is_said(real: StudyResults) -> None:
     assert compared.headline.startswith("Models are judged by how far distal receivers are missed when")
     assert "better than prior-only is whole-hand" in compared.headline
     assert compared.headline.endswith(
-        "Between paper-fig3-rest, paper-fig4 and anatomical the data of this study cannot decide: there is "
-        "no truth, and the replay's error says only how well joints close."
+        "Between paper-fig3-rest, paper-fig4 and paper-fig4-corrected the data of this study cannot decide: "
+        "there is no truth, and the replay's error says only how well joints close."
     )
     unfitted = {name: model for name, model in real.models.items() if name != "whole-hand"}
     compared = models_compared(compared_anew(replace(real, models=unfitted)))
@@ -186,12 +186,12 @@ def test_summary_words(monkeypatch: pytest.MonkeyPatch, twelve: StudyResults) ->
             LATER: [v - 1 for v in base],
             "rigid": [v + (-1) ** k * 0.1 for k, v in enumerate(base)],
             "paper-fig3": list(base),
-            "anatomical": [v + 0.5 for v in base],
+            "paper-fig4-corrected": [v + 0.5 for v in base],
         }
     )
     assert told == [
-        "Over 9 subjects, better than paper-fig4 is whole-hand (by 1.00 mm in the mean); worse is anatomical "
-        "(by 0.50 mm in the mean); no difference is shown for rigid.",
+        "Over 9 subjects, better than paper-fig4 is whole-hand (by 1.00 mm in the mean); worse is "
+        "paper-fig4-corrected (by 0.50 mm in the mean); no difference is shown for rigid.",
         "paper-fig3 has exactly the same numbers as paper-fig4.",
     ]
     failing = {BASE: [2.0] * 10, LATER: [1.0] * 9 + [60.0], "rigid": [2.1] * 9 + [0.0]}

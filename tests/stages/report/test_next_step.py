@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from shukotsu.schemas.advice import ENOUGH, MOVE
 from shukotsu.schemas.findings import STAGE
 from shukotsu.stages.report.next_step import next_step
 from shukotsu.stages.report.study_results import Row, StudyResults
@@ -34,22 +33,6 @@ def test_the_measurement_that_gains_most_over_all_hands(fitted: StudyResults) ->
     assert next_step(one) == (
         "Next: touch a known point with the tip of the ring finger, to 0.4 mm (2 of 2 hands). Of all that "
         "could be done that gains most: the mean error of the joints would fall from 1.26 to 0.90 mm."
-    )
-
-
-def test_motion_that_gains_more_than_any_measurement(fitted: StudyResults) -> None:
-    """Joints that gain least of it are not named, and the number is of those that are."""
-    moved = {"index_mcp": 0.5, "ring_mcp": 0.5, "thumb_ip": 4.4}
-    advice = [
-        row | {"sd_now_mm": 4.5, "sd_moved_mm": moved[row["joint"]], "kind": MOVE}
-        if row["joint"] in moved
-        else row | {"sd_now_mm": 4.5, "kind": ENOUGH}
-        for row in fitted.advice
-    ]
-    after = 4.5 - 8.0 / len({row["joint"] for row in advice})
-    assert next_step(replace(fitted, advice=advice)) == (
-        "Next: let MCP of index and ring move more when calibrating (2 of 2 hands). Of all that could be "
-        f"done that gains most: the mean error of the joints would fall from 4.50 to {after:.2f} mm."
     )
 
 

@@ -59,8 +59,8 @@ class KnownHand:
         nothing: dict[str, list[Any]] = {
             name: []
             for name in (
-                *("problems", "bones", "tip_errors", "scores", "joint_errors", "advice"),
-                *("gains", "receiver_costs", "model_values", "model_pairs", "model_differences"),
+                *("problems", "bones", "tip_errors", "scores", "joint_errors"),
+                *("gains", "model_values", "model_pairs", "model_differences"),
             )
         }
         return StudyResults(
