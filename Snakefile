@@ -240,7 +240,6 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
 rule fit_hand:  # not in the paper: a whole hand at once, and its recordings posed with it
     input:
         study.poses_of_fit,
-        ancient(study.room),
         plan=ancient(f"{subject}/plan.json"),
         findings=f"{subject}/findings.parquet",
     output:
@@ -252,7 +251,6 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
     params:
         code=code_digest("shukotsu.stages.fit_hand"),
         plan=study.fit_plan,
-        room=study.room_digest,
         model=study.model,
         out=f"--out={fit}",
     message:

@@ -19,7 +19,6 @@ BENCHMARKS = {
     "positions_only": "hands by points without orientation, and by six receivers and a calliper: errors, sd",
     "keystrokes": "simulated pianists of two drawings: contact, speed, angles, fingering, independence",
     "coached": "people who do what the coach asks, beside themselves at the routine: seconds, errors",
-    "wand": "rooms mapped by a wand: whether the map is true, joint centres' sd without and with it",
     "null_studies": "studies in which nothing differs: false positives, coverage of intervals, power",
 }
 

@@ -9,8 +9,6 @@ import time
 from collections.abc import Callable, Iterator
 from statistics import median
 
-import numpy as np
-
 from benchmarks.benchmark_table import Cell, TextTable
 from benchmarks.processes import run_process
 from shukotsu.schemas.layout import read_layout
@@ -21,7 +19,6 @@ from shukotsu.stages.fit_hand.fitted_motion import pose_hand
 from shukotsu.stages.fit_hand.frame_uncertainty import posed_errors
 from shukotsu.stages.fit_hand.gains import gains
 from shukotsu.stages.fit_hand.loose_receivers import displaced_in
-from shukotsu.stages.fit_hand.receiver_costs import FRAMES, receiver_costs
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import LAYOUT, simulate
 
@@ -49,7 +46,6 @@ def recorded(task: str, n_frames: int) -> Poses:
 
 def _stages(tips: Fingertips, calibration: Poses, task: Poses, rounds: int) -> TextTable:
     fit, layout = tips.fit, read_layout(LAYOUT)
-    few = task.take(np.unique(np.linspace(0, len(task.frame) - 1, FRAMES).round().astype(int)))
     one, posed = task.take(slice(0, 1)), pose_hand(fit, task)
     frames = fit.evidence.convention.frames(task)
     seconds = _seconds(
@@ -57,7 +53,6 @@ def _stages(tips: Fingertips, calibration: Poses, task: Poses, rounds: int) -> T
             "fit of a calibration": lambda: fit_hand([calibration], layout, "right"),
             "what was displaced in it": lambda: displaced_in(fit, [calibration]),
             "what a measurement would gain": lambda: gains(tips),
-            "what each receiver left out would cost": lambda: receiver_costs(tips, few),
             "posing": lambda: pose_hand(fit, task),
             "errors of what was posed": lambda: posed_errors(tips, posed, frames),
             "one frame alone": lambda: pose_hand(fit, one),

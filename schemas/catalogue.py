@@ -347,26 +347,6 @@ GAINS = Table(
     ("subject", "session", "hand", "model", "made_without", "quantity"),
 )
 
-RECEIVER_COSTS = Table(
-    "receiver_costs",
-    2,
-    "what a task would lose with fewer receivers than the calibration: one left out, or a smaller layout",
-    (
-        *OF_SKELETON,
-        Column(
-            "without", TEXT, "", "the segment whose receiver is left out; empty: none, or a layout is worn"
-        ),
-        Column("layout", TEXT, "", "the smaller layout that is worn; empty: what the calibration had"),
-        Column("n_receivers", WHOLE, "", "receivers worn in the task"),
-        Column("centre_sd_mm", REAL, "mm", "1-sigma error of the moving joints' centres in the task, rms"),
-        Column("flexion_sd_deg", REAL, "deg", "1-sigma error of their flexion, rms"),
-        Column("joint", TEXT, "", "the joint whose flexion loses most"),
-        Column("joint_centre_sd_mm", REAL, "mm", "1-sigma error of its centre"),
-        Column("joint_flexion_sd_deg", REAL, "deg", "1-sigma error of its flexion"),
-    ),
-    ("subject", "session", "hand", "model", "made_without", "without", "layout"),
-)
-
 IN_THIS_FRAME = "in this frame, by the receivers valid in it and what the fit leaves open"
 
 JOINT_ANGLES = Table(
@@ -559,26 +539,6 @@ PROBLEMS = Table(
     (),
 )
 
-ROOM_MAP = Table(
-    "room_map",
-    1,
-    "cell of a cubic grid in the room, with what a rigid bar of two receivers says of the tracker there",
-    (
-        *_xyz("", "mm", "the cell's centre, in the transmitter frame"),
-        Column("cell_mm", REAL, "mm", "its edge"),
-        Column("bar_mm", REAL, "mm", "distance of the bar's two receivers"),
-        Column("n_frames", WHOLE, "", "poses of either receiver in it"),
-        _real("error_mm", "rms error of a receiver's position there in 3-D, without noise; null: few data"),
-        _real("error_deg", "the same of its rotation"),
-        _real("error_sd_mm", "1-sigma error of error_mm, by the number of passes through the cell"),
-        _real("error_sd_deg", "the same of error_deg"),
-        _real("noise_mm", "rms noise of a receiver's position there in 3-D, by successive frames"),
-        _real("noise_deg", "the same of its rotation"),
-        Column("trusted", YES_NO, "", "enough data, and error and noise together are within 1 mm and 1 deg"),
-    ),
-    ("x_mm", "y_mm", "z_mm"),
-)
-
 TABLES = {
     table.name: table
     for table in (
@@ -593,7 +553,6 @@ TABLES = {
         RECEIVERS,
         MOVED_RECEIVERS,
         GAINS,
-        RECEIVER_COSTS,
         JOINT_ANGLES,
         BONE_POSES,
         POSED_TIPS,
@@ -601,7 +560,6 @@ TABLES = {
         JOINT_ERRORS,
         RECORDINGS,
         PROBLEMS,
-        ROOM_MAP,
         *MOVEMENT_TABLES,
         *MODEL_TABLES,
     )

@@ -34,6 +34,8 @@ LEFT = {
     ("format", "ascii"): "record in binary; version 0.1 decodes an older capture in ASCII",
     ("command", "devices"): "take record --devices",
     ("command", "tracker"): "take record --ask",
+    ("command", "wand"): "nothing stands in; the fit itself says where metal disturbed the field",
+    ("key", "room"): "leave it out; the fit itself says where metal disturbed the field",
     ("model", "anatomical"): _FITTED,
     ("joint", "anatomical"): "take solver closed, or the model whole-hand",
     ("command", "decode"): "take import, or inspect for what a capture lacks",

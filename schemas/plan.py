@@ -47,7 +47,7 @@ class SubjectPlan:
     each recording that a finding refuses; such a one is excluded. suspect : those that a finding suspects.
     session : where the recordings sheet names any. inputs : files that its poses and tables are read from
     where a command line names them; else they are in its folder. factors : the subject's levels, by the
-    participants sheet. room : the room's map, where the study has one.
+    participants sheet.
     """
 
     study: str
@@ -71,7 +71,6 @@ class SubjectPlan:
     session: str = ""
     factors: Mapping[str, str] = field(default_factory=dict)
     inputs: tuple[Path, ...] | None = None
-    room: Path | None = None
 
     @property
     def who(self) -> SubjectSession:
@@ -275,7 +274,6 @@ class StudyPlans:
                 for name in HAND_SHEETS
             },
             "sheets": {name: _relative(study.sheets[name]) for name in HAND_SHEETS if name in study.sheets},
-            **({} if self._study.room is None else {"room": _relative(self._study.room)}),
         }
 
 
@@ -299,7 +297,6 @@ def fit_part(plan: Mapping[str, Any], hand: str, model: str) -> dict[str, Any]:
         for name in ("recordings", "measurements", "touches"):
             part[name] = [row for row in part[name] if row["hand"] == hand]
         part["layouts"] = {hand: part["layouts"][hand]}
-    part |= {name: plan[name] for name in ("room",) if name in plan}
     return part | {"models": [config]}
 
 
@@ -472,7 +469,6 @@ def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:
         sheets={name: Path(file) for name, file in content["sheets"].items()},
         poses_files={recording: Path(entry["poses"]) for recording, entry in recordings.items()},
         truth_folders={r: Path(entry["truth"]) for r, entry in recordings.items() if entry["truth"]},
-        room=Path(content["room"]) if "room" in content else None,
     )
 
 

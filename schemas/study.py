@@ -141,7 +141,6 @@ class Study:
     sheets: dict[str, Path]
     config: dict[str, Any]
     unusable: tuple[UnusableRow, ...] = ()
-    room: Path | None = None
 
     @property
     def hands(self) -> tuple[Hand, ...]:
@@ -277,7 +276,6 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
         sheets,
         config,
         unusable,
-        folder / config["room"] if "room" in config else None,
     )
 
 

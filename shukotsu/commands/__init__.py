@@ -29,7 +29,6 @@ COMMANDS = {
     "coach": Command(
         "shukotsu.commands.coach_hand", "record a hand's calibration and coach it while it is recorded"
     ),
-    "wand": Command("shukotsu.commands.map_room", "say where in the room the tracker may be trusted"),
     "emulate": Command(CAPTURE, "be a tracker, for a recorder without one at hand", ("emulate",)),
     "inspect": Command(CAPTURE, "say what is in a file, and draft the mapping that it needs", ("inspect",)),
     "import": Command(CAPTURE, "turn a recording's file into the poses table", ("import",)),

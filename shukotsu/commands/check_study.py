@@ -49,7 +49,6 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
     """List what a study reads outside its folder, links followed, a sentence a folder."""
     shipped, folder = (Path(__file__).parents[1] / "config").resolve(), path.resolve().parent
     read = [*map(Path, files.configuration), *(recording.file for recording in files.study.recordings)]
-    read += [] if files.study.room is None else [files.study.room]
     read += [recording.mapping for recording in files.study.recordings if recording.mapping is not None]
     real = {Path(os.path.realpath(each)) for each in read}  # of a link to itself, itself
     outside = [each for each in real if not (each.is_relative_to(folder) or each.is_relative_to(shipped))]

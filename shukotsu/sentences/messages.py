@@ -43,11 +43,6 @@ MESSAGES: Mapping[str, Template] = {
         "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: there it is off by "
         "{mm:.1f} mm and {deg:.0f} deg"
     ),
-    "in-mapped-room": N_(
-        "recorded where the tracker is off by {mm:.1f} mm and {deg:.1f} deg: {percent:.0f} % of the poses "
-        "are outside of what the room's map trusts, {percent_2:.0f} % where the wand was not; centres are "
-        "stated the less certain"
-    ),
     "moment": N_("{time_s:.1f} s"),
     "moment-frame": N_("frame {frame}"),
     "left-out-share": N_("{percent:.0f} % of its frames were left out"),

@@ -14,7 +14,6 @@ from typing import Any
 from shukotsu.anatomy.known_digits import known_digits, refusal
 from shukotsu.errors import InputError, listed
 from shukotsu.files.whole_files import write_text
-from shukotsu.schemas.catalogue import ROOM_MAP
 from shukotsu.schemas.config_files import (
     CONFIG_FOLDER,
     REFERENCE,
@@ -48,7 +47,6 @@ from shukotsu.schemas.results import (
     Results,
 )
 from shukotsu.schemas.study import Recording, Study, SubjectSession, path_token, read_study
-from shukotsu.schemas.tables import read_table
 from shukotsu.workflow.file_digests import FileDigests
 from shukotsu.workflow.former_results import remove_former_results
 
@@ -66,8 +64,6 @@ class StudyFiles:
         self.file = _relative(study_file)
         self.study: Study = read_study(Path(self.file))
         self.results = Results.of(self.study.name)
-        if self.study.room is not None:  # not in jobs that read the study: they do not declare it
-            read_table(self.study.room, ROOM_MAP, ["trusted"])
         self._digests = FileDigests()
         plans = StudyPlans(self.study, self.results.folder)
         self._contents = {who.token: plans.content(*who) for who in self.study.sessions}
@@ -81,7 +77,7 @@ class StudyFiles:
 
             check_font(self.study.language)
         folders = [_relative(self._simulation_folder())] if self.study.simulation else []
-        for path in (*self._configuration, *self.room, *folders):
+        for path in (*self._configuration, *folders):
             if not _can_be_declared(path):
                 raise InputError(
                     f"{path}: its path holds {{...}} or <...>, which Snakemake reads as its own; rename "
@@ -111,7 +107,6 @@ class StudyFiles:
             plan.who.token: [
                 *self._event_files(token),
                 *(p for r in plan.recordings for p in self._files_of(r)),
-                *self.room,
             ]
             for token, plan in self._plans.items()
         }
@@ -303,16 +298,6 @@ class StudyFiles:
         """Digest of the plan of a fit of the whole hand."""
         model = self.model(wildcards)
         return plan_digest(fit_part(self._contents[wildcards.subject], wildcards.hand, model))
-
-    @property
-    def room(self) -> list[str]:
-        """The room's map, where the study has one."""
-        return [] if self.study.room is None else [_relative(self.study.room)]
-
-    @property
-    def room_digest(self) -> str:
-        """Digest of what is in it; empty where there is none."""
-        return self._digests.of(self.room) if self.room else ""
 
     def truth(self, wildcards: Wildcards) -> list[str]:
         """Tables of the truth beside the subject's simulated recordings."""

@@ -55,7 +55,6 @@ def fit(arguments: argparse.Namespace) -> None:
         plan = _plan(arguments)
     parts = _parts(arguments, plan)
     files = [*subject_stage.poses_files(plan), *arguments.other_poses]
-    files += [] if plan.room is None else [plan.room]
     files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
     with open_tables(arguments.out, FIT, Provenance.of(files, plan.folder)) as tables:
         for part in parts:
@@ -63,7 +62,7 @@ def fit(arguments: argparse.Namespace) -> None:
             calibration = plan.calibrating(part.hand, part.model, part.made_without)
             if not usable_poses([plan.poses(recording) for recording in calibration])[0]:
                 # the study's problems: those of recordings say it all
-                for name in ("receivers", "moved_receivers", "gains", "receiver_costs"):
+                for name in ("receivers", "moved_receivers", "gains"):
                     recorded.pop(name).rows(part, [])
             with subject_stage.recording_failure(arguments, part, *recorded.values()):
                 _fit_part(plan, part, arguments.other_poses, tables)
@@ -109,7 +108,6 @@ def _fit_part(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path], tables: Mapping[str, PartsWriter]
 ) -> None:
     from shukotsu.schemas.poses import recording_name, usable_poses
-    from shukotsu.sentences.messages import joined
     from shukotsu.stages.fit_hand.calibration import calibrated_hand, partner_poses, read_thinned
     from shukotsu.stages.fit_hand.gains import gains
     from shukotsu.stages.fit_hand.hand_tables import (
@@ -119,9 +117,7 @@ def _fit_part(
         receiver_rows,
     )
     from shukotsu.stages.fit_hand.loose_receivers import moved_in
-    from shukotsu.stages.fit_hand.mapped_room import MappedRoom, widened
     from shukotsu.stages.fit_hand.posed_tables import posed_blocks, posed_sample
-    from shukotsu.stages.fit_hand.receiver_costs import FRAMES, receiver_costs
 
     plan.check_calibration_left(part.hand)
     partner, alone = partner_poses(plan, part)
@@ -129,16 +125,11 @@ def _fit_part(
         print(f"note: {alone}", file=sys.stderr)
     tips, unsteady = calibrated_hand(plan, part, other_poses or partner)
     weighed = not plan.models[part.model].is_reference
-    fit, notes = tips.fit, [alone]
-    if plan.room is not None and weighed:
-        fit, recorded_where = widened(fit, MappedRoom.read(plan.room))
-        notes.append(recorded_where)
-    note = joined(notes)
-    tables["fitted_joints"].rows(part, joint_rows(fit, weighed=weighed))
+    tables["fitted_joints"].rows(part, joint_rows(tips.fit, weighed=weighed))
     tables["fitted_bones"].rows(part, bone_rows(tips.fit, weighed=weighed))
-    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": note} if note else {}))
+    tables["receivers"].rows(part, receiver_rows(tips, unsteady), **({"note": alone} if alone else {}))
     tables["gains"].rows(part, gains(tips) if weighed else [])
-    for name in ("moved_receivers", "receiver_costs", "joint_angles", "bone_poses", "posed_tips"):
+    for name in ("moved_receivers", "joint_angles", "bone_poses", "posed_tips"):
         tables[name].rows(part, [])
     calibrating, tasks = (
         usable_poses([plan.poses(recording) for recording in recordings])[0]
@@ -152,8 +143,6 @@ def _fit_part(
             for name, columns in posed_sample(tips, path).items():
                 tables[name].columns(part, columns)
         return
-    task = read_thinned([*tasks, *calibrating][0], plan.layouts[part.hand].measured, FRAMES)
-    tables["receiver_costs"].rows(part, receiver_costs(tips, task))
     layout, suspect = plan.layouts[part.hand], {plan.poses(recording) for recording in plan.suspect}
     for path in tasks:
         # what is declared of a suspect recording is settled first

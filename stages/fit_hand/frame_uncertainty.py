@@ -69,21 +69,11 @@ class _Spread:
 
 
 @dataclass(frozen=True)
-class BoneErrors:
+class PosedErrors:
     """1-sigma errors of posed frames; NaN where a frame was not posed.
 
     centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`; angles_deg : joint to (F, 3), flexion,
     abduction and rotation, NaN of an axis that the joint lacks.
-    """
-
-    centre_mm: Array
-    turn_deg: Array
-    angles_deg: Mapping[str, Array]
-
-
-@dataclass(frozen=True)
-class PosedErrors(BoneErrors):
-    """Hold the same, and errors of what else is said of frames.
 
     tips_mm : (F, D, 2) in 3-D of the ends of bone and skin of known digits.
 
@@ -95,6 +85,9 @@ class PosedErrors(BoneErrors):
     hand puts the receivers on anew.
     """
 
+    centre_mm: Array
+    turn_deg: Array
+    angles_deg: Mapping[str, Array]
     tips_mm: Array
     by_hand_deg: Mapping[str, Array] = field(default_factory=dict)
     changes_deg: Mapping[str, Array] = field(default_factory=dict)
@@ -251,52 +244,20 @@ def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
     return replace(posed, **{name: getattr(posed, name)[rows] for name in names})
 
 
-def measured_as_posed(postures: Postures) -> Frames:
-    """Poses of all receivers, measured where the hand has them and as the room's field turns them."""
-    evidence, point = postures.tips.fit.evidence, postures.point
-    shape = (len(point.y), len(evidence.model.receivers))
-    rotation, place_mm = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
-    for branch, receivers in zip(evidence.model.branches, evidence.problem.receivers, strict=True):
-        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
-        for mark, s in receivers:
-            rotation[:, s], place_mm[:, s] = reached.rotation[mark], reached.position_mm[mark]
-    if evidence.problem.field is not None:
-        rotation = evidence.problem.field.turn(place_mm, point.x) @ rotation
-    return Frames(rotation, place_mm, np.ones(shape, bool))
-
-
-def errors_with(postures: Postures, frames: Frames, worn: Sequence[str]) -> BoneErrors:
-    """Errors of postures, were just these receivers worn; frames : `measured_as_posed`."""
-    valid = np.tile(
-        [name in worn for name in postures.tips.fit.evidence.model.receivers], (len(frames.valid), 1)
-    )
-    spread = _spread_of(postures, replace(frames, valid=valid))
-    return _bone_errors(postures, spread, dict(_angle_errors_deg(postures, spread)))
-
-
 def _errors(postures: Postures, frames: Frames) -> PosedErrors:
     """Errors of every frame by a map of its own."""
     spread, n_hand = _spread_of(postures, frames), postures.tips.root.shape[1]
     angles_deg = dict(_angle_errors_deg(postures, spread))
-    errors = _bone_errors(postures, spread, angles_deg)
-    return PosedErrors(
-        errors.centre_mm,
-        errors.turn_deg,
-        errors.angles_deg,
-        _tip_errors_mm(postures, spread, frames),
-        {joint: own[..., :n_hand].copy() for joint, own in angles_deg.items()},
-    )
-
-
-def _bone_errors(postures: Postures, spread: _Spread, angles_deg: Mapping[str, Array]) -> BoneErrors:
     neutral_deg = _neutral_sd_deg(postures.tips)
-    return BoneErrors(
+    return PosedErrors(
         _norm(spread.shift_mm),
         np.degrees(_norm(spread.turn_rad)),
         {
             joint: np.sqrt(_norms(own) ** 2 + neutral_deg[joint] ** 2 + _wander_deg(postures, joint) ** 2)
             for joint, own in angles_deg.items()
         },
+        _tip_errors_mm(postures, spread, frames),
+        {joint: own[..., :n_hand].copy() for joint, own in angles_deg.items()},
     )
 
 

@@ -18,7 +18,6 @@ from shukotsu.schemas.catalogue import (
     JOINT_CENTRES,
     MOVED_RECEIVERS,
     POSED_TIPS,
-    RECEIVER_COSTS,
     RECEIVERS,
 )
 from shukotsu.schemas.layout import Layout
@@ -48,7 +47,6 @@ FIT: Mapping[str, Table] = {
     "receivers": RECEIVERS,
     "moved_receivers": MOVED_RECEIVERS,
     "gains": GAINS,
-    "receiver_costs": RECEIVER_COSTS,
     "joint_angles": JOINT_ANGLES,
     "bone_poses": BONE_POSES,
     "posed_tips": POSED_TIPS,

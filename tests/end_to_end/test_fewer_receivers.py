@@ -69,8 +69,6 @@ def test_a_fitted_hand_is_posed_with_an_error_for_everything(subject: PlannedSub
         assert {row["task"] for row in every} == {"tips", *(["rom"] if name == "joint_angles" else [])}
         values = np.array([[row[number] for number in numbers] for row in rows], float)
         assert np.isfinite(values).all(), name
-    costs = subject.rows(folder / "receiver_costs.parquet", "receiver_costs", part)
-    assert [row["n_receivers"] for row in costs] == [16, *[15] * 16, 7, 6]
 
 
 def test_what_cannot_be_scored_is_said_in_words(subject: PlannedSubject) -> None:

@@ -18,7 +18,7 @@ from shukotsu.schemas.results import GATHERED_TABLES, Results
 from shukotsu.schemas.study import Hand, Study
 from shukotsu.schemas.tables import Provenance, Table, read_table
 
-FITTED = ("receivers", "gains", "receiver_costs")
+FITTED = ("receivers", "gains")
 
 
 def write_subject_tables(study: Study, results: Results) -> None:

@@ -101,17 +101,6 @@ def receiver_rows(key: dict[str, str], layout: Layout, model: str) -> Rows:
     return rows
 
 
-def cost_rows(key: dict[str, str], model: str) -> Rows:
-    """Rows of receiver_costs: none left out, one, and a smaller layout."""
-    lost = {"joint": "ring_pip", "joint_centre_sd_mm": 2.72, "joint_flexion_sd_deg": 7.1}
-    worn = (("", "", 16), ("ring_middle", "", 15), ("", "tips-and-hand", 6))
-    return [
-        {**_hand(key), "model": model, "without": without, "layout": layout, "n_receivers": count, **lost}
-        | {"centre_sd_mm": 1.51 + 0.1 * index, "flexion_sd_deg": 3.03 + index}
-        for index, (without, layout, count) in enumerate(worn)
-    ]
-
-
 def gain_rows(key: dict[str, str], model: str) -> Rows:
     """Rows of gains, best first; the sixth and last must not be told."""
     quantities = (

@@ -16,7 +16,6 @@ import numpy as np
 import pyarrow as pa
 
 from report_samples.made_scores import (
-    cost_rows,
     gain_rows,
     joint_error_rows,
     receiver_rows,
@@ -156,7 +155,6 @@ def _add_judgement(rows: Rows, key: dict[str, str], models: list[SkeletonModel],
     for model in (model for model in models if model.fitting is not None):
         rows["receivers"] += receiver_rows(key, layout, model.name)
         rows["gains"] += gain_rows(key, model.name)
-        rows["receiver_costs"] += cost_rows(key, model.name)
 
 
 def hand_points(hand: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

@@ -145,7 +145,7 @@ def _empty_one_receiver(sound: Path, dead: Path) -> None:
 @pytest.mark.parametrize("table", STUDY_TABLES)
 def test_every_table_is_there_and_as_the_contract_says(study: StudyRun, table: str) -> None:
     """No model of it fits the whole hand, no truth is known of these recordings, and it has no events."""
-    without_fit = {"receivers", "gains", "joint_errors", "receiver_costs"}
+    without_fit = {"receivers", "gains", "joint_errors"}
     without_events = {"events", "clocks", "movement_cycles", "movement_curves", *EVENT_TABLES}
     assert bool(study.rows(table)) == (table not in without_fit | without_events)
 

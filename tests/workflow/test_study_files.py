@@ -11,11 +11,9 @@ import yaml
 from small_study import write_study
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.catalogue import ROOM_MAP
 from shukotsu.schemas.config_files import CONFIG_FOLDER
 from shukotsu.schemas.plan import plan_text, read_plan
 from shukotsu.schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES
-from shukotsu.schemas.tables import Provenance, write_table
 from shukotsu.stages.report.plots import style
 from shukotsu.workflow.study_files import StudyFiles, study_file
 from shukotsu.workflow.write_plan import main as write_plan
@@ -76,7 +74,7 @@ def test_paths_of_a_subject(folder: Path) -> None:
 
 def test_files_of_the_whole_study(folder: Path) -> None:
     study = files(folder)
-    of_subjects, of_hands = len(GATHERED_TABLES) - 6 + 3, 3 + len(FIT_TABLES)
+    of_subjects, of_hands = len(GATHERED_TABLES) - 5 + 3, 2 + len(FIT_TABLES)
     assert len(study.gathered()) == 2 * of_subjects + 3 * of_hands
     assert study.all_poses() == [path for path in study.tables if path.endswith("/poses.parquet")]
     assert set(study.gathered()) < set(study.tables)
@@ -187,25 +185,6 @@ def test_a_layout_is_part_of_every_request(folder: Path) -> None:
     for request in ("plan", "fit_plan", "layout_digest"):
         assert getattr(same, request)(FIT) == getattr(first, request)(FIT), request
         assert getattr(other, request)(FIT) != getattr(first, request)(FIT), request
-
-
-def test_a_rooms_map_is_an_input_of_fits_alone_and_a_change_of_it_is_seen(folder: Path) -> None:
-    before = files(folder)
-    assert (before.room, before.room_digest) == ([], "")
-    assert "room" not in before._contents["02"]
-    with pytest.raises(InputError, match=r"room\.parquet: no such file"):
-        files(folder, more="room: room.parquet\n")
-    digests = []
-    for mm in (1.0, 2.0):
-        numbers = {column.name: [mm] for column in ROOM_MAP.columns} | {"n_frames": [9], "trusted": [True]}
-        write_table(folder / "study/room.parquet", ROOM_MAP, numbers, Provenance())
-        study = files(folder, more="room: room.parquet\n")
-        digests.append(study.room_digest)
-    assert digests[0] != digests[1]
-    assert study.room == ["study/room.parquet"]
-    assert study.subjects[0].room == Path("study/room.parquet")
-    assert study.fit_plan(FIT) != before.fit_plan(FIT)
-    assert study.recordings_plan(FIT) == before.recordings_plan(FIT)
 
 
 def test_what_is_exported(folder: Path) -> None:

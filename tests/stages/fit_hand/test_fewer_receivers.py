@@ -13,7 +13,6 @@ from shukotsu.stages.fit_hand.fingertips import fingertips
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
 from shukotsu.stages.fit_hand.gains import gains
 from shukotsu.stages.fit_hand.hand_tables import joint_rows
-from shukotsu.stages.fit_hand.receiver_costs import receiver_costs
 from shukotsu.stages.simulate.random_hand import BONES, FINGERS
 
 QUICK = Settings(n_frames=60, rounds=1)
@@ -83,23 +82,3 @@ def test_the_dip_follows_the_pip_once_a_person(whole: HandFit) -> None:
     assert alone[dip] == pytest.approx(-0.2 / states.sd[dip])
     assert both[dip] == pytest.approx(0, abs=1e-12)
     assert both[pip] == alone[pip] == pytest.approx(0.3 / states.sd[pip])
-
-
-def test_costs_begin_with_none_left_out_and_end_with_layouts_that_ship(whole: HandFit) -> None:
-    task = recorded(task="opposition", seed=4, n_frames=480)[1].take(slice(0, None, 40))
-    costs = receiver_costs(fingertips(whole), task)
-    receivers = whole.evidence.model.receivers
-    assert [(cost["without"], cost["layout"]) for cost in costs[:1]] == [("", "")]
-    assert {cost["without"] for cost in costs[1:-2]} == set(receivers)
-    assert [(cost["layout"], cost["n_receivers"]) for cost in costs[-2:]] == [
-        ("two-hands-7", 7),
-        ("tips-and-hand", 6),
-    ]
-    dearest = [cost["flexion_sd_deg"] for cost in costs[1:-2]]
-    assert dearest == sorted(dearest, reverse=True)
-    for cost in costs[1:]:
-        assert cost["centre_sd_mm"] >= costs[0]["centre_sd_mm"]
-        assert cost["flexion_sd_deg"] >= costs[0]["flexion_sd_deg"]
-    lost = {cost["without"]: cost["joint"] for cost in costs[1:-2]}
-    assert lost["ring_distal"] == "ring_dip"
-    assert costs[-1]["flexion_sd_deg"] > costs[-2]["flexion_sd_deg"] > 1.2 * costs[0]["flexion_sd_deg"]

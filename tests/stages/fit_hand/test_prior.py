@@ -29,7 +29,7 @@ def test_the_prior_moves_nothing(tmp_path: Path) -> None:
     assert {row["status"] for row in rows["fitted_joints"]} == {"ok"}
     assert {row["joint"] for row in rows["fitted_joints"]} == set(LAYOUT.joints)
     assert {row["sd_mm"] for row in (*rows["fitted_joints"], *rows["fitted_bones"])} == {None}
-    assert [rows[name] for name in ("gains", "receiver_costs", "joint_angles")] == [[], [], []]
+    assert [rows[name] for name in ("gains", "joint_angles")] == [[], []]
     lengths = {row["bone"]: row["length_mm"] for row in rows["fitted_bones"]}
     assert lengths["index_middle"] == pytest.approx(24.9)
 

@@ -126,8 +126,8 @@ def test_a_study_of_many_says_who_is_better(twelve: StudyResults, twelve_compare
     assert compared.headline.startswith(
         "Models are judged by how far the joint centres are from the true ones. Over 12 subjects, better "
         f"than paper-fig4 are whole-hand (by {-mean['whole-hand']:.2f} mm in the mean) and "
-        f"paper-fig4-corrected (by {-mean['paper-fig4-corrected']:.2f} mm in the mean); worse is paper-fig3-rest (by "
-        f"{mean['paper-fig3-rest']:.2f} mm in the mean)."
+        f"paper-fig4-corrected (by {-mean['paper-fig4-corrected']:.2f} mm in the mean); worse is "
+        f"paper-fig3-rest (by {mean['paper-fig3-rest']:.2f} mm in the mean)."
     )
     first = compared.sections[0]
     assert first.table is not None
