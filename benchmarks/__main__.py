@@ -16,7 +16,6 @@ BENCHMARKS = {
     "two_drawings": "whole hands drawn by us and by others: errors, those all share, what is believed, sd",
     "measured_movement": "joint angles of whole hands drawn by us and by others: ranges, medians, their sd",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
-    "positions_only": "hands by points without orientation, and by six receivers and a calliper: errors, sd",
     "keystrokes": "simulated pianists of two drawings: contact, speed, angles, fingering, independence",
     "coached": "people who do what the coach asks, beside themselves at the routine: seconds, errors",
     "null_studies": "studies in which nothing differs: false positives, coverage of intervals, power",

@@ -207,7 +207,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "unchecked": Kind(
         N_("The recording was not tested against what was declared of it, so nothing is said of it here."),
-        "A fault of this program, or points without orientation, which say nothing against it.",
+        "A fault of this program.",
         "Look at its picture and its joints' gaps yourself; please report a fault with the log.",
     ),
 }  # fmt: skip

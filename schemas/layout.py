@@ -30,27 +30,9 @@ FINGERS = frozenset({"thumb", "index", "middle", "ring", "little"})
 _AXES: dict[str, Vector] = {"distal": (1.0, 0.0, 0.0), "lateral": (0.0, 1.0, 0.0), "dorsal": (0.0, 0.0, 1.0)}
 
 
-TIP, SKIN = "tip", "skin"
-"""Where a point is that is at no joint: the end of a digit; the skin where a receiver would sit."""
-
-
-@dataclass(frozen=True)
-class Point:
-    """A place on a segment that is measured without orientation: at a joint, a digit's TIP, or on its SKIN.
-
-    offset_mm : by which it is off there on average (distal, towards the thumb, dorsal); sd_mm : of that, each
-    way, None as people put things on.
-    """
-
-    segment: str
-    at: str
-    offset_mm: Vector
-    sd_mm: float | None
-
-
 @dataclass(frozen=True)
 class Segment:
-    """A bone's rigid body, or a point on one; its receiver's axes by what they point at.
+    """A bone's rigid body; its receiver's axes by what they point at.
 
     receiver, left_receiver : the tracker's station number, of a left hand where that has its own; of the
     layout of a left hand (`Layout.of_hand`) they are exchanged.
@@ -64,7 +46,6 @@ class Segment:
     lateral: Vector
     dorsal: Vector
     left_receiver: int | None = None
-    point: Point | None = None
 
     @property
     def axes(self) -> npt.NDArray[np.float64]:
@@ -154,11 +135,6 @@ class Layout:
         return tuple(s.name for s in self.segments.values() if s.measured)
 
     @property
-    def points(self) -> dict[str, Point]:
-        """What is measured without orientation, by name, in the layout's order."""
-        return {s.name: s.point for s in self.segments.values() if s.point is not None}
-
-    @property
     def expected(self) -> tuple[str, ...]:
         """Segments of which a recording should hold poses: measured and not optional."""
         return tuple(name for name in self.measured if not self.segments[name].optional)
@@ -175,14 +151,10 @@ class Layout:
 
     def is_as(self, other: Layout) -> bool:
         """Tell whether both have the same bodies, joints and digits, so that they may differ only in which
-        receivers are worn, what their station numbers are, and which points are measured.
+        receivers are worn and what their station numbers are.
         """
         bodies, others = (
-            {
-                s.name: (s.measured, *(s.axes.ravel() if s.measured else ()))
-                for s in own.segments.values()
-                if s.point is None
-            }
+            {s.name: (s.measured, *(s.axes.ravel() if s.measured else ())) for s in own.segments.values()}
             for own in (self, other)
         )
         joined = (self.joints, self.digits, self.wrist) == (other.joints, other.digits, other.wrist)
@@ -215,7 +187,6 @@ def layout_from_config(config: dict[str, Any], where: str) -> Layout:
     by_child = {joint.child: joint for joint in joints.values()}
     digits = {name: _digit(name, part, segments, by_child, where) for name, part in config["digits"].items()}
     wrist = _wrist(config["wrist"], joints, where) if "wrist" in config else None
-    _check_points(segments, joints, digits, where)
     if wrist is None and any(not segments[d.segments[0]].measured for d in digits.values()):
         raise InputError(f"{where}: a digit starts with an unmeasured segment, so the layout needs a wrist")
     layout = Layout(config["layout"], config["description"], segments, joints, digits, wrist)
@@ -241,33 +212,7 @@ def _segment(name: str, part: dict[str, Any], axes: dict[str, Vector], where: st
                     f"vectors at right angles; {odd}"
                 )
     worn = part.get("receiver"), part["measured"], part["optional"]
-    point = part.get("point")
-    if point is not None:
-        offset_mm = _vector(point.get("offset_mm", [0, 0, 0]))
-        point = Point(point["segment"], point["at"], offset_mm, point.get("sd_mm"))
-    return Segment(name, *worn, **own, left_receiver=part.get("left_receiver"), point=point)
-
-
-def _check_points(
-    segments: dict[str, Segment], joints: dict[str, Joint], digits: dict[str, Digit], where: str
-) -> None:
-    """Refuse points that are at no place of a segment of a digit, or of that from which digits hang."""
-    places: dict[str, set[str]] = {}
-    for digit in digits.values():
-        places[digit.base] = {SKIN, *(name for name, own in joints.items() if own.child == digit.base)}
-        for segment, *ends in zip(digit.segments, digit.joints, [*digit.joints[1:], TIP], strict=True):
-            places[segment] = {SKIN, *ends}
-    for name, known in segments.items():
-        if known.point is None:
-            continue
-        place, possible = f"{where}: segments.{name}.point", places.get(known.point.segment, set())
-        if not known.measured or any(name in (own.parent, own.child) for own in joints.values()):
-            raise InputError(f"{place}: a point is measured and has no joint; take out the other")
-        if known.point.at not in possible:
-            expected = " or ".join(sorted(possible)) or "a segment of a digit, or one from which digits hang"
-            raise InputError(
-                f"{place}: {known.point.segment} has no place {known.point.at!r}; expected {expected}"
-            )
+    return Segment(name, *worn, **own, left_receiver=part.get("left_receiver"))
 
 
 def _check_receivers(segments: dict[str, Segment], where: str) -> None:

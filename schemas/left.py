@@ -12,6 +12,7 @@ _EMULATED_FAULTS = (
     "line-rate", "fifo", "baud", "power-up-text", "reinit-delay", "already-streaming", "echo",
 )  # fmt: skip
 
+_POINTS = "positions alone fit no skeleton here any more: take Pose2Sim or FreeMoCap"
 _FITTED = "take whole-hand, or paper-fig4 for an arm"
 _FROM_GLB = "export glb, and convert it by Blender or usd-core (docs/handing-on.md)"
 
@@ -36,6 +37,9 @@ LEFT = {
     ("command", "tracker"): "take record --ask",
     ("command", "wand"): "nothing stands in; the fit itself says where metal disturbed the field",
     ("key", "room"): "leave it out; the fit itself says where metal disturbed the field",
+    ("layout", "keypoints-21"): _POINTS,
+    ("layout", "tips-and-back"): _POINTS,
+    ("key", "point"): _POINTS,
     ("model", "anatomical"): _FITTED,
     ("joint", "anatomical"): "take solver closed, or the model whole-hand",
     ("command", "decode"): "take import, or inspect for what a capture lacks",

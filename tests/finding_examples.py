@@ -76,7 +76,6 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("spikes", "left-out"): [ONE, COUNTED],
     ("spikes", "all"): [{}, {"unmapped": True}],
     ("unchecked", ""): [{"reason": "internal error in check_recordings (KeyError: 1)"}],
-    ("unchecked", "no-orientation"): [{}],
     ("knuckles-too-close", ""): [{"joints": ["middle_mcp", "ring_mcp"], "mm": 4.5}],
     ("receiver-loose", ""): [{"segment": "hand", "message": "came loose"}],
     ("receiver-slid", ""): [{"segment": "hand", "message": "slid"}],

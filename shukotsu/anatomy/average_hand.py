@@ -284,10 +284,6 @@ MOUNT_TURN_SD_RAD = float(np.radians(6.0 / np.sqrt(3.0)))
 FACING_SD_RAD = float(np.radians(20.0))
 """Of the receiver over the thumb's metacarpal about its bone, from the nearer of its two sides (ours)."""
 
-POINT_SD_MM = 2.0
-"""Of a point that stands for a joint or a tip about it, each way, all along: people and detectors put joints
-3 mm off and each in a way of its own (InterHand2.6M: 2.8 mm between annotated and true places; ours)."""
-
 HAND_MOUNT_SD_MM = (8.0, 5.0, 4.0)
 """Of the receiver on the back of the hand about its nominal place (ours)."""
 

@@ -55,16 +55,8 @@ def no_whole_hand(layout: Layout, model: str) -> str:
 
 
 def refusal(layout: Layout, name: str, model: SkeletonModel) -> str:
-    """Say why a model cannot be taken for a layout; empty where it can.
-
-    Whoever solves joint by joint needs two receivers that turn against each other beside one.
-    """
-    if model.fitting is not None:
-        return no_whole_hand(layout, name)
-    turning = {*layout.expected} - layout.points.keys()
-    if not layout.points or any({own.parent_receiver, own.child} <= turning for own in layout.solvable):
-        return ""
-    return message_of("no-orientation", model=name, layout=layout.name)
+    """Say why a model cannot be taken for a layout; empty where it can."""
+    return no_whole_hand(layout, name) if model.fitting is not None else ""
 
 
 def rest_rotations(

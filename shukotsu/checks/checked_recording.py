@@ -77,13 +77,7 @@ def check_recording(
     breaks : what the import says of moments from which on it left poses out.
     """
     broken = _breaks(breaks)
-    turned = [name not in layout.points for name in poses.segments]
-    if not poses.valid[:, turned].any():
-        line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
-        short = _too_short(line, None if true_clock(line) else device_clock(line.time_s)[0])
-        points = Finding("unchecked", NOTE, "no-orientation", {})
-        return CheckedRecording((points, *([short] if short else ())), poses_digest(poses), None, None)
-    seen = [place for place, own in enumerate(poses.valid.T) if own.any() and turned[place]]
+    seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
     line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
     if len(seen) < len(poses.segments):
         numbers = chosen_points(line.position_mm, seen), chosen_points(line.quaternion, seen)

@@ -115,7 +115,7 @@ def checked_setup(setup: CoachSetup) -> CoachSetup:
     whole = (
         len(digits) == len(DIGITS) and len(worn) == len(bones) - METACARPALS and worn <= {*layout.expected}
     )
-    if layout.points or not whole:
+    if not whole:
         raise InputError(
             f"layout {layout.name}: has not a receiver on every bone of all five digits, as the coach needs; "
             "expected one such as liberty16, or record with `shukotsu record`"

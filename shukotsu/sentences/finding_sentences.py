@@ -158,10 +158,6 @@ WHAT: Mapping[str, Template] = {
         "probably the program writes zeros where it has no value",
     ),
     "unchecked": N_("the recording could not be checked: {reason}"),
-    "unchecked/no-orientation": N_(
-        "the recording has points without orientation, in which wrong axes, another hand, a mirrored file "
-        "and points that are exchanged do not show: it was not checked for these"
-    ),
     "receivers-alike": N_(
         "the receivers {segment} and {segment_2} have one and the same pose in {percent:.0f} % of their "
         "frames, first {at}, which two receivers cannot: probably one is read, or was exported, in place of "
@@ -258,7 +254,6 @@ CURES: Mapping[str, str] = {
     "too-short": N_("record it again, or give a reason under `exclude` in the recordings sheet"),
     "zeros": N_("leave the numbers of these poses empty in the file"),
     "unchecked": N_("whatever is shown of it rests on no check"),
-    "unchecked/no-orientation": N_("compare the picture of the hand with the person"),
     "receivers-alike": N_("name each one's own columns or `value` in the mapping, or export the file again"),
 }
 """What to do, word for word."""

@@ -76,10 +76,6 @@ MESSAGES: Mapping[str, Template] = {
         "model {model} fits a whole hand, and layout {layout} is none, as no digit in it is a thumb or a "
         "finger whose anatomy is known; take model paper-fig4, which solves each joint by itself"
     ),
-    "no-orientation": N_(
-        "model {model} finds a joint from two receivers that turn, and layout {layout} has points without "
-        "orientation; take model whole-hand"
-    ),
     "alone-by-finding": N_(
         "fitted without the {hand} hand's bone lengths: there is a finding on the {hand_2} hand's {task}"
     ),

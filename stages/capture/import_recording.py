@@ -96,7 +96,6 @@ def import_recording(arguments: argparse.Namespace) -> None:
         folder,
         expected_mm=expected_joints(layout),
         repair_hemisphere=arguments.repair_hemisphere,
-        points=layout.points,
     )
     with closing(table) as poses:
         _write(arguments, layout, poses, remarks, mapping)

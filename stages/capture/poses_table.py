@@ -10,7 +10,7 @@ In between each segment's rows wait in a temporary file, so that one segment at 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,6 @@ FLAGS = {
     "hemisphere-undecided": "the receiver has poses on both sides and nothing tells which is right; kept",
     "low-quality": "the recording's own measure of quality is beyond the limit that its mapping gives",
     "misfit": "the markers of the cluster do not fit its rigid shape",
-    "no-orientation": "the layout has a point here: its position is measured and no orientation; not wrong",
     "spike": "the pose jumped away farther than anything worn moves, and came back within five frames",
     "broken-off": "from a moment on, for good, the receiver is not where its neighbours say; or until then",
 }
@@ -103,7 +102,7 @@ class PosesTable:
     """The poses table, to be written a row group at a time; no row group holds two segments.
 
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
-    frozen : segments whose rows are flagged so. points : those without orientation.
+    frozen : segments whose rows are flagged so.
     frame : (T,) every frame that occurs with any segment, ascending. breaks : where the recording breaks
     within itself, with what a finding says of it.
     """
@@ -112,7 +111,6 @@ class PosesTable:
     usable: tuple[int, ...]
     frozen: tuple[str, ...]
     frame: Integers
-    points: frozenset[str]
     breaks: tuple[dict[str, Any], ...]
     _files: tuple[_RowFile, ...]
 
@@ -129,10 +127,7 @@ class PosesTable:
                 frame = self.frame[start : start + row_group_frames]
                 first = np.searchsorted(rows["frame"], frame[0])
                 end = np.searchsorted(rows["frame"], frame[-1], side="right")
-                columns = _columns(segment, frame, rows[first:end], segment in self.frozen)
-                if segment in self.points:
-                    columns |= dict.fromkeys(NUMBERS[3:], np.full(len(frame), np.nan))
-                yield columns
+                yield _columns(segment, frame, rows[first:end], segment in self.frozen)
 
 
 class _RowFile:
@@ -191,14 +186,12 @@ def poses_table(
     *,
     expected_mm: Mapping[str, Array] | None = None,
     repair_hemisphere: bool = False,
-    points: Container[str] = (),
 ) -> PosesTable:
     """Check the samples of a recording and lay them out on the full grid.
 
     parts : of the recording, in order. parents : of a segment the one towards the body that carries a
     receiver, where there is one. folder : where temporary files may be; the system's own where none is given.
     expected_mm : where anatomy has joints, see `shukotsu.stages.capture.hemispheres.expected_joints`.
-    points : segments of which positions are all that is measured.
     repair_hemisphere : whether positions on the wrong side of the transmitter are put back, or are gaps.
 
     Raises InputError at the first pose that has all its numbers but no unit quaternion.
@@ -216,20 +209,19 @@ def poses_table(
         frames.append(np.unique(samples.frame))
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
-    segments = {names[index]: _checked(files[index], names[index] in points) for index in sorted(files)}
+    segments = {names[index]: _checked(files[index]) for index in sorted(files)}
     _refuse_two_recordings(segments, places)
     _refuse_bad_quaternions(segments, places)
     _refuse_counted_positions(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
-    segments, broken = _without_breaks(segments, files_by_name, parents, points)
+    segments, broken = _without_breaks(segments, files_by_name, parents)
     frozen = _frozen_segments(segments, parents)
     return PosesTable(
         tuple(segments),
         tuple(0 if name in frozen else segment.usable for name, segment in segments.items()),
         frozen,
         frame,
-        frozenset(name for name in segments if name in points),
         broken,
         tuple(files[index] for index in sorted(files)),
     )
@@ -248,16 +240,9 @@ def _rows_of_segments(samples: Samples, start: int) -> Iterator[tuple[int, Rows]
         yield index, rows[samples.segment == index]
 
 
-def _checked(file: _RowFile, point: bool) -> _Segment:
-    """Bring a segment's rows into order, flag them and say what they say together.
-
-    A point's rows have an orientation that never changes in the place of that which is not measured.
-    """
+def _checked(file: _RowFile) -> _Segment:
+    """Bring a segment's rows into order, flag them and say what they say together."""
     rows = file.rows()
-    if point:
-        rows = rows.copy()
-        rows["numbers"][:, 3:] = np.where(np.isnan(rows["numbers"][:, :3]).all(-1)[:, None], np.nan, IDENTITY)
-        rows["flags"][~np.isnan(rows["numbers"]).any(-1)] |= _BIT["no-orientation"]
     rows, twice = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
     _empty_far(rows)
     _empty_wild_times(rows["time_s"])
@@ -271,7 +256,7 @@ def _checked(file: _RowFile, point: bool) -> _Segment:
     poses = rows["numbers"][complete]
     usable = rows[complete & ~_unusable(rows)]
     optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers, which no hemisphere mirrors
-    magnetic = len(usable) > 0 and not optical and not point
+    magnetic = len(usable) > 0 and not optical
     own = own_sides(usable["frame"], usable["time_s"], usable["numbers"][:, :3]) if magnetic else None
     return _Segment(
         len(usable),
@@ -328,7 +313,6 @@ def _without_breaks(
     segments: Mapping[str, _Segment],
     files: Mapping[str, _RowFile],
     parents: Mapping[str, str],
-    points: Container[str],
 ) -> tuple[dict[str, _Segment], tuple[dict[str, Any], ...]]:
     """Flag rows in which, for good, a receiver is not where its neighbours say; give the segments as they
     are then, and the values of a finding on each break.
@@ -342,7 +326,7 @@ def _without_breaks(
         return rows["frame"], rows["numbers"]
 
     out, values = dict(segments), []
-    names = [name for name, own in segments.items() if own.usable and name not in points]
+    names = [name for name, own in segments.items() if own.usable]
     links = [(parents[name], name) for name in names if parents.get(name, "") in names]
     for one in breaks(names, poses, links):
         for name in one.segments:

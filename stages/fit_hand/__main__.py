@@ -146,8 +146,7 @@ def _fit_part(
     layout, suspect = plan.layouts[part.hand], {plan.poses(recording) for recording in plan.suspect}
     for path in tasks:
         # what is declared of a suspect recording is settled first
-        tested = path not in suspect and not layout.points
-        moved = moved_in(tips.fit, read_thinned(path, layout.measured)) if tested else []
+        moved = [] if path in suspect else moved_in(tips.fit, read_thinned(path, layout.measured))
         tables["moved_receivers"].rows(part, moved_rows(layout, recording_name(path), moved))
         for block in posed_blocks(tips, path, moved, calibrates=path in calibrating):
             for name, columns in block.items():

@@ -145,7 +145,7 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
     )
     fit = fit_to(recordings)
     displaced, errors, left_out = Displaced(), dict[str, Array](), dict[str, float]()
-    if fitting.steps and not layout.points:
+    if fitting.steps:
         displaced = displaced_in(fit, recordings)
         errors = field_errors(fit, recordings, displaced.field)
         kept = without_displaced(fit, recordings, displaced)

@@ -10,7 +10,7 @@ import numpy as np
 from shukotsu.anatomy import average_hand as prior
 from shukotsu.anatomy.average_hand import DIGITS, DigitAnatomy
 from shukotsu.anatomy.known_digits import known_digits, root_of
-from shukotsu.schemas.layout import SKIN, Digit, Layout
+from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.chain_builder import (
     KINDS,
@@ -42,8 +42,7 @@ class HandModel:
     length : bone's segment to its length; mount : segment to its receiver's place (x, y, z) on the bone;
     axes : joint to its flexion axis in the frame marked `axis_frame`, centres : joint to
     the mark at its centre. centres_in_child : joint without anatomy to its centre in its child's receiver.
-    anatomy : of the average digits, with the thumb's metacarpal facing as its receiver does. framed : segment
-    that wears no receiver to the point that is the origin of its frame, whose axes are the bone's.
+    anatomy : of the average digits, with the thumb's metacarpal facing as its receiver does.
     """
 
     unknowns: Unknowns
@@ -57,7 +56,6 @@ class HandModel:
     centres: Mapping[str, str]
     centres_in_child: Mapping[str, tuple[Amount, Amount, Amount]]
     anatomy: Mapping[str, DigitAnatomy]
-    framed: Mapping[str, str]
 
 
 def hand_model(
@@ -95,7 +93,6 @@ def hand_model(
         builder.centres,
         builder.centres_in_child,
         anatomy,
-        builder.framed,
     )
 
 
@@ -112,14 +109,7 @@ def _base(builder: Builder, root: str, wrist_mm: Array | None) -> Sequence[Step]
     if wrist_mm is None:
         return [Mark(receiver(root))]
     worn = [builder.scale.times(-float(v)) for v in wrist_mm]
-    sides = [] if root in builder.framed else [builder.receiver_steps(root, worn)]
-    for name, point in builder.points.get(root, {}).items():
-        at_wrist = [Amount(0.0, ())] * 3
-        skin = point.at == SKIN
-        sides.append(
-            builder.receiver_steps(root, worn, point=name) if skin else builder.point_steps(name, at_wrist)
-        )
-    return [Side(side) for side in sides] if builder.points.get(root) else sides[0]
+    return builder.receiver_steps(root, worn)
 
 
 def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at_wrist: bool) -> list[Step]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from shukotsu.anatomy import average_hand as prior
-from shukotsu.schemas.layout import Layout, Point
+from shukotsu.schemas.layout import Layout
 from shukotsu.skeleton.rotations import Array, unit
 from shukotsu.stages.fit_hand.operations import Mark, Operation, Step, Term
 
@@ -152,8 +152,6 @@ def receiver(segment: str) -> str:
 class Builder:
     """Collects what chains need while they are laid out; the attributes as in `HandModel`.
 
-    points : those seen on a segment, by it.
-
     scale : mean and sd of the hand's size. seen : segments of which the recordings have poses.
     """
 
@@ -167,13 +165,6 @@ class Builder:
         self.axes: dict[str, Array] = {}
         self.centres: dict[str, str] = {}
         self.centres_in_child: dict[str, tuple[Amount, Amount, Amount]] = {}
-        self.framed: dict[str, str] = {}
-        self.points: dict[str, dict[str, Point]] = {}
-        for name, point in layout.points.items():
-            if name in seen:
-                self.points.setdefault(point.segment, {})[name] = point
-        for segment in self.points.keys() - seen:
-            self.framed[segment] = next(iter(self.points[segment]))
 
     def free(self, mean: float, sd: float, group: str, name: str) -> Amount:
         """Give an amount of its own, with that mean and sd."""
@@ -199,31 +190,24 @@ class Builder:
         lag: Sequence[Step] = (),
         *,
         faces_anyhow: bool = False,
-        point: str = "",
     ) -> tuple[Step, ...]:
-        """Place of a receiver, or of that point, on its bone, sliding and tilting with the drives.
+        """Place of a receiver on its bone, sliding and tilting with the drives.
 
         kind : of the bone; None for the palm. People put receivers on by habit, one for the nails and one for
         all other bones. lag : by how much less it turns than its place does. faces_anyhow : it may be put on
         anywhere round its bone.
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
-        name, known = point or segment, self.layout.points.get(point)
-        if known is not None and (any(known.offset_mm) or known.sd_mm is not None):
-            placed = self._declared(point, known, place)
-        else:
-            placed = [
-                self._put_on(at, prior.MOUNT_SD_MM[i], "mount", name, habit, i) for i, at in enumerate(place)
-            ]
-        self.mount[name] = (placed[0], placed[1], placed[2])
+        placed = [
+            self._put_on(at, prior.MOUNT_SD_MM[i], "mount", segment, habit, i) for i, at in enumerate(place)
+        ]
+        self.mount[segment] = (placed[0], placed[1], placed[2])
         steps: list[Step] = []
         for i, axis in enumerate(np.eye(3)):
-            skin = self.skin_terms(name, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i], segment)
+            skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
             steps.append(along(axis, placed[i], skin))
-            if i == 0 and faces_anyhow and not point:
+            if i == 0 and faces_anyhow:
                 steps.append(about(axis, self.free(0.0, prior.FACING_SD_RAD, "facing", segment)))
-        if point:
-            return (*steps, *self._marks(point, segment))
         steps += lag
         for i, axis in enumerate(np.eye(3)):
             slope = float(np.radians(prior.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
@@ -235,32 +219,6 @@ class Builder:
             steps.append(about(axis, turn, skin))
         return (*steps, Mark(receiver(segment)))
 
-    def point_steps(self, name: str, place: Sequence[Amount]) -> tuple[Step, ...]:
-        """Place of a point that nothing carries off its joint or tip, in its bone's frame.
-
-        What measures it is off by as much all along, each point in its own way.
-        """
-        point = self.layout.points[name]
-        x, y, z = placed = self._declared(name, point, place)
-        self.mount[name] = x, y, z
-        steps = (along(axis, amount) for axis, amount in zip(np.eye(3), placed, strict=True))
-        return (*steps, *self._marks(name, point.segment))
-
-    def _declared(self, name: str, point: Point, place: Sequence[Amount]) -> list[Amount]:
-        """Place of a point to the offset and the sd that the layout gives."""
-        sd_mm = prior.POINT_SD_MM if point.sd_mm is None else point.sd_mm
-        return [
-            self.place(at.plus(Amount(off_mm, ())), sd_mm, "point", f"{name} {letter}")
-            for at, off_mm, letter in zip(place, point.offset_mm, "xyz", strict=True)
-        ]
-
-    def _marks(self, name: str, segment: str) -> list[Step]:
-        """The mark of a point, and of the frame of its segment where no receiver but it is that frame's
-        origin.
-        """
-        names = [name, segment] if self.framed.get(segment) == name else [name]
-        return [Mark(receiver(own)) for own in names]
-
     def _put_on(
         self, mean: Amount, sd: float, group: str, segment: str, habit: str | None, axis: int
     ) -> Amount:
@@ -271,16 +229,12 @@ class Builder:
         own = self.place(mean, (1.0 - prior.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
         return own.plus(self.shared(prior.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
 
-    def skin_terms(
-        self, name: str, drives: Sequence[Drive], group: str, sd: float, segment: str = ""
-    ) -> tuple[Term, ...]:
-        """Return the terms that skin adds, an unknown of that sd per rad of each drive; segment : whose skin
-        it is, where that is not the name.
-        """
-        sd *= prior.looseness(segment or name)
+    def skin_terms(self, segment: str, drives: Sequence[Drive], group: str, sd: float) -> tuple[Term, ...]:
+        """Return the terms that skin adds, an unknown of that sd per rad of each drive."""
+        sd *= prior.looseness(segment)
         terms: tuple[Term, ...] = ()
         for n, drive in enumerate(drives):
-            terms += drive.terms(sd, self.unknowns.add(group, f"{name} {n}"))
+            terms += drive.terms(sd, self.unknowns.add(group, f"{segment} {n}"))
         return terms
 
 

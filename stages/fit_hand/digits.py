@@ -6,7 +6,7 @@ import numpy as np
 
 from shukotsu.anatomy import average_hand as prior
 from shukotsu.anatomy.average_hand import DigitAnatomy
-from shukotsu.schemas.layout import SKIN, TIP, Digit, Point
+from shukotsu.schemas.layout import Digit
 from shukotsu.skeleton.rotations import Array, unit
 from shukotsu.stages.fit_hand.chain_builder import (
     KINDS,
@@ -103,27 +103,13 @@ class _DigitChain:
         length = builder.length[segment] = self._length(k)
         steps = [*moved.steps(), Mark(bone(segment))]
         builder.centres[joint] = bone(segment)
-        worn = self.measured[k] and segment not in builder.framed
-        ridden = [self._receiver(k, length, moved)] if worn else []
-        for name, point in builder.points.get(segment, {}).items():
-            if point.at == SKIN:
-                ridden.append(self._receiver(k, length, moved, name))
-            else:
-                steps.append(Side(builder.point_steps(name, self._place(k, length, point))))
-        for own in ridden:
+        if self.measured[k]:
+            own = self._receiver(k, length, moved)
             if moved.lags is not None:
                 steps = [Side((*moved.steps(lagging=True), *own)), *steps]
             else:
                 steps.append(Side(own))
         return [*steps, along(X, length)]
-
-    def _place(self, k: int, length: Amount, point: Point) -> list[Amount]:
-        """Place of a point at an end of bone k: the joint that moves it, the next, or the digit's end."""
-        nothing = Amount(0.0, ())
-        x = nothing if point.at == self.digit.joints[k] else length
-        if point.at == TIP:
-            x = x.plus(self.builder.scale.times(self.anatomy.soft_tip_mm))
-        return [x, nothing, nothing]
 
     def _kind(self, k: int) -> str:
         """Kind of bone k, as anatomy calls it, whatever the layout calls its segment."""
@@ -139,8 +125,8 @@ class _DigitChain:
         length = length.plus(builder.free(0.0, own_sd_mm, "length", self.digit.segments[k]))
         return length.plus(builder.shared(prior.SOURCE_SD_MM[kind], "source", kind))
 
-    def _receiver(self, k: int, length: Amount, moved: _Joint, point: str = "") -> tuple[Step, ...]:
-        """The receiver of bone k, or that point on its skin: at mid-bone, driven by the joints beside it."""
+    def _receiver(self, k: int, length: Amount, moved: _Joint) -> tuple[Step, ...]:
+        """The receiver of bone k: at mid-bone, driven by the joints beside it."""
         is_last = k == len(self.digit.segments) - 1
         share, height_mm = prior.NAIL_SHARE if is_last else prior.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
         place = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
@@ -148,9 +134,9 @@ class _DigitChain:
         drives = [
             Drive(self.flexions[joint], prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
             for joint, segment in ends
-            if joint in self.flexions and {segment, *self.builder.points.get(segment, ())} & self.builder.seen
+            if joint in self.flexions and segment in self.builder.seen
         ]
-        if moved.abducts is not None and (point or self.digit.segments[k] in self.builder.seen):
+        if moved.abducts is not None and self.digit.segments[k] in self.builder.seen:
             drives.append(Drive(moved.abducts))
         return self.builder.receiver_steps(
             self.digit.segments[k],
@@ -159,7 +145,6 @@ class _DigitChain:
             self._kind(k),
             moved.turn_lag(),
             faces_anyhow=bool(moved.lags),
-            point=point,
         )
 
 

@@ -11,7 +11,7 @@ from shukotsu.anatomy import average_hand as prior
 from shukotsu.anatomy.average_hand import DIGITS, DigitAnatomy
 from shukotsu.anatomy.known_digits import known_digits, root_of
 from shukotsu.errors import InputError
-from shukotsu.schemas.layout import SKIN, Layout, Point
+from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array
 from shukotsu.skeleton.thumb_facing import faces_nail
@@ -22,13 +22,12 @@ from shukotsu.stages.fit_hand.free_joints import free_joints
 from shukotsu.stages.fit_hand.gauss_newton import CLOSE, NEARLY, Solution, first_guess, solve
 from shukotsu.stages.fit_hand.measurements import Measurement, observations, planes
 from shukotsu.stages.fit_hand.noise_bias import without_noise_bias
-from shukotsu.stages.fit_hand.normal_equations import UNTURNED_RAD, Frames, Observations, Problem, pairs
+from shukotsu.stages.fit_hand.normal_equations import Frames, Observations, Problem, pairs
 from shukotsu.stages.fit_hand.posterior import Evidence, Posterior
 from shukotsu.stages.fit_hand.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
 from shukotsu.stages.fit_hand.receiver_frames import (
     Convention,
     concatenated,
-    distances,
     neighbours,
     postures,
     spread_frames,
@@ -38,9 +37,6 @@ from shukotsu.stages.fit_hand.room_field import RoomField
 RESIDUAL_SD = (0.5, float(np.radians(0.6)))
 """Of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin that its states
 do not follow (two LIBERTY sensors on a rigid bar already differ by 0.3 to 0.55 mm and 0.3 to 0.45 deg)."""
-
-DETECTOR_SD_MM = 2.0
-"""Of a joint that a camera's detector sees about where it sees it on average, per component (ours)."""
 
 INDEPENDENT_SAMPLES = 30.0
 """In a calibration of half a minute; skin wanders for about half a second."""
@@ -56,9 +52,6 @@ EVEN_FRAMES = 300
 """Evenly spaced over the recording, to see how residuals follow one another."""
 
 _POSING_STEPS = 4
-
-POINTS_STEPS = 4
-"""So many times as many steps do points take: what they leave open lies along valleys that hardly fall."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +120,6 @@ def fit_hand(
     half of the receivers, or a measurement names nothing known.
     """
     settings = settings or Settings()
-    if layout.points:
-        settings = replace(settings, most_steps=POINTS_STEPS * settings.most_steps)
     convention = Convention.of(layout, _receivers(layout, recordings), hand)
     everything = convention.frames(concatenated(recordings))
     frames, share = _chosen(everything, layout, convention.receivers, settings.n_frames)
@@ -136,7 +127,7 @@ def fit_hand(
     model = _model(layout, convention, everything, frames, scale)
     field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
     measured = observations(model, measurements).and_also(planes(model, layout, convention, frames))
-    problem = _problem(layout, model, frames, measured, field)
+    problem = _problem(model, frames, measured, field)
     problem, solution = _solved(problem, model, everything, settings)
     if settings.rounds and not _shows_every_bone(model, layout, problem):
         point = without_noise_bias(problem, solution.point)
@@ -180,22 +171,13 @@ def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Ma
     return {**DIGITS, "thumb": nail} if faces_nail(seen, *rests) else DIGITS
 
 
-def _residual_sd(point: Point | None) -> tuple[float, float]:
-    """The published sd of what stays between a receiver, or a point, and where the hand has it."""
-    if point is None:
-        return RESIDUAL_SD
-    return RESIDUAL_SD[0] if point.at == SKIN else DETECTOR_SD_MM, UNTURNED_RAD
-
-
-def _problem(
-    layout: Layout, model: HandModel, frames: Frames, measured: Observations, field: RoomField
-) -> Problem:
+def _problem(model: HandModel, frames: Frames, measured: Observations, field: RoomField) -> Problem:
     """The problem with every scale as published."""
     return Problem(
         branches=model.branches,
-        receivers=pairs(model.branches, ["" if r in model.framed else r for r in model.receivers]),
+        receivers=pairs(model.branches, model.receivers),
         frames=frames,
-        sd=np.array([_residual_sd(layout.points.get(name)) for name in model.receivers]),
+        sd=np.array([RESIDUAL_SD] * len(model.receivers)),
         temper=min(1.0, INDEPENDENT_SAMPLES / len(frames.valid)),
         state_mean=np.array(model.states.mean),
         state_sd=model.states.sd_over(INDEPENDENT_SAMPLES),
@@ -242,14 +224,10 @@ def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, fl
 
 
 def _receivers(layout: Layout, recordings: Sequence[Poses]) -> list[str]:
-    """Segments with a receiver and points, the root's first; an optional one only where it was worn, or where
-    a point is its frame's origin.
-    """
+    """Segments with a receiver, the root's first; an optional one only where it was worn."""
     worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}
     root = root_of(layout)
-    carry = {layout.points[name].segment for name in layout.points.keys() & worn}
-    expected = {*layout.expected} - layout.points.keys()
-    others = [s for s in layout.measured if s != root and s in worn | carry | expected]
+    others = [s for s in layout.measured if s != root and s in worn.union(layout.expected)]
     return [root, *others]
 
 
@@ -270,10 +248,7 @@ def _chosen(frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: 
         )
     seen = [receivers[i] for i in np.flatnonzero(np.any(frames.valid, axis=0)).tolist()]
     index = [(receivers.index(a), receivers.index(b)) for a, b in neighbours(layout, seen)]
-    points = [s for s, name in enumerate(receivers) if name in layout.points or (layout.points and s == 0)]
-    seen_frames = frames.take(usable)
-    features = np.concatenate([postures(seen_frames, index), distances(seen_frames, points)], 1)
-    rows, share = spread_frames(features, n_frames)
+    rows, share = spread_frames(postures(frames.take(usable), index), n_frames)
     return frames.take(usable[rows]), share
 
 
@@ -306,7 +281,7 @@ def _with_own_scales(problem: Problem, model: HandModel, solution: Solution, pub
 
 def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dict[str, tuple[float, float]]:
     """Root mean square residual of every receiver, mm and deg, per component; NaN where it was not seen."""
-    rms = dict.fromkeys(model.framed, (np.nan, np.nan))
+    rms: dict[str, tuple[float, float]] = {}
     for receivers, (r, _, _) in zip(problem.receivers, solution.residuals.branches, strict=True):
         for i, (_, s) in enumerate(receivers):
             seen = r[i, problem.frames.valid[:, s]].reshape(-1, 2, 3)

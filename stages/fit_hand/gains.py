@@ -71,7 +71,7 @@ def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
     """List what could be measured, how well, and its rows (K, 3, G + 6 D) in units of its sd."""
     evidence = tips.fit.evidence
     model = evidence.model
-    worn = [s for s in model.mount if s in model.receivers and s not in evidence.layout.points]
+    worn = [s for s in model.mount if s in model.receivers]
     quantities = [
         *model.length,
         *(f"{s}.{part}" for s in worn for part in MOUNT_PARTS),

@@ -143,7 +143,7 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
     fit, rows = tips.fit, []
     digit_of = {tip.receiver: digit for digit, tip in tips.digits.items()}
     displaced = _loose_columns(unsteady) | _field_columns(fit, unsteady)
-    for segment in [own for own in fit.evidence.model.receivers if own not in fit.evidence.model.framed]:
+    for segment in fit.evidence.model.receivers:
         residual_mm, residual_deg = fit.residual_rms[segment]
         row: Row = {"segment": segment, "residual_mm": residual_mm, "residual_deg": residual_deg}
         for name, amount in zip(MOUNT_PARTS, fit.evidence.model.mount.get(segment, ()), strict=False):

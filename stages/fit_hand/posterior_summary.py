@@ -125,8 +125,7 @@ def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
         tilt = prior.PALM_TILT_SD * cross_matrix(point_mm)
         return np.asarray(prior.PALM_SLIDE_SD_MM**2 * np.eye(3) + tilt @ tilt.T)
     slides = [i for i, group in enumerate(evidence.model.unknowns.groups) if group == "slide x"]
-    rides = evidence.model.framed.get(segment, segment)
-    own = [i for i in slides if evidence.model.unknowns.names[i].startswith(f"{rides} ")]
+    own = [i for i in slides if evidence.model.unknowns.names[i].startswith(f"{segment} ")]
     if not own:
         return np.zeros((3, 3))
     loose = evidence.problem.precision[own[0]] ** -0.5 * prior.looseness(segment)
@@ -228,8 +227,7 @@ def _doubts(joint: Joint, evidence: Evidence) -> dict[str, Values]:
     strangest, receivers = int(np.argmax(off)), evidence.model.receivers
     sides = (joint.parent_receiver, joint.child)
     valid = evidence.problem.frames.valid
-    framed = evidence.model.framed
-    dead = [s for s in sides if s in receivers and s not in framed and not valid[:, receivers.index(s)].any()]
+    dead = [s for s in sides if s in receivers and not valid[:, receivers.index(s)].any()]
     unworn = [s for s in sides if s not in receivers and evidence.layout.segments[s].measured]
     doubts: dict[str, Values] = {}
     if not evidence.converged:

@@ -33,7 +33,6 @@ class Convention:
     receivers: tuple[str, ...]
     axes: Array
     left: bool
-    points: frozenset[str] = frozenset()
 
     @classmethod
     def of(cls, layout: Layout, receivers: Sequence[str], hand: str) -> Convention:
@@ -42,17 +41,16 @@ class Convention:
         for name in receivers:
             distal, dorsal = np.array(layout.segments[name].distal), np.array(layout.segments[name].dorsal)
             axes.append(np.stack([distal, np.cross(dorsal, distal), dorsal], -1))
-        return cls(tuple(receivers), np.array(axes), hand == "left", frozenset(layout.points))
+        return cls(tuple(receivers), np.array(axes), hand == "left")
 
     def frames(self, poses: Poses) -> Frames:
-        """Poses as frames; what is not valid, and the rotation of a point, gets harmless numbers."""
+        """Poses as frames; what is not valid gets harmless numbers."""
         index = [poses.index(name) if name in poses.segments else -1 for name in self.receivers]
         worn = np.array(index) >= 0
         quaternion, position = poses.quaternion[:, index], poses.position_mm[:, index]
         valid = poses.valid[:, index] & worn
-        point = np.array([name in self.points for name in self.receivers])
-        valid &= (np.isfinite(quaternion).all(-1) | point) & np.isfinite(position).all(-1)
-        quaternion = np.where((valid & ~point)[..., None], quaternion, [1.0, 0.0, 0.0, 0.0])
+        valid &= np.isfinite(quaternion).all(-1) & np.isfinite(position).all(-1)
+        quaternion = np.where(valid[..., None], quaternion, [1.0, 0.0, 0.0, 0.0])
         position = np.where(valid[..., None], position, 0.0)
         rotation = matrix(quaternion) @ self.axes
         if self.left:
@@ -113,17 +111,6 @@ def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
     if not features:
         return np.zeros((len(frames.valid), 1))
     return np.concatenate(features, 1)
-
-
-def distances(frames: Frames, points: Sequence[int]) -> Array:
-    """Distances between points in each frame, (T, pairs), as shares of a finger; the pair's mean where one is
-    missing.
-    """
-    first, second = np.array(points)[np.array(np.triu_indices(len(points), 1))] if points else ([], [])
-    apart = np.linalg.norm(frames.position_mm[:, first] - frames.position_mm[:, second], axis=-1) / FINGER_MM
-    both = frames.valid[:, first] & frames.valid[:, second]
-    mean = np.where(both, apart, 0.0).sum(0) / np.maximum(both.sum(0), 1)
-    return np.asarray(np.where(both, apart, mean))
 
 
 def spread_frames(postures: Array, n_frames: int) -> tuple[Index, Array]:

@@ -101,16 +101,7 @@ def test_a_wrist_that_was_measured(tmp_path: Path) -> None:
         ("receiver_axes", {"distal": [0, 1, 0]}, "segments.hand: .*distal and lateral are not"),
         ("receiver_axes", {"distal": [2, 0, 0]}, "unit vectors at right angles; distal has length 2"),
         ("segments.tip.receiver_axes", {"dorsal": [1, 0, 0]}, "segments.tip: .*distal and dorsal are not"),
-        (
-            "segments.p",
-            {"point": {"segment": "tip", "at": "cmc"}},
-            "tip has no place 'cmc'; expected mcp or skin",
-        ),
-        (
-            "segments.tip.point",
-            {"segment": "hand", "at": "skin"},
-            "tip.point: a point is measured and has no",
-        ),
+        ("segments.tip.point", {"segment": "hand", "at": "skin"}, "segments.tip: point left in 0.2"),
         ("joints.mcp.child", "tap", "joints.mcp.child: no segment is called 'tap'"),
         ("joints.cmc.parent", "arm", "joints.cmc.parent: no segment is called 'arm'"),
         ("joints.more", {"parent": "hand", "child": "tip"}, "joints.more: segment tip has two parents"),

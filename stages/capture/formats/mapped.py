@@ -129,7 +129,7 @@ def samples_of_tracks(
     if marks:
         notes = [*notes, f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"]
         tracks = [replace(own, numbers=without_marks(own.numbers)) for own in tracks]
-    _check_turns(tracks, mapping, layout)
+    _check_turns(tracks, mapping)
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
@@ -156,13 +156,13 @@ def samples_of_tracks(
     )
 
 
-def _check_turns(tracks: Sequence[Track], mapping: FileMapping, layout: Layout) -> None:
-    """Refuse positions alone of what is no point: a joint is found from how receivers turn."""
+def _check_turns(tracks: Sequence[Track], mapping: FileMapping) -> None:
+    """Refuse positions alone: a joint is found from how receivers turn."""
     for segment, track in zip(mapping.receivers, tracks, strict=True):
-        if not track.oriented and segment not in layout.points:
+        if not track.oriented:
             raise InputError(
                 f"{mapping.where}: receivers.{segment}: has positions and no orientation, which a receiver "
-                f"needs; say where it is, or take a layout in which {segment} is a point (docs/layouts.md)"
+                "needs; say where it is"
             )
 
 

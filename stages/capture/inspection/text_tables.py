@@ -81,7 +81,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if roles.orientations[1] and not roles.positions:
         lines.append("no positions were found")
     if roles.positions and not roles.orientations[1]:
-        lines.append("no orientations were found: positions alone are for a layout of points (keypoints-21)")
+        lines.append("no orientations were found, which receivers need")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
     found = _receivers(roles, receivers, text.titles, layout)
     config = _config(roles, units, found, asynchronous, layout)
