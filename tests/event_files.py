@@ -131,7 +131,6 @@ def _bytes_of(write: Callable[[Path], Path]) -> bytes:
 
 PULSES_S = np.array([1.0, 1.7, 3.6, 4.7])
 SAMPLES: Mapping[str, Callable[[], bytes]] = {
-    "a_events.tsv": lambda: b"onset\tduration\ttrial_type\tvalue\n1\t0.5\ttap\t3\n3\tn/a\tgo\tn/a\n",
     "a.mid": lambda: _bytes_of(lambda folder: midi_of(folder, PULSES_S)),
     "a.xdf": lambda: xdf_of(
         marker_stream(1, "cues", [["go"], ["stop"]], [1.0, 2.0], [(0.0, 1.0), (5.0, 1.0)])

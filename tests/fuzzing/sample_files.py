@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import struct
 import tempfile
 from collections.abc import Callable, Mapping
@@ -85,17 +84,6 @@ def _mapped_csv() -> Recording:
     return Recording("a.txt", {"a.txt": "\r\n".join(lines).encode()}, mapping)
 
 
-def _matrices() -> Recording:
-    lines = []
-    for position, q in (pose(frame, station) for frame in range(FRAMES) for station in SEGMENTS):
-        matrix = cosines(q)
-        lines += [" ".join(map(str, (*matrix[3 * row : 3 * row + 3], position[row]))) for row in range(3)]
-        lines.append("0 0 0 1\n")
-    receivers: dict[str, Any] = {segment: {} for segment in SEGMENTS.values()}
-    mapping = {"format": "matrices", "position_unit": "mm", "receivers": receivers}
-    return Recording("a.traj", {"a.traj": "\n".join(lines).encode()}, mapping)
-
-
 def _c3d() -> Recording:
     import ezc3d
 
@@ -116,25 +104,6 @@ def _c3d() -> Recording:
         "receivers": {"hand": {"markers": ["H1", "H2", "H3"]}},
     }
     return Recording("a.c3d", {"a.c3d": data}, mapping)
-
-
-def _motion_bids() -> Recording:
-    stem = "sub-01_task-rom_tracksys-right"
-    parts = dict.fromkeys("xyz", "POS") | {f"quat_{axis}": "ORNT" for axis in "wxyz"}
-    channels = ["name\tcomponent\ttype\ttracked_point\tunits\treference_frame"]
-    for segment in SEGMENTS.values():
-        channels += [
-            f"{segment}_{part}\t{part}\t{kind}\t{segment}\t{'m' if kind == 'POS' else 'n/a'}\tlab"
-            for part, kind in parts.items()
-        ]
-    motion = ["\t".join(map(str, _numbers(frame))) for frame in range(FRAMES)]
-    files = {
-        f"{stem}_motion.tsv": "\n".join(motion) + "\n",
-        f"{stem}_channels.tsv": "\n".join(channels) + "\n",
-        f"{stem}_motion.json": json.dumps({"TaskName": "rom", "SamplingFrequency": 240}),
-        f"{stem}_channels.json": json.dumps({"reference_frame": {"Levels": {"lab": {"SpatialAxes": "ARI"}}}}),
-    }
-    return Recording(f"{stem}_motion.tsv", {name: text.encode() for name, text in files.items()})
 
 
 def xdf_chunk(tag: int, content: bytes) -> bytes:
@@ -184,9 +153,7 @@ RECORDINGS: Mapping[str, Callable[[], Recording]] = {
     "parquet": _tidy_parquet,
     "capture": lambda: Recording("a.arrows", {"a.arrows": capture_bytes()}),
     "mapped csv": _mapped_csv,
-    "matrices": _matrices,
     "c3d": _c3d,
-    "motion-bids": _motion_bids,
     "xdf": _xdf,
     "sequence": _sequence,
 }

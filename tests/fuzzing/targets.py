@@ -244,7 +244,7 @@ def _reader(name: str) -> Target:
         mapping = path.with_name("mapping.yaml") if recording.mapping is not None else None
         _samples(path.with_name(recording.path), mapping)
 
-    share = {"c3d": 0.05, "motion-bids": 0.5, "mapped csv": 0.5, "capture": 0.3, "xdf": 1.5}.get(name, 1.0)
+    share = {"c3d": 0.05, "mapped csv": 0.5, "capture": 0.3, "xdf": 1.5}.get(name, 1.0)
     return _files(f"file {name}", _with_mapping(recording), take, share=share, structured=True)
 
 
@@ -270,7 +270,7 @@ def _inspection(name: str) -> Target:
         with contextlib.redirect_stdout(io.StringIO()):
             inspect(Namespace(file=named, layout=LAYOUT, hand=None, write_mapping=None))
 
-    share = {"c3d": 0.05, "capture": 0.05, "motion-bids": 0.08, "matrices": 1.0}.get(name, 0.2)
+    share = {"c3d": 0.05, "capture": 0.05}.get(name, 0.2)
     return _files(f"inspect {name}", recording.files, take, share=share, structured=True)
 
 

@@ -9,7 +9,6 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 from event_files import SAMPLES
-from fuzzing.sample_files import RECORDINGS as FORMATS
 from recording_files import damaged
 from studies.running import Row, StudyRun, leftovers, record, write_study
 
@@ -238,19 +237,14 @@ def test_no_temporary_file_is_left(study: StudyRun) -> None:
 
 
 def test_whatever_became_of_a_file_that_was_brought_there_is_a_report(tmp_path: Path) -> None:
-    """A subject a kind of damage: to the events of a good recording, to a recording, a sidecar, a mapping."""
+    """A subject a kind of damage: to the events of a good recording, to a recording, to a mapping."""
     good = record(tmp_path / "good.parquet")
-    bids = FORMATS["motion-bids"]()
     spoiled = {"events": SAMPLES["a.parquet"](), "rom": good.read_bytes(), "mapping": b"format: csv\n"}
-    spoiled["sidecar"] = next(data for name, data in bids.files.items() if name.endswith("_motion.json"))
     rows = ["subject\thand\ttask\trole\tfile\tmapping\tevents"]
     for number, kind in enumerate(damaged(b"")):
         folder = tmp_path / f"{number}"
         folder.mkdir()
-        for name, content in bids.files.items():
-            (folder / name).write_bytes(content)
-        sidecar = next(name for name in bids.files if name.endswith("_motion.json"))
-        names = {"events": "events.parquet", "rom": "rom.parquet", "mapping": "map.yaml", "sidecar": sidecar}
+        names = {"events": "events.parquet", "rom": "rom.parquet", "mapping": "map.yaml"}
         for what, name in names.items():
             content = damaged(spoiled[what])[kind]
             (folder / name).unlink(missing_ok=True)
@@ -260,12 +254,10 @@ def test_whatever_became_of_a_file_that_was_brought_there_is_a_report(tmp_path: 
             f"{start}\tevents\tboth\tgood.parquet\t\t{number}/events.parquet",
             f"{start}\trom\tevaluation\t{number}/rom.parquet\t\t",
             f"{start}\tmapping\tevaluation\t{number}/none.csv\t{number}/map.yaml\t",
-            f"{start}\tsidecar\tevaluation\t{number}/{bids.path}\t\t",
         ]
     study = write_study(tmp_path, "damage", rows, ["rigid"])
     study.run()
     assert study.results.report.is_file()
     told = {(row["subject"], row["task"]) for row in study.rows("problems") if row["stage"] != STAGE}
-    unnoticed = {("one bit", "sidecar")}  # a text without a checksum
-    assert {(kind, task) for kind in damaged(b"") for task in names} - told <= unnoticed
+    assert {(kind, task) for kind in damaged(b"") for task in names} <= told
     assert not any("internal error" in row["message"] for row in study.rows("problems"))

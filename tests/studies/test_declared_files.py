@@ -44,8 +44,7 @@ Command = tuple[str, ...]
 
 
 def every_format(folder: Path) -> list[str]:
-    """Write a recording of each format, all with events, of matrices a folder; give rows of the sheet."""
-    (folder / "taps_events.tsv").write_text("onset\tduration\ttrial_type\n0.01\t0\ttap\n")
+    """Write a recording of each format, the capture with events; give rows of the sheet."""
     pulses = f"{midi_of(folder, np.arange(3) / 100).name}\tnote 24 = sync"
     rows = []
     for name, sample in RECORDINGS.items():
@@ -57,8 +56,7 @@ def every_format(folder: Path) -> list[str]:
         if recording.mapping is not None:
             mapping = f"{place.name}.yaml"
             (folder / mapping).write_text(json.dumps(recording.mapping))
-        path = place if name == "matrices" else place / recording.path
-        events = pulses if name == "capture" else "taps_events.tsv\t"
+        path, events = place / recording.path, pulses if name == "capture" else "\t"
         rows.append(f"all\tright\t{place.name}\tboth\t{path.relative_to(folder)}\t{mapping}\t{events}")
     return rows
 
@@ -254,16 +252,12 @@ def test_an_input_is_known_by_its_content(
 
 
 def test_what_is_made_again_is_what_a_fresh_run_makes(study: StudyRun, tmp_path: Path) -> None:
-    """After exchanged recordings, other units in a sidecar, a changed and an added file of a folder."""
+    """After exchanged recordings, other participants and a subject less."""
     copy = StudyRun(tmp_path / "open" / study.file.name, tmp_path / "open")
     shutil.copytree(study.folder, copy.folder)
     (copy.folder / "01.parquet").rename(copy.folder / "right.parquet")
     (copy.folder / "left.parquet").rename(copy.folder / "01.parquet")
     (copy.folder / "right.parquet").rename(copy.folder / "left.parquet")
-    (sidecar,) = (copy.folder / "motion-bids").glob("*_channels.tsv")
-    sidecar.write_text(sidecar.read_text("utf-8").replace("\tm\t", "\tcm\t"))
-    other_content(copy.folder / "matrices" / "a.traj")
-    shutil.copy2(copy.folder / "matrices" / "a.traj", copy.folder / "matrices" / "b.traj")
     (copy.folder / "participants.tsv").write_text("subject\tgroup\n01\tb\n")
     rows = (copy.folder / "open.tsv").read_text("utf-8").splitlines(keepends=True)
     (copy.folder / "open.tsv").write_text("".join(row for row in rows if not row.startswith("02\t")))

@@ -13,7 +13,6 @@ from shukotsu.errors import InputError
 from shukotsu.stages.align_events.recording_events import READERS, RecordingEvents, read_events
 
 REPOSITORY = Path(__file__).resolve().parents[3]
-BIDS = "onset\tduration\ttrial_type\n1\t0.5\ttap\n3\t0\ttap\n"
 TRUE_S = np.cumsum([1.0, 0.7, 1.9, 1.1, 2.3, 0.9, 1.4, 3.0, 0.8, 1.7])
 """Pulses, on the recording's clock."""
 
@@ -24,19 +23,6 @@ def sheet(*onsets_s: float, name: str = "sync") -> list[dict[str, Any]]:
 
 def names(rows: list[dict[str, Any]]) -> list[tuple[str, float]]:
     return [(row["name"], row["onset_s"]) for row in rows]
-
-
-def test_rows_of_the_sheet_and_a_file_in_order_of_time(tmp_path: Path) -> None:
-    """A BIDS file counts from the recording's first time; the sheet is on the recording's clock."""
-    (tmp_path / "a_events.tsv").write_text(BIDS)
-    recording = RecordingEvents(
-        poses_of(tmp_path, 100.0, 110.0), file=tmp_path / "a_events.tsv", rows=sheet(102.0, name="")
-    )
-    events, (clock,) = recording.aligned()
-    assert names(events) == [("tap", 101.0), ("event", 102.0), ("tap", 103.0)]
-    assert [row["event"] for row in events] == [0, 1, 2]
-    assert [row["source"] for row in events] == ["motion-bids", "sheet", "motion-bids"]
-    assert (clock["status"], clock["offset_s"], clock["scale_ppm"], clock["message"]) == ("ok", 100, 0, "")
 
 
 def test_a_sheet_alone_has_no_clock_of_its_own(tmp_path: Path) -> None:
