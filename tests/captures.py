@@ -72,4 +72,4 @@ def circling(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]
     """A receiver on a circle round the transmitter, once in 4 s."""
     angle = 2 * np.pi * frame / (4 * RATE_HZ)
     q = (np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
-    return (30 * np.cos(angle), 30 * np.sin(angle), 2.0 + station), q
+    return (30 * np.cos(angle), 30 * np.sin(angle), 2.125 + station), q

@@ -24,8 +24,6 @@ STUDY: dict[str, bytes] = {
     "study.yaml": b"study: a\nrecordings: recordings.tsv\nparticipants: participants.tsv\n"
     b"corrections: corrections.tsv\nmeasurements: measurements.tsv\ntouches: touches.tsv\n"
     b"events: events.tsv\nfactors: [group, hand]\n"
-    b"questions:\n- {name: q, quantity: min_mm, digit: index, other_digit: thumb, factor: group, task: rom,"
-    b" levels: [b, a]}\n- {name: c, curve: tap, joint: index_pip, angle: flexion, factor: hand}\n"
     b"layout: liberty16\nmodels: [paper-fig4, whole-hand]\nexports: [bvh, glb]\n",
     "recordings.tsv": b"subject\thand\ttask\trole\tfile\ttrial\tlayout\tformat\tmapping\themisphere\texclude"
     b"\taccept\n01\tright\trom\tboth\ta.csv\t\t\t\t\t\t\t\n01\tright\tgrasp\tevaluation\tb.csv\t2\tliberty16"

@@ -53,6 +53,7 @@ FOLDER_OF_SEEDS = Path(__file__).with_name("seeds")
 """Inputs that failed once, in a folder for each target."""
 
 LAYOUT = "liberty16"
+NOT_INSPECTED = ("xdf", "sequence")
 
 
 @dataclass(frozen=True)
@@ -427,7 +428,11 @@ _TARGETS: Mapping[str, Callable[[], Target]] = {
     "archive settings": _archive_settings,
     **{f"file {name}": partial(_reader, name) for name in RECORDINGS},
     "file xdf, packed": _packed_xdf,
-    **{f"inspect {name}": partial(_inspection, name) for name in RECORDINGS},
+    **{
+        f"inspect {name}": partial(_inspection, name)
+        for name in RECORDINGS
+        if name not in ("xdf", "sequence")
+    },
     "inspect tables": _inspect_table,
     "import": _import,
     "tables": _tables,

@@ -38,5 +38,6 @@ def test_the_measurement_that_gains_most_over_all_hands(fitted: StudyResults) ->
 
 def test_hands_that_are_left_out_say_nothing_of_what_to_do(fitted: StudyResults) -> None:
     accepted = {"subject": "S01", "session": "", "hand": "left", "stage": "plan", "severity": "suspect"}
+    accepted["kind"] = "units"
     left = replace(fitted, gains=_gain(fitted, "ring.touch", 0.2, "left"), problems=[accepted])
     assert next_step(left).startswith("Next: nothing is worth recording or measuring again; ")
