@@ -50,7 +50,9 @@ report: "captions/workflow.rst"  # the first page of `snakemake --report`
 container: "shukotsu.sif"  # of container/Dockerfile: for a whole run (docs/cluster.md), no job needs it
 
 
-if workflow.is_main_process and Quietness.RULES in (workflow.output_settings.quiet or ()):  # as `shukotsu run` asks
+if workflow.is_main_process and Quietness.RULES in (
+    workflow.output_settings.quiet or ()
+):  # as `shukotsu run` asks
     logger.addFilter(failed_jobs.FailedJobs(workflow, study.results.folder))
 
 
