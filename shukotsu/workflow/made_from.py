@@ -53,7 +53,7 @@ def recall(
         if not Path(path).exists() or (note is not None and not is_marked and note.endtime != time_s):
             continue  # made since, or never kept: Snakemake knows more
         if digests.content(path) == digest and path not in outdated:
-            if note is None or is_marked:
+            if note is None or is_marked or note.input != job["input"]:  # the installation moved
                 compared = {name: job[name] for name in COMPARED}
                 memory._write_record(path, MetadataRecord(**compared, endtime=time_s))
             _set_time(Path(path), time_s)
