@@ -87,7 +87,7 @@ def made_up(estimator: str, off_mm: float) -> HandScore:
 
 
 def test_a_person_is_scored_hand_by_hand() -> None:
-    wanted = (estimators.PAPER, estimators.ANATOMICAL, estimators.WHOLE, estimators.BOTH)
+    wanted = (estimators.PAPER, estimators.WHOLE, estimators.BOTH)
     found = person_result(3, FULL, wanted, N)
     assert sorted(one.estimator for one in found.scores) == sorted(2 * wanted)
     for one in found.scores:
