@@ -125,7 +125,7 @@ def test_sd_predicts_the_scatter_of_placed_centres() -> None:
 
 def test_a_model_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(
-        f"model: mine\ndescription: Mine.\nplanes: {cut: false, corrections: true}\n"
+        "model: mine\ndescription: Mine.\nplanes: {cut: false, corrections: true}\n"
     )
     with pytest.raises(InputError, match=r"planes.corrections: is true, but planes.cut: false"):
         read_model("mine.yaml", tmp_path)

@@ -39,7 +39,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     text = "study: odd\nrecordings: sheet.tsv\nlayout: liberty16\nmodels: [rigid]\n"
     (folder / "study.yaml").write_text(text, "utf-8")
     recordings = read_study(folder / "study.yaml").recordings
-    no_rows: list[list[Any]] = [[] for _ in range(14)]
+    no_rows: list[list[Any]] = [[] for _ in range(12)]
     return StudyResults("odd", recordings, False, Results(Path("/r/odd")), {}, {}, *no_rows)
 
 
