@@ -134,7 +134,9 @@ def _moments(parent: Array, child: Array, distance_mm: Array) -> Iterator[tuple[
         yield int(run[0] + np.argmax(np.abs(window - window[0]) >= half_mm)), None
     for end, numbers in enumerate((parent, child)):
         cosine = np.abs((numbers[1:, 3:] * numbers[:-1, 3:]).sum(-1)).clip(0.0, 1.0)
-        for row in np.flatnonzero(2 * np.degrees(np.arccos(cosine)) > TURN_DEG)[:MOMENTS]:
+        rows = np.flatnonzero(2 * np.degrees(np.arccos(cosine)) > TURN_DEG)
+        # what turns at once all along is written in another unit or order, and breaks nowhere
+        for row in rows if len(rows) <= MOMENTS else ():
             yield int(row) + 1, end
 
 
