@@ -17,10 +17,9 @@ from shukotsu.stages.capture.formats.raw_capture import segments_of_receivers
 from shukotsu.stages.capture.poses_table import NORM_TOLERANCE
 from shukotsu.stages.capture.spikes import spikes
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
-from shukotsu.trackers.archive import END, EVENT, RECEIVED, SETTINGS, Piece
+from shukotsu.trackers.archive import END, RECEIVED, SETTINGS, Piece
 from shukotsu.trackers.decode.records_table import SOURCE_FAILURES
 from shukotsu.trackers.decode.stream import ChunkDecoder, entry_of
-from shukotsu.trackers.protocols.records import Records
 from shukotsu.trackers.protocols.stream_settings import settings_from_json
 
 MOST_FRAMES = 6000
@@ -31,23 +30,8 @@ LATE_FRAMES = 2
 """A frame is whole once one that is so much later has begun."""
 
 
-@dataclass(frozen=True)
-class Arrived:
-    """Poses that are whole, and the host's time (T,) in ns at which each frame had come."""
-
-    poses: Poses
-    host_ns: npt.NDArray[np.int64]
-
-
-def marks_in(piece: Piece, where: Path) -> list[dict[str, Any]]:
-    """Give the marks in a piece of an archive, each with its host_ns. Raises InputError where one is none."""
-    rows = zip(piece.kind, piece.data, piece.host_ns, strict=True)
-    events = [{**entry_of(data, where), "host_ns": int(at)} for kind, data, at in rows if kind == EVENT]
-    return [event for event in events if event.get("event") == "mark"]
-
-
 class LivePoses:
-    """Turns the pieces of an archive, in order, into poses and events.
+    """Turns the pieces of an archive, in order, into poses.
 
     where : the archive's name, for messages. ended : whether the recorder closed the archive.
     """
@@ -61,21 +45,13 @@ class LivePoses:
         self._first: int | None = None
         self._rate_hz = 0.0
         self._waiting = _Samples.none()
-        self._marks: list[dict[str, Any]] = []
-        self._button: dict[int, int] = {}
         self._mirrored = np.ones(len(layout.measured))
         self._before = np.full((len(layout.measured), 3), np.nan)
 
-    def marks(self) -> list[dict[str, Any]]:
-        """Give what was marked since the last call, each with its host_ns."""
-        found, self._marks = self._marks, []
-        return found
-
-    def add(self, piece: Piece) -> Arrived | None:
-        """Take a piece; give the frames that it completed, if any. Raises InputError where stations are not
+    def add(self, piece: Piece) -> Poses | None:
+        """Take a piece; return the frames that it completed, if any. Raises InputError where stations are not
         the layout's.
         """
-        self._marks += marks_in(piece, self._where)
         for kind, data, host_ns in zip(piece.kind, piece.data, piece.host_ns, strict=True):
             if kind == SETTINGS:
                 if self._decoder is not None:
@@ -94,27 +70,14 @@ class LivePoses:
             return None
         block = self._decoder.decode(final=self.ended)
         records = block.records.take(block.good)
-        self._press(records, block.host_ns[block.good])
-        self._know({*np.unique(records.station).tolist()}, block.settings)
+        self._seat({*np.unique(records.station).tolist()}, block.settings)
         numbers = np.concatenate([records.position_mm, records.quaternion], -1)
         numbers[np.isin(records.error, list(SOURCE_FAILURES))] = np.nan
-        own = _Samples(records.frame, self._segment[records.station], numbers, block.host_ns[block.good])
-        self._waiting = self._waiting.then(own)
+        samples = _Samples(records.frame, self._segment[records.station], numbers)
+        self._waiting = self._waiting.then(samples)
         return self._whole()
 
-    def _press(self, records: Records, host_ns: npt.NDArray[np.int64]) -> None:
-        """Note, as a mark, that a stylus's button went down."""
-        for station in np.unique(records.station[records.button > 0]).tolist():
-            own = records.station == station
-            button = np.concatenate([[self._button.get(station, 0)], records.button[own]])
-            for row in np.flatnonzero((button[:-1] <= 0) & (button[1:] > 0)):
-                self._marks.append({"kind": "button", "host_ns": int(host_ns[own][row])})
-        for station in {*self._button, *np.unique(records.station[records.button > 0]).tolist()}:
-            own = records.station == station
-            if own.any():
-                self._button[station] = int(records.button[own][-1])
-
-    def _know(self, stations: set[int], settings: Any) -> None:
+    def _seat(self, stations: set[int], settings: Any) -> None:
         if stations <= self._stations:
             return
         self._stations |= stations
@@ -123,15 +86,13 @@ class LivePoses:
         for station, place in places.items():
             self._segment[station] = place
 
-    def _whole(self) -> Arrived | None:
+    def _whole(self) -> Poses | None:
         last = int(self._waiting.frame.max(initial=0))
         whole = self._waiting.frame <= (last if self.ended else last - LATE_FRAMES)
         ready, self._waiting = self._waiting.take(whole), self._waiting.take(~whole)
         if not len(ready.frame):
             return None
         frame, row = np.unique(ready.frame, return_inverse=True)
-        host_ns = np.zeros(len(frame), np.int64)
-        np.maximum.at(host_ns, row, ready.host_ns)
         numbers, worn = np.full((len(frame), len(self._layout.measured), 7), np.nan), ready.place >= 0
         numbers[row[worn], ready.place[worn]] = ready.numbers[worn]
         if self._first is None:
@@ -146,23 +107,23 @@ class LivePoses:
             rows = np.flatnonzero(valid[:, place])
             valid[rows[spikes(numbers[rows, place])], place] = False
         measured = self._layout.measured
-        return Arrived(Poses(measured, frame, time_s, numbers[..., :3], numbers[..., 3:], valid), host_ns)
+        return Poses(measured, frame, time_s, numbers[..., :3], numbers[..., 3:], valid)
 
     def _one_side(self, position_mm: Array, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Tell of which poses (T, S) the receiver has not jumped to its mirror image."""
+        """Whether the receiver of a pose (T, S) has not jumped to its mirror image."""
         same = np.ones(valid.shape, bool)
         for place in range(valid.shape[1]):
             rows = np.flatnonzero(valid[:, place])
             if not len(rows):
                 continue
-            own = position_mm[rows, place]
-            before = np.concatenate([self._before[[place]], own[:-1]])
-            step, mirrored = np.linalg.norm(own - before, axis=1), np.linalg.norm(own + before, axis=1)
+            at_mm = position_mm[rows, place]
+            before = np.concatenate([self._before[[place]], at_mm[:-1]])
+            step, mirrored = np.linalg.norm(at_mm - before, axis=1), np.linalg.norm(at_mm + before, axis=1)
             sign = self._mirrored[place] * np.cumprod(
                 np.where((step > MIRROR_STEP_MM) & (mirrored < MIRROR_SHARE * step), -1.0, 1.0)
             )
             same[rows, place] = sign > 0
-            self._mirrored[place], self._before[place] = sign[-1], own[-1]
+            self._mirrored[place], self._before[place] = sign[-1], at_mm[-1]
         return same
 
 
@@ -172,22 +133,19 @@ MIRROR_STEP_MM, MIRROR_SHARE = 60.0, 0.3
 
 @dataclass(frozen=True)
 class _Samples:
-    """Records that wait for the rest of their frame: frame, place in the layout and host_ns (N,), numbers (N,
-    7).
-    """
+    """Records that wait for the rest of their frame: frame and place in the layout (N,), numbers (N, 7)."""
 
     frame: npt.NDArray[np.int64]
     place: npt.NDArray[np.int64]
     numbers: Array
-    host_ns: npt.NDArray[np.int64]
 
     @classmethod
     def none(cls) -> _Samples:
         empty = np.zeros(0, np.int64)
-        return cls(empty, empty, np.zeros((0, 7)), empty)
+        return cls(empty, empty, np.zeros((0, 7)))
 
     def take(self, rows: npt.NDArray[np.bool_]) -> _Samples:
-        return _Samples(self.frame[rows], self.place[rows], self.numbers[rows], self.host_ns[rows])
+        return _Samples(self.frame[rows], self.place[rows], self.numbers[rows])
 
     def then(self, other: _Samples) -> _Samples:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
@@ -215,6 +173,6 @@ class EvenFrames:
             self._parts, self._kept = [whole], len(whole.frame)
 
     def poses(self) -> Poses:
-        """Give the frames kept, in order."""
+        """Return the frames kept, in order."""
         self._parts = [concatenated(self._parts)]
         return self._parts[0]

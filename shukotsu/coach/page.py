@@ -1,0 +1,79 @@
+"""The coach's page: one HTML file that loads itself again, with the hand as it is, every joint and the advice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+from markupsafe import Markup
+
+from shukotsu.coach.coach import ENDED, Coach, first_reason
+from shukotsu.errors import InputError
+from shukotsu.files.whole_files import write_text
+from shukotsu.stages.report.belief import belief
+from shukotsu.stages.report.hand_motion import chains_at, hand_motion, receiver_skeleton, receivers_at
+from shukotsu.stages.report.palette import css
+from shukotsu.stages.report.plots.description import HandPanel
+from shukotsu.stages.report.plots.hand_views import window_of
+from shukotsu.stages.report.plots.page_pictures import page_picture
+
+EVERY_S = 1.0
+"""How often it is written, and loads itself again."""
+
+MOST_LINES = 8
+"""Lines of the log, the newest."""
+
+_TEMPLATE = jinja2.Environment(
+    loader=jinja2.FileSystemLoader(Path(__file__).parent),
+    autoescape=True,
+    undefined=jinja2.StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+).get_template("page.html.j2")
+
+
+def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
+    """Write the page, whole or not at all. message : what stands over everything. Raises StorageError."""
+    rows = {} if coach.estimate is None else coach.estimate.rows
+    text = _TEMPLATE.render(
+        title=title,
+        message=message,
+        css=Markup(css()),
+        every_s=None if coach.phase == ENDED else EVERY_S,
+        phase=coach.phase,
+        time_s=coach.time_s,
+        warnings=[*coach.findings, *coach.loose.values()],
+        advice=coach.advice or coach.summary(),
+        hand=_drawn(coach, rows),
+        rows=[_cells(row) for row in rows.values()],
+        wanted_mm=coach.hand.wanted_mm,
+        log=coach.log[: -MOST_LINES - 1 : -1],
+    )
+    write_text(path, text)
+
+
+def _cells(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    return row["joint"], f"{row['sd_mm']:.2f}", belief(row), first_reason(row)
+
+
+def _drawn(coach: Coach, rows: Mapping[str, Mapping[str, Any]]) -> Markup | None:
+    """The hand in the newest frame in which the receiver on its back is seen, drawn as the report draws it."""
+    poses, hand = coach.newest, coach.hand
+    if poses is None or not rows:
+        return None
+    seen = np.flatnonzero(poses.valid.sum(1) == poses.valid.sum(1).max())
+    poses = poses.take(seen[-1:])
+    try:
+        errors = np.full((1, len(hand.layout.digits)), np.nan)
+        skeleton = receiver_skeleton(hand.layout, hand.model, 0, rows, errors, poses)
+        motion = hand_motion(hand.hand, hand.layout, poses, [skeleton])
+    except InputError:
+        return None
+    chains, receivers_mm = tuple(chains_at(motion, skeleton, 0)), receivers_at(motion, 0)
+    title = "The hand as it is, seen from its back and from the thumb's side"
+    return page_picture(
+        HandPanel("", title, hand.hand, chains, receivers_mm, window_of(receivers_mm, chains))
+    )

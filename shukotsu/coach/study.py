@@ -1,0 +1,118 @@
+"""What a study says of a hand, and the row in its sheet of recordings that a calibration becomes."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from shukotsu.anatomy.known_digits import no_whole_hand
+from shukotsu.coach.estimate import CoachedHand
+from shukotsu.errors import InputError
+from shukotsu.files import limits
+from shukotsu.files.limits import read_whole
+from shukotsu.files.text_files import decoded, reading
+from shukotsu.files.whole_files import replacing
+from shukotsu.schemas.config_files import read_config
+from shukotsu.schemas.layout import Layout, read_layout
+from shukotsu.schemas.model import SkeletonModel, read_model
+from shukotsu.schemas.plan import rows_of_session
+from shukotsu.schemas.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet, sheet_rows
+from shukotsu.schemas.study import path_token
+from shukotsu.stages.fit_hand.measurements import Measurement
+
+CAPTURES = "captures"
+"""Folder of archives, beside the study file or in the working folder."""
+
+USUAL_LAYOUT, USUAL_MODEL, TASK = "liberty16", "whole-hand", "rom"
+_BOM = b"\xef\xbb\xbf"
+
+
+def hand_alone(layout: str | None, hand: str) -> CoachedHand:
+    """A hand of no study. Raises InputError where there is no such layout, or it is of no hand."""
+    return _hand(read_layout(layout or USUAL_LAYOUT), hand, read_model(USUAL_MODEL), None, {})
+
+
+def hand_of(study: Path, subject: str, hand: str, layout: str | None = None) -> CoachedHand:
+    """A hand as the study describes it; layout : instead of the study's. Raises InputError where the study
+    cannot be read.
+    """
+    config = read_config(study, "study")
+    person = next((row for row in _rows(study, config, PARTICIPANTS.name) if row["subject"] == subject), None)
+    sizes = {} if person is None else {name: person[name] for name in ("hand_length_mm", "hand_breadth_mm")}
+    rows = [
+        row
+        for row in _rows(study, config, MEASUREMENTS.name)
+        if (row["subject"], row["hand"]) == (subject, hand)
+    ]
+    measurements = [
+        Measurement(row["quantity"], row["value_mm"], row["sd_mm"])
+        for row in rows_of_session(rows, MEASUREMENTS, "")
+    ]
+    models = [read_model(name, study.parent) for name in [*config["models"], USUAL_MODEL]]
+    model = next(model for model in models if model.fitting is not None and model.fitting.steps)
+    read = read_layout(layout or config["layout"], Path() if layout else study.parent)
+    more = {**sizes, "measurements": tuple(measurements)}
+    return _hand(read, hand, model, config["wanted_mm"], {"subject": subject, "hand": hand}, **more)
+
+
+def _hand(
+    layout: Layout,
+    hand: str,
+    model: SkeletonModel,
+    wanted_mm: float | None,
+    whose: Mapping[str, str],
+    **more: Any,
+) -> CoachedHand:
+    if reason := no_whole_hand(layout, model.name):
+        raise InputError(reason)
+    assert model.fitting is not None
+    wanted_mm = float(wanted_mm or layout.wanted_mm)
+    return CoachedHand(hand, layout.of_hand(hand), model, model.fitting, wanted_mm, whose, **more)
+
+
+def _rows(study: Path, config: Mapping[str, Any], name: str) -> list[Row]:
+    factors = config["factors"] if name in (RECORDINGS.name, PARTICIPANTS.name) else ()
+    return read_sheet(study.parent / config[name], SHEETS[name], list(factors)) if name in config else []
+
+
+def new_archive(folder: Path, whose: Mapping[str, str], hand: str) -> Path:
+    """The name of the next archive, which is not there yet: captures/03_right_rom.arrows."""
+    stem = "_".join(path_token(part) for part in (whose.get("subject", ""), hand, TASK) if part)
+    names = [stem, *(f"{stem}_{number}" for number in range(2, 1000))]
+    return next(path for name in names if not (path := folder / CAPTURES / f"{name}.arrows").exists())
+
+
+def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclude: str = "") -> Path:
+    """Add a recording to the study's sheet of recordings, as the next repetition of its task; return the
+    sheet. exclude : why the study shall leave it out.
+
+    Every byte of the sheet stays; a column that only this row needs is added to its header. Raises InputError
+    where the sheet with the row would be refused, and StorageError; it is then as before.
+    """
+    config = read_config(study, "study")
+    key = {**whose, "session": "", "task": TASK}
+    rows = [row for row in _rows(study, config, RECORDINGS.name) if all(row[n] == key[n] for n in key)]
+    trials = {row["trial"] for row in rows}
+    trial = next(name for name in ("", *map(str, range(2, len(trials) + 3))) if name not in trials)
+    file = Path(os.path.relpath(archive, study.parent)).as_posix()
+    cells = {**key, "trial": trial, "role": "calibration", "file": file, "exclude": exclude}
+    sheet = Path(os.path.realpath(study.parent / config["recordings"]))  # a link stays one
+    with reading(sheet, "the sheet of recordings"):
+        data = read_whole(sheet, "the sheet of recordings", limits.SHEET_BYTES)
+    parts = re.split(r"(\r\n|\r|\n)", decoded(sheet, data, "the sheet of recordings"))
+    at = next(number for number in range(0, len(parts), 2) if parts[number].strip())
+    header = [cell.strip() for cell in parts[at].split("\t")]
+    new = [name for name, cell in cells.items() if cell and name not in header]
+    parts[at] += "".join(f"\t{name}" for name in new)
+    end = parts[1] if len(parts) > 1 else "\n"
+    line = "\t".join(cells.get(name, "") for name in [*header, *new])
+    text = "".join(parts)
+    text += end * (not text.endswith(("\n", "\r"))) + line + end
+    sheet_rows(sheet, re.sub("\r\n?", "\n", text), RECORDINGS, header)
+    with replacing(sheet) as temporary:
+        temporary.write_bytes(_BOM * data.startswith(_BOM) + text.encode())
+        temporary.chmod(sheet.stat().st_mode)
+    return study.parent / config["recordings"]
