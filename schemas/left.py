@@ -12,6 +12,8 @@ _EMULATED_FAULTS = (
     "line-rate", "fifo", "baud", "power-up-text", "reinit-delay", "already-streaming", "echo",
 )  # fmt: skip
 
+_COACHS_SERVER = ("listen", "no-page")
+
 _POINTS = "positions alone fit no skeleton here any more: take Pose2Sim or FreeMoCap"
 _FITTED = "take whole-hand, or paper-fig4 for an arm"
 _FROM_GLB = "export glb, and convert it by Blender or usd-core (docs/handing-on.md)"
@@ -49,6 +51,13 @@ LEFT = {
         for command in ("record", "coach")
         for option in ("--line-rate", "--allow-slower")
     },
+    **{("option", f"coach --{option}"): "the page is one HTML file (--page)" for option in _COACHS_SERVER},
+    ("option", "coach --language"): "the coach speaks English; the report has the study's language",
+    ("option", "coach --log"): "keep what it prints: the same archive gives the same lines",
+    ("option", "coach --calliper"): "leave it out; what measuring would bring is said at the end",
+    ("option", "coach --point"): "enter touches in the study's sheet of touches",
+    ("option", "coach --session"): "enter the session in the sheet of recordings",
+    ("option", "coach --task"): "the task is rom; change it in the sheet of recordings",
     ("option", "record --countdown"): "leave it out",
     ("option", "record --lsl-outlet"): "import the archive",
     ("option", "record --marks"): "give --note, or an events sheet beside the recording",

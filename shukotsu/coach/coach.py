@@ -1,5 +1,4 @@
-"""The coach itself: frames go in, in the recording's order; at every step of the recording's time come lines of
-advice.
+"""The coach itself: frames go in, in the recording's order; at every step of its time come lines of advice.
 
 It knows neither a clock nor a file, so the same frames give the same lines. What helps next is read from the
 fit's posterior: stated errors say which joint's movement, `gains` which measurement.
@@ -158,7 +157,7 @@ class Coach:
                 self._look_for_loose(self.estimate)
 
     def _check(self) -> None:
-        """Check the newest frames as a recording is checked; a finding stops the asking until it is put right."""
+        """Check the newest frames as a recording is checked; a finding stops the asking."""
         assert self.newest is not None
         poses, layout, before = self.newest, self.hand.layout, self._silent
         checked = check_recording(poses, layout, self.hand.hand, Declared(kind="device"))

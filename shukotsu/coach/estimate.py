@@ -24,7 +24,7 @@ from shukotsu.stages.fit_hand.measurements import Measurement
 
 LEAST_FRAMES = 240
 MOST_FITTED = 60
-"""Frames of a fit: a third less time than with the study's hundred, and stated errors within 1 % of theirs."""
+"""Frames of a fit: a third less time than with the study's hundred, stated errors within 1 % of theirs."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,8 @@ def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
     except np.linalg.LinAlgError as error:
         raise InputError(f"the frames so far show no hand ({error})") from error
     rows = {
-        row["joint"]: judged_joint(row, whose.wanted_mm) for row in joint_rows(fit) if row["joint"] in fit.joints
+        row["joint"]: judged_joint(row, whose.wanted_mm)
+        for row in joint_rows(fit)
+        if row["joint"] in fit.joints
     }
     return Estimate(float(poses.time_s[-1]), tips, rows)

@@ -1,4 +1,4 @@
-"""The movements that can be asked for: what to do, the joints that it tells of, and the seconds that it takes.
+"""The movements that can be asked for: what to do, the joints that it tells of, the seconds that it takes.
 
 The ranges are those that docs/calibration-movements.md asks for; healthy joints have more.
 """
@@ -15,7 +15,9 @@ FIRST = "free"
 
 @dataclass(frozen=True)
 class Movement:
-    """One movement. range_deg : by joint, how far it bends where the movement is done; seconds : for twice."""
+    """One movement. range_deg : by joint, how far it bends where that is done; seconds : for doing it
+    twice.
+    """
 
     name: str
     sentence: str
@@ -65,7 +67,10 @@ _ALL = (
         for finger in FINGERS
     ),
     Movement(
-        "thumb-circle", "Draw a large circle with the thumb, from its base, both ways.", {"thumb_cmc": 25}, 6.0
+        "thumb-circle",
+        "Draw a large circle with the thumb, from its base, both ways.",
+        {"thumb_cmc": 25},
+        6.0,
     ),
     Movement(
         "thumb-middle",

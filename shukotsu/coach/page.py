@@ -1,4 +1,4 @@
-"""The coach's page: one HTML file that loads itself again, with the hand as it is, every joint and the advice."""
+"""The coach's page: one HTML file that loads itself again, with the hand, every joint and the advice."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
 
 
 def _drawn(coach: Coach, rows: Mapping[str, Mapping[str, Any]]) -> Markup | None:
-    """The hand in the newest frame in which the receiver on its back is seen, drawn as the report draws it."""
+    """The hand in the newest frame with most valid receivers, drawn as the report draws it."""
     poses, hand = coach.newest, coach.hand
     if poses is None or not rows:
         return None

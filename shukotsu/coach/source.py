@@ -97,7 +97,8 @@ class Recorder:
     def stop(self) -> int:
         """End the recording; return the recorder's exit code."""
         code = -1
-        for insist in (self._process.terminate, self._process.kill):
+        by_itself = [self._process.poll] if self._archive.ended else []
+        for insist in (*by_itself, self._process.terminate, self._process.kill):
             insist()
             with suppress(subprocess.TimeoutExpired):
                 code = self._process.wait(ENDS_WITHIN_S)

@@ -19,7 +19,15 @@ from shukotsu.schemas.config_files import read_config
 from shukotsu.schemas.layout import Layout, read_layout
 from shukotsu.schemas.model import SkeletonModel, read_model
 from shukotsu.schemas.plan import rows_of_session
-from shukotsu.schemas.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet, sheet_rows
+from shukotsu.schemas.sheets import (
+    MEASUREMENTS,
+    PARTICIPANTS,
+    RECORDINGS,
+    SHEETS,
+    Row,
+    read_sheet,
+    sheet_rows,
+)
 from shukotsu.schemas.study import path_token
 from shukotsu.stages.fit_hand.measurements import Measurement
 

@@ -133,9 +133,10 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
         _run(coached, recorder, archive, arguments.page or archive.with_suffix(".html"), stop)
     finally:
         code = recorder.stop()
-        print("\n".join(recorder.notes), file=sys.stderr)
     if not coached.frames:
-        raise InputError(f"{arguments.port}: nothing was recorded ({' '.join(recorder.notes[-1:])})")
+        said = "".join(recorder.notes[-1:]).removeprefix("error: ")
+        raise InputError(f"{arguments.port}: nothing was recorded ({said})")
+    print("\n".join(recorder.notes), file=sys.stderr)
     exclude = PUT_RIGHT if coached.restarts else "" if coached.estimate else "it shows no hand"
     if arguments.study is not None:
         sheet = enter_recording(arguments.study, hand.whose, archive, exclude)
@@ -158,9 +159,6 @@ def _run(
 
     title, poses = f"{archive.name}, {coached.hand.hand} hand", LivePoses(coached.hand.layout, archive)
     written_s, heard_s, lost = -EVERY_S, time.monotonic(), ""
-    if page is not None:
-        write_page(page, coached, title, "Waiting for the first frames.")
-        print(f"page: {page.resolve()}", file=sys.stderr)
     while not stop and not (isinstance(source, Recorder) and coached.restarts):
         ended, pieces = source.ended, source.read()
         arrived = [whole for piece in pieces if (whole := poses.add(piece)) is not None]
@@ -171,9 +169,17 @@ def _run(
         elif live and time.monotonic() - heard_s > LOST_S and not lost:
             lost = f"Nothing has come for {LOST_S:.0f} s: look at the cable and the recorder."
             print(lost, file=sys.stderr, flush=True)
-        if page is not None and time.monotonic() - written_s >= EVERY_S:
+        if page is not None and coached.frames and time.monotonic() - written_s >= EVERY_S:
+            try:
+                write_page(page, coached, title, lost)
+            except InputError as error:
+                if not live:
+                    raise
+                print(f"note: no page any more: {error}", file=sys.stderr)  # the recording goes on
+                page = None
+            if written_s < 0 and page is not None:
+                print(f"page: {page.resolve()}", file=sys.stderr)
             written_s = time.monotonic()
-            write_page(page, coached, title, lost)
         if ended and not pieces:
             break
         time.sleep(0 if pieces else READ_S)
@@ -185,5 +191,5 @@ def _run(
                 print(line, flush=True)
     if coached.frames:
         print("\n".join(coached.end()), flush=True)
-    if page is not None:
+    if page is not None and coached.frames:
         write_page(page, coached, title)

@@ -124,7 +124,7 @@ class ArchiveWriter:
 
     def event(self, name: str, host_ns: int, /, **details: Any) -> None:
         """Keep that something happened."""
-        self._add(EVENT, _event_bytes(name, details), host_ns)
+        self._add(EVENT, _json_bytes({**details, "event": name}), host_ns)
 
     def flush(self) -> None:
         """Append what was added since as one batch; sync to disk where that was last done a second ago."""
@@ -171,43 +171,6 @@ class ArchiveWriter:
     def _sync(self) -> None:
         os.fsync(self._file)
         self._synced = time.perf_counter()
-
-
-def append_events(path: Path, events: Sequence[tuple[str, int, Mapping[str, Any]]]) -> None:
-    """Append events to an archive that is closed, behind its end; the archive is then closed as before.
-
-    events : name, host_ns and details of each; host_ns by the clock of the archive's own rows, whose offset
-    to UTC at the end they have too.
-    Raises InputError where the recording was not ended, is damaged at its end, or cannot be written.
-    """
-    archive = open_archive(path)
-    found, offset_ns, next_row, ended = Piece.nothing(), 0, 0, False
-    for found, _, behind in _pieces(archive._buffer, archive._first, archive._schema, 0, final=True):
-        if len(found.kind):
-            offset_ns, next_row, ended = int(found.utc_offset_ns[-1]), behind, ended or END in found.kind
-    length = archive._buffer.size
-    closed = archive._buffer.slice(length - len(_END_OF_STREAM)).to_pybytes() == _END_OF_STREAM
-    if not (ended and closed) or found.spoilt_bytes or found.unreadable_bytes or found.missing_rows:
-        raise InputError(
-            f"{path}: the recording was not ended, or is damaged at its end; nothing can be added to it"
-        )
-    rows = [(host_ns, offset_ns, EVENT, _event_bytes(name, details)) for name, host_ns, details in events]
-    with reading(path, "a raw capture that can be written to"), path.open("r+b", buffering=0) as file:
-        try:
-            file.seek(length - len(_END_OF_STREAM))
-            data = _batch_bytes(archive._schema, rows, next_row) + _END_OF_STREAM
-            while data:
-                data = data[file.write(data) :]
-            os.fsync(file.fileno())
-        except OSError as error:  # as it was
-            file.seek(length - len(_END_OF_STREAM))
-            file.write(_END_OF_STREAM)
-            file.truncate(length)
-            raise InputError(f"{path}: cannot be written ({error.strerror})") from error
-
-
-def _event_bytes(name: str, details: Mapping[str, Any]) -> bytes:
-    return _json_bytes({**details, "event": name})
 
 
 def _batch_bytes(schema: pa.Schema, rows: Sequence[tuple[int, int, int, bytes]], first_row: int) -> bytes:
@@ -274,13 +237,6 @@ class Piece:
         """Give a piece without a row, which may tell of bytes that were no batch."""
         empty = np.empty(0, np.int64)
         return cls(empty, empty, empty.astype(np.int8), [], 0, unreadable_bytes)
-
-    @classmethod
-    def of_events(cls, events: Sequence[tuple[str, int, Mapping[str, Any]]]) -> Piece:
-        """Return events, each its name, host_ns and details, as a piece of an archive has them."""
-        host_ns = np.array([at for _, at, _ in events], np.int64)
-        data = [_event_bytes(name, details) for name, _, details in events]
-        return cls(host_ns, np.zeros_like(host_ns), np.full(len(events), EVENT, np.int8), data)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from shukotsu.errors import InputError
 from shukotsu.stages import command_line
-from shukotsu.stages.capture import tracker_options
+from shukotsu.trackers.families import FAMILIES, USUAL
 
 if TYPE_CHECKING:
     from shukotsu.trackers.record.request import RecordingRequest
@@ -32,8 +32,17 @@ def build_parser() -> argparse.ArgumentParser:
         "  shukotsu record --port /dev/ttyUSB0 --out rom.arrows --duration 60 --note rom",
         records_failure=False,
     )
-    tracker_options.add_tracker(parser)
     add = parser.add_argument
+    add("--port", help="such as /dev/ttyUSB0, COM3, usb:, socket://host:4001")
+    add("--tracker", default=USUAL, help=f"{', '.join(FAMILIES)} (default: {USUAL})")
+    add("--baud", type=int, default=115200, help="of a serial device (default: 115200)")
+    chosen = {family.title: family.rates_hz for family in FAMILIES.values() if len(family.rates_hz) > 1}
+    rates_hz = sorted({rate for rates in chosen.values() for rate in rates}, reverse=True)
+    add("--rate", type=int, choices=rates_hz, help=f"of {' and '.join(chosen)} (default: the fastest)")
+    add("--items", choices=("full", "short"), default="full", help="what a record holds (default: full)")
+    add("--stations", help="receivers such as 1-8,12 (default: all that are connected)")
+    add("--hemisphere", default="1,0,0", metavar="X,Y,Z", help="half of space, or track (default: 1,0,0)")
+    add("--no-filters", action="store_true", help="switch the tracker's own filters off")
     add("--out", type=Path, help="the archive to write (.arrows)")
     add("--duration", type=float, metavar="S", help="stop after so many seconds")
     add("--note", action="append", default=[], metavar="TEXT", help="kept with the recording")
@@ -61,7 +70,7 @@ def record_tracker(options: argparse.Namespace) -> None:
         return
     if options.port is None:
         raise InputError("--port: is missing; `shukotsu record --devices` lists those there are")
-    request = tracker_options.recording_request(options)
+    request = recording_request(options)
     plan = None if options.ask else recording_plan(options, request)
     stop = StopRequest()
     with stop_on_signals(stop):
@@ -76,6 +85,20 @@ def record_tracker(options: argparse.Namespace) -> None:
         finally:
             port.close()
     _report(options.out, options.port, ending)
+
+
+def recording_request(options: argparse.Namespace) -> RecordingRequest:
+    """Check what the options say of the tracker. Raises InputError."""
+    from shukotsu.trackers.record import request
+
+    return request.RecordingRequest(
+        options.tracker,
+        options.items == "short",
+        options.rate,
+        None if options.stations is None else request.parse_stations(options.stations),
+        request.parse_hemisphere(options.hemisphere),
+        options.no_filters,
+    )
 
 
 def recording_plan(options: argparse.Namespace, request: RecordingRequest) -> RecordingPlan:

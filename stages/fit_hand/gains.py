@@ -7,8 +7,6 @@ fingertip, is tried on the covariance alone, all at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,6 @@ import numpy as np
 from shukotsu.anatomy.known_digits import root_of
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.fingertips import TIP, TIP_SD_MM, Fingertips, seen_parts, tipped_digits
-from shukotsu.stages.fit_hand.fit import HandFit
 from shukotsu.stages.fit_hand.measurements import MOUNT_PARTS, Measurement, observations
 from shukotsu.stages.fit_hand.posterior import Evidence, centre_by_unknowns, places_of
 from shukotsu.stages.fit_hand.posterior_summary import unshown_mm2
@@ -58,15 +55,6 @@ def gains(tips: Fingertips) -> list[dict[str, Any]]:
     return sorted(all_gains, key=lambda gain: float(gain["mean_sd_after_mm"]))
 
 
-def expected_sd_mm(tips: Fingertips) -> tuple[list[str], Array]:
-    """Give what could be measured (K), and the joints' stated errors after each (J, K).
-
-    A digit's touch of a known point is `DIGIT.touch`.
-    """
-    quantities, _, rows = _candidates(tips)
-    return quantities, _sd_mm(tips, rows)[1]
-
-
 def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
     """List what could be measured, how well, and its rows (K, 3, G + 6 D) in units of its sd."""
     evidence = tips.fit.evidence
@@ -102,41 +90,15 @@ def _realistic_sd_mm(evidence: Evidence, quantity: str) -> float:
     return MEASURED_SD_MM
 
 
-@dataclass(frozen=True)
-class CentreRows:
-    """How joint centres hang on the hand's unknowns: by_x (J, 6, G), of both halves; and what skin adds that
-    no measurement takes away, skin_mm2 (J, 2).
-    """
-
-    by_x: Array
-    skin_mm2: Array
-
-    @classmethod
-    def of(cls, fit: HandFit, names: Sequence[str]) -> CentreRows:
-        """Give those of joints between two receivers, by name."""
-        evidence, joints = fit.evidence, [fit.joints[name] for name in names]
-        places, known = places_of(evidence.model, evidence.posterior), evidence.layout.joints
-        by_x = [centre_by_unknowns(known[joint.name], places, evidence)[1] for joint in joints]
-        sides = [((own.parent_segment, own.parent_mm), (own.child_segment, own.child_mm)) for own in joints]
-        skin = [[float(np.trace(unshown_mm2(*side, evidence))) for side in both] for both in sides]
-        return cls(np.array(by_x), np.array(skin))
-
-    def sd_mm(self, precision: Array) -> Array:
-        """Stated errors (J,) of the centres if the unknowns had this precision (G, G)."""
-        from scipy.linalg import cho_factor, cho_solve
-
-        flat = self.by_x.reshape(-1, self.by_x.shape[-1])
-        solved = cho_solve(cho_factor(precision, check_finite=False), flat.T, check_finite=False)
-        variance = (flat.T * solved).sum(0).reshape(-1, 2, 3).sum(-1)
-        return np.asarray(np.sqrt(np.maximum(variance + self.skin_mm2, 0.0).max(-1)))
-
-
 def _sd_mm(tips: Fingertips, rows: Array) -> tuple[Array, Array]:
     """Joint centres' sd (J,) as they are, as `FittedJoint.sd_mm`, and (J, K) after each observation alone."""
-    P, of_joints = tips.covariance, CentreRows.of(tips.fit, list(tips.fit.joints))
-    centres = np.zeros((*of_joints.by_x.shape[:2], len(P)))
-    centres[..., : of_joints.by_x.shape[-1]] = of_joints.by_x
-    bent = of_joints.skin_mm2
+    evidence, joints, P = tips.fit.evidence, tips.fit.joints.values(), tips.covariance
+    places = places_of(evidence.model, evidence.posterior)
+    by_x = np.array([centre_by_unknowns(evidence.layout.joints[j.name], places, evidence)[1] for j in joints])
+    centres = np.zeros((*by_x.shape[:2], len(P)))
+    centres[..., : by_x.shape[-1]] = by_x
+    halves = [((j.parent_segment, j.parent_mm), (j.child_segment, j.child_mm)) for j in joints]
+    bent = np.array([[float(np.trace(unshown_mm2(*half, evidence))) for half in both] for both in halves])
     flat = centres.reshape(-1, len(P))
     variance = ((flat @ P) * flat).sum(-1).reshape(-1, 2, 3).sum(-1)
     PH = (rows.reshape(-1, len(P)) @ P).reshape(rows.shape)  # P is symmetric

@@ -23,7 +23,6 @@ from shukotsu.trackers.archive import (
     ArchiveWriter,
     FollowedArchive,
     Piece,
-    append_events,
     open_archive,
 )
 
@@ -179,29 +178,6 @@ def test_killed_it_keeps_what_was_flushed(tmp_path: Path) -> None:
     assert len(kept) > flushed
 
 
-def test_an_event_is_added_behind_the_end(tmp_path: Path) -> None:
-    path = written(tmp_path / "a.arrows")
-    rows = data_of(path)
-    append_events(path, [("verdict", 100_000, {"name": "index", "event": "other"})])
-    append_events(path, [("verdict", 100_001, {}), ("verdict", 100_002, {})])
-    bare = b'{"event": "verdict"}'
-    assert data_of(path) == [*rows, b'{"event": "verdict", "name": "index"}', bare, bare]
-    pieces = list(open_archive(path).pieces())
-    assert [piece.missing_rows + piece.unreadable_bytes + piece.spoilt_bytes for piece in pieces] == [0] * 9
-    assert (pieces[-2].host_ns, pieces[-2].utc_offset_ns, pieces[-2].kind) == (100_000, 7, EVENT)
-    assert pa.ipc.open_stream(path).read_all().column("row").to_pylist() == list(range(28))
-
-
-@pytest.mark.parametrize("cut", [1, 8, 400])
-def test_nothing_is_added_to_what_was_not_ended(tmp_path: Path, cut: int) -> None:
-    path = written(tmp_path / "a.arrows")
-    os.truncate(path, path.stat().st_size - cut)
-    before = path.read_bytes()
-    with pytest.raises(InputError, match="was not ended, or is damaged at its end; nothing can be added"):
-        append_events(path, [("verdict", 1, {})])
-    assert path.read_bytes() == before
-
-
 def grown(
     whole: bytes, path: Path, step: int, hidden: range = range(0)
 ) -> tuple[FollowedArchive, list[Piece]]:
@@ -225,8 +201,6 @@ def test_followed_while_it_grows_it_gives_the_same(tmp_path: Path, step: int, hi
     assert sum(piece.spoilt_bytes + piece.unreadable_bytes + piece.missing_rows for piece in pieces) == 0
     assert followed.about == {"port": "made up"}
     assert followed.ended
-    append_events(tmp_path / "b.arrows", [("verdict", 3, {})])
-    assert [piece.data for piece in followed.read()] == [[b'{"event": "verdict"}']]
 
 
 def test_followed_it_skips_damage_and_counts_it(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, TextIO
 
-from shukotsu.trackers.record.keyboard import Keyboard, keyboard_of
+from shukotsu.trackers.record.keyboard import keyboard_of
 
 _CLEAR_LINE, _CLEAR_BELOW = "\x1b[K", "\x1b[J"
 _HIDE_CURSOR, _SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
@@ -31,8 +31,7 @@ IGNORED_SIGNALS = _signals("SIGTSTP", "SIGTTOU")
 class Terminal:
     """Shows on `out` and reads keys from `keyboard`, where there is one; use it with `with`.
 
-    in_place : whether `out` is a terminal, where lines can be rewritten. has_keys : whether somebody can also
-    type there. A terminal that goes away while it
+    in_place : whether `out` is a terminal, where lines can be rewritten. A terminal that goes away while it
     is used is no error: the recording goes on without it.
     """
 
@@ -40,7 +39,6 @@ class Terminal:
         self.in_place = out.isatty()
         self._out: TextIO | None = out
         self._keyboard = keyboard_of(keyboard)
-        self.has_keys = self.in_place and type(self._keyboard) is not Keyboard
         self._shown = 0
         self._hidden = False
 

@@ -25,10 +25,6 @@ _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""
 
 
-COACH_SUMMARY = "coach-summary"
-"""Name of the archive's event in which the coach says, as `sentence`, what a calibration came to."""
-
-
 def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
     """Read a raw capture part by part; the first part has what is to be said of the whole.
 
@@ -42,9 +38,7 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
     if not survey.records:
         raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
     segment_of = segments_of_receivers(path, survey.settings, {*survey.records}, layout, mapping)
-    summaries = [own for own in survey.tally.events if own.get("event") == COACH_SUMMARY]
-    coached = [str(own.get("sentence", "")) for own in summaries]
-    notes = (*_left_out(path, survey, segment_of, layout), *losses, *coached[-1:])
+    notes = (*_left_out(path, survey, segment_of, layout), *losses)
     segment = np.full(max({*survey.records, *segment_of}) + 1, -1)
     segment[list(segment_of)] = list(segment_of.values())
     missing_frames = survey.losses.all.lost

@@ -1,0 +1,171 @@
+"""The coach by itself: what it asks, finds and says of simulated hands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from coached_hands import RATE_HZ, calibration
+
+from benchmarks.faultless_hands import exchanged
+from shukotsu.coach.coach import ENDED, ENOUGH, MOST_VAIN, Coach
+from shukotsu.coach.estimate import Estimate
+from shukotsu.coach.movements import FIRST, MOVEMENTS
+from shukotsu.coach.study import hand_alone
+from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.verdict import BELIEVE, CARE
+from shukotsu.stages.fit_hand.receiver_frames import concatenated
+
+SWAPPED = ("index_middle", "middle_middle")
+
+
+def a_coach(wanted_mm: float = 2.0) -> Coach:
+    return Coach(replace(hand_alone(None, "right"), wanted_mm=wanted_mm))
+
+
+def coached(coach: Coach, poses: Poses, chunk: int = 60) -> list[str]:
+    return [
+        line
+        for start in range(0, len(poses.frame), chunk)
+        for line in coach.take(poses.take(slice(start, start + chunk)))
+    ]
+
+
+@cache
+def calibrated() -> tuple[Coach, tuple[str, ...]]:
+    coach = a_coach()
+    return coach, (*coached(coach, calibration(7.0)), *coach.end())
+
+
+def from_frame(poses: Poses, frame: int) -> Poses:
+    number = poses.frame - poses.frame[0] + frame
+    return replace(poses, frame=number, time_s=number / RATE_HZ)
+
+
+def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
+    coach, lines = calibrated()
+    assert f">> {MOVEMENTS[FIRST].sentence}" in lines[0]
+    assert "Nothing is wrong in these 4 s" in lines[1]
+    assert "joints good enough; the least sure is thumb_cmc" in lines[2]
+    assert coach.phase == ENDED
+    joints = [line for line in lines if line[:1] != " "]
+    assert len(joints) == 15
+    assert any(line.startswith("index_pip") and "believe" in line for line in joints)
+    assert any(line.startswith("thumb_cmc") and "care     known less well" in line for line in joints)
+
+
+def test_at_the_end_it_says_what_measuring_would_bring() -> None:
+    coach, lines = calibrated()
+    assert coach.gains()
+    assert any(f"What would help: {coach.gains()[0]}" in line for line in lines)
+
+
+def test_lines_hang_on_the_frames_alone_and_not_on_how_they_came() -> None:
+    coach = a_coach()
+    assert (*coached(coach, calibration(7.0), chunk=997), *coach.end()) == calibrated()[1]
+
+
+def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None:
+    poses = calibration(7.0)
+    coach = a_coach()
+    said = coached(coach, exchanged(poses, SWAPPED))
+    assert len(said) == 2
+    assert all(name in said[1] for name in (*SWAPPED, "swapped"))
+    assert coach.request is None
+    assert coach.estimate is None
+    said = coached(coach, concatenated([from_frame(poses, 1680), from_frame(poses, 3360)]))
+    assert coach.restarts == 1
+    assert any("Put right" in line for line in said)
+    assert coach.findings == []
+    assert coach.estimate is not None
+
+
+def test_a_receiver_that_sends_nothing_is_named() -> None:
+    poses, coach = calibration(7.0), a_coach()
+    valid = poses.valid.copy()
+    valid[:, poses.index("ring_middle")] = False
+    assert any(
+        "receiver on ring_middle: is it connected?" in line
+        for line in coached(coach, replace(poses, valid=valid))
+    )
+    assert "Not calibrated" in coach.end()[0]
+
+
+def test_enough_is_said_once_every_joint_is_as_good_as_asked() -> None:
+    coach = a_coach(wanted_mm=8.0)
+    lines = coached(coach, calibration(7.0))
+    assert coach.phase == ENOUGH
+    assert sum("Enough: 15 of 15 joints good enough" in line for line in lines) == 1
+
+
+def estimated(sd_mm: Mapping[str, float], range_deg: float) -> Estimate:
+    """An estimate whose joints have these errors and moved so far; one without an error given is believed."""
+    joints = dict.fromkeys(joint for movement in MOVEMENTS.values() for joint in movement.range_deg)
+    rows = {
+        joint: {
+            "joint": joint,
+            "sd_mm": sd_mm.get(joint, 1.0),
+            "range_deg": range_deg,
+            "verdict": CARE if joint in sd_mm else BELIEVE,
+        }
+        for joint in joints
+    }
+    return Estimate(0.0, cast(Any, None), rows)
+
+
+@pytest.mark.parametrize(
+    ("sd_mm", "movement"),
+    [
+        ({"thumb_ip": 5.0}, "thumb-tip"),
+        ({"ring_mcp": 5.0}, "alone-ring"),
+        ({f"{finger}_pip": 4.0 for finger in ("index", "middle", "ring", "little")}, "fist"),
+    ],
+)
+def test_the_movement_of_the_least_sure_joints_is_asked_for(sd_mm: dict[str, float], movement: str) -> None:
+    coach = a_coach()
+    coach._done.add(FIRST)
+    coach._advise(estimated(sd_mm, 90.0))
+    assert coach.request is not None
+    assert coach.request.movement.name == movement
+
+
+def test_a_movement_is_waited_for_until_it_is_seen_and_no_longer_than_it_takes() -> None:
+    coach = a_coach()
+    coach._done.add(FIRST)
+    for time_s, range_deg, movement in ((0.0, 5.0, "thumb-tip"), (4.5, 5.0, "thumb-tip"), (6.5, 5.0, None)):
+        coach.time_s = time_s
+        coach._advise(estimated({"thumb_ip": 5.0}, range_deg))
+        assert (coach.request and coach.request.movement.name) == movement
+
+
+def test_what_movements_cannot_better_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    coach = a_coach()
+    monkeypatch.setattr(coach, "gains", list)
+    asked = []
+    for step in range(20):
+        coach.time_s = 7.0 * step
+        coach.estimate = estimated({"index_mcp": 5.0}, 90.0)
+        coach._advise(coach.estimate)
+        asked.append(coach.phase)
+    assert asked.index(ENOUGH) == MOST_VAIN
+    assert "left are index_mcp at 5.00 mm" in coach.advice
+
+
+def test_an_estimate_is_left_out_where_frames_wait() -> None:
+    coach = a_coach()
+    coach.take(calibration(7.0), may_leave_out=True)
+    assert coach.estimate is not None
+    assert coach.estimate.time_s > 5.9
+
+
+def test_a_gap_of_an_hour_is_passed_over() -> None:
+    poses = calibration(7.0).take(slice(0, 480))
+    coach = a_coach()
+    coached(coach, concatenated([poses, from_frame(poses, 3600 * RATE_HZ)]))
+    assert coach.time_s > 3600.0
+    assert coach._kept.poses().frame.size == 960
+    assert np.ptp(coach.newest.time_s if coach.newest else [9.0]) < 4.1

@@ -1,0 +1,152 @@
+"""`shukotsu coach` as a user runs it: refusals, a replay, a file that grows, an emulated tracker."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from coached_hands import calibration, played
+from tracker_processes import PATIENCE_S, emulator
+
+from shukotsu.commands.coach_hand import build_parser
+from shukotsu.commands.coach_hand import main as coach
+from shukotsu.commands.new_study import main as new_study
+from shukotsu.schemas.sheets import RECORDINGS, read_sheet
+from shukotsu.stages.capture import record_tracker
+
+COACH = [sys.executable, "-m", "shukotsu", "coach"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder to work in."""
+    (tmp_path / "empty").mkdir()
+    monkeypatch.chdir(tmp_path / "empty")
+    return tmp_path / "empty"
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "expected one of --port"),
+        (["--port=x", "--replay=y"], "expected one of --port"),
+        (["--replay=absent.arrows"], "absent.arrows"),
+        (["--follow=absent.arrows"], "absent.arrows: no such file"),
+        (["--replay=x.arrows", "--speed=-1"], "--speed: is -1"),
+        (["--replay=x.arrows", "--page=y.arrows"], "--page: is y.arrows"),
+        (["--replay=x.arrows", "--layout=nothing"], "nothing"),
+        (["--replay=x.arrows", "--study=absent.yaml", "--subject=3"], "absent.yaml"),
+        (["--replay=x.arrows", "--study=absent.yaml"], "--subject: is missing"),
+        (["--replay=x.arrows", "--", "--rate=240"], "--rate=240: is an option of the recorder"),
+        (["--port=x", "--listen=0.0.0.0:1"], "--listen left in"),
+        (["--port=socket://127.0.0.1:1"], "nothing was recorded"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_leaves_nothing(
+    options: list[str], said: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert coach(options) == 2
+    assert said in capsys.readouterr().err
+    assert [path for path in folder.rglob("*") if path.is_file()] == []
+
+
+def test_the_help_of_record_and_coach_fits_a_screen() -> None:
+    parsers = [build_parser(), record_tracker.build_parser()]
+    assert max(len(parser.format_help().splitlines()) for parser in parsers) <= 40
+    assert sum(len(parser._option_string_actions.keys() - {"-h"}) for parser in parsers) <= 25
+
+
+def test_a_replay_needs_no_study_and_leaves_nothing(
+    recorded: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The same recording gives the same bytes, whatever the speed."""
+    assert coach([f"--replay={recorded}", "--speed=4"]) == 0
+    first = capsys.readouterr().out
+    assert ">> Move every finger" in first
+    assert re.search(r"\d+ of 15 joints good enough after 7 s; left are ", first)
+    assert list(folder.iterdir()) == []
+    assert coach([f"--replay={recorded}", "--speed=0", "--page=x.html"]) == 0
+    assert capsys.readouterr().out == first
+    assert [path.name for path in folder.iterdir()] == ["x.html"]
+
+
+def test_of_an_archive_that_is_too_short_for_a_hand_that_is_said(
+    recorded: Path, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = recorded.read_bytes()
+    short = folder / "short.arrows"
+    short.write_bytes(data[: len(data) // 40])
+    assert coach([f"--replay={short}", "--speed=0"]) == 2
+    assert "short.arrows: has no frame of a tracker" in capsys.readouterr().err
+    short.write_bytes(data[: len(data) // 4])
+    assert coach([f"--replay={short}", "--speed=0"]) == 0
+    assert re.search(r"Not calibrated: \d+ frames show no hand yet", capsys.readouterr().out)
+
+
+def test_a_file_that_grows_is_followed_to_its_end(recorded: Path, folder: Path) -> None:
+    growing, data = folder / "growing.arrows", recorded.read_bytes()
+    growing.write_bytes(data[: len(data) // 3])
+    process = subprocess.Popen(
+        [*COACH, "--follow", str(growing)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        assert ">> Move every finger" in process.stdout.readline()
+        growing.write_bytes(data)
+        out, _ = process.communicate(timeout=PATIENCE_S)
+    finally:
+        process.kill()
+    assert process.returncode == 0
+    assert "of 15 joints good enough after 7 s" in out
+    assert sorted(path.name for path in folder.iterdir()) == ["growing.arrows", "growing.html"]
+
+
+@pytest.mark.slow
+def test_a_calibration_from_a_tracker_is_a_row_of_the_study(folder: Path, tmp_path: Path) -> None:
+    assert new_study([str(folder)]) == 0
+    (folder / "participants.tsv").write_text("subject\n03\n")
+    with emulator(f"--recording={played(tmp_path, calibration(20.0))}") as running:
+        command = [*COACH, f"--port={running.name}", "--subject=03", "--", "--note=by hand"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        try:
+            assert process.stdout is not None
+            while "joints good enough" not in process.stdout.readline():
+                assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            out, error = process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 0, error
+    assert "captures/03_right_rom.arrows: entered in recordings.tsv" in out
+    assert "0 frames lost" in error
+    (row,) = read_sheet(folder / "recordings.tsv", RECORDINGS)
+    assert (row["role"], row["file"], row["exclude"]) == ("calibration", "captures/03_right_rom.arrows", "")
+    assert sorted(path.name for path in (folder / "captures").iterdir()) == [
+        "03_right_rom.arrows",
+        "03_right_rom.html",
+    ]
+    assert coach(["--replay=captures/03_right_rom.arrows", "--speed=0"]) == 0
+
+
+@pytest.mark.slow
+def test_where_the_tracker_goes_away_what_came_is_kept(folder: Path, tmp_path: Path) -> None:
+    assert list(folder.iterdir()) == []
+    with emulator(f"--recording={played(tmp_path, calibration(20.0))}") as running:
+        command = [*COACH, f"--port={running.name}"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        try:
+            assert process.stdout is not None
+            process.stdout.readline()
+            time.sleep(2.0)
+            running.process.terminate()
+            out, error = process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 3
+    assert "the port is gone" in error
+    assert re.search(r"captures/right_rom.arrows: \d+ frames", out)

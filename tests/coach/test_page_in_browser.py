@@ -1,0 +1,40 @@
+"""The coach's page in a real browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from browser import WatchedPage
+from coached_hands import calibration
+
+from shukotsu.coach.coach import Coach
+from shukotsu.coach.page import write_page
+from shukotsu.coach.study import hand_alone
+
+
+def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
+    watched_page: WatchedPage, tmp_path: Path
+) -> None:
+    """Locators wait over the page's own reloads; its last state loads itself no more."""
+    coach, path, page = Coach(hand_alone(None, "right")), tmp_path / "page.html", watched_page.page
+    write_page(path, coach, "a recording", "Nothing has come.")
+    watched_page.open(path)
+    coach.take(calibration(7.0), may_leave_out=True)
+    assert coach.estimate is not None
+    write_page(path, coach, "a recording")
+    page.locator(".advice", has_text=coach.advice).wait_for()  # by itself
+    page.locator("tbody tr").nth(14).wait_for()
+    coach.findings = ["index_middle <b> is swapped"]
+    write_page(path, coach, "a recording")
+    page.locator(".warning", has_text="index_middle <b> is swapped").wait_for()
+    coach.findings = []
+    coach.end()
+    write_page(path, coach, "a recording")
+    page.locator("h1", has_text="ended").wait_for()
+    assert watched_page.value("document.querySelector('meta[http-equiv=refresh]')") is None
+    assert watched_page.value("document.querySelectorAll('svg path').length") > 20
+    cells = watched_page.value("[...document.querySelectorAll('tbody tr')].map(row => row.innerText)")
+    assert any("thumb_cmc" in row and "with care" in row and "known less well" in row for row in cells)
+    assert coach.summary() in watched_page.value("document.body.innerText")
+    assert watched_page.value("document.documentElement.scrollWidth <= innerWidth")
+    assert list(tmp_path.iterdir()) == [path]
