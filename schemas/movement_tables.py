@@ -319,7 +319,7 @@ MOVEMENT_DIFFERENCES = Table(
             "quantity, `of`, hand and task",
         ),
         Column("verdict", TEXT, "", "shown (p_holm at most 0.05) or not-shown; empty: too few subjects"),
-        Column("test", TEXT, "", "signs flipped, or groups permuted, Welch's t; empty: none"),
+        Column("test", TEXT, "", "signs flipped, or Welch's t, Cochran's p; empty: none"),
         UNIT,
         *MESSAGE,
     ),

@@ -68,7 +68,7 @@ def judge(rows: Sequence[Row]) -> None:
             if not row["message"]:
                 is_within = row["design"] == WITHIN
                 p, low, high = paired_test(first - other) if is_within else group_test(first, other)
-                test = "signs flipped" if is_within else "groups permuted, Welch's t"
+                test = "signs flipped" if is_within else "Welch's t, Cochran's p"
                 row |= {"p": p, "low": low, "high": high, "test": test}
         for row, p_holm in zip(family, holm([row["p"] for row in family]), strict=True):
             row["p_holm"] = p_holm

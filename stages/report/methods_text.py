@@ -213,7 +213,7 @@ def movement_paragraph(movement: Movement) -> str:
         tests = sorted(translated(test) for test in movement.differences["test"].unique() if test)
         text += tr(
             " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
-            "{tests}; two-sided permutation. A difference counts as shown where p is at most 5 % after "
+            "{tests}; two-sided. A difference counts as shown where p is at most 5 % after "
             "Holm's correction over all quantities, joint angles, hands and tasks of two levels; "
             "95 % intervals; effect sizes are d_z within subjects and Hedges' g between groups, both "
             "corrected for few subjects.",

@@ -62,7 +62,7 @@ def test_the_groups_differ_where_they_do(study: dict[str, pd.DataFrame]) -> None
     moved = rows[rows["of"] == "index_pip flexion"].iloc[0]
     assert (moved.level, moved.other_level, moved.design) == ("A", "B", "between")
     assert (moved.n, moved.n_other, moved.left_out, moved.unit) == (6, 6, 0, "deg")
-    assert moved.test == "groups permuted, Welch's t"
+    assert moved.test == "Welch's t, Cochran's p"
     assert moved.p_holm <= 0.05
     assert moved.low <= drawn.EFFECT_DEG <= moved.high
     assert moved.effect_low < moved.effect_size < moved.effect_high
