@@ -94,8 +94,8 @@ site: $(developers) ## make the guide a site of pages, site/index.html, that nee
 audit: $(developers) ## ask whether an advisory is known of what is installed
 	@.venv/bin/pip-audit --skip-editable --progress-spinner off
 
-bench: $(developers) ## measure what studies cost, into docs/benchmarks.md
-	@$(python) -m benchmarks studies --write
+bench: $(developers) ## measure what studies and a hand cost, into docs/benchmarks.md
+	@$(python) -m benchmarks cost --write
 
 lock := uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade
 lock: ## resolve the dependencies anew (needs uv)

@@ -1,6 +1,4 @@
-"""Studies in which nothing differs, and some in which it does: false positives, coverage of intervals,
-power.
-"""
+"""Studies in which nothing differs, and some in which it does: false positives and power."""
 
 from __future__ import annotations
 
@@ -13,9 +11,8 @@ import numpy.typing as npt
 
 from benchmarks.benchmark_table import Cell, TextTable, workers
 from shukotsu.statistics.multiple_comparisons import LEVEL, holm
-from shukotsu.statistics.paired_statistics import MOST_ENUMERATED, paired, sign_flip_p
+from shukotsu.statistics.paired_statistics import sign_flip_p
 from shukotsu.statistics.permutation_test import group_test
-from shukotsu.statistics.reliability_statistics import bland_altman, reliability
 
 Array = npt.NDArray[np.float64]
 
@@ -38,35 +35,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(studies: int = STUDIES) -> Iterator[TextTable]:
     """Give the tables over that many studies a row."""
-    for make in (same_subjects, over_families, within_families, repeated):
+    for make in (over_families, within_families):
         yield make(studies)
-
-
-def same_subjects(studies: int) -> TextTable:
-    """Skeleton models within subjects: a test of n differences, and the interval of their mean."""
-    rows: list[tuple[Cell, ...]] = []
-    for n in (6, 8, 12, 20):
-        for name, draw in (("normal", normal), ("exponential", skewed)):
-            rng = np.random.default_rng((SEED, n))
-            p, held, power = [], [], []
-            for _ in range(studies):
-                d = draw(rng, (n,))
-                found = paired(d)
-                p.append(found.p)
-                held.append(found.interval is not None and found.interval[0] <= 0 <= found.interval[1])
-                power.append(paired(d + 1.0).p <= LEVEL)
-            exact = 100.0 * math.floor(LEVEL * 2 ** (n - 1)) / 2 ** (n - 1) if n <= MOST_ENUMERATED else 5.0
-            shown = percent(power) if draw is normal else None
-            rows.append((n, name, percent(np.array(p) <= LEVEL), exact, percent(held), shown))
-    return TextTable(
-        f"Two skeleton models of the same subjects, {studies} studies a row",
-        ("subjects:d", "differences", "false positives, %:.1f", "possible, %:.1f", "interval holds, %:.1f",
-         "power, %:.1f"),
-        rows,
-        "Sign flips. Possible: the largest share up to 5 % that a test of every flip can have. It takes "
-        "symmetric differences for granted, which exponential ones are not. Power: of an effect of one "
-        "standard deviation of the differences.",
-    )  # fmt: skip
 
 
 SIZES = ((6, 6), (5, 15), (10, 10), (20, 20))
@@ -183,46 +153,6 @@ def over_cores(
     """Make the rows in two processes."""
     with workers() as pool:
         return list(pool.map(row, *zip(*asked, strict=True)))
-
-
-def repeated(studies: int) -> TextTable:
-    """Repeated measurements: what share of the intervals holds the ICC, the SEM and a limit of agreement."""
-    rows: list[tuple[Cell, ...]] = []
-    for n, k, of_subjects, of_sessions in (
-        (12, 3, 2.0, 0.0),
-        (12, 3, 2.0, 0.5),
-        (12, 2, 1.0, 0.0),
-        (20, 3, 3.0, 0.0),
-    ):
-        rng = np.random.default_rng((SEED, n, k))
-        within = 1.0 + of_sessions**2
-        agreement, consistency = (
-            of_subjects**2 / (of_subjects**2 + within),
-            of_subjects**2 / (of_subjects**2 + 1),
-        )
-        counts, sem = np.zeros((studies, 4), bool), []
-        for study in range(studies):
-            values = of_subjects * rng.normal(size=(n, 1)) + rng.normal(size=(n, k))
-            values = values + of_sessions * rng.normal(size=k)
-            found, limits = reliability(values), bland_altman(values)
-            sem.append(found.sem)
-            intervals = (
-                (found.agreement.interval, agreement), (found.consistency.interval, consistency),
-                (found.sem_interval, math.sqrt(within)), (limits.high_interval, 1.96 * math.sqrt(2.0)),
-            )  # fmt: skip
-            counts[study] = [low <= true <= high for (low, high), true in intervals]
-        held: list[Cell] = [percent(column) for column in counts.T]
-        if of_sessions:
-            held[3] = None  # the limits are of these sessions
-        rows.append((f"{n} x {k}", of_sessions, agreement, *held, float(np.mean(sem) / math.sqrt(within))))
-    return TextTable(
-        f"Repeated measurements, {studies} studies a row",
-        ("subjects x sessions", "spread of sessions:.1f", "ICC(2,1):.2f", "its interval holds, %:.1f",
-         "of ICC(3,1), %:.1f", "of SEM, %:.1f", "of a limit, %:.1f", "mean SEM over true:.2f"),
-        rows,
-        "Errors have a standard deviation of 1. Spread of sessions: of a shift that all subjects share in a "
-        "session. With few sessions no interval knows such a shift well.",
-    )  # fmt: skip
 
 
 def percent(hits: Sequence[bool] | npt.NDArray[np.bool_]) -> float:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.measured_movement import all_true_angles_deg, own_bones
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array, from_matrix, rotate
 from shukotsu.stages.simulate.forward import bone_poses, coupled_angles
-from shukotsu.stages.simulate.random_hand import BONES, DIGITS, JOINTS, TIP_BONES, Hand, hand_of
+from shukotsu.stages.simulate.random_hand import DIGITS, JOINTS, TIP_BONES, Hand, hand_of
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import simulate
 from shukotsu.stages.simulate.task_motion import Motion, posture, rest_posture
@@ -36,17 +35,10 @@ class Struck:
 
 @dataclass(frozen=True)
 class Played:
-    """A recording of somebody who plays, and what is true of it.
-
-    tip_mm : (T, 5, 3) of the digits' skin; turn : (T, 4) of the hand; angles_deg : (T, 3) by joint,
-    from the documented zero.
-    """
+    """A recording of somebody who plays, and what was struck."""
 
     poses: Poses
     strokes: Sequence[Struck]
-    tip_mm: Array
-    turn: Array
-    angles_deg: Mapping[str, Array]
 
 
 @dataclass(frozen=True)
@@ -69,10 +61,7 @@ def play(
     piece = _Piece(hand, realism, rng, interval_s, duration_s, goes_along)
     n_frames = round(duration_s * RATE_HZ)
     made = simulate("01", side, "opposition", seed, realism, n_frames, session=session, change=piece.played)
-    truth = made.truth
-    strokes = piece.strokes(made.time_s[0])
-    turn = truth.bone_quaternion[:, BONES.index("hand")]
-    return Played(made.poses(), strokes, truth.skin_tip_mm, turn, all_true_angles_deg(own_bones(made)))
+    return Played(made.poses(), piece.strokes(made.time_s[0]))
 
 
 class _Piece:
