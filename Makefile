@@ -1,6 +1,6 @@
 # `make demo` and `make test` set up all they need; the rest is for those who change the code.
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow fuzz test-tools test-slurm tools coverage lint format lock audit docs site bench clean
+.PHONY: help demo test test-slow test-tools test-slurm tools coverage lint format lock audit docs site bench clean
 
 python := .venv/bin/python
 # Tests, and the processes that they start, share the cores already.
@@ -53,12 +53,8 @@ demo: $(users) ## run the demo study, print its four tables and name its report
 test: $(developers) ## run the fast tests
 	@$(pytest) -m "not slow and not tools and not slurm" -n auto --dist loadfile
 
-test-slow: $(developers) ## run the rest: damaged input, new examples, whole studies through Snakemake, planted wrong signs
+test-slow: $(developers) ## run the rest: new examples of every property, whole studies through Snakemake, planted wrong signs
 	@$(pytest) -m "slow or hypothesis" --hypothesis-profile search -n auto --dist loadfile
-
-fuzz: $(developers) ## feed damaged input to every reader, new examples to every property (inputs=500 each)
-	@FUZZ_INPUTS=$(inputs) $(pytest) -m slow tests/fuzzing -n auto
-	@FUZZ_INPUTS=$(inputs) $(pytest) -m hypothesis --hypothesis-profile search -n auto
 
 tools: ## put programs by others that read exports into .tools (some 1.4 GB), and a browser
 	@./tests/export_tools/install

@@ -20,7 +20,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from event_files import midi_of
-from fuzzing.sample_files import RECORDINGS
+from sample_files import RECORDINGS
 from studies.running import REPOSITORY, StudyRun, hashes, record, write_study
 
 from shukotsu.errors import InputError

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from fuzzing.tracker_streams import viper_frame
+from tracker_streams import viper_frame
 
 from shukotsu.trackers.archive import ArchiveWriter, open_archive
 from shukotsu.trackers.decode.losses import ABSENT_S, STOP_FRAMES

@@ -4,8 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from fuzzing.decoding import decode, skipped_bytes
-from fuzzing.tracker_streams import liberty_binary, pose
+from tracker_streams import decode, liberty_binary, pose, skipped_bytes
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder

@@ -4,8 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from fuzzing.decoding import check_tiles, decode, skipped_bytes
-from fuzzing.tracker_streams import streams
+from tracker_streams import check_tiles, decode, skipped_bytes, streams
 
 from shukotsu.trackers.decode.stream import DECODERS
 from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder

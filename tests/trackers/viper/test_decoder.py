@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from fuzzing.decoding import check_tiles, decode
-from fuzzing.tracker_streams import pose, settings, viper_closed, viper_frame, viper_reply
+from tracker_streams import check_tiles, decode, pose, settings, viper_closed, viper_frame, viper_reply
 
 from shukotsu.trackers.protocols.records import Decoded
 from shukotsu.trackers.viper.decoder import REFUSED, ViperDecoder

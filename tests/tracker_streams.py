@@ -1,4 +1,4 @@
-"""Byte streams of trackers, put together field by field as the manuals say: for tests and the fuzzer."""
+"""Byte streams of trackers, put together field by field as the manuals say, and how they are decoded."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from shukotsu.trackers.liberty.items import TAGS
+from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder as Decoder
+from shukotsu.trackers.protocols.records import Decoded, Reply, concatenated
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 Numbers = tuple[float, ...]
@@ -145,3 +147,42 @@ def streams(frames: int = 5) -> dict[str, Stream]:
     }
     clean["viper"] = Stream(settings("viper"), tuple(viper_frame(f, four) for f in range(1, 3 * frames + 1)))
     return clean
+
+
+MOST_FRAMING = 12
+"""Bytes of a reply that are not its body, at the most: VIPER's leader and checksum."""
+
+
+def decode(decoder: Decoder, data: bytes) -> Decoded:
+    """Feed the stream to its end, cut in the middle; give all that came out."""
+    half = len(data) // 2
+    parts = [decoder.feed(data[:half]), decoder.feed(data[half:]), decoder.feed(b"", final=True)]
+    return Decoded(
+        concatenated([part.records for part in parts]),
+        tuple(skip for part in parts for skip in part.skipped),
+        tuple(reply for part in parts for reply in part.replies),
+    )
+
+
+def skipped_bytes(decoded: Decoded) -> list[int]:
+    """Give the places of all skipped bytes."""
+    return [i for skip in decoded.skipped for i in range(skip.offset, skip.offset + skip.size)]
+
+
+def check_tiles(decoded: Decoded, length: int) -> None:
+    """AssertionError unless every byte is in one record, reply or skip; a reply is its body and its frame."""
+    stretches: list[tuple[int, int | Reply]] = [(skip.offset, skip.size) for skip in decoded.skipped]
+    stretches += zip(decoded.records.offset.tolist(), decoded.records.size.tolist(), strict=True)
+    stretches += [(reply.offset, reply) for reply in decoded.replies]
+    stretches.sort(key=lambda stretch: stretch[0])
+    place = 0
+    ends = [*(first for first, _ in stretches), length][1:]
+    for (first, size), following in zip(stretches, ends, strict=True):
+        assert first == place, f"byte {place} is in nothing, or in two things"
+        if isinstance(size, Reply):
+            assert 0 <= following - first - len(size.body) <= MOST_FRAMING, f"reply at {first}"
+            place = following
+        else:
+            assert size > 0, f"nothing at {first}"
+            place += size
+    assert place == length, f"ends at {place}, the stream at {length}"

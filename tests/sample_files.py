@@ -1,4 +1,4 @@
-"""A small valid recording of every file format, as bytes: what the fuzzer spoils."""
+"""A small valid recording of every file format, as bytes."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from fuzzing.tracker_streams import cosines, liberty_binary, pose, settings
+from tracker_streams import cosines, liberty_binary, pose, settings
 
 FRAMES = 6
 SEGMENTS = {1: "hand", 2: "index_proximal"}

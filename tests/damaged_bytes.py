@@ -1,0 +1,49 @@
+"""Damage to the bytes of a file, drawn by hypothesis, and what a reader may make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hypothesis import strategies as st
+
+from shukotsu.errors import MOST_LETTERS, InputError
+
+TOKENS = (
+    *(
+        b"\r\n",
+        b"\0",
+        b"\xff" * 4,
+        b"\x7f\xff\xff\xff",
+        b"nan",
+        b"1e999",
+        b"-",
+        b",",
+        b"\t",
+        b'"',
+        b"[",
+        b"{}",
+    ),
+    *(b": ", b"- ", b"&a ", b"*a", b"null", b"9" * 20, b"\xc3\xa9", b"\xed\xa0\x80", b"!!python/name:os "),
+)
+
+
+def damaged(data: bytes) -> st.SearchStrategy[bytes]:
+    """Draw the same bytes with up to five stretches gone, exchanged or added to."""
+    gone, put = st.sampled_from([0, 1, 4, 200]), st.sampled_from(TOKENS) | st.binary(max_size=8)
+
+    def apply(edits: list[tuple[int, int, bytes]]) -> bytes:
+        spoilt = bytearray(data)
+        for place, length, instead in edits:
+            spoilt[place : place + length] = instead
+        return bytes(spoilt)
+
+    return st.lists(st.tuples(st.integers(0, len(data)), gone, put), min_size=1, max_size=5).map(apply)
+
+
+def assert_read_or_refused(read: Callable[[], object]) -> None:
+    """Call a reader: it returns, or refuses in one sentence."""
+    try:
+        read()
+    except InputError as error:
+        assert str(error).isprintable()
+        assert 0 < len(str(error)) <= MOST_LETTERS
