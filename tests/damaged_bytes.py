@@ -45,5 +45,8 @@ def assert_read_or_refused(read: Callable[[], object]) -> None:
     try:
         read()
     except InputError as error:
-        assert str(error).isprintable()
-        assert 0 < len(str(error)) <= MOST_LETTERS
+        text = str(error)
+    else:
+        return
+    assert text.isprintable()
+    assert 0 < len(text) <= MOST_LETTERS

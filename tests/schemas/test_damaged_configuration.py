@@ -1,4 +1,4 @@
-"""A study, sheet, layout, model, mapping, plan or table that is damaged is read, or refused in one sentence."""
+"""A damaged study, sheet, layout, model, mapping, plan or table is read, or refused in one sentence."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ STUDY = {
     "01\tright\trom\tindex\tpad\t0.5\t1\t1\t2\t3\t0.5\n",
     "events.tsv": "subject\thand\ttask\ttrial\tonset_s\tduration_s\tname\n01\tright\tgrasp\t2\t0.5\t1\ttap\n",
 }
-MAPPING = """{format: csv, position_unit: cm, orientation: {kind: quaternion, order: wxyz}, csv: {time: t, time_unit: s},
-receivers: {hand: {position: [x, y, z], orientation: [a, b, c, d]}}}"""
+MAPPING = """{format: csv, position_unit: cm, orientation: {kind: quaternion, order: wxyz},
+csv: {time: t, time_unit: s}, receivers: {hand: {position: [x, y, z], orientation: [a, b, c, d]}}}"""
 
 
 def plans_of(folder: Path) -> StudyPlans:

@@ -11,11 +11,7 @@ from pathlib import Path
 import pytest
 from browser import browser  # noqa: F401
 from guide_pages import PAGES, REPOSITORY, Block, blocks
-from PIL import Image
-from report_samples.screenshots import FOLDER, SCALE, WIDTH, take_all
 from studies.guide_folder import begin_as_reader, make_guide_folder, write_lab_files
-
-from shukotsu.schemas.results import Results
 
 pytestmark = pytest.mark.slow
 
@@ -128,15 +124,3 @@ def test_the_notebook_answers_its_question(
     assert done.returncode == 0, done.stderr
     assert "moved most of the joints to believe: " in done.stdout
     assert picture.stat().st_size > 10_000
-
-
-@pytest.mark.usefixtures("browser")
-def test_every_screenshot_can_be_taken_anew(finished: Path, tmp_path: Path) -> None:
-    results = Results(finished / "results" / "demo")
-    recording = results.subject_pages("01") / "right" / "opposition.html"
-    taken = take_all(results, "01", recording, tmp_path)
-    kept = (REPOSITORY / FOLDER).glob("*.png")
-    assert sorted(picture.name for picture in taken) == sorted(picture.name for picture in kept)
-    for picture in taken:
-        with Image.open(picture) as image:
-            assert image.width == WIDTH * SCALE

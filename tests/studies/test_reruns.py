@@ -99,11 +99,6 @@ def test_a_second_run_does_nothing(unchanged: StudyRun) -> None:
     assert "Nothing to be done" in unchanged.run()
 
 
-def test_the_same_study_from_another_folder_does_nothing(study: StudyRun) -> None:
-    moved = study.folder.rename(study.folder.with_name("renamed"))
-    assert StudyRun(moved / "twice.yaml", moved, study.repository).planned() == set()
-
-
 # --- tables as targets ------------------------------------------------------------------------------------
 
 
@@ -159,27 +154,6 @@ def test_a_removed_table_is_made_again_and_nothing_twice(study: StudyRun) -> Non
 
 
 # --- tables that are not what they should be --------------------------------------------------------------
-
-
-@pytest.mark.parametrize("table", ["sub-01/right/rom/poses.parquet", "sub-01/joint_solutions.parquet"])
-def test_junk_in_a_table_is_noticed(study: StudyRun, table: str) -> None:
-    before = hashes(study.results.folder)
-    (study.results.folder / table).write_bytes(b"junk")
-    assert f"made anew: {table}" in study.run()
-    assert hashes(study.results.folder) == before
-
-
-@pytest.mark.parametrize(
-    "table",
-    ["right/rom/poses.parquet", "joint_centres.parquet", f"fits/right/{FITTED}/fitted_joints.parquet"],
-)
-def test_anothers_table_is_noticed(study: StudyRun, table: str) -> None:
-    folder = study.results.folder
-    before = hashes(folder)
-    shutil.copyfile(folder / "sub-02" / table, folder / "sub-01" / table)
-    study.run()
-    assert hashes(folder) == before
-    assert study.planned() == set()
 
 
 # --- what changed in the study ----------------------------------------------------------------------------

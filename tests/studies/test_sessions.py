@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import product
 
 import pytest
-from studies.running import StudyRun, hashes, record, write_study
+from studies.running import StudyRun, record, write_study
 
 from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.results import STUDY_TABLES, Results
@@ -92,14 +92,3 @@ def test_pages_exports_and_the_dataset_name_the_session(study: StudyRun) -> None
     motions = {path.relative_to(dataset).parent.as_posix() for path in dataset.rglob("*_motion.tsv")}
     assert motions == {"sub-01/ses-1/motion", "sub-01/ses-postQsop/motion", "sub-02/motion"}
     assert (dataset / "participants.tsv").read_text("utf-8").count("sub-01") == 1
-
-
-def test_nothing_is_made_twice_and_one_session_more_concerns_no_other(study: StudyRun) -> None:
-    assert not study.planned()
-    before = hashes(study.results.folder / "sub-01_ses-1")
-    record(study.folder / "01_4.parquet", frames=600, session="4")
-    sheet = study.folder / "redonned.tsv"
-    sheet.write_text(f"{sheet.read_text('utf-8')}01\t4\tright\trom\tboth\t01_4.parquet\n", "utf-8")
-    assert {job.subject for job in study.planned() if job.subject} == {"01_ses-4"}
-    study.run()
-    assert hashes(study.results.folder / "sub-01_ses-1") == before

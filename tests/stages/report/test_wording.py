@@ -12,18 +12,16 @@ from babel.messages.catalog import Catalog
 from babel.messages.catalog import Message as Translation
 from babel.messages.extract import DEFAULT_KEYWORDS, extract_from_dir
 from babel.messages.frontend import parse_mapping_cfg
-from babel.messages.pofile import read_po, write_po
+from babel.messages.pofile import read_po
 from matplotlib import font_manager
 from report_samples.made_movement import write_movement
 from report_samples.many_subjects import many_subjects
 from report_samples.rendered import whole_report
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.finding_groups import row_message
-from shukotsu.schemas.findings import NOTE, Finding
 from shukotsu.schemas.study import Hand, Study, read_study
-from shukotsu.sentences.messages import message_of, translated
-from shukotsu.sentences.translation import END, FOREIGN, full_name, ngettext, tr, word
+from shukotsu.sentences.messages import translated
+from shukotsu.sentences.translation import END, FOREIGN, tr
 from shukotsu.stages.report import subject, templates, wording
 from shukotsu.stages.report.movement_page.movement_page import render_movement
 from shukotsu.stages.report.movement_page.movement_results import read_movement
@@ -92,13 +90,6 @@ def test_a_sentence_of_another_program_stays_english_and_says_so() -> None:
     with speaking("ja"):
         page = wording.typeset(f'<p title="{translated("Rain fell")}">{translated("Rain fell & wet")}</p>')
     assert page == '<p title="Rain fell"><span lang="en">Rain fell & wet</span></p>'
-
-
-def test_a_joint_is_named_with_its_abbreviation() -> None:
-    assert (word("index_mcp"), full_name("index_mcp")) == ("index_mcp", "index_mcp")
-    with speaking("ja"):
-        assert (word("index_mcp"), word("wrist"), word("whole-hand")) == ("示指 MCP", "手関節", "whole-hand")
-        assert full_name("index_mcp") == "示指 MCP (中手指節関節)"
 
 
 def test_a_hand_is_named_in_a_sentence() -> None:
@@ -189,36 +180,3 @@ def test_a_page_in_an_unknown_language_is_refused(tmp_path: Path, capsys: pytest
     argv = ["--plan", str(tmp_path / "plan.json"), "--out", str(tmp_path / "pages"), "--language", "xx"]
     assert subject.main(argv) == 2
     assert "xx" in capsys.readouterr().err
-
-
-def test_a_finding_that_a_message_quotes_is_given_by_its_values() -> None:
-    row = Finding("wrong-hand", NOTE, "", {"hand": "right", "hand_2": "left"}).columns
-    with speaking("ja"):
-        text = translated(message_of("no-calibration-left", finding=row_message(row, whole=True)))
-    assert "右手と考えられる" in text
-
-
-def _make_up(folder: Path) -> None:
-    """Write a catalogue of a made-up language with three forms of a plural: every text in angle quotes."""
-    made = Catalog(locale="lt", charset="utf-8")
-    for english, message in ((_texts(message)[0], message) for message in _catalogue("ja") if message.id):
-        forms = tuple(f"‹{text}›{n}" for n, text in enumerate([*english, english[-1]]))
-        made.add(message.id, forms if english[1:] else f"‹{english[0]}›")
-    with (folder / "lt.po").open("wb") as stream:
-        write_po(stream, made)
-
-
-def test_a_new_language_is_one_file(
-    results: StudyResults, study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    _make_up(tmp_path)
-    monkeypatch.setattr(wording, "CATALOGUES", tmp_path)
-    assert languages() == ["en", "lt"]
-    with pytest.raises(InputError, match="language: is 'ja'; expected one of en, lt"):
-        wording.check_language("ja")
-    with speaking("lt"):
-        counts = [ngettext("{n} joint", "{n} joints", n) for n in (1, 2, 10)]
-        page = whole_report(results, study)
-    assert counts == ["‹1 joint›0", "‹2 joints›1", "‹10 joints›2"]
-    assert '<html lang="lt">' in page
-    assert ">‹Which joints to believe›</h2>" in page

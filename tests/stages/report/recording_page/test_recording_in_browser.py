@@ -130,15 +130,6 @@ def cursor(page: WatchedPage, plot: str = ERRORS) -> float:
     return float(place)
 
 
-def shown_stretch(page: WatchedPage) -> float:
-    """How far the cursor moves over ten frames in the middle, pixels: grows as the plots are zoomed."""
-    places = []
-    for frame in (145, 155):
-        page.value(f"{VIEWER}.goTo({frame})")
-        places.append(cursor(page))
-    return places[1] - places[0]
-
-
 @pytest.mark.parametrize("plot", [ERRORS, ANGLES])
 def test_a_click_takes_the_hand_to_that_frame(opened: WatchedPage, plot: str) -> None:
     element = opened.page.locator(plot)
@@ -147,19 +138,6 @@ def test_a_click_takes_the_hand_to_that_frame(opened: WatchedPage, plot: str) ->
     place = at(element, index(opened))["x"]
     assert abs(cursor(opened, ERRORS) - place) < 1.5
     assert abs(cursor(opened, ANGLES) - place) < 1.5
-
-
-def test_dragging_takes_the_hand_along(opened: WatchedPage) -> None:
-    mouse = opened.page.mouse
-    mouse.move(*point(opened, 50))
-    mouse.down()
-    mouse.move(*point(opened, 120))
-    assert abs(index(opened) - 120) <= 1
-    mouse.move(*point(opened, 250))
-    mouse.up()
-    assert abs(index(opened) - 250) <= 1
-    mouse.move(*point(opened, 20))
-    assert abs(index(opened) - 250) <= 1
 
 
 def test_the_cursor_moves_with_the_playing_hand_and_no_plot_is_drawn_anew(opened: WatchedPage) -> None:
@@ -216,82 +194,6 @@ def test_hovering_tells_the_tables_joint_angles(opened: WatchedPage, hands: Any)
                 assert angles_told(opened) == words
 
 
-@pytest.mark.parametrize("how", ["axis", "shift"])
-def test_a_brush_zooms_all_plots(opened: WatchedPage, how: str) -> None:
-    before, angles, whole = ink(opened), ink(opened, ANGLES), shown_stretch(opened)
-    above = AXIS / 2 if how == "axis" else 100.0
-    mouse = opened.page.mouse
-    if how == "shift":
-        opened.page.keyboard.down("Shift")
-    mouse.move(*point(opened, 100, above=above))
-    mouse.down()
-    mouse.move(*point(opened, 200, above=above))
-    assert opened.page.locator(f"{ERRORS} .plot-band").is_visible()
-    assert opened.page.locator(f"{ANGLES} .plot-band").is_visible()
-    mouse.up()
-    opened.page.keyboard.up("Shift")
-    assert abs(shown_stretch(opened) / whole - 299 / 100) < 0.1
-    assert ink(opened) != before
-    assert ink(opened, ANGLES) != angles
-    assert opened.page.locator(f"{ERRORS} .plot-band").is_hidden()
-    opened.page.locator(ERRORS).dblclick(position={"x": 300, "y": 60})
-    assert abs(shown_stretch(opened) - whole) < 0.5
-
-
-def test_keys_and_buttons_step_zoom_and_put_back(opened: WatchedPage) -> None:
-    element, keyboard, whole = opened.page.locator(ERRORS), opened.page.keyboard, shown_stretch(opened)
-    opened.value(f"{VIEWER}.goTo(100)")
-    element.focus()
-    keyboard.press("ArrowRight")
-    assert index(opened) == 101
-    keyboard.press("Shift+ArrowLeft")
-    assert index(opened) == 91
-    keyboard.press("PageUp")
-    assert index(opened) == 299
-    keyboard.press("Home")
-    assert index(opened) == 0
-    opened.value(f"{VIEWER}.goTo(150)")
-    keyboard.press("+")
-    keyboard.press("+")
-    assert abs(shown_stretch(opened) / whole - 4) < 0.1
-    keyboard.press("Escape")
-    assert abs(shown_stretch(opened) - whole) < 0.5
-    opened.page.get_by_role("button", name="Zoom in").click()
-    assert abs(shown_stretch(opened) / whole - 2) < 0.1
-    opened.page.get_by_role("button", name="Whole recording").click()
-    assert abs(shown_stretch(opened) - whole) < 0.5
-
-
-def test_a_screen_reader_is_told_the_frame_and_its_numbers(opened: WatchedPage) -> None:
-    element = opened.page.locator(ERRORS)
-    element.focus()
-    opened.page.keyboard.press("ArrowRight")
-    opened.page.wait_for_timeout(400)
-    assert element.get_attribute("role") == "slider"
-    assert element.get_attribute("aria-valuenow") == "1"
-    assert element.get_attribute("aria-valuemax") == "299"
-    words = element.get_attribute("aria-valuetext") or ""
-    assert words.startswith("frame 1, 0.004 s; ")
-    assert f"thumb {translated(opened, 0)['thumb']}" in words
-
-
-def test_models_in_view_are_drawn_until_others_are_ticked(opened: WatchedPage) -> None:
-    boxes = opened.page.locator("[data-model] input")
-    ticked = [n for n in range(3) if boxes.nth(n).is_checked()]
-    assert ticked == sorted(opened.value(f"{VIEWER}.shown"))
-    before = ink(opened)
-    choose(opened, "second", value="")
-    assert sum(boxes.nth(n).is_checked() for n in range(3)) == 1
-    fewer = ink(opened)
-    assert fewer != before
-    other = next(n for n in range(3) if not boxes.nth(n).is_checked())
-    boxes.nth(other).check()
-    assert ink(opened) != fewer
-    shown = opened.value(f"{VIEWER}.shown")
-    choose(opened, "second", value=str(next(n for n in range(3) if n not in (other, *shown))))
-    assert boxes.nth(other).is_checked()
-
-
 def test_a_peak_of_one_frame_is_drawn_though_frames_share_a_column(opened: WatchedPage) -> None:
     """On 50 pixels, six frames a column, the peak of frame 217 is neither its column's first nor its last."""
     box, before = opened.page.get_by_label("Logarithmic"), ink(opened)
@@ -304,50 +206,6 @@ def test_a_peak_of_one_frame_is_drawn_though_frames_share_a_column(opened: Watch
     found = opened.value(FOUND, [ERRORS, "--model2", 0, 20, 104, 20])
     assert found
     assert all(abs(x - (LEFT + 217 / 299 * 50)) < 3 for x, _ in found)
-
-
-@pytest.mark.parametrize(
-    "names", ["", "sub-S01", "sub-S02,sub-S03", "javascript:alert(1),sub-S01", "%%,sub-S01"]
-)
-def test_no_list_without_subjects_to_choose_from(opened: WatchedPage, hands: Any, names: str) -> None:
-    page = hands.paths.recording_page(hands.recording("S01")).as_uri()
-    opened.page.goto(f"{page}#subjects={names}")
-    opened.page.reload()
-    opened.wait("!!document.querySelector('.drawn')")
-    assert opened.page.locator("[data-switch]").is_hidden()
-
-
-@pytest.mark.parametrize(("width", "scheme"), [(390, "light"), (1280, "dark"), (1920, "light")])
-def test_the_page_fits_every_window(browser: Browser, pages: Path, width: int, scheme: str) -> None:
-    with watched(browser, viewport={"width": width, "height": 900}, color_scheme=scheme) as page:
-        show(page, pages)
-        assert page.value("document.documentElement.scrollWidth") <= width
-        assert page.value(FOUND, [ERRORS, "--model2", 44, 20, 300, 400])
-
-
-def test_a_finger_moves_the_hand_and_does_not_scroll_sideways(browser: Browser, pages: Path) -> None:
-    with watched(browser, viewport={"width": 390, "height": 800}, has_touch=True) as page:
-        show(page, pages)
-        x, y = point(page, 150)
-        page.page.touchscreen.tap(x, y)
-        assert abs(index(page) - 150) <= 2
-        assert page.value(f"getComputedStyle(document.querySelector('{ERRORS}')).touchAction") == "pan-y"
-
-
-def test_paper_shows_what_the_screen_shows(browser: Browser, pages: Path) -> None:
-    """The same plots without the controls, in the colours of paper."""
-    with watched(browser, color_scheme="dark") as page:
-        page.open(pages)
-        page.wait("!!document.querySelector('.drawn')")
-        settle(page)
-        ink = "[...document.querySelector('[data-plot] canvas').getContext('2d').fillStyle].join('')"
-        on_screen = page.value(f"() => {ink}")
-        page.page.emulate_media(media="print")
-        assert page.page.locator(ERRORS).is_visible()
-        assert page.page.locator(".plots-still-note").first.is_hidden()
-        assert page.page.locator(".plots-tools").first.is_hidden()
-        assert page.page.locator("[data-switch]").is_hidden()
-        page.wait(f"{ink} !== '{on_screen}'")
 
 
 def test_without_scripts_the_page_says_what_to_do(browser: Browser, pages: Path) -> None:

@@ -175,18 +175,6 @@ def test_keys_step_play_turn_and_enlarge(page: WatchedPage) -> None:
         assert page.value(f"!{VIEWER}.canvas.dispatchEvent({event})") is is_taken, "else the page scrolls"
 
 
-def test_every_control_is_reached_by_the_keyboard(page: WatchedPage) -> None:
-    count = page.value("document.querySelectorAll('canvas, button, select, input').length")
-    page.page.locator("canvas").focus()
-    reached = set()
-    for _ in range(count):
-        reached.add(page.value("document.activeElement.dataset.part ?? document.activeElement.dataset.look"))
-        page.page.keyboard.press("Tab")
-    disabled = page.value("[...document.querySelectorAll(':disabled')].map((e) => e.dataset.part)")
-    assert len(reached - {None}) == count - len(disabled)
-    assert {"canvas", "slider", "first", "second", "over", "receivers", "axes", "planes", "tips"} <= reached
-
-
 @pytest.mark.parametrize(("hand", "thumb_is"), [("right", "left"), ("left", "right")])
 def test_no_hand_is_mirrored_and_looks_are_from_where_they_say(
     watched_page: WatchedPage, make_known: Callable[[str, int], Any], tmp_path: Path, hand: str, thumb_is: str
