@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,13 +42,18 @@ def main(argv: list[str]) -> int:
 def inspect(arguments: argparse.Namespace) -> None:
     """Print what is in the file, a fact a line, and the command to run next; write the mapping if asked."""
     from shukotsu.files.whole_files import write_text
-    from shukotsu.schemas.layout import read_layout
 
-    layout = read_layout(arguments.layout)
-    description = describe(arguments.file, layout)
+    description = describe(arguments.file, arguments.layout)
     print("\n".join(description.lines))
-    if not description.draft and (description.recording or _is_poses_table(arguments.file)):
-        print("".join(f"{line}\n" for line in finding_lines(arguments, layout)), end="")
+    is_whole_program = (
+        find_spec("yaml") is not None
+    )  # the computer beside a tracker may have the recorder alone
+    if (
+        not description.draft
+        and is_whole_program
+        and (description.recording or _is_poses_table(arguments.file))
+    ):
+        print("".join(f"{line}\n" for line in finding_lines(arguments)), end="")
     target = arguments.write_mapping
     if target is not None:
         if not description.draft:
@@ -61,7 +67,7 @@ def inspect(arguments: argparse.Namespace) -> None:
     print(f"next: {_next_command(arguments, description.recording, bool(description.draft))}")
 
 
-def finding_lines(arguments: argparse.Namespace, layout: Layout) -> list[str]:
+def finding_lines(arguments: argparse.Namespace) -> list[str]:
     """List false declarations of the file, or the reason why it cannot be imported; a sentence a line.
 
     The file is a recording that needs no mapping, or a poses table. Without --hand it is of the hand that it
@@ -72,10 +78,11 @@ def finding_lines(arguments: argparse.Namespace, layout: Layout) -> list[str]:
     from tempfile import TemporaryDirectory
 
     from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.schemas.layout import read_layout
     from shukotsu.sentences.finding_sentences import in_quotes
     from shukotsu.stages.capture.import_recording import build_parser, import_recording
 
-    path, hand = arguments.file, arguments.hand or "right"
+    path, hand, layout = arguments.file, arguments.hand or "right", read_layout(arguments.layout)
     with TemporaryDirectory() as folder:
         if not _is_poses_table(path):
             options = {"in": path, "layout": arguments.layout, "hand": hand, "out": Path(folder, "poses")}
@@ -116,12 +123,23 @@ def _next_command(arguments: argparse.Namespace, recording: bool, mapped: bool) 
     )
 
 
-def describe(path: Path, layout: Layout) -> Description:
-    """Describe a file or folder. Raises InputError where it is absent, empty or of no known kind."""
+def describe(path: Path, layout: Layout | str) -> Description:
+    """Describe a file, by the segments of a layout or of one of that name.
+
+    Raises InputError where it is absent, empty or of no known kind.
+    """
     with reading(path, "a recording", "expected a recording"):
         if not check_regular(path, "a recording"):
             raise InputError(f"{path}: is empty; expected a recording")
     name = path.name.lower()
+    if name.endswith(".arrows"):
+        from shukotsu.stages.capture.inspection.description import Description
+        from shukotsu.trackers.decode.findings import describe as describe_capture
+
+        return Description(tuple(describe_capture(path)))
+    from shukotsu.schemas.layout import read_layout
+
+    layout = read_layout(layout) if isinstance(layout, str) else layout
     if name.endswith(".c3d"):
         from shukotsu.stages.capture.inspection.c3d_files import describe_c3d
 
@@ -130,11 +148,6 @@ def describe(path: Path, layout: Layout) -> Description:
         from shukotsu.stages.capture.inspection.own_tables import describe_parquet
 
         return describe_parquet(path, layout)
-    if name.endswith(".arrows"):
-        from shukotsu.stages.capture.inspection.description import Description
-        from shukotsu.trackers.decode.findings import describe as describe_capture
-
-        return Description(tuple(describe_capture(path)))
     if name.endswith((".xdf", ".xdfz", ".mha", ".nrrd")):
         raise InputError(
             f"{path}: inspect reads text, C3D and this project's files; import it as it is, and "
