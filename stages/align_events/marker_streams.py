@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from shukotsu.errors import InputError, listed
-from shukotsu.files.xdf_streams import SAMPLE_BYTES, TEXT, Stream, clock_offsets, load_stream, read_streams
+from shukotsu.files.xdf_streams import NUMBERS, TEXT, Floats, Stream, load_stream, read_streams
 from shukotsu.stages.align_events.event_list import FARTHEST_S, Clock, Events
 
-_WHOLE = tuple(name for name in SAMPLE_BYTES if name.startswith("int"))
+_WHOLE = tuple(name for name in NUMBERS if name.startswith("int"))
 
 
 def read_markers(path: Path) -> Events:
@@ -22,7 +22,7 @@ def read_markers(path: Path) -> Events:
     Raises InputError where the file has no such stream, or is damaged.
     """
     streams = read_streams(path)
-    markers = [stream for stream in streams if is_marker_stream(stream)]
+    markers = [s for s in streams if s.format == TEXT or (s.format in _WHOLE and not s.rate_hz)]
     if not markers:
         have = listed([f"{stream.name} ({stream.type or 'no type'})" for stream in streams])
         raise InputError(f"{path}: has no stream of markers (of texts, or of whole numbers); it has {have}")
@@ -30,17 +30,17 @@ def read_markers(path: Path) -> Events:
     notes: list[str] = []
     for stream in markers:
         try:
-            time_s, series, own = load_stream(path, stream)
+            samples = load_stream(path, stream)
         except InputError as error:
             if "has no samples" not in str(error):
                 raise
             notes.append(f"stream {stream.name} has no markers")
             continue
-        sd_s = offset_sd_s(path, stream)
+        sd_s = offset_sd_s(samples.offsets)
+        notes += [note for note in samples.notes if note not in notes]
         if np.isnan(sd_s):
-            own = (*own, f"stream {stream.name} has no clock offsets: its clock is taken for the recorder's")
-        notes += [note for note in own if note not in notes]
-        for time, sample in zip(time_s.tolist(), series, strict=True):
+            notes.append(f"stream {stream.name} has no clock offsets: its clock is taken for the recorder's")
+        for time, sample in zip(samples.time_s.tolist(), samples.values, strict=True):
             name, value = _marker(stream, sample)
             rows.append((name, time, np.nan, value, 0.0 if np.isnan(sd_s) else sd_s))
     if len(markers) > 1:  # else a step back shows that the stream's clock was set
@@ -48,14 +48,8 @@ def read_markers(path: Path) -> Events:
     return Events.of("xdf", Clock.OWN, rows, *notes)
 
 
-def is_marker_stream(stream: Stream) -> bool:
-    """Tell whether a stream's samples are markers."""
-    return stream.format == TEXT or (stream.format in _WHOLE and not stream.rate_hz)
-
-
-def offset_sd_s(path: Path, stream: Stream) -> float:
-    """Scatter (rms) of a stream's clock offsets about a straight line, NaN where there are none."""
-    offsets = clock_offsets(path, stream)
+def offset_sd_s(offsets: Floats) -> float:
+    """Return the scatter (rms) of clock offsets (N, 2) about a straight line, NaN where there are none."""
     offsets = offsets[(np.abs(offsets) < FARTHEST_S).all(-1)]
     if not len(offsets):
         return float("nan")

@@ -9,9 +9,9 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.files.xdf_streams import (
+    NUMBERS,
     Channel,
     Stream,
-    check_described,
     load_stream,
     owners,
     pose_channels,
@@ -35,75 +35,59 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
     """
     stream = _chosen_stream(path, mapping)
     where = f"{path}: stream {stream.name}"
-    mapping = mapping or implied_mapping(where, "xdf", "value", owners(stream))
+    if stream.format not in NUMBERS:
+        raise InputError(f"{where}: holds {stream.format or 'no format'}; expected numbers")
+    read = load_stream(path, stream)
+    if len(read.channels) != stream.channel_count:
+        raise InputError(
+            f"{where}: has {stream.channel_count} channels, but its header describes {len(read.channels)}; "
+            "the sender must describe each (label, marker or object, type, unit)"
+        )
+    posed = owners(read.channels)
+    mapping = mapping or implied_mapping(where, "xdf", "value", posed)
     if (mapping.orientation or {}).get("kind", "quaternion") != "quaternion":
         raise InputError(f"{mapping.where}: orientation.kind: must be quaternion; others of XDF are not read")
-    names = [name_in_file(mapping, key, "value", owners(stream), where) for key in mapping.receivers]
-    channels = [_pose_channels(where, stream, mapping, name) for name in names]
-    time_s, series, notes = load_stream(path, stream)
-    values = np.asarray(series, float)
+    names = [name_in_file(mapping, key, "value", posed, where) for key in mapping.receivers]
+    channels = [pose_channels(where, read.channels, name) for name in names]
+    for name, pose in zip(names, channels, strict=True):
+        for channel in pose[:3]:
+            _check_unit(f"{where}, {name}", channel, mapping)
+    values = np.asarray(read.values, float)
 
     def place(row: int) -> str:
         return f"{where}, sample {row + 1}"
 
-    frame = np.arange(len(time_s))
-    tracks = [Track(frame, frame, time_s, _numbers(values, pose, mapping, place)) for pose in channels]
-    return samples_of_tracks(tracks, mapping, layout, place, notes)
-
-
-def is_mocap(stream: Stream) -> bool:
-    """Tell whether a stream says that it is motion capture."""
-    return stream.type.lower() == "mocap"
-
-
-def mocap_streams(path: Path, streams: Sequence[Stream]) -> list[Stream]:
-    """The streams of type MoCap; InputError where there is none."""
-    mocap = [stream for stream in streams if is_mocap(stream)]
-    if not mocap:
-        have = ", ".join(f"{s.name} ({s.type or 'no type'})" for s in streams) or "no stream at all"
-        raise InputError(f"{path}: has no stream of type MoCap; it has {have}")
-    return mocap
+    frame = np.arange(len(read.time_s))
+    tracks = [Track(frame, frame, read.time_s, _numbers(values, pose, mapping, place)) for pose in channels]
+    return samples_of_tracks(tracks, mapping, layout, place, read.notes)
 
 
 def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
-    """The stream that the mapping names, else the only one of type MoCap; its header checked."""
+    """Return the stream that the mapping names, else the only one of type MoCap."""
     streams = read_streams(path)
     wanted = None if mapping is None else mapping.details.get("stream")
     if wanted is None:
-        chosen = mocap_streams(path, streams)
+        chosen = [stream for stream in streams if stream.type.lower() == "mocap"]
+        if not chosen:
+            have = ", ".join(f"{s.name} ({s.type or 'no type'})" for s in streams) or "no stream at all"
+            raise InputError(f"{path}: has no stream of type MoCap; it has {have}")
         if len(chosen) > 1:
             raise InputError(
                 f"{path}: has {len(chosen)} streams of type MoCap ({_listed(chosen)}); say which in a "
                 "mapping as xdf.stream, by its name or its number"
             )
     else:
-        chosen = [stream for stream in streams if wanted == stream_key(stream, streams)]
-        chosen = chosen or [stream for stream in streams if wanted in (stream.name, stream.number)]
+        chosen = [stream for stream in streams if wanted in (stream.name, stream.number)]
         if len(chosen) != 1:
             say = "; say its number" if chosen else did_you_mean(str(wanted), [s.name for s in streams])
             raise InputError(
                 f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {_listed(streams)}{say}"
             )
-    check_described(f"{path}: stream {chosen[0].name}", chosen[0])
     return chosen[0]
-
-
-def stream_key(stream: Stream, streams: Sequence[Stream]) -> str | int:
-    """Give what names a stream in a mapping: its name or, where others have that too, its number."""
-    names = [other.name for other in streams]
-    return stream.name if names.count(stream.name) == 1 else stream.number
 
 
 def _listed(streams: Sequence[Stream]) -> str:
     return ", ".join(f"{stream.name}, number {stream.number}" for stream in streams) or "none"
-
-
-def _pose_channels(where: str, stream: Stream, mapping: FileMapping, name: str) -> list[Channel]:
-    """The channels of a marker or object in turn; units checked."""
-    channels = pose_channels(where, stream, name)
-    for channel in channels[:3]:
-        _check_unit(f"{where}, {name}", channel, mapping)
-    return channels
 
 
 def _check_unit(where: str, channel: Channel, mapping: FileMapping) -> None:

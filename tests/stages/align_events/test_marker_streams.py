@@ -50,13 +50,13 @@ def test_a_file_that_is_cut_off_gives_what_is_whole(tmp_path: Path) -> None:
             xdf_of(marker_stream(1, "cues", [["go"]], [1.0])).replace(
                 struct.pack("<BI", 4, 2) + b"go", b"\4\3\0\0\0go"
             ),
-            "a chunk of samples is not as long as it says",
+            "stream cues: is damaged",
         ),
         (
             xdf_of(marker_stream(1, "cues", [["go"]], [1.0])).replace(
                 struct.pack("<BI", 4, 2) + b"go", b"\7\2\0\0\0go"
             ),
-            "a chunk of samples is not as long as it says",
+            "stream cues: is damaged",
         ),
     ],
 )
