@@ -1,4 +1,4 @@
-"""C3D: joints and receivers as points, bones and receivers as poses, for motion-capture programs.
+"""C3D by ezc3d: joints and receivers as points, bones and receivers as poses, for motion-capture programs.
 
 Points are the joints, by their names, then four of each receiver: `<segment>_receiver`, its origin, and
 `_x`, `_y` and `_z`, 20 mm along its axes. The ROTATION group has the poses: of bones, by the joint that they
@@ -8,19 +8,18 @@ reliability -1. Frames that the recording lost are there, without a point, so th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
 
 import numpy as np
 
 from shukotsu.errors import InputError
+from shukotsu.files.whole_files import replacing
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.skeleton.rotations import Array, matrix
 from shukotsu.stages.export.axes import UNITS_PER_MM, Target
-from shukotsu.stages.export.c3d_bytes import MOST_FRAMES, Content, Floats, can_hold_rotations, split
-from shukotsu.stages.export.c3d_bytes import write as write_bytes
 from shukotsu.stages.export.file_facts import facts_text
 from shukotsu.stages.export.motion import SkeletonMotion, Whole, with_seen_receivers
 from shukotsu.stages.export.rig_names import ascii_name
@@ -34,14 +33,21 @@ LONGEST_LABEL = 127
 ALONE_HZ = 60.0
 """Rate of a file of one frame, whose rate nobody knows."""
 
-_BLOCK_FRAMES = 2048
+MOST_FRAMES = 65534
+"""What the header's 16 bits count, where one more means so many or more."""
+
+_MOST_POINTS = 255
+"""Labels that one parameter holds."""
+_BLOCK, _LAST_START, _PARAMETER_BLOCKS = 512, 32767, 255
+"""Bytes of a block; the last block that rotations can start at; blocks before the points, at most."""
+
 _NOTE_WIDTH = 120
 _NOTABLE_S = 5e-4
 _SCREEN = {"x": ("+Y", "+X"), "y": ("+X", "+Y"), "z": ("+X", "+Z")}
 """POINT:X_SCREEN and Y_SCREEN by the axis that points up."""
 
 NO_POINT = np.array([0.0, 0.0, 0.0, -1.0])
-NO_POSE = np.append(np.full(16, np.nan), -1.0)
+"""x, y, z and residual of a point that is not known."""
 
 
 @dataclass(frozen=True)
@@ -57,21 +63,52 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     """Write the motion as one file; give what it does not hold.
 
     Lengths are 32-bit floats, to about 3e-5 mm half a metre from the transmitter. Raises InputError where
-    there is no frame, no rate is known, or frames are too uneven in time for one rate.
+    there is no frame, no rate is known, frames are too uneven in time for one rate, or are too many.
     """
     if not len(motion.frame):
         raise InputError(f"{path}: C3D holds no file without a frame; widen --frames")
+    import ezc3d
+
     motion, unseen = with_seen_receivers(motion)
     timing = _timing(motion, path)
-    content, dropped = _content(motion, target, timing)
-    scale = UNITS_PER_MM[target.unit]
-    rotations: Iterable[Floats] = _blocks(motion, timing.row, lambda part: _poses(part, scale), NO_POSE)
-    write_bytes(
-        path,
-        content,
-        _blocks(motion, timing.row, lambda part: _points(part, scale), NO_POINT),
-        rotations if content.rotations else (),
-    )
+    frames, labels = int(timing.row[-1]) + 1, point_labels(motion)
+    if frames > MOST_FRAMES or len(labels) > _MOST_POINTS:
+        raise InputError(
+            f"{path}: has {frames} frames of {len(labels)} points, and C3D holds at most {MOST_FRAMES} of "
+            f"{_MOST_POINTS}; give --frames for shorter files, or a lower --fps"
+        )
+    first, scale = int(motion.frame[0]), UNITS_PER_MM[target.unit]
+    numbered = np.array_equal(motion.frame - first, timing.row) and 1 <= first <= MOST_FRAMES - frames
+    room = frames * len(labels) * 16 <= (_LAST_START - _PARAMETER_BLOCKS) * _BLOCK
+    dropped = _dropped(motion, timing, numbered, room)
+    file = ezc3d.c3d()
+    file["header"]["points"]["first_frame"] = first - 1 if numbered else 0
+    for name, value in {
+        "RATE": [timing.rate_hz],
+        "UNITS": [target.unit],
+        "LABELS": list(labels),
+        "DESCRIPTIONS": _descriptions(motion),
+    }.items():
+        file["parameters"]["POINT"][name]["value"] = value
+    for name, axis in zip(("X_SCREEN", "Y_SCREEN"), _SCREEN[target.up] if target.up else (), strict=False):
+        file.add_parameter("POINT", name, [axis])
+    file.add_parameter("MANUFACTURER", "SOFTWARE", [PROGRAM])
+    file.add_parameter("MANUFACTURER", "VERSION_LABEL", [VERSION])
+    file.add_parameter("SHUKOTSU", "NOTE", _note(motion, target, dropped))
+    points = np.tile(NO_POINT, (frames, len(labels), 1))
+    points[timing.row] = _points(motion, scale)
+    residuals, points[..., 3] = points[..., 3].copy(), 1.0
+    file["data"]["points"] = points.transpose(2, 1, 0)
+    file["data"]["meta_points"]["residuals"] = residuals.T[None]
+    if room:
+        file.add_parameter("ROTATION", "LABELS", list(rotation_labels(motion)))
+        file.add_parameter("ROTATION", "RATE", [timing.rate_hz])
+        poses = np.full((frames, len(rotation_labels(motion)), 4, 4), np.nan)
+        poses[timing.row] = _poses(motion, scale)
+        file["data"]["rotations"] = poses.transpose(2, 3, 1, 0)
+    with replacing(path) as temporary:
+        file.write(f"{temporary}.c3d")  # an ending that ezc3d would add by itself
+        Path(f"{temporary}.c3d").replace(temporary)
     return (*unseen, *dropped)
 
 
@@ -156,47 +193,26 @@ def _timing(motion: SkeletonMotion, path: Path) -> _Timing:
     return _Timing(row, rates[best], errors[best])
 
 
-def _content(motion: SkeletonMotion, target: Target, timing: _Timing) -> tuple[Content, tuple[str, ...]]:
-    """Return the file's content beside its numbers, and sentences on what it lacks."""
-    frames, first = int(timing.row[-1]) + 1, int(motion.frame[0])
-    numbered = np.array_equal(motion.frame - first, timing.row) and 1 <= first <= MOST_FRAMES - frames
-    point = dict(zip(("X_SCREEN", "Y_SCREEN"), _SCREEN[target.up], strict=True)) if target.up else {}
-    content = Content(
-        point_labels(motion),
-        _descriptions(motion),
-        rotation_labels(motion),
-        frames,
-        first if numbered else 1,
-        timing.rate_hz,
-        target.unit,
-        {"POINT": point},
-    )
+def _dropped(motion: SkeletonMotion, timing: _Timing, numbered: bool, room: bool) -> tuple[str, ...]:
+    """Sentences on what the file lacks."""
     dropped = []
-    if not can_hold_rotations(content):
-        content = replace(content, rotations=())
+    if not room:
         dropped.append(
             "ROTATION, the bones' and receivers' poses: it would begin beyond what its 16 bits can say; the "
             "points hold the receivers' poses, and with fewer --frames there is room for all"
         )
-    if frames > MOST_FRAMES:
-        dropped.append(
-            f"a 16-bit count of its {frames} frames: TRIAL:ACTUAL_END_FIELD and POINT:LONG_FRAMES say it; "
-            f"programs that read neither end at frame {MOST_FRAMES}, so give --frames for shorter files"
-        )
     if not numbered:
-        dropped.append(f"frame numbers: its frame 1 is the tracker's frame {first}")
+        dropped.append(f"frame numbers: its frame 1 is the tracker's frame {int(motion.frame[0])}")
     if timing.error_s > _NOTABLE_S:
         dropped.append(
             f"device times, which are up to {timing.error_s * 1000:.1f} ms off its even "
             f"{timing.rate_hz:.6g} Hz; --fps resamples over them"
         )
-    return replace(content, groups={**content.groups, **_origin(motion, target, dropped)}), tuple(dropped)
+    return tuple(dropped)
 
 
-def _origin(
-    motion: SkeletonMotion, target: Target, dropped: Sequence[str]
-) -> dict[str, Mapping[str, Sequence[str]]]:
-    """Tell which program wrote the file, and the note on whose motion it is, in lines."""
+def _note(motion: SkeletonMotion, target: Target, dropped: Sequence[str]) -> list[str]:
+    """Return whose motion it is, in lines."""
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
         *_escaped(facts_text(motion, target, dropped)).splitlines(),
@@ -204,24 +220,7 @@ def _origin(
         "rotations: bones by the joint they start at, in the bone frame above; receivers",
         f"first frame: the tracker's {motion.frame[0]}, device time {start}",
     ]
-    note = [part for line in lines for part in wrap(line, _NOTE_WIDTH, subsequent_indent="  ")]
-    return {
-        "MANUFACTURER": {"SOFTWARE": [PROGRAM], "VERSION_LABEL": [VERSION]},
-        "SHUKOTSU": split("NOTE", note),
-    }
-
-
-def _blocks(
-    motion: SkeletonMotion, row: Whole, numbers: Callable[[SkeletonMotion], Array], blank: Array
-) -> Iterator[Floats]:
-    """The numbers of all rows in parts, blank (n,) where there is no frame."""
-    for start in range(0, len(row), _BLOCK_FRAMES):
-        rows = slice(start, start + _BLOCK_FRAMES)
-        known, first = numbers(motion.take(rows)), row[start]
-        stop = row[start + _BLOCK_FRAMES] if start + _BLOCK_FRAMES < len(row) else row[-1] + 1
-        part = np.broadcast_to(blank, (stop - first, *known.shape[1:])).astype(np.float32)
-        part[row[rows] - first] = known
-        yield part
+    return [part for line in lines for part in wrap(line, _NOTE_WIDTH, subsequent_indent="  ")]
 
 
 def _points(motion: SkeletonMotion, scale: float) -> Array:
@@ -231,23 +230,17 @@ def _points(motion: SkeletonMotion, scale: float) -> Array:
     axes = np.swapaxes(matrix(receivers.quaternion), -1, -2)
     four = np.concatenate([origin, origin + ARM_MM * axes], 2).reshape(len(origin), -1, 3)
     position = np.concatenate([motion.position_mm, four], 1) * scale
-    return _filled(np.concatenate([position, np.zeros((*position.shape[:2], 1))], -1), NO_POINT)
+    out = np.concatenate([position, np.zeros((*position.shape[:2], 1))], -1)
+    return np.where(np.isfinite(out).all(-1, keepdims=True), out, NO_POINT)
 
 
 def _poses(motion: SkeletonMotion, scale: float) -> Array:
-    """The poses of those frames, (n, R, 17): 4x4 matrices column by column, and the reliability."""
+    """The poses of those frames as matrices (n, R, 4, 4), NaN where any number is missing."""
     bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
     receivers = motion.receivers
     position = np.concatenate([motion.position_mm[:, bones], receivers.position_mm], 1) * scale
-    turn = matrix(np.concatenate([motion.quaternion[:, bones], receivers.quaternion], 1))
-    out = np.zeros((*position.shape[:2], 17))
-    columns = out[..., :16].reshape(*position.shape[:2], 4, 4)
-    columns[..., :3, :3] = np.swapaxes(turn, -1, -2)
-    columns[..., 3, :3] = position
-    columns[..., 3, 3] = 1.0
-    return _filled(out, NO_POSE)
-
-
-def _filled(numbers: Array, blank: Array) -> Array:
-    """The numbers (n, K, m), blank (m,) where any is missing."""
-    return np.where(np.isfinite(numbers).all(-1, keepdims=True), numbers, blank)
+    out = np.zeros((*position.shape[:2], 4, 4))
+    out[..., :3, :3] = matrix(np.concatenate([motion.quaternion[:, bones], receivers.quaternion], 1))
+    out[..., :3, 3] = position
+    out[..., 3, 3] = 1.0
+    return np.where(np.isfinite(out).all((-2, -1), keepdims=True), out, np.nan)

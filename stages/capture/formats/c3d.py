@@ -1,8 +1,9 @@
-"""C3D files by mapping: clusters of markers as rigid segments, or poses of the ROTATION group."""
+"""C3D files by mapping, read by ezc3d: clusters of markers as rigid segments, or poses of group ROTATION."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import struct
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from shukotsu.errors import InputError, listed
-from shukotsu.files.limits import RATES_HZ
+from shukotsu.files.limits import RATES_HZ, check_regular
+from shukotsu.files.text_files import reading
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import FileMapping
 from shukotsu.schemas.units import UNIT_NAMES
 from shukotsu.skeleton.rotations import Array, from_matrix
-from shukotsu.stages.capture.formats.c3d_content import PARAMETERS, read_content
 from shukotsu.stages.capture.formats.clusters import ClusterPoses, cluster_poses
 from shukotsu.stages.capture.formats.mapped import (
     Integers,
@@ -28,6 +29,10 @@ from shukotsu.stages.capture.formats.mapped import (
 from shukotsu.stages.capture.formats.orientation import proper_rotations
 from shukotsu.stages.capture.samples import Samples, did_you_mean
 
+_BLOCK = 512
+_MOST_FRAMES = 65535
+"""What 16 bits count; as a count it means so many or more."""
+
 
 @dataclass(frozen=True)
 class C3dFile:
@@ -37,7 +42,7 @@ class C3dFile:
     matrices : (T', R, 4, 4) of the ROTATION group, T' a whole multiple of T; rotation_labels : of the R.
     unit : mm, cm, m or inch, or the file's own word where it is none of these; empty where it states none.
     rate_hz : NaN where the file states none. first_frame : number of the first frame stored, from 1.
-    doubts : what its counts of frames do not agree on, a sentence each.
+    doubts : a sentence where the file goes on behind the frames that it counts.
     """
 
     path: Path
@@ -82,39 +87,59 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
 
 def open_c3d(path: Path) -> C3dFile:
     """Read a C3D file. Raises InputError where it is absent, is none, or is cut off."""
-    content = read_content(path)
-    first, frames, promised = (int(number) for number in content["frames"])
-    if frames < promised:
+    import ezc3d
+
+    with reading(path, "a C3D file"):
+        size = check_regular(path, "a C3D file")
+        with path.open("rb") as stream:
+            head = stream.read(_BLOCK)
+    try:
+        content = ezc3d.c3d(str(path))
+    except Exception as error:  # ezc3d raises whatever its code runs into
+        why = str(error).removesuffix(": iostream error")
+        raise InputError(f"{path}: not a readable C3D file ({why}); copy it again") from error
+    parameters = content["parameters"]
+    points = np.asarray(content["data"]["points"][:3], float).transpose(
+        2, 1, 0
+    )  # NaN where the residual is -1
+    rotations = np.asarray(content["data"]["rotations"], float).transpose(3, 2, 0, 1)
+    per_frame, analogs, first, last, _, scale, start = struct.unpack_from("<HHHHHfH", head, 2)
+    if not first <= last < _MOST_FRAMES:  # what is read to the file's end has zeros that fill its last block
+        points = points[: np.flatnonzero((points != 0).any((1, 2)))[-1:].sum() + 1]
+    counts = [last - first + 1 if last < _MOST_FRAMES else 0]
+    counts += [int(count) for count in parameters["POINT"].get("LONG_FRAMES", {}).get("value", ())]
+    if "ACTUAL_END_FIELD" in parameters.get("TRIAL", {}):
+        low, high = (parameters["TRIAL"]["ACTUAL_END_FIELD"]["value"].ravel() % (1 << 16)).tolist()[:2]
+        counts.append(low + (high << 16) - first + 1)
+    if len(points) < max(counts):
         raise InputError(
-            f"{path}: is cut off: it has {frames} of the {promised} frames that it counts; copy it again"
+            f"{path}: is cut off: it has {len(points)} of the {max(counts)} frames that it counts; "
+            "copy it again"
         )
-    if not len(content["points"]):
+    if not len(points):
         raise InputError(f"{path}: has no frames; export it again")
-    unit = str(_first(content, "POINT:UNITS", "")).strip()
-    rate = float(_first(content, "POINT:RATE", np.nan))
+    frame_bytes = (4 * per_frame + analogs) * (4 if scale < 0 else 2)
+    more_bytes = size - _BLOCK * (start - 1) - len(points) * frame_bytes
+    doubt = f"{len(points)} frames are read, but the file goes on behind them; see that this is all"
+    unit = "".join(parameters["POINT"].get("UNITS", {}).get("value", [])[:1]).strip()
+    rate = float(np.ravel(parameters["POINT"].get("RATE", {}).get("value", np.nan))[0])
     return C3dFile(
         path,
-        without_marks(content["points"]),
-        _labels(content, "POINT"),
-        content["rotations"],
-        _labels(content, "ROTATION"),
+        without_marks(points),
+        _labels(parameters.get("POINT", {})),
+        rotations,
+        _labels(parameters.get("ROTATION", {})),
         UNIT_NAMES.get(unit.lower(), unit),
         rate if RATES_HZ[0] <= rate <= RATES_HZ[1] else float("nan"),
         first,
-        tuple(str(doubt) for doubt in content["doubt"]),
+        (doubt,) if more_bytes > _BLOCK and not rotations.size else (),
     )
 
 
-def _first(content: Mapping[str, np.ndarray], name: str, otherwise: object) -> Any:
-    values = content.get(name, np.empty(0))
-    return values[0] if len(values) else otherwise
-
-
-def _labels(content: Mapping[str, np.ndarray], group: str) -> tuple[str, ...]:
+def _labels(group: Any) -> tuple[str, ...]:
     """Labels of a group; beyond 255 they run on in LABELS2, LABELS3 and so on."""
-    names = [name for of_group, name in PARAMETERS if of_group == group and name.startswith("LABELS")]
-    parameters = [content[f"{group}:{name}"] for name in names if f"{group}:{name}" in content]
-    return tuple(str(label).strip() for labels in parameters for label in labels)
+    names = (f"LABELS{number}" for number in ("", *range(2, 20)))
+    return tuple(label.strip() for name in names if name in group for label in group[name]["value"])
 
 
 def _check_unit(file: C3dFile, mapping: FileMapping) -> None:
