@@ -16,13 +16,15 @@ if TYPE_CHECKING:
     from shukotsu.coach.coach import Coach
     from shukotsu.coach.estimate import CoachedHand
     from shukotsu.coach.source import Source
+    from shukotsu.trackers.archive import Piece
     from shukotsu.trackers.record.recording_terminal import StopRequest
 
 USUAL = Path("study.yaml")
 PUT_RIGHT = "receivers were put right in it"
 SOURCES = ("port", "follow", "replay")
-READ_S, LOST_S = 0.1, 5.0
-"""How often it is looked for what came; and after how long it is said that nothing comes."""
+READ_S, LOST_S, FIRST_S = 0.1, 5.0, 20.0
+"""How often it is looked for what came; after how long it is said that nothing comes, and when first, while
+the tracker is being set up."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -128,9 +130,10 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
     coached, archive = Coach(hand), new_archive(folder, hand.whose, hand.hand)
     archive.parent.mkdir(parents=True, exist_ok=True)
     recorder = Recorder(archive, [f"--port={arguments.port}", *arguments.recorder])
+    arguments.page = arguments.page or archive.with_suffix(".html")  # of a recording that begins anew too
     code = 0
     try:
-        _run(coached, recorder, archive, arguments.page or archive.with_suffix(".html"), stop)
+        _run(coached, recorder, archive, arguments.page, stop)
     finally:
         code = recorder.stop()
     if not coached.frames:
@@ -139,12 +142,15 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
     print("\n".join(recorder.notes), file=sys.stderr)
     exclude = PUT_RIGHT if coached.restarts else "" if coached.estimate else "it shows no hand"
     if arguments.study is not None:
-        sheet = enter_recording(arguments.study, hand.whose, archive, exclude)
+        try:
+            sheet = enter_recording(arguments.study, hand.whose, archive, exclude)
+        except InputError as error:
+            raise InputError(f"{archive} is recorded, but no row of the study: {error}") from error
         print(f"{archive}: entered in {sheet}" + f" as excluded: {exclude}" * bool(exclude))
     else:
         print(f"{archive}: {coached.frames} frames")
     if code:
-        sys.exit(EXIT_CUT_SHORT if code == EXIT_CUT_SHORT else code)
+        sys.exit(EXIT_CUT_SHORT)
     return bool(coached.restarts) and not stop
 
 
@@ -159,15 +165,23 @@ def _run(
 
     title, poses = f"{archive.name}, {coached.hand.hand} hand", LivePoses(coached.hand.layout, archive)
     written_s, heard_s, lost = -EVERY_S, time.monotonic(), ""
-    while not stop and not (isinstance(source, Recorder) and coached.restarts):
-        ended, pieces = source.ended, source.read()
+
+    def advise(pieces: list[Piece]) -> bool:
+        """Print what the coach says of the frames in them; return whether there were any."""
         arrived = [whole for piece in pieces if (whole := poses.add(piece)) is not None]
-        if arrived:
+        for line in coached.take(concatenated(arrived), may_leave_out=live) if arrived else ():
+            print(line, flush=True)
+        return bool(arrived)
+
+    def is_over() -> bool:
+        return isinstance(source, Recorder) and coached.restarts > 0
+
+    while not stop and not is_over():
+        ended, pieces = source.ended, source.read()
+        if advise(pieces):
             heard_s, lost = time.monotonic(), ""
-            for line in coached.take(concatenated(arrived), may_leave_out=live):
-                print(line, flush=True)
-        elif live and time.monotonic() - heard_s > LOST_S and not lost:
-            lost = f"Nothing has come for {LOST_S:.0f} s: look at the cable and the recorder."
+        elif live and time.monotonic() - heard_s > (LOST_S if coached.frames else FIRST_S) and not lost:
+            lost = "Nothing comes: look at the cable and the recorder."
             print(lost, file=sys.stderr, flush=True)
         if page is not None and coached.frames and time.monotonic() - written_s >= EVERY_S:
             try:
@@ -183,13 +197,13 @@ def _run(
         if ended and not pieces:
             break
         time.sleep(0 if pieces else READ_S)
+    if is_over():
+        return
     if isinstance(source, Recorder):
         source.stop()
-        while not coached.restarts and (pieces := source.read()):
-            arrived = [whole for piece in pieces if (whole := poses.add(piece)) is not None]
-            for line in coached.take(concatenated(arrived), may_leave_out=True) if arrived else ():
-                print(line, flush=True)
+        while pieces := source.read():
+            advise(pieces)
     if coached.frames:
         print("\n".join(coached.end()), flush=True)
-    if page is not None and coached.frames:
-        write_page(page, coached, title)
+        if page is not None:
+            write_page(page, coached, title)
