@@ -1,79 +1,62 @@
-"""Every Japanese page of the guide is in step with the English one, and in one language with itself."""
+"""Every Japanese page of the guide is in step with the English one, section by section."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 from guide_pages import REPOSITORY
-from page_pairs import (
-    Page,
-    Section,
-    target_without_language,
-)
 
 JAPANESE = [*sorted((REPOSITORY / "docs").glob("*.ja.md")), REPOSITORY / "README.ja.md"]
 ONLY_IN_JAPANESE = {"language: ja", "--language ja"}
 """Code that tells how to have the report in Japanese, which an English page need not."""
 
-
-def english_of(page: Path) -> Path:
-    return page.with_name(page.name.replace(".ja.md", ".md"))
-
-
-def page_at(path: Path) -> Page:
-    return Page(path.read_text("utf-8"))
+FENCE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"!?\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
+CODE = re.compile(r"`((?:[^`\n]|\n(?!\n))+)`")
 
 
-def pair(page: Path) -> list[tuple[Section, Section]]:
-    """Sections side by side: English, Japanese."""
-    return list(zip(page_at(english_of(page)).sections, page_at(page).sections, strict=True))
+def blocks(text: str) -> list[tuple[str, str]]:
+    """Language and lines of every fenced block; comments and the space around lines left out."""
+    found = [(language, re.sub(r"(?m)(^|\s+)# .*$", "", block)) for _, language, block in FENCE.findall(text)]
+    return [(language, " ".join(block.split())) for language, block in found]
 
 
-every_page = pytest.mark.parametrize("page", JAPANESE, ids=lambda page: page.name)
+def sections(text: str) -> list[tuple[str, str]]:
+    """Marks of every heading and what stands under it; blocks and comments left out."""
+    text = re.sub(r"<!--.*?-->", "", FENCE.sub("", text), flags=re.DOTALL)
+    parts = re.split(r"^(#+) ", text, flags=re.MULTILINE)
+    before = [("", parts[0])] if parts[0].strip() else []
+    return before + list(zip(parts[1::2], parts[2::2], strict=True))
 
 
-@every_page
-def test_headings_are_those_of_the_english_page(page: Path) -> None:
-    english, japanese = page_at(english_of(page)), page_at(page)
-    assert [each.level for each in japanese.sections] == [each.level for each in english.sections]
+def codes(section: str) -> set[str]:
+    return {" ".join(code.split()) for code in CODE.findall(section)}
 
 
-@every_page
-def test_blocks_are_those_of_the_english_page(page: Path) -> None:
-    """All but their comments: tests/studies/test_guide_runs.py runs the English ones."""
-    assert page_at(page).blocks == page_at(english_of(page)).blocks
+def numbers(section: str) -> set[str]:
+    """Numbers in digits that a reader reads: no code, no targets of links."""
+    prose = CODE.sub(" ", LINK.sub(r"\1", section))
+    return set(re.findall(r"(?<![A-Za-z\d.])\d+(?:\.\d+)?", re.sub(r"(?<=\d)[\s,](?=\d{3})", "", prose)))
 
 
-@every_page
-def test_every_section_has_the_tables_lists_and_pictures_of_the_english_one(page: Path) -> None:
-    for english, japanese in pair(page):
-        assert japanese.tables == english.tables, str(english)
-        assert japanese.items == english.items, str(english)
-        assert japanese.pictures == english.pictures, str(english)
+def files(section: str) -> list[str]:
+    """Pages and pictures that a section leads to, whatever their language."""
+    return sorted(re.sub(r"\.ja(?=\.)|#.*", "", target) for _, target in LINK.findall(section))
 
 
-@every_page
-def test_every_section_has_the_links_of_the_english_one(page: Path) -> None:
-    for english, japanese in pair(page):
-        theirs = (target_without_language(page.parent, english_of(page), link) for link in english.links)
-        ours = (target_without_language(page.parent, page, link) for link in japanese.links)
-        assert sorted(ours) == sorted(theirs), str(english)
-
-
-@every_page
-def test_links_lead_to_the_japanese_page_where_there_is_one(page: Path) -> None:
-    targets = {target.partition("#")[0] for each in page_at(page).sections for target in each.links}
-    english = {target for target in targets - {english_of(page).name} if target.endswith(".md")}
-    assert [
-        target
-        for target in english
-        if english_of(page).parent.joinpath(target).with_suffix(".ja.md").exists()
-    ] == []
-
-
-@every_page
-def test_every_section_has_the_numbers_and_the_code_of_the_english_one(page: Path) -> None:
-    for english, japanese in pair(page):
-        assert english.numbers - japanese.numbers == set(), str(english)
-        assert english.codes ^ japanese.codes <= ONLY_IN_JAPANESE, str(english)
+@pytest.mark.parametrize("page", JAPANESE, ids=lambda page: page.name)
+def test_a_page_is_in_step_with_the_english_one(page: Path) -> None:
+    english = page.with_name(page.name.replace(".ja.md", ".md")).read_text("utf-8")
+    japanese = page.read_text("utf-8")
+    assert blocks(japanese) == blocks(english)
+    theirs, ours = sections(english), sections(japanese)
+    assert [level for level, _ in ours] == [level for level, _ in theirs]
+    for (_, one), (_, other) in zip(theirs, ours, strict=True):
+        heading = one.partition("\n")[0]
+        assert numbers(one) - numbers(other) == set(), heading
+        assert codes(one) ^ codes(other) <= ONLY_IN_JAPANESE, heading
+        assert len(files(one)) == len(files(other)), heading
+        assert {file for file in files(one) if file} == {file for file in files(other) if file}, heading
+        assert one.count("\n|") == other.count("\n|"), heading

@@ -254,25 +254,6 @@ def test_importing_a_foreign_table_without_a_mapping_leads_here(run: Run, text: 
     recording_files.refuse(path, f"`shukotsu inspect {path}`")
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("a.csv", b"", "a.csv: is empty"),
-        ("a.csv", b"hello\nworld\n", "a.csv: no table of numbers"),
-        ("a.csv", b"\x00\xff\xfe", "a.csv: is not UTF-8 text"),
-        ("a.c3d", b"hello", "a.c3d: not a readable C3D file"),
-        ("a.parquet", b"hello", "a.parquet: not a readable Parquet file"),
-        ("a.csv", b"t,x,y,z\n1,2,3,4\n2,3,4,5\n3,4\n", "a.csv: line 4: has 2 cells; expected 4"),
-        ("a.xdf", b"hello", "a.xdf: "),
-    ],
-)
-def test_what_cannot_be_read_is_one_sentence(run: Run, name: str, content: bytes, message: str) -> None:
-    err = run.inspect(run.write(name, content), code=2)
-    assert err.startswith("error: ")
-    assert message in err
-    assert err.count("\n") == 1
-
-
 def test_inspection_and_import_say_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of a recording in metres, and of a left hand without and with a word on which hand it is."""
     made = {hand: simulate("01", hand, "rom", 7, Realism.full(), 900) for hand in ("right", "left")}

@@ -145,6 +145,7 @@ def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path)
     assert not list(out.glob("*.bvh"))
 
 
+@pytest.mark.slow
 def test_what_is_held_on_the_disk_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every byte, of gaps that were filled, resampled, stiff and on another rig too."""
     known = hand_with_a_gap(tmp_path, "left")

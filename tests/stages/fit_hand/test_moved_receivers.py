@@ -44,7 +44,7 @@ def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...
 @pytest.mark.parametrize(
     ("segment", "axis", "deg", "shift_mm", "first"),
     [
-        ("index_middle", Z, 25.0, (4.0, 4.0, 0.0), 0),
+        pytest.param("index_middle", Z, 25.0, (4.0, 4.0, 0.0), 0, marks=pytest.mark.slow),
         ("ring_proximal", Y, 15.0, (3.0, 0.0, 0.0), 150),
         pytest.param("index_distal", X, 25.0, (0.0, 0.0, 0.0), 0, marks=pytest.mark.slow),
         pytest.param("little_distal", Y, 0.0, (0.0, 4.0, 0.0), 0, marks=pytest.mark.slow),

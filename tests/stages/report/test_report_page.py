@@ -168,13 +168,6 @@ def test_what_went_wrong_is_told(page: str) -> None:
     assert "little_dip 307 mm" in text or "little_dip 306 mm" in text
 
 
-def test_nothing_went_wrong(tmp_path: Path) -> None:
-    """Without problems there is no such section."""
-    study, folder = make_study(tmp_path, n_frames=4, subjects=("A",))
-    study.write_text(study.read_text("utf-8").replace("exports: [bvh]\n", ""), "utf-8")
-    assert "What went wrong" not in read_page(_render(study, folder)).text
-
-
 def test_no_recording_used(tmp_path: Path) -> None:
     """A study of which nothing is left still has a page that names every recording and reason."""
     study, folder = make_study(tmp_path, n_frames=4)
@@ -190,6 +183,7 @@ def test_no_recording_used(tmp_path: Path) -> None:
     assert len(table_called(page, "Every recording of the study's sheet.").rows) == 5
 
 
+@pytest.mark.slow
 def test_other_shapes_of_a_study(tmp_path: Path) -> None:
     """One hand, one frame, an excluded recording, one only for calibration, poses that failed."""
     study, folder = make_study(tmp_path, n_frames=1, subjects=("A",))
@@ -206,6 +200,7 @@ def test_other_shapes_of_a_study(tmp_path: Path) -> None:
     assert "No recording of this subject is there to be evaluated." in text
 
 
+@pytest.mark.slow
 def test_arm_has_no_table_of_the_paper_beside_it(tmp_path: Path) -> None:
     """A layout with other digits gets the same tables alone, and nothing is drawn that is not there."""
     study, folder = make_study(tmp_path, n_frames=2, subjects=("A",))

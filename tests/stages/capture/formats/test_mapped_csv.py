@@ -8,8 +8,6 @@ import pytest
 import recording_files
 from recording_files import ARM, of
 
-from shukotsu.errors import InputError
-from shukotsu.stages.capture.formats.mapped_csv import read_mapped_csv
 from shukotsu.stages.capture.samples import Samples
 
 ANGLES = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
@@ -183,16 +181,6 @@ def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -
 )
 def test_what_is_refused(tmp_path: Path, text: str, csv: dict[str, Any], message: str) -> None:
     refuse(tmp_path, text, changed(WIDE, csv), message)
-
-
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    recording_files.refuse(tmp_path / "odd.txt", "no such file", ARM, WIDE)
-    (tmp_path / "odd.txt").write_bytes("Größe".encode("latin-1"))
-    recording_files.refuse(tmp_path / "odd.txt", "line 1: is not UTF-8 text", ARM, WIDE)
-    with pytest.raises(InputError, match="needs a mapping that says its units"):
-        read_mapped_csv(tmp_path / "odd.txt", ARM, None)
-    message = "fixed: segment 'bench' is not in layout arm"
-    refuse(tmp_path, HEADER + ROWS, changed(WIDE, fixed=["bench"]), message)
 
 
 def test_a_rate_that_the_times_contradict_is_refused(tmp_path: Path) -> None:

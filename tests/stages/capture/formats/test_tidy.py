@@ -13,9 +13,7 @@ import pytest
 import recording_files
 from recording_files import LIBERTY
 
-from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
-from shukotsu.stages.capture.formats.readers import find_reader
 from shukotsu.stages.capture.formats.text_table import open_tidy_csv
 from shukotsu.stages.capture.formats.tidy import parquet_blocks, read_samples, wanted_columns
 from shukotsu.stages.capture.samples import Samples, joined
@@ -165,23 +163,6 @@ def test_parquet_that_is_no_tidy_recording(tmp_path: Path, changes: dict[str, ob
     refuse(parquet(tmp_path, **changes), message)
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    """Absent, a folder, cut off, not Parquet at all: one sentence each, for both formats."""
-    whole = parquet(tmp_path).read_bytes()
-    (tmp_path / "cut.parquet").write_bytes(whole[: len(whole) // 2])
-    (tmp_path / "text.parquet").write_text(TWO_ROWS)
-    for path, message in (
-        (tmp_path / "no.csv", "no such file"),
-        (tmp_path / "no.parquet", "no such file"),
-        (tmp_path / "cut.parquet", "not a readable Parquet file"),
-        (tmp_path / "text.parquet", "not a readable Parquet file"),
-    ):
-        refuse(path, message)
-    for name in ("csv", "parquet"):
-        with pytest.raises(InputError, match="is a folder; expected a recording"):
-            find_reader(tmp_path, name)(tmp_path, LIBERTY, None)
-
-
 def tidy_table(random: np.random.Generator, rows: int) -> pa.Table:
     """A tidy recording with empty cells, whole numbers written as reals now and then, in any order."""
     numbers = random.normal(0, 100, (rows, 9)).round(3)
@@ -243,3 +224,11 @@ def test_a_process_that_reads_no_further_ends_as_it_should(tmp_path: Path) -> No
     (tmp_path / "a.csv").write_text("frame,a\n" + "1,2\n" * 200_000)
     command = [sys.executable, "-c", ABANDONED, str(tmp_path / "a.csv")]
     assert subprocess.run(command, stderr=subprocess.PIPE, check=True).stderr == b""
+
+
+@pytest.mark.parametrize("end", ["205.871", "205.", "2", ""])
+def test_a_last_number_that_may_be_cut_off_is_never_read(end: str, tmp_path: Path) -> None:
+    samples = read(write(tmp_path, f"{HEADER}0,0,hand,1,2,3,1,0,0,0\n1,1,hand,1,2,3,1,0,0,{end}"))
+    np.testing.assert_array_equal(samples.frame, [0])
+    assert samples.losses == samples.notes
+    assert "the last line has no line end" in samples.losses[0]

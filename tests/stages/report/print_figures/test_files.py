@@ -120,6 +120,7 @@ def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path, name: str) -> N
     assert label(name).isprintable()
 
 
+@pytest.mark.slow
 def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
