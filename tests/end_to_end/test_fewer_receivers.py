@@ -18,6 +18,8 @@ from shukotsu.stages.evaluate_skeletons.__main__ import main as evaluate_skeleto
 from shukotsu.stages.simulate.random_hand import DIGITS
 from shukotsu.stages.simulate.recording import write_recording
 
+pytestmark = pytest.mark.slow
+
 SIX = ("hand", *(f"{digit}_distal" for digit in DIGITS))
 LAYOUTS = {"rom": "liberty16", "tips": "tips-and-hand"}
 

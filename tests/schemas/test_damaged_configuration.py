@@ -54,7 +54,8 @@ def plan_of(folder: Path) -> None:
 
 
 READERS: Mapping[str, Callable[[Path], object]] = {
-    **dict.fromkeys(STUDY, all_plans),
+    **dict.fromkeys(STUDY, lambda folder: read_study(folder / "study.yaml")),
+    "study.yaml": all_plans,
     "layout.yaml": lambda folder: read_layout("layout.yaml", folder).of_hand("left"),
     "model.yaml": lambda folder: read_model("model.yaml", folder),
     "mapping.yaml": lambda folder: read_mapping(folder / "mapping.yaml"),

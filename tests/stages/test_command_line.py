@@ -153,23 +153,6 @@ def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> Non
         work(argparse.Namespace())
 
 
-def test_an_empty_path_is_not_this_folder(capsys: pytest.CaptureFixture[str]) -> None:
-    """As of a shell's variable that is not set."""
-    parser = any_parser()
-    parser.add_argument("folder", type=Path)
-    with pytest.raises(SystemExit, match="2"):
-        parser.parse_args([""])
-    assert "argument folder: is empty; expected a path" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("value", ["caf\udce9", ["ok", "\udcff"], Path("\udce9.csv")])
-def test_a_stray_byte_in_an_argument_is_refused(value: object, capsys: pytest.CaptureFixture[str]) -> None:
-    parser = any_parser()
-    parser.set_defaults(note=value)
-    assert command_line.run(lambda: parser, [], lambda _: pytest.fail("worked")) == 2
-    assert "is not UTF-8 text; write it in UTF-8" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("module", ["solve_joints", "evaluate_tips", "capture inspect x.csv"])
 def test_a_python_without_the_packages_is_said(module: str) -> None:
     """The system's own, outside the environment."""
@@ -306,15 +289,6 @@ def test_a_standard_output_that_is_full_is_one_sentence(unbuffered: str) -> None
     assert done.returncode == 2
     assert done.stderr.startswith("error: standard output")
     assert done.stderr.count("\n") == 1
-
-
-def test_no_file_comes_under_the_number_of_a_stream_that_is_closed(tmp_path: Path) -> None:
-    out = tmp_path / "table"
-    work = f"file = open({str(out)!r}, 'w'); os.write(2, b'a warning'); file.write(str(file.fileno() > 2))"
-    code = f'exec 1>&- 2>&- 0<&-; exec {sys.executable} -c "$0"'
-    script = f"import os; from shukotsu.stages import command_line\ndef work():\n    {work}\n"
-    subprocess.run(["bash", "-c", code, f"{script}command_line.ended(work)"], cwd=REPOSITORY, check=True)
-    assert out.read_text() == "True"
 
 
 @pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])

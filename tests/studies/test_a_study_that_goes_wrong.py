@@ -8,8 +8,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
-from event_files import SAMPLES
-from recording_files import damaged
 from studies.running import Row, StudyRun, leftovers, record, write_study
 
 from shukotsu.schemas.catalogue import TABLES
@@ -234,31 +232,3 @@ def test_every_job_has_its_log_which_says_why_it_failed(study: StudyRun) -> None
 
 def test_no_temporary_file_is_left(study: StudyRun) -> None:
     assert not leftovers(study.folder)
-
-
-def test_whatever_became_of_a_file_that_was_brought_there_is_a_report(tmp_path: Path) -> None:
-    """A subject a kind of damage: to the events of a good recording, to a recording, to a mapping."""
-    good = record(tmp_path / "good.parquet")
-    spoiled = {"events": SAMPLES["a.arrows"](), "rom": good.read_bytes(), "mapping": b"format: csv\n"}
-    rows = ["subject\thand\ttask\trole\tfile\tmapping\tevents"]
-    for number, kind in enumerate(damaged(b"")):
-        folder = tmp_path / f"{number}"
-        folder.mkdir()
-        names = {"events": "events.arrows", "rom": "rom.parquet", "mapping": "map.yaml"}
-        for what, name in names.items():
-            content = damaged(spoiled[what])[kind]
-            (folder / name).unlink(missing_ok=True)
-            (folder / name).mkdir() if content is None else (folder / name).write_bytes(content)
-        start = f"{kind}\tright"
-        rows += [
-            f"{start}\tevents\tboth\tgood.parquet\t\t{number}/events.arrows",
-            f"{start}\trom\tevaluation\t{number}/rom.parquet\t\t",
-            f"{start}\tmapping\tevaluation\t{number}/none.csv\t{number}/map.yaml\t",
-        ]
-    study = write_study(tmp_path, "damage", rows, ["rigid"])
-    study.run()
-    assert study.results.report.is_file()
-    told = {(row["subject"], row["task"]) for row in study.rows("problems") if row["stage"] != STAGE}
-    unnoticed = {("one bit", "events")}  # a capture's other rows are whole
-    assert {(kind, task) for kind in damaged(b"") for task in names} - told <= unnoticed
-    assert not any("internal error" in row["message"] for row in study.rows("problems"))

@@ -158,6 +158,7 @@ time.sleep(600)
 """
 
 
+@pytest.mark.slow
 def test_jobs_end_with_a_workflow_that_is_killed(short_folder: Path) -> None:
     """Its next run must not find them writing its files."""
     environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "TMPDIR": str(short_folder)}
@@ -182,6 +183,7 @@ def test_a_job_of_a_workflow_that_has_ended_is_not_begun(tmp_path: Path) -> None
     assert finished.stderr == "error: the workflow that started this job was killed\n"
 
 
+@pytest.mark.slow
 def test_it_ends_with_who_started_it(short_folder: Path) -> None:
     """Also where that is killed; then, too, it leaves nothing behind."""
     code = "import time; from shukotsu.workflow import warm_process as w; print(w.start().pid, flush=True); "

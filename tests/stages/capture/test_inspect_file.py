@@ -254,6 +254,7 @@ def test_importing_a_foreign_table_without_a_mapping_leads_here(run: Run, text: 
     recording_files.refuse(path, f"`shukotsu inspect {path}`")
 
 
+@pytest.mark.slow
 def test_inspection_and_import_say_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of a recording in metres, and of a left hand without and with a word on which hand it is."""
     made = {hand: simulate("01", hand, "rom", 7, Realism.full(), 900) for hand in ("right", "left")}

@@ -65,8 +65,10 @@ def test_files_have_every_bone_coordinate_and_receiver(known: KnownHand, tmp_pat
     _, names, time_s, measured = read_trc(tmp_path / "hand.trc")
     np.testing.assert_allclose(time_s, motion.time_s - motion.time_s[0], atol=1e-9)
     receivers = motion.receivers
-    at = measured[:, [names.index(f"{segment}_o") for segment in receivers.segments]]
-    np.testing.assert_allclose(at, receivers.position_mm, atol=1e-6)
+    for number, segment in enumerate(receivers.segments):
+        if segment in bodies:  # else no bone carries it
+            at = measured[:, names.index(f"{segment}_o")]
+            np.testing.assert_allclose(at, receivers.position_mm[:, number], atol=1e-6)
 
 
 def bend(n_frames: int, phase: float, rad: float) -> Array:
