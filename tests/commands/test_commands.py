@@ -66,19 +66,6 @@ def test_a_stage_is_run_alone(capsys: pytest.CaptureFixture[str]) -> None:
     assert "usage: shukotsu stage export.collect" in capsys.readouterr().out
 
 
-def test_outside_the_environment_it_is_a_sentence(tmp_path: Path) -> None:
-    """A Python without the packages says where the command is, whatever is asked of it."""
-    hidden = "import sys; sys.modules.update(dict.fromkeys(['numpy', 'yaml', 'pyarrow'])); "
-    done = run(tmp_path, "-c", f"{hidden}from shukotsu.__main__ import main; sys.exit(main(['check']))")
-    (tmp_path / "study.yaml").write_text("study: a\n")
-    asked = run(tmp_path, "-c", f"{hidden}from shukotsu.__main__ import main; sys.exit(main(['check']))")
-    for ended in (done, asked):
-        assert ended.returncode == 2
-        assert "Traceback" not in ended.stderr
-    assert "is not installed for" in asked.stderr
-    assert "install this program again" in asked.stderr
-
-
 def test_the_installed_command_runs_from_a_folder_with_misleading_names(tmp_path: Path) -> None:
     """Nothing that lies in the folder is imported in place of the program."""
     script = Path(sys.executable).with_name("shukotsu")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-import yaml
 
 from shukotsu.commands.check_file import main as check
 from shukotsu.commands.new_study import main as new
@@ -31,28 +30,6 @@ def test_a_new_study_reads_when_a_row_is_written(
     first, last = capsys.readouterr().out.splitlines()
     assert last == "P1 right rom: cannot be read: rom.csv: no such file; expected a recording"
     assert first == "study.yaml: study piano, 1 subjects, 1 recordings, 3 models"
-
-
-def test_a_new_study_in_japanese_is_refused_without_a_font(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(style, "font_of", lambda _: None)
-    monkeypatch.chdir(tmp_path)
-    new([".", "--language", "ja"])
-    with Path("recordings.tsv").open("a") as file:
-        file.write(ROW)
-    assert check([]) == 2
-    assert "language: ja: its figures need a font" in capsys.readouterr().err
-
-
-def test_both_languages_say_the_same_of_a_study(tmp_path: Path) -> None:
-    configs = []
-    for language in ("en", "ja"):
-        new([str(tmp_path / language / "piano"), "--language", language])
-        text = (tmp_path / language / "piano" / "study.yaml").read_text("utf-8")
-        configs.append(yaml.safe_load(text))
-    assert configs[1].pop("language") == "ja"
-    assert configs[0] == configs[1]
 
 
 def sheet(folder: Path) -> list[list[str]]:
@@ -141,13 +118,3 @@ def test_what_cannot_be_made_is_refused_and_nothing_is_left(
     assert new(argv) == 2
     assert f"error: {sentence}" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["recordings.tsv", "there"]
-
-
-@pytest.mark.parametrize("folder", ["file/piano", "file"])
-def test_a_folder_that_cannot_be_is_one_sentence(
-    folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("file").touch()
-    assert new([folder]) == 2
-    assert f"error: {folder}: cannot be read or written (" in capsys.readouterr().err

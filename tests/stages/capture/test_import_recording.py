@@ -62,18 +62,6 @@ def test_the_same_input_gives_the_same_bytes_anywhere(recording: Path, tmp_path:
     assert str(tmp_path).encode() not in (tmp_path / "one.parquet").read_bytes()
 
 
-def test_bad_input_is_one_sentence_and_leaves_nothing(
-    recording: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    recording.write_text(HEADER + ROWS.replace("1,0,0,0", "1,1,0,0"))
-    out = recording.with_name("poses.parquet")
-    assert run(recording, out) == 2
-    error = capsys.readouterr().err
-    assert error.startswith(f"error: {recording}: line 2, segment hand, frame 0: the quaternion has norm")
-    assert error.count("\n") == 1
-    assert list(recording.parent.iterdir()) == [recording]
-
-
 @pytest.mark.parametrize(
     ("name", "layout", "message"),
     [

@@ -8,7 +8,7 @@ import pyarrow.compute as pc
 import pytest
 from pipeline import recording_numbers
 
-from shukotsu.schemas.catalogue import JOINT_CENTRES, METACARPALS, TIP_ERRORS, TIPS
+from shukotsu.schemas.catalogue import METACARPALS, TIP_ERRORS, TIPS
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.plan import SubjectPlan, read_plan
@@ -117,21 +117,3 @@ def test_a_gap_is_in_no_statistic(plan: SubjectPlan, tmp_path: Path) -> None:
     ]
     assert np.isnan(found[:n_lost]).all()
     assert found[n_lost, 1] == pytest.approx(0, abs=1e-9)
-
-
-def test_a_part_that_failed_costs_no_other(plan_file: Path, plan: SubjectPlan, tmp_path: Path) -> None:
-    joints = tmp_path / "joints.parquet"
-    with parts_writer(joints, JOINT_CENTRES, Provenance()) as writer:
-        for part in plan.parts():
-            rows = list(rows_of(read_part(plan.table("joint_centres"), JOINT_CENTRES, part)))
-            if part == WHOLE:
-                writer.failure(part, "no usable poses")
-            else:
-                writer.rows(part, rows)
-    assert run(plan, tmp_path, "--plan", plan_file, joint_centres=joints) == 2
-    assert run(plan, tmp_path, "--plan", plan_file, "--record-failure", joint_centres=joints) == 0
-    for name, table in (("tips", TIPS), ("tip_errors", TIP_ERRORS)):
-        path = tmp_path / f"{name}.parquet"
-        assert part_metadata(path, table)[WHOLE] == {"failure": "no usable poses"}
-        for part in plan.parts()[1:]:
-            assert read_part(path, table, part).equals(read_part(plan.table(name), table, part))

@@ -10,13 +10,11 @@ from report_samples.read_page import rows_where
 
 from shukotsu.schemas.findings import NOTE, problem_row, worded
 from shukotsu.schemas.model import read_model
-from shukotsu.sentences.translation import listed, ngettext
 from shukotsu.stages import command_line
 from shukotsu.stages.report.__main__ import build_parser, record_failure, report
 from shukotsu.stages.report.headline import headline, mean_tip_errors
 from shukotsu.stages.report.paper_tables import own_table, printed_table
 from shukotsu.stages.report.study_results import StudyResults
-from shukotsu.stages.report.table_cells import number
 from shukotsu.stages.report.terminal import WIDTH, terminal_tables
 
 
@@ -105,21 +103,3 @@ def test_absent_results_are_bad_input(
     assert "recordings.parquet: no such file" in capsys.readouterr().err
     assert _run(*words, "--record-failure") == 0
     assert "recordings.parquet: no such file" in out.read_text("utf-8")
-
-
-def test_nothing_to_do_is_bad_input(made: tuple[Path, Path]) -> None:
-    """Neither page nor terminal was asked for."""
-    assert _run("--study", str(made[0]), "--results", str(made[1])) == 2
-
-
-def test_words_and_numbers() -> None:
-    """Dashes for what is not there, no negative zero, lists as a sentence has them."""
-    assert [number(v) for v in (None, float("nan"), -0.001, 1.005, -0.5)] == [
-        "–",
-        "–",
-        "0.00",
-        "1.00",
-        "-0.50",
-    ]
-    assert [listed(w) for w in ([], ["a"], ["a", "b"], ["a", "b", "c"])] == ["", "a", "a and b", "a, b and c"]
-    assert [ngettext("{n} frame", "{n} frames", n) for n in (0, 1, 2)] == ["0 frames", "1 frame", "2 frames"]
