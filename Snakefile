@@ -24,7 +24,7 @@ if not is_module:  # nothing is imported from the folder that this runs in
 from shukotsu.errors import InputError
 from shukotsu.schemas.results import EVENT_TABLES, FIT_TABLES, MEASURED_TABLES
 from shukotsu.workflow import failed_jobs, made_from, warm_process
-from shukotsu.workflow.code_digest import code_digest, write_cache
+from shukotsu.workflow.file_digests import program_digest
 from shukotsu.workflow.study_files import StudyFiles, study_file
 
 try:
@@ -41,6 +41,7 @@ results = study.results.folder.as_posix()
 subject = f"{results}/sub-{{subject}}"
 fit = f"{subject}/fits/{{hand}}/{{model}}"
 logs = f"{results}/logs"
+code = program_digest()
 run = f"PYTHONSAFEPATH=1 {quote(sys.executable)} -m shukotsu.workflow.job"
 
 
@@ -61,7 +62,6 @@ onstart:
     for note in filter(None, (study.what_changed(), study.remove_former())):
         print(f"note: {note}", file=sys.stderr)
     study.write_changed_plans()
-    write_cache()
     warm_process.start()
 
 
@@ -107,7 +107,7 @@ rule simulate:  # only for a study with `simulation`: recordings, and the truth 
     log:
         f"{logs}/simulate/sub-{{subject}}_hand-{{hand}}_task-{{task}}.log",
     params:
-        code=code_digest("shukotsu.stages.simulate"),
+        code=code,
         subject=study.subject_options,
         seed=study.seed,
     message:
@@ -126,7 +126,7 @@ rule stream:  # the simulated tracker's end of the line: recordings -> raw captu
     log:
         f"{logs}/stream/sub-{{subject}}_hand-{{hand}}_task-{{task}}.log",
     params:
-        code=code_digest("shukotsu.stages.capture.emulate_tracker"),
+        code=code,
         layout=study.layout_digest,
     message:
         "stream: subject {wildcards.subject}, {wildcards.hand} hand, {wildcards.task}"
@@ -146,7 +146,7 @@ rule capture:  # section 2: a recording -> its poses
     resources:
         **study.resources(1, 10),
     params:
-        code=code_digest("shukotsu.stages.capture.import_recording"),
+        code=code,
         layout=study.layout_digest,
         options=study.import_options,
         files=study.recording_digest,
@@ -168,7 +168,7 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
     resources:
         **study.resources(1, 5),
     params:
-        code=code_digest("shukotsu.stages.check_recordings"),
+        code=code,
         plan=study.recordings_plan,
     message:
         "check_recordings: subject {wildcards.subject}"
@@ -190,7 +190,7 @@ rule align_events:  # not in the paper: notes, markers and pulses, on each recor
     resources:
         **study.resources(1, 2),
     params:
-        code=code_digest("shukotsu.stages.align_events"),
+        code=code,
         files=study.event_digest,
         plan=study.recordings_plan,
     message:
@@ -212,7 +212,7 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     resources:
         **study.resources(1, 5),
     params:
-        code=code_digest("shukotsu.stages.solve_joints"),
+        code=code,
         plan=study.plan,
     message:
         "solve_joints: subject {wildcards.subject}"
@@ -230,7 +230,7 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
     log:
         f"{logs}/project_planes/sub-{{subject}}.log",
     params:
-        code=code_digest("shukotsu.stages.project_planes"),
+        code=code,
         plan=study.plan,
     message:
         "project_planes: subject {wildcards.subject}"
@@ -251,7 +251,7 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
     resources:
         **study.resources(3, 30),
     params:
-        code=code_digest("shukotsu.stages.fit_hand"),
+        code=code,
         plan=study.fit_plan,
         model=study.model,
         out=f"--out={fit}",
@@ -278,7 +278,7 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
     resources:
         **study.resources(1, 10),
     params:
-        code=code_digest("shukotsu.stages.estimate_metacarpals"),
+        code=code,
         plan=study.plan,
     message:
         "estimate_metacarpals: subject {wildcards.subject}"
@@ -304,7 +304,7 @@ rule evaluate_tips:  # section 6: replay and tip errors
     resources:
         **study.resources(1, 10),
     params:
-        code=code_digest("shukotsu.stages.evaluate_tips"),
+        code=code,
         plan=study.plan,
     message:
         "evaluate_tips: subject {wildcards.subject}"
@@ -335,7 +335,7 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
     resources:
         **study.resources(2, 10),
     params:
-        code=code_digest("shukotsu.stages.evaluate_skeletons"),
+        code=code,
         plan=study.plan,
     message:
         "evaluate_skeletons: subject {wildcards.subject}"
@@ -362,7 +362,7 @@ rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, wa
     resources:
         **study.resources(1, 20),
     params:
-        code=code_digest("shukotsu.stages.measure_movement"),
+        code=code,
         plan=study.plan,
         out=f"--out={subject}",
     message:
@@ -390,7 +390,7 @@ rule measure_events:  # not in the paper: what fingers do at a keystroke; only f
     resources:
         **study.resources(1, 20),
     params:
-        code=code_digest("shukotsu.stages.measure_events"),
+        code=code,
         plan=study.plan,
         out=f"--out={subject}",
     message:
@@ -412,7 +412,7 @@ rule gather:  # the study's short tables, and what went wrong
     log:
         f"{logs}/gather.log",
     params:
-        code=code_digest("shukotsu.stages.gather"),
+        code=code,
         configuration=study.configuration_digest,
         plans=study.plans_digest,
         study=study.options,
@@ -431,7 +431,7 @@ rule compare_models:  # not in the paper: how the skeleton models differ over th
     log:
         f"{logs}/compare_models.log",
     params:
-        code=code_digest("shukotsu.stages.compare_models"),
+        code=code,
         configuration=study.configuration_digest,
         study=study.options,
     message:
@@ -449,7 +449,7 @@ rule compare_movement:  # not in the paper: how subjects, sessions and tasks dif
     log:
         f"{logs}/compare_movement.log",
     params:
-        code=code_digest("shukotsu.stages.compare_movement"),
+        code=code,
         configuration=study.configuration_digest,
         study=study.options,
     message:
@@ -474,7 +474,7 @@ rule export:  # skeletons and their motion for other programs
     resources:
         **study.resources(1, 60, 2000),
     params:
-        code=code_digest("shukotsu.stages.export"),
+        code=code,
         plan=study.plan,
         formats=",".join(study.export_formats),
         options=study.export_options,
@@ -495,7 +495,7 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
     log:
         f"{logs}/export_dataset.log",
     params:
-        code=code_digest("shukotsu.stages.export"),
+        code=code,
         configuration=study.configuration_digest,
         plans=study.plans_digest,
         options=study.export_options,
@@ -517,7 +517,7 @@ rule export_tables:  # the study's tables for R and others, with a data dictiona
     log:
         f"{logs}/export_tables.log",
     params:
-        code=code_digest("shukotsu.stages.export.tables"),
+        code=code,
         name=study.study.name,
     message:
         "export_tables: the study's tables as CSV, with what their columns mean"
@@ -533,7 +533,7 @@ rule collect_exports:  # of all subjects in one flat folder, by links: they take
     log:
         f"{logs}/collect_exports.log",
     params:
-        code=code_digest("shukotsu.stages.export.collect"),
+        code=code,
     message:
         "collect_exports: the exports of all subjects in one folder"
     shell:
@@ -560,7 +560,7 @@ rule report:  # it names the pages that could not be made
     log:
         f"{logs}/report.log",
     params:
-        code=code_digest("shukotsu.stages.report"),
+        code=code,
         configuration=study.configuration_digest,
         study=study.options,
     message:
@@ -583,7 +583,7 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
     resources:
         **study.resources(2, 15),
     params:
-        code=code_digest("shukotsu.stages.report.subject"),
+        code=code,
         plan=study.plan,
         language=study.study.language,
     message:
@@ -619,7 +619,7 @@ rule print_figures:  # the study's figures for print; each is written, if only t
     log:
         f"{logs}/print_figures.log",
     params:
-        code=code_digest("shukotsu.stages.report.print_figures"),
+        code=code,
         configuration=study.configuration_digest,
         study=study.options,
     message:

@@ -11,8 +11,11 @@ from pathlib import Path
 
 from shukotsu.errors import InputError
 from shukotsu.files.whole_files import file_sha256, file_state, write_text
+from shukotsu.schemas import VERSION
 
 CACHE = Path(".snakemake", "shukotsu-files.json")
+
+PACKAGE = Path(__file__).resolve().parents[1]
 
 STAMP = ".snakemake_timestamp"
 """Snakemake's file in a folder that is an output: its time is the folder's."""
@@ -20,6 +23,19 @@ STAMP = ".snakemake_timestamp"
 SETTLED_NS = 60 * 10**9
 """A file that changed less than this before it was read is read again: where a file system counts in
 seconds, or by another computer's clock, one more change may leave its times as they are."""
+
+
+def program_digest(package: Path = PACKAGE) -> str:
+    """Return the program's version; in a checkout, where code changes under it, and a digest of all files."""
+    top = package.parent
+    if not (top / "Snakefile").is_file():  # installed: it is in the package
+        return VERSION
+    digest = hashlib.sha256()
+    for folder in (package, top / "schemas", top / "stages"):
+        for path in sorted(folder.rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                digest.update(path.relative_to(top).as_posix().encode() + path.read_bytes())
+    return f"{VERSION} {digest.hexdigest()[:16]}"
 
 
 class FileDigests:

@@ -23,7 +23,7 @@ READERS = {
     (".xdf", ".xdfz", ".xdf.gz"): "shukotsu.stages.align_events.marker_streams:read_markers",
     (".arrows",): "shukotsu.stages.align_events.tracker_events:read_tracker_events",
 }
-"""Endings of files of events, and what reads them; full names let a study see when that code changes."""
+"""Endings of files of events, and what reads them."""
 
 SAME_CLOCK = "same clock"
 """What stands for the name of the pulses where a file's times are the recording's own."""

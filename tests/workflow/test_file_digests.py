@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from shukotsu.schemas import VERSION
 from shukotsu.workflow import file_digests
-from shukotsu.workflow.file_digests import FileDigests
+from shukotsu.workflow.file_digests import FileDigests, program_digest
 
 
 @pytest.fixture(autouse=True)
@@ -79,3 +80,15 @@ def test_what_changed_since_the_last_run_is_named() -> None:
     again = FileDigests(Path("cache.json"))
     assert again.changes("study", {"a": "1", "b": "2", "d": "1"}) == ["b", "d", "c"]
     assert again.changes("another", {"a": "1"}) == []
+
+
+def test_a_program_is_its_version_and_in_a_checkout_its_files(tmp_path: Path) -> None:
+    module = tmp_path / "shukotsu" / "a.py"
+    module.parent.mkdir()
+    module.write_text("x = 1\n")
+    assert program_digest(module.parent) == VERSION
+    (tmp_path / "Snakefile").touch()
+    before = program_digest(module.parent)
+    module.write_text("x = 2\n")
+    assert before.startswith(f"{VERSION} ")
+    assert program_digest(module.parent) not in (VERSION, before)

@@ -169,7 +169,7 @@ def test_real_functional_trials_of_a_leg(
 
 
 def test_frames_beyond_what_is_counted(tmp_path: Path) -> None:
-    """Where 16 bits are full, all up to the zeros that fill the last block; else it is said, by inspect too."""
+    """Where 16 bits are full, all up to the zeros that fill the last block; else it is said."""
     path = write(tmp_path / "a.c3d", SHAPE + np.arange(1.0, 31)[:, None, None], first=1)
     data = bytearray(path.read_bytes())
     assert read(path, ARM, config()).losses == ()
