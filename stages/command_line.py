@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TextIO
 
 from shukotsu.errors import InputError, TableError, on_one_line
-from shukotsu.files.limits import FILE_NAME_BYTES, too_little_to_start
+from shukotsu.files.limits import FILE_NAME_BYTES
 from shukotsu.schemas.left import instead
 from shukotsu.sentences.messages import message_of
 
@@ -256,10 +256,6 @@ def begin() -> None:
 
 
 def dispatched(module: str, argv: Sequence[str]) -> int:
-    """Hand over to the `main` of a module, where there is the memory that libraries take to start: they would
-    end the process in their own words.
-    """
-    if too_little := too_little_to_start():
-        raise InputError(too_little)
+    """Hand over to the `main` of a module."""
     status: int = importlib.import_module(module).main(argv)
     return status

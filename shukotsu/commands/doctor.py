@@ -16,8 +16,8 @@ from typing import NamedTuple
 from shukotsu.commands.run_study import SNAKEFILE
 from shukotsu.stages import command_line
 
-LEAST_MEMORY_GB, LEAST_DISK_GB = 2.0, 1.0
-"""An hour of sixteen receivers at 240 Hz takes as much a job; a study of the demo's kind as much on disk."""
+LEAST_DISK_GB = 1.0
+"""A study of the demo's kind takes as much."""
 
 
 class Check(NamedTuple):
@@ -54,7 +54,6 @@ def checks() -> Iterator[Check]:
     """Look at everything, what studies need first."""
     yield _packages()
     yield _disk()
-    yield _memory()
     yield _ports()
 
 
@@ -74,19 +73,6 @@ def _packages() -> Check:
         missing.append("shukotsu")
     remedy = f"not installed: {', '.join(missing)}; install this program again"
     return Check("packages", found, not missing, remedy, needed=True)
-
-
-def _memory() -> Check:
-    from shukotsu.files.limits import available_memory_bytes
-
-    free = available_memory_bytes()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    remedy = f"an hour of recording takes up to {LEAST_MEMORY_GB:.0f} GB a job; shorter ones less"
-    if free is None:
-        return Check("memory", f"this system does not say; {cores} cores", True, remedy)
-    jobs = max(1, min(cores, int(free / 1e9 / LEAST_MEMORY_GB)))
-    found = f"{free / 1e9:.1f} GB free, {cores} cores: enough for {jobs} jobs on hours of recording"
-    return Check("memory", found, free / 1e9 >= LEAST_MEMORY_GB, remedy)
 
 
 def _disk() -> Check:

@@ -14,7 +14,6 @@ from shukotsu.commands import doctor
 NAMES = [
     "packages",
     "disk",
-    "memory",
     "tracker",
 ]
 

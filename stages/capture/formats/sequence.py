@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.files.limits import LINE_LETTERS, check_memory
+from shukotsu.files.limits import LINE_LETTERS, check_expansion
 from shukotsu.files.text_files import open_text, reading
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import FileMapping
@@ -87,7 +87,7 @@ def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
     times = values.pop("", {})
     if not values:
         raise InputError(f"{path}: its header has no transform of a frame; expected {EXPECTED}")
-    check_memory(path, 16 * 8 * len(frames) * len(values), EXPECTED)
+    check_expansion(path, 16 * 8 * len(frames) * len(values), "its transforms hardly share a frame")
     none = np.full((4, 4), np.nan)
     transforms = {name: np.stack([own.get(frame, none) for frame in frames]) for name, own in values.items()}
     return transforms, np.array([times.get(frame, none[0])[0] for frame in frames])
