@@ -29,6 +29,7 @@ LEFT = {
     ("export", "urdf"): "export osim, or write it from the tidy tables",
     ("export", "mjcf"): "export osim, or write it from the tidy tables",
     ("format", "matrices"): "write the matrices as a table, six lines of NumPy (docs/handing-on.md)",
+    ("format", "jsonl"): "make a table of it, six lines of pandas (docs/handing-on.md)",
     ("format", "motion-bids"): "read its _motion.tsv by a mapping of format csv (docs/handing-on.md)",
     ("command", "export-bids"): "take export --formats bids",
     ("command", "plan"): "G*Power plans a study from the spread in the tidy tables (docs/handing-on.md)",

@@ -153,7 +153,7 @@ def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> Non
         work(argparse.Namespace())
 
 
-@pytest.mark.parametrize("module", ["solve_joints", "evaluate_tips", "capture inspect x.csv"])
+@pytest.mark.parametrize("module", ["solve_joints", "evaluate_tips"])
 def test_a_python_without_the_packages_is_said(module: str) -> None:
     """The system's own, outside the environment."""
     words = {"solve_joints": "--poses a --layout arm --model rigid --out b"}

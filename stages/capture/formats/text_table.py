@@ -8,7 +8,6 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-import json
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,15 +22,13 @@ import pyarrow.csv as pa_csv
 
 from shukotsu.errors import InputError, listed
 from shukotsu.files.limits import LINE_LETTERS, read_whole
-from shukotsu.files.text_files import decoded, open_text, read_text, reading, refuse_other_kind, undecodable
+from shukotsu.files.text_files import decoded, open_text, reading, refuse_other_kind, undecodable
+from shukotsu.schemas.left import instead
 from shukotsu.stages.capture.formats.cells import EMPTY, Cells
 from shukotsu.stages.capture.samples import did_you_mean
 
 READ_BYTES = 8 << 20
 """How much text is parsed at a time: some ten thousand rows, and more than the longest line."""
-
-JSON_LINES = (".jsonl", ".ndjson")
-_ROS_TIMES = (("sec", "nanosec"), ("secs", "nsecs"))
 
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
 """Runs of blanks are made one tab before anything else reads them."""
@@ -236,8 +233,8 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
 
     Raises InputError where it cannot be read, is not UTF-8 or is empty.
     """
-    if path.name.lower().endswith(JSON_LINES):
-        return _open_json_lines(path, details)
+    if path.name.lower().endswith(".jsonl"):
+        raise InputError(f"{path}: {instead('format', 'jsonl')}")
     with reading(path, "a table as text"):
         data = read_whole(path, "a table as text")
         ended = is_ended(data)
@@ -282,39 +279,6 @@ def _names(rows: list[list[str]], width: int) -> list[str]:
     named = [row for row, kind in zip(rows, kinds, strict=False) if kind not in ("type", "id", "parent")]
     named = [["" if cell.lower() == "name" else cell for cell in row] + [""] * width for row in named]
     return [" ".join(filter(None, map(str.strip, cells))) for cells in zip(*named, last, strict=False)]
-
-
-def _open_json_lines(path: Path, details: Mapping[str, Any]) -> TextTable:
-    """Open a file of a JSON object a line as a table, whose columns are nested keys with points between."""
-    rows: list[dict[str, str]] = []
-    for number, line in enumerate(read_text(path, "a JSON object a line").split("\n"), 1):
-        try:
-            row = json.loads(line, parse_float=str, parse_int=str) if line.strip() else {}
-            rows.append(dict(_flat(row, ())))
-        except (ValueError, RecursionError):
-            raise InputError(f"{path}: line {number}: is no whole JSON object; expected one a line") from None
-    names = list(dict.fromkeys(itertools.chain(*rows)))
-    if not names:
-        raise InputError(f"{path}: has no JSON object; expected one a line")
-    text = io.StringIO()
-    cells = ([row.get(name, "") for name in names] if row else [] for row in rows)
-    csv.writer(text, lineterminator="\n").writerows(cells)
-    data, titles, empty = text.getvalue().encode(), _titles(names), (*EMPTY, *details["missing"])
-    return TextTable(path, lambda: io.BytesIO(data), ",", tuple(names), titles, 0, "its keys", empty)
-
-
-def _flat(value: object, place: tuple[str, ...]) -> Iterator[tuple[str, str]]:
-    """Give each number or text in nested objects and lists, and its keys; of a ROS time the seconds."""
-    if place and isinstance(value, dict) and tuple(sorted(value, reverse=True)) in _ROS_TIMES:
-        seconds, rest = (str(value[key]) for key in sorted(value, reverse=True))
-        yield ".".join(place), f"{seconds}.{rest:0>9}"
-    elif isinstance(value, (dict, list)):
-        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _flat(part, (*place, str(key)))
-    elif not place:
-        raise ValueError
-    elif value is not None:
-        yield ".".join(place), str(value)
 
 
 def _first_record(path: Path, open_: Callable[[], BinaryIO], separator: str) -> tuple[int, list[str]]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.files.text_files import open_text
-from shukotsu.stages.capture.formats.text_table import JSON_LINES
+from shukotsu.schemas.left import instead
 
 READ_LINES = 200
 _HEADER_ROWS = 12
@@ -33,7 +33,6 @@ class TextForm:
     comment: str | None
     skip_lines: int
     before: str = ""
-    json_lines: bool = False
 
     def config(self) -> dict[str, Any]:
         """The keys of the mapping's `csv` group, all of them."""
@@ -44,8 +43,6 @@ class TextForm:
 
     def sentence(self) -> str:
         """The same as a clause."""
-        if self.json_lines:
-            return "a JSON object a line, its keys with points between them"
         names = {"tab": "tabs", "space": "blanks", ",": "commas", ";": "semicolons"}
         mark = "comma" if self.decimal == "," else "point"
         text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
@@ -61,8 +58,8 @@ def detect_form(path: Path) -> TextForm:
 
     Raises InputError where the file is no text or no layout gives rows of three numbers or more.
     """
-    if path.name.lower().endswith(JSON_LINES):
-        return TextForm(",", ".", 1, None, 0, json_lines=True)
+    if path.name.lower().endswith(".jsonl"):
+        raise InputError(f"{path}: {instead('format', 'jsonl')}")
     lines = _first_lines(path)
     comment = next((mark for mark in _COMMENTS for line in lines if line.lstrip().startswith(mark)), None)
     rows = [

@@ -259,8 +259,7 @@ def _column(title: str) -> int | str:
 def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[str, Any]:
     """The mapping's `csv` group."""
     config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
-    if not form.json_lines:
-        config |= {name: form.config()[name] for name in ("delimiter", "decimal", "header")}
+    config |= {name: form.config()[name] for name in ("delimiter", "decimal", "header")}
     config |= {name: value for name in ("comment", "skip_lines") if (value := getattr(form, name))}
     if roles.time:
         config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))
