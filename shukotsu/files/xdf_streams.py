@@ -109,7 +109,9 @@ def read_streams(path: Path) -> list[Stream]:
     return [
         Stream(
             info["stream_id"],
-            *((info[key] or "").strip() for key in ("name", "type", "channel_format")),
+            (info["name"] or "").strip(),
+            (info["type"] or "").strip(),
+            (info["channel_format"] or "").strip(),
             info["channel_count"],
             info["nominal_srate"],
         )

@@ -244,7 +244,7 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     if not records:
         raise InputError(f"{path}: is empty; expected a table")
     rows = [row for _, row in records]
-    names = _names(rows[: details["header"]] or [[""] * len(rows[0])], len(rows[-1]))
+    names = _names(rows[0] if details["header"] else [""] * len(rows[0]), len(rows[-1]))
     expected = (
         f"{len(names)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
     )
@@ -255,7 +255,7 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
         separator,
         tuple(header),
         _titles(names),
-        records[details["header"] - 1][0] if details["header"] else 0,
+        records[0][0] if details["header"] else 0,
         expected,
         (*EMPTY, *map(str.strip, details["missing"])),
         details["decimal"],
@@ -272,13 +272,10 @@ def _titles(names: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _names(rows: list[list[str]], width: int) -> list[str]:
-    """What columns are called over all rows of names; the last may end in a separator, or the others do."""
-    last = rows[-1] if any(rows[-1][width:]) or width > len(rows[-1]) + 1 else [*rows[-1], ""][:width]
-    kinds = [next(filter(None, row), "").strip().lower() for row in rows[:-1]]
-    named = [row for row, kind in zip(rows, kinds, strict=False) if kind not in ("type", "id", "parent")]
-    named = [["" if cell.lower() == "name" else cell for cell in row] + [""] * width for row in named]
-    return [" ".join(filter(None, map(str.strip, cells))) for cells in zip(*named, last, strict=False)]
+def _names(row: list[str], width: int) -> list[str]:
+    """Return what columns are called; the row of names may end in a separator, or the others do."""
+    row = row if any(row[width:]) or width > len(row) + 1 else [*row, ""][:width]
+    return [name.strip() for name in row[:width]]
 
 
 def _first_record(path: Path, open_: Callable[[], BinaryIO], separator: str) -> tuple[int, list[str]]:

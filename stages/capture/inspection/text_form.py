@@ -29,7 +29,7 @@ class TextForm:
 
     delimiter: str
     decimal: str
-    header: int
+    header: bool
     comment: str | None
     skip_lines: int
     before: str = ""
@@ -38,7 +38,6 @@ class TextForm:
         """The keys of the mapping's `csv` group, all of them."""
         config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
         config["missing"] = []
-        config["header"] = self.header if self.header > 1 else bool(self.header)
         return config if self.comment is None else config | {"comment": self.comment}
 
     def sentence(self) -> str:
@@ -46,9 +45,7 @@ class TextForm:
         names = {"tab": "tabs", "space": "blanks", ",": "commas", ";": "semicolons"}
         mark = "comma" if self.decimal == "," else "point"
         text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
-        text += (
-            ", a header" + f" of {self.header} lines" * (self.header > 1) if self.header else ", no header"
-        )
+        text += ", a header" if self.header else ", no header"
         text += f", comments after {self.comment}" if self.comment else ""
         return text + (f", {self.skip_lines} lines before it" if self.skip_lines else "")
 
@@ -107,15 +104,9 @@ def _as(
     if width < 4 or share * width < 3 or not table or len(table) < 0.8 * len(rows) - 20:
         return None
     first = last if last >= 0 else next(i for i, (_, cells) in enumerate(split) if len(cells) == width)
-    while (
-        0 < first <= last
-        and abs(len(split[first - 1][1]) - width) < 3
-        and split[first][0] == split[first - 1][0] + 1
-    ):
-        first -= 1
     skipped = split[first][0] if first else 0
     before = "\n".join(line for index, line in rows if index < skipped)
-    return share, TextForm(delimiter, decimal, last - first + 1 if last >= 0 else 0, comment, skipped, before)
+    return share, TextForm(delimiter, decimal, last >= 0, comment, skipped, before)
 
 
 def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:

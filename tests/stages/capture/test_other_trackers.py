@@ -65,26 +65,6 @@ def aurora(poses: Poses, row_end: str, header_end: str) -> Written:
     return "aurora.csv", [titles + header_end, *(row + row_end for row in rows)], told
 
 
-def motive(poses: Poses, unit: str, parent: bool, names: tuple[str, ...] = SEGMENTS) -> Written:
-    """OptiTrack Motive: rotations x y z w, named as segments, with a marker that belongs to each."""
-    count, kinds = poses.tools, ",Rotation" * 4 + ",Position" * 3
-    head = [f"Format Version,1.23,Rotation Type,Quaternion,Length Units,{unit}", ""]
-    head += [",Type" + (",Rigid Body" * 8 + ",Rigid Body Marker" * 3) * count]
-    head += [",Name" + "".join(f",{name}" * 8 + f",{name}:Marker1" * 3 for name in names[:count])]
-    head += [
-        ",ID" + "".join(f",{17 + i}" * 11 for i in range(count)),
-        *[",Parent" + "," * 11 * count] * parent,
-    ]
-    head += ["," + (kinds + ",Mean Marker Error" + ",Position" * 3) * count]
-    head += ["Frame,Time (Seconds)" + ",X,Y,Z,W,X,Y,Z,,X,Y,Z" * count]
-    scale = 1.0 if unit == "Millimeters" else 1000.0
-
-    def cells(pose: np.ndarray, mm: np.ndarray) -> list[Any]:
-        return [*np.roll(pose, -1), *mm / scale, 0.1, *(mm / scale + 0.01)]
-
-    return "motive.csv", [*head, *poses.lines(",", lambda t: [t, poses.time_s[t]], [""] * 11, cells)], TOLD
-
-
 def sequence(poses: Poses, nrrd: bool, names: tuple[str, ...] = SEGMENTS) -> Written:
     """PLUS: a header before images."""
     sign, lines = (
@@ -109,11 +89,9 @@ def sequence(poses: Poses, nrrd: bool, names: tuple[str, ...] = SEGMENTS) -> Wri
 FORMS: list[tuple[Callable[..., Written], tuple[Any, ...]]] = [
     *((wave, dress) for dress in ((True, "\t"), (False, ","))),
     *((aurora, dress) for dress in ((",", ""), ("", ","))),
-    *((motive, dress) for dress in (("Millimeters", False), ("Meters", True))),
 ]
 GUIDE = {
     "Q0 #1": (wave, (False, "\t")),
-    "tip Position X": (motive, ("Millimeters", False, ("tip", "other"))),
     "sequence": (sequence, (False, ("Hand", "Stylus"))),
 }
 
