@@ -22,7 +22,7 @@ def _command(argv: list[str]) -> int:
     if why := instead("command", argv[0]):
         raise InputError(why)
     command = COMMANDS[build_parser().parse_args(argv[:1]).command]
-    return command_line.dispatched(command.module, [*command.before, *argv[1:]])
+    return command_line.dispatched(command.module, argv[1:])
 
 
 if __name__ == "__main__":

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from shukotsu.__main__ import main as capture
 from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.parts import open_parts
 from shukotsu.schemas.tables import Table, read_table, rows_of
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.capture.__main__ import main as capture
 from shukotsu.stages.estimate_metacarpals.__main__ import main as estimate_metacarpals
 from shukotsu.stages.evaluate_tips.__main__ import main as evaluate_tips
 from shukotsu.stages.project_planes.__main__ import main as project_planes

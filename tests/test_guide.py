@@ -104,7 +104,7 @@ def test_a_block_that_is_not_run_says_why(page: Path) -> None:
 PROGRAM = re.compile(
     r"^(?:\S*/)?(?:(shukotsu)|python -m ((?:stages|benchmarks|schemas|workflow|shukotsu)\S*))\s*"
 )
-WITH_SUBCOMMANDS = ("shukotsu", "shukotsu.stages.capture", "benchmarks")
+WITH_SUBCOMMANDS = ("shukotsu", "benchmarks")
 PLACES = {"COMMAND", "NAME", "..."}
 """Words that stand for others."""
 

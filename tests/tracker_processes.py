@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Protocol
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-CAPTURE = [sys.executable, "-m", "shukotsu.stages.capture"]
+CAPTURE = [sys.executable, "-m", "shukotsu"]
 PATIENCE_S = 60.0
 """How long a test waits for what it asserts before it gives up."""
 

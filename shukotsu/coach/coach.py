@@ -162,7 +162,7 @@ class Coach:
         poses, layout, before = self.newest, self.hand.layout, self._silent
         checked = check_recording(poses, layout, self.hand.hand, Declared(kind="device"))
         found = [each for each in checked.findings if each.severity != NOTE and each.kind != "too-short"]
-        seen = poses.valid.any(0)
+        seen = np.asarray(poses.valid.any(0))
         silent = [name for name in layout.expected if not seen[poses.index(name)]]
         self._silent = (*((each.kind, each.variant) for each in found), *((name,) for name in silent))
         if self._silent == before and self.findings:

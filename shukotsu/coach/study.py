@@ -123,4 +123,4 @@ def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclud
     with replacing(sheet) as temporary:
         temporary.write_bytes(_BOM * data.startswith(_BOM) + text.encode())
         temporary.chmod(sheet.stat().st_mode)
-    return study.parent / config["recordings"]
+    return Path(study.parent / config["recordings"])

@@ -5,15 +5,14 @@ from __future__ import annotations
 import argparse
 from typing import NamedTuple
 
-CAPTURE = "shukotsu.stages.capture.__main__"
+_CAPTURE = "shukotsu.stages.capture"
 
 
 class Command(NamedTuple):
-    """A command: its module, what it does in a line, and arguments that go before the user's own."""
+    """A command: its module, and what it does in a line."""
 
     module: str
     summary: str
-    before: tuple[str, ...] = ()
 
 
 COMMANDS = {
@@ -25,13 +24,15 @@ COMMANDS = {
     "export": Command(
         "shukotsu.commands.export_study", "write a study's moving skeletons for other programs"
     ),
-    "record": Command(CAPTURE, "record a tracker into a raw capture", ("record",)),
+    "record": Command(f"{_CAPTURE}.record_tracker", "record a tracker into a raw capture"),
     "coach": Command(
         "shukotsu.commands.coach_hand", "record a hand's calibration and coach it while it is recorded"
     ),
-    "emulate": Command(CAPTURE, "be a tracker, for a recorder without one at hand", ("emulate",)),
-    "inspect": Command(CAPTURE, "say what is in a file, and draft the mapping that it needs", ("inspect",)),
-    "import": Command(CAPTURE, "turn a recording's file into the poses table", ("import",)),
+    "emulate": Command(f"{_CAPTURE}.emulate_tracker", "be a tracker, for a recorder without one at hand"),
+    "inspect": Command(
+        f"{_CAPTURE}.inspect_file", "say what is in a file, and draft the mapping that it needs"
+    ),
+    "import": Command(f"{_CAPTURE}.import_and_check", "turn a recording's file into the poses table"),
     "stage": Command("shukotsu.commands.run_stage", "run one stage of the pipeline alone"),
     "doctor": Command(
         "shukotsu.commands.doctor", "say what is installed, what is missing, what this machine can do"

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from coached_hands import calibration
 
+from shukotsu.__main__ import main as capture
 from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames, LivePoses
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import read_poses
-from shukotsu.stages.capture.__main__ import main as capture
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
 from shukotsu.trackers.archive import open_archive
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from shukotsu.stages.capture.__main__ import main as capture
+from shukotsu.__main__ import main as capture
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.recording import write_recording
 from shukotsu.stages.simulate.simulation import simulate

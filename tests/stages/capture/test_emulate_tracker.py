@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from tracker_processes import PATIENCE_S, emulator
 
-from shukotsu.stages.capture.__main__ import main
+from shukotsu.__main__ import main
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from shukotsu.__main__ import main
 from shukotsu.errors import MOST_LETTERS
-from shukotsu.stages.capture.__main__ import main
 from shukotsu.stages.capture.formats.readers import FORMATS
 
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"

@@ -9,9 +9,9 @@ from chains import random_chain
 from poses_columns import columns_of
 from simulated_poses import hand_of
 
+from shukotsu.__main__ import main
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import read_poses
-from shukotsu.stages.capture.__main__ import main
 from shukotsu.stages.capture.hemispheres import expected_joints
 from shukotsu.stages.capture.poses_table import poses_table
 from shukotsu.stages.capture.samples import NUMBERS, Samples

@@ -5,11 +5,11 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from shukotsu.__main__ import main
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.poses import read_poses, recording_name
 from shukotsu.schemas.tables import read_metadata, read_table
-from shukotsu.stages.capture.__main__ import main
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"

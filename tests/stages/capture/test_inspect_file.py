@@ -11,10 +11,10 @@ import recording_files
 import yaml
 from recording_files import ARM, of
 
+from shukotsu.__main__ import main
 from shukotsu.errors import InputError
 from shukotsu.schemas.mapping import read_mapping
 from shukotsu.skeleton.rotations import matrix, unit
-from shukotsu.stages.capture.__main__ import main
 from shukotsu.stages.capture.samples import Samples
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.recording import write_recording

@@ -17,10 +17,10 @@ from export_samples.moving_fingers import blanked, moving_fingers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shukotsu.__main__ import main as capture
 from shukotsu.errors import InputError
 from shukotsu.schemas.poses import read_poses
 from shukotsu.skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply
-from shukotsu.stages.capture.__main__ import main as capture
 from shukotsu.stages.export.axes import Target
 from shukotsu.stages.export.c3d_file import point_labels, write
 from shukotsu.stages.export.motion import SkeletonMotion, with_seen_receivers

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from captures import circling, cycle, settings, write
 
+from shukotsu.__main__ import main
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.tables import read_metadata, read_table
-from shukotsu.stages.capture.__main__ import main
 from shukotsu.trackers.archive import ArchiveWriter, open_archive
 from shukotsu.trackers.decode.findings import findings
 from shukotsu.trackers.decode.records_table import FLAGS, FlaggedRecords, flagged_records

@@ -7,8 +7,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from shukotsu.__main__ import main
 from shukotsu.schemas.layout import read_layout
-from shukotsu.stages.capture.__main__ import main
 from shukotsu.trackers.archive import END, RECEIVED, SENT, SETTINGS, open_archive
 from shukotsu.trackers.emulate.pose_sources import MAX_STATION, built_in_motion
 from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder

@@ -161,7 +161,7 @@ def in_a_terminal(*words: str) -> tuple[int, int]:
     child, master = pty.fork()
     if child == 0:
         os.chdir(REPOSITORY)
-        os.execv(sys.executable, [sys.executable, "-m", "shukotsu.stages.capture", *words])
+        os.execv(sys.executable, [sys.executable, "-m", "shukotsu", *words])
     return child, master
 
 

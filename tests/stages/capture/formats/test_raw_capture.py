@@ -113,7 +113,7 @@ def test_memory_does_not_grow_with_the_recording(tmp_path: Path) -> None:
         path, out = tmp_path / f"{minutes}.arrows", tmp_path / f"{minutes}.parquet"
         write_capture(path, minutes * 60.0)
         names = "--layout=liberty16", "--subject=01", "--hand=right", "--task=rom"
-        argv = ["-m", "shukotsu.stages.capture", "import", f"--in={path}", f"--out={out}", *names]
+        argv = ["-m", "shukotsu", "import", f"--in={path}", f"--out={out}", *names]
         memory_mb.append(run_python(*argv).memory_mb)
         assert pq.ParquetFile(out).metadata.num_rows == 16 * minutes * 60 * 240
     assert memory_mb[1] - memory_mb[0] < 100
