@@ -1,9 +1,8 @@
 """Motion-BIDS: a dataset that gathers recordings, for neuroscience and human-computer interaction.
 
-Of every recording two tracking systems are written, as BIDS calls what shares a clock: `tracksys-righthand`,
-the receivers, and `tracksys-righthandskeleton` with the model's name, the hand's joints, bones and joint
-angles. Positions are in metres, orientations unit quaternions, joint angles in degrees. Recordings of one
-dataset must not be added at the same time.
+Of every recording two tracking systems are written: `tracksys-righthand`, the receivers, and
+`tracksys-righthandskeleton` with the model's name, joints, bones and joint angles. Positions are in metres,
+joint angles in degrees. Recordings of one dataset must not be added at the same time.
 """
 
 from __future__ import annotations
@@ -41,10 +40,8 @@ EXTRA_KEY = "Shukotsu"
 TYPES = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL")
 ALONE_HZ = 60.0
 """SamplingFrequency of a single frame, whose rate nobody knows: the validator takes no n/a there."""
-UNKNOWN = (
-    *("Instructions", "Manufacturer", "ManufacturersModelName", "DeviceSerialNumber"),
-    *("InstitutionName", "InstitutionAddress", "InstitutionalDepartmentName", "SubjectArtefactDescription"),
-)
+UNKNOWN = ("Instructions", "Manufacturer", "ManufacturersModelName", "DeviceSerialNumber", "InstitutionName",
+           "InstitutionAddress", "InstitutionalDepartmentName", "SubjectArtefactDescription")  # fmt: skip
 """Keys of motion.json that BIDS recommends and no table holds."""
 
 README = f"""Hand motion from magnetic receivers, exported by {PROGRAM}.
@@ -81,14 +78,9 @@ class Channel(NamedTuple):
         """Return its row of channels.tsv."""
         frames = {"POS": "transmitter", "ORNT": "transmitter", "JNTANG": "parent_bone"}
         texts = {key: value for key, value in self._asdict().items() if key not in ("values", "description")}
-        return texts | {
-            "placement": self.tracked_point,
-            "reference_frame": frames.get(self.type, "n/a"),
-            "description": self.description,
-            "status": "good",
-            "status_description": "n/a",
-            "sampling_frequency": rate_hz,
-        }
+        placed = {"placement": self.tracked_point, "reference_frame": frames.get(self.type, "n/a")}
+        status = {"status": "good", "status_description": "n/a", "sampling_frequency": rate_hz}
+        return texts | placed | {"description": self.description} | status
 
 
 def label(name: str) -> str:
@@ -98,33 +90,23 @@ def label(name: str) -> str:
 
 
 def recording_path(name: RecordingName, model: str = "") -> str:
-    """Return the path of a tracking system's files in a dataset, up to their ending; model : of a skeleton.
-
-    A trial that is a number is the run; any other is the acquisition's label.
-    """
-    folder = "/".join(
-        [f"sub-{label(name.subject)}", *([f"ses-{label(name.session)}"] if name.session else []), "motion"]
-    )
+    """Return the path of a tracking system's files, up to their ending; a trial without a number is `acq`."""
+    who = [f"sub-{label(name.subject)}", *([f"ses-{label(name.session)}"] if name.session else [])]
     system = f"{label(name.hand)}hand" + (f"skeleton{label(model)}" if model else "")
-    session = f"_ses-{label(name.session)}" if name.session else ""
     numbered = re.fullmatch(r"[0-9]+", name.trial)
     trial = f"_run-{name.trial}" if numbered else f"_acq-{label(name.trial)}" if name.trial else ""
-    return f"{folder}/sub-{label(name.subject)}{session}_task-{label(name.task)}_tracksys-{system}{trial}"
+    return f"{'/'.join(who)}/motion/{'_'.join(who)}_task-{label(name.task)}_tracksys-{system}{trial}"
 
 
 def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
-    """Add a recording to the dataset in the folder of `path`, its dataset_description.json.
+    """Add a recording to the dataset whose description `path` is, or replace it; return what files lack.
 
-    What was written of the recording before is replaced, everything else stays; the dataset's own files are
-    made where they are absent. Return what the files do not hold. Raises InputError where there is no frame,
-    no rate is known for more than one, or the folder is no dataset.
+    Raises InputError where there is no frame, no rate is known for several, or the folder is no dataset.
     """
     if not len(motion.frame):
         raise InputError(f"{path}: Motion-BIDS holds no recording without a frame; widen --frames")
     if len(motion.frame) > 1 and not np.isfinite(motion.rate_hz):
-        raise InputError(
-            f"{path}: the recording has no device time, and BIDS needs a rate; say it with --rate-hz"
-        )
+        raise InputError(f"{path}: the recording has no device time and BIDS needs a rate; give --rate-hz")
     motion, unseen = with_seen_receivers(motion)
     add_participant(path.parent, motion.origin.subject, motion.origin.licence)
     all_facts = facts(motion, target)
@@ -215,15 +197,8 @@ def _clock_channels(motion: SkeletonMotion, timed: Array) -> Iterable[Channel]:
         latency = [f"{t - timed[0]:.6f}" if np.isfinite(t) else None for t in motion.time_s]
         since = "time since the first sample"
         yield Channel(pa.array(latency, pa.string()), "latency", "n/a", "LATENCY", "n/a", "s", since)
-        yield Channel(
-            pa.array(motion.time_s, from_pandas=True),
-            "time",
-            "n/a",
-            "MISC",
-            "n/a",
-            "s",
-            "time of the tracker",
-        )
+        device = pa.array(motion.time_s, from_pandas=True)
+        yield Channel(device, "time", "n/a", "MISC", "n/a", "s", "time of the tracker")
 
 
 def _receiver_channels(motion: SkeletonMotion) -> Iterable[Channel]:
@@ -244,9 +219,8 @@ def _skeleton_channels(motion: SkeletonMotion) -> Iterable[Channel]:
             yield from _numbers(joint.name, "ORNT", "bone", motion.quaternion[:, index])
     names, angles_deg = bone_angles_deg(motion)
     for index, joint_name in enumerate(names):
-        yield from _numbers(
-            joint_name, "JNTANG", "joint, signed as reference_frame says", angles_deg[:, index]
-        )
+        signed = "joint, signed as reference_frame says"
+        yield from _numbers(joint_name, "JNTANG", signed, angles_deg[:, index])
 
 
 def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[Channel]:
@@ -259,10 +233,9 @@ def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[Channe
     scaled = (values / 1000 if kind == "POS" else values).round(digits) + 0.0  # + 0.0: no minus zero
     for name, column in zip(names, scaled.T, strict=True):
         part = {"POS": name[-1:], "ORNT": name}.get(kind, "n/a")
+        numbers = pa.array(column, from_pandas=True)
         described = text.format(what, name if kind == "JNTANG" else part)
-        yield Channel(
-            pa.array(column, from_pandas=True), f"{point}_{name}", part, kind, point, unit, described
-        )
+        yield Channel(numbers, f"{point}_{name}", part, kind, point, unit, described)
 
 
 def check_folder(folder: Path) -> None:
@@ -271,9 +244,7 @@ def check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: is a file; expected a folder for the dataset")
     others = [path for path in folder.glob("[!.]*") if path.name not in BEFORE_DESCRIPTION]
     if others and not (folder / DESCRIPTION).is_file():
-        raise InputError(
-            f"{folder}: holds files but no {DESCRIPTION}; expected a new folder or a BIDS dataset"
-        )
+        raise InputError(f"{folder}: holds files but no {DESCRIPTION}; expected a new folder or a dataset")
 
 
 def tsv_text(rows: Iterable[Iterable[object]]) -> str:
@@ -290,10 +261,9 @@ def json_text(content: Mapping[str, Any]) -> str:
 def write_dataset_files(
     folder: Path, name: str, participants: Mapping[str, Mapping[str, Any]], licence: str = ""
 ) -> None:
-    """Write or replace the files that describe a whole dataset: name, licence, README, participants.
+    """Write or replace the files that describe a whole dataset. Raises InputError where the folder is none.
 
-    participants : subject -> more columns of participants.tsv, None where not known; all subjects have the
-    same ones. The order of subjects does not matter. Raises InputError where the folder is no dataset.
+    participants : subject -> more columns of participants.tsv, the same ones of all, None where not known.
     """
     check_folder(folder)
     columns = dict.fromkeys(column for values in participants.values() for column in values)
@@ -302,10 +272,8 @@ def write_dataset_files(
         [f"sub-{label(subject)}", subject, *(values.get(column) for column in more)]
         for subject, values in participants.items()
     ]
-    described = _NAME | {
-        name: {"Description": f"{name} as the study's sheet has it."} | _UNITS.get(name[-3:], {})
-        for name in more
-    }
+    sheet = "as the study's sheet has it."
+    described = _NAME | {n: {"Description": f"{n} {sheet}"} | _UNITS.get(n[-3:], {}) for n in more}
     write_text(folder / "README", README)
     write_text(folder / PARTICIPANTS, tsv_text([["participant_id", "name", *more], *sorted(rows)]))
     write_text(folder / "participants.json", json_text(described))
