@@ -22,7 +22,7 @@ if not is_module:  # nothing is imported from the folder that this runs in
     os.environ.update(PYTHONSAFEPATH="1")
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.results import EVENT_TABLES, FIT_TABLES, MEASURED_TABLES
+from shukotsu.schemas.results import FIT_TABLES, MEASURED_TABLES
 from shukotsu.workflow import failed_jobs, made_from, warm_process
 from shukotsu.workflow.file_digests import program_digest
 from shukotsu.workflow.study_files import StudyFiles, study_file
@@ -344,7 +344,7 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
         " --out {output.scores:q} --out-joints {output.errors:q} 2> {log:q}"
 
 
-rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, ways of the fingertips
+rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the fingertips, strokes at events
     input:
         study.poses,
         study.fits,
@@ -369,34 +369,6 @@ rule measure_movement:  # not in the paper: ranges of motion, speeds, cycles, wa
         "measure_movement: subject {wildcards.subject}"
     shell:
         f"{run} shukotsu.stages.measure_movement --record-failure --plan {{input.plan:q}} --inputs {{input:q}}"
-        " --events {input.events:q} --clocks {input.clocks:q} {params.out:q} 2> {log:q}"
-
-
-rule measure_events:  # not in the paper: what fingers do at a keystroke; only for subjects with events
-    input:
-        study.poses,
-        study.fits,
-        plan=ancient(f"{subject}/plan.json"),
-        findings=f"{subject}/findings.parquet",
-        joints=f"{subject}/joint_centres.parquet",
-        bones=f"{subject}/bone_lengths.parquet",
-        metacarpals=f"{subject}/metacarpals.parquet",
-        events=f"{subject}/events.parquet",
-        clocks=f"{subject}/clocks.parquet",
-    output:
-        [f"{subject}/{table}.parquet" for table in EVENT_TABLES],
-    log:
-        f"{logs}/measure_events/sub-{{subject}}.log",
-    resources:
-        **study.resources(1, 20),
-    params:
-        code=code,
-        plan=study.plan,
-        out=f"--out={subject}",
-    message:
-        "measure_events: subject {wildcards.subject}"
-    shell:
-        f"{run} shukotsu.stages.measure_events --record-failure --plan {{input.plan:q}} --inputs {{input:q}}"
         " --events {input.events:q} --clocks {input.clocks:q} {params.out:q} 2> {log:q}"
 
 

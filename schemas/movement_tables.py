@@ -54,7 +54,7 @@ def _with_interval(name: str, description: str) -> tuple[Column, Column, Column]
 
 EVENTS = Table(
     "events",
-    1,
+    2,
     "an event of a recording",
     (
         *OF_RECORDING,
@@ -69,26 +69,24 @@ EVENTS = Table(
             "onset_sd_ms",
             "1-sigma error of onset_s: of the two clocks' line, and of a single time on the device's clock",
         ),
-        *MESSAGE,
     ),
     _key(*OF_RECORDING, "event"),
 )
 
 CLOCKS = Table(
     "clocks",
-    1,
+    2,
     "how another device's clock was brought to the recording's",
     (
         *OF_RECORDING,
         Column("source", TEXT, "", "xdf, midi or tracker; empty where the file was not read"),
         real("scale_ppm", "how much faster the recording's clock runs than the device's"),
-        real("offset_s", "the recording's time at the device's zero, before the first step"),
-        real("residual_ms", "rms of the pulses about their lines; null where there are none"),
-        real("clock_sd_ms", "largest 1-sigma error of the lines between the first and last pulse"),
+        real("offset_s", "the recording's time at the device's zero"),
+        real("residual_ms", "rms of the pulses about the line; null where there are none"),
+        real("clock_sd_ms", "largest 1-sigma error of the line between the first and last pulse"),
         _count("n_pulses", "pulses that both have"),
         _count("n_missing", "pulses that only the recording has, while both ran"),
         _count("n_extra", "pulses that only the device has, while both ran"),
-        _count("n_steps", "steps: a clock was set, or a recorder paused"),
         STATUS,
         *MESSAGE,
     ),
@@ -124,7 +122,7 @@ RANGES_OF_MOTION = Table(
 
 FINGERTIP_PATHS = Table(
     "fingertip_paths",
-    2,
+    3,
     "the way of a fingertip in the frame of the hand in a recording",
     (
         *_OF_MODEL,
@@ -133,10 +131,6 @@ FINGERTIP_PATHS = Table(
         real("duration_s", "time that the path has, gaps left out"),
         real("speed_median_mm_s", "median of the tip's speed"),
         real("speed_p95_mm_s", "95th percentile of the tip's speed"),
-        real(
-            "sparc",
-            "smoothness: spectral arc length of a movement's speed, median of all; 0 would be smoothest",
-        ),
         real("path_sd_mm", "1-sigma error of path_length_mm"),
         N_FRAMES,
         real("valid_percent", "frames with a tip, of those of the recording"),
@@ -144,28 +138,6 @@ FINGERTIP_PATHS = Table(
         *MESSAGE,
     ),
     _key(*_OF_MODEL, DIGIT),
-)
-
-FINGERTIP_DISTANCES = Table(
-    "fingertip_distances",
-    1,
-    "how near two fingertips came in a recording",
-    (
-        *_OF_MODEL,
-        DIGIT,
-        Column("other_digit", TEXT, "", "the other digit, later in the layout"),
-        real("min_mm", "least distance"),
-        real("median_mm", "median distance"),
-        real("distance_sd_mm", "1-sigma error of a distance"),
-        real(
-            "contact_percent", "frames in contact, of those with a distance; null where digits have no skin"
-        ),
-        Column("n_contacts", WHOLE, "", "how often a contact began", True),
-        N_FRAMES,
-        STATUS,
-        *MESSAGE,
-    ),
-    _key(*_OF_MODEL, DIGIT, "other_digit"),
 )
 
 MOVEMENT_CYCLES = Table(
@@ -178,7 +150,7 @@ MOVEMENT_CYCLES = Table(
         _count("cycle", "number of the cycle among those of its event, from 0"),
         real("onset_s", "when it began, on the clock of the recording's time_s"),
         real("duration_s", "how long it lasted"),
-        Column("used", YES_NO, "", "whether curves are made of it"),
+        Column("used", YES_NO, "", "whether curves are made of it, where the angle has no gap"),
         *MESSAGE,
     ),
     _key(*OF_RECORDING, EVENT, "cycle"),
@@ -201,15 +173,13 @@ MOVEMENT_CURVES = Table(
     _key(*_OF_MODEL, JOINT, ANGLE, EVENT, PERCENT),
 )
 
-EVENT_NUMBER = _count("event", "number of the event in the recording, as in the events table")
-
 EVENT_STROKES = Table(
     "event_strokes",
-    1,
+    2,
     "an event that a fingertip made, e.g. a keystroke, from the posed hand (docs/keystrokes.md)",
     (
         *_OF_MODEL,
-        EVENT_NUMBER,
+        _count("event", "number of the event in the recording, as in the events table"),
         Column("name", TEXT, "", "what happened, as in the events table"),
         Column("digit", TEXT, "", "the digit that struck; empty where that is not known"),
         real("digit_probability", "that it was this digit: 1 where the event names it"),
@@ -217,74 +187,15 @@ EVENT_STROKES = Table(
         real("onset_sd_ms", "1-sigma error of onset_s"),
         real("key_down_s", "when the fingertip stopped going down"),
         real("key_down_sd_ms", "1-sigma error of key_down_s"),
-        real("key_down_lag_ms", "key_down_s less onset_s"),
-        real("key_up_s", "when the fingertip began to rise from there"),
         real("contact_speed_mm_s", "speed of the fingertip just before key_down_s, in the transmitter frame"),
         real("contact_speed_sd_mm_s", "1-sigma error of contact_speed_mm_s"),
-        real("contact_speed_in_hand_mm_s", "the same speed in the frame of the hand"),
         real("peak_speed_before_mm_s", "largest speed on the way down, in the transmitter frame"),
-        real("peak_speed_after_mm_s", "largest speed from key_down_s to the end of the rise"),
-        real("peak_speed_sd_mm_s", "1-sigma error of the peak speeds"),
-        real("touch_height_mm", "how high above its place at key_down_s the fingertip came from"),
-        real("touch_height_sd_mm", "1-sigma error of touch_height_mm"),
-        real("hand_displacement_mm", "how far the hand's base moved on the way down"),
-        real("hand_turn_deg", "by how much the hand turned on the way down"),
-        real("since_digit_s", "time since the event before it of that digit"),
-        real("since_any_s", "time since the event before it of any digit"),
-        Column("used", YES_NO, "", "whether event_measures and event_independence are made of it"),
+        real("peak_speed_sd_mm_s", "1-sigma error of the peak speed"),
+        Column("used", YES_NO, "", "whether digit and contact are sure"),
         STATUS,
         *MESSAGE,
     ),
     _key(*_OF_MODEL, "event"),
-)
-
-EVENT_ANGLES = Table(
-    "event_angles",
-    1,
-    "an angle of a joint of the striking digit in a stroke",
-    (
-        *_OF_MODEL,
-        EVENT_NUMBER,
-        JOINT,
-        ANGLE,
-        real("at_contact_deg", "the angle at key_down_s"),
-        real("at_contact_sd_deg", "1-sigma error of at_contact_deg"),
-        real("range_deg", "from the least to the largest angle on the way down"),
-        real("range_sd_deg", "1-sigma error of range_deg"),
-    ),
-    _key(*_OF_MODEL, "event", JOINT, ANGLE),
-)
-
-EVENT_INDEPENDENCE = Table(
-    "event_independence",
-    1,
-    "how far a digit goes along while another strikes",
-    (
-        *_OF_MODEL,
-        DIGIT,
-        Column("other_digit", TEXT, "", "the digit that goes along; `digit` strikes"),
-        real("mean_ratio", "movement of the other's tip in the direction of the stroke, of the striker's"),
-        real("spread", "standard deviation between strokes (n - 1)"),
-        real("sd", "1-sigma error of mean_ratio, from the spread between strokes"),
-        _count("n", "strokes"),
-    ),
-    _key(*_OF_MODEL, DIGIT, "other_digit"),
-)
-
-EVENT_MEASURES = Table(
-    "event_measures",
-    1,
-    "what the strokes of a digit in a recording are like together",
-    (
-        *_OF_MODEL,
-        Column("digit", TEXT, "", "the digit; empty: the strokes of all digits in turn"),
-        Column("measure", TEXT, "", "what is measured (docs/keystrokes.md)"),
-        real("value", "mean over the strokes; of `..._variability` their standard deviation (n - 1)"),
-        UNIT,
-        real("sd", "1-sigma error of value, of measuring alone; null where none is stated"),
-        _count("n", "strokes"),
-    ),
-    _key(*_OF_MODEL, DIGIT, "measure"),
 )
 
 MOVEMENT_DIFFERENCES = Table(
@@ -328,7 +239,7 @@ MOVEMENT_DIFFERENCES = Table(
 
 MOVEMENT_RELIABILITY = Table(
     "movement_reliability",
-    2,
+    3,
     "how well a quantity repeats across sessions or trials",
     (
         Column("across", TEXT, "", "session or trial"),
@@ -352,16 +263,6 @@ MOVEMENT_RELIABILITY = Table(
         *_with_interval("icc_3_1", "ICC(3,1), consistency"),
         *_with_interval("sem", "standard error of measurement: standard deviation within subjects"),
         real("mdc", "minimal detectable change at 95 %: 1.96 sqrt(2) sem"),
-        *_with_interval("bias", "mean difference of a session, or trial, from the one before it"),
-        *_with_interval("loa_low", "lower 95 % limit of agreement (Bland-Altman)"),
-        *_with_interval("loa_high", "upper limit"),
-        real(
-            "stated_sd",
-            "rms of the stated 1-sigma error of a difference between two sessions; of angles without what "
-            "their sessions have in common",
-        ),
-        real("difference_to_stated", "rms difference between two sessions, over stated_sd"),
-        real("held_percent", "differences within 1.96 times their own stated 1-sigma error"),
         UNIT,
         *MESSAGE,
     ),
@@ -373,13 +274,9 @@ MOVEMENT_TABLES = (
     CLOCKS,
     RANGES_OF_MOTION,
     FINGERTIP_PATHS,
-    FINGERTIP_DISTANCES,
     MOVEMENT_CYCLES,
     MOVEMENT_CURVES,
     EVENT_STROKES,
-    EVENT_ANGLES,
-    EVENT_INDEPENDENCE,
-    EVENT_MEASURES,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
 )

@@ -26,7 +26,7 @@ from shukotsu.schemas.layout import Layout, layout_from_config
 from shukotsu.schemas.model import SkeletonModel, model_from_config
 from shukotsu.schemas.parts import Part
 from shukotsu.schemas.poses import one_hand, recording_name
-from shukotsu.schemas.results import EVENT_TABLES, FIT_TABLES
+from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
 from shukotsu.schemas.study import SIZES, Hand, Recording, Study, SubjectSession, path_token
 from shukotsu.schemas.tables import read_table, rows_of
@@ -116,17 +116,8 @@ class SubjectPlan:
             raise InputError(f"{path}: is not among the files of --inputs; name it there, or leave that out")
         return given
 
-    @property
-    def has_events(self) -> bool:
-        """Tell whether any recording of the subject comes with events."""
-        return bool(self.events) or any(own.events is not None for own in self.recordings)
-
     def files_of(self, name: str) -> list[Path]:
-        """Files of a table: one; of a fit of the whole hand one for every hand and fitted model; of strokes
-        none where there are no events.
-        """
-        if name in EVENT_TABLES and not self.has_events:
-            return []
+        """Files of a table: one; of a fit of the whole hand one for every hand and fitted model."""
         if name in FIT_TABLES:
             return [self.fit_table(hand, model, name) for hand in self.hands for model in self.fitted_models]
         return [self.table(name)]

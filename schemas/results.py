@@ -10,14 +10,11 @@ from shukotsu.schemas.study import Recording, SubjectSession
 MEASURED_TABLES = (
     "ranges_of_motion",
     "fingertip_paths",
-    "fingertip_distances",
     "movement_cycles",
     "movement_curves",
+    "event_strokes",
 )
 """Tables of a subject's movement."""
-
-EVENT_TABLES = ("event_strokes", "event_angles", "event_independence", "event_measures")
-"""Tables of what a subject's fingers do at its events; of a subject without events there are none."""
 
 SUBJECT_TABLES = {
     "findings": "check_recordings",
@@ -63,7 +60,6 @@ GATHERED_TABLES = {
     "events": "align_events",
     "clocks": "align_events",
     **dict.fromkeys(MEASURED_TABLES, "measure_movement"),
-    **dict.fromkeys([name for name in EVENT_TABLES if name != "event_angles"], "measure_events"),
 }
 """Short tables that are gathered for the study, of whole skeletons, and the stage that writes each."""
 
@@ -87,8 +83,6 @@ STUDY_FIGURES = (
     "joint-trust",
     "ranges-of-motion",
     "group-differences",
-    "movement-curves",
-    "bland-altman",
 )
 """Figures of a study for print, each always written: where it has no data, with a sentence that says so."""
 

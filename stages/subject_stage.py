@@ -120,54 +120,6 @@ def config_files(arguments: argparse.Namespace) -> list[Path]:
     return [config_path(name, kind, Path()) for kind, name in names.items()]
 
 
-@contextmanager
-def measured_tables(
-    arguments: argparse.Namespace, plan: SubjectPlan, names: Iterable[str]
-) -> Iterator[dict[str, PartsWriter]]:
-    """Open the tables of what is measured in posed recordings, made of skeletons, fits, poses and events.
-
-    arguments : with `events`, `clocks` and the folder `out`.
-    """
-    from contextlib import ExitStack
-
-    from shukotsu.schemas.catalogue import TABLES
-    from shukotsu.schemas.parts import parts_writer
-
-    events = [path for path in (arguments.events, arguments.clocks) if path is not None]
-    made_of = [plan.table(name) for name in ("joint_centres", "bone_lengths", "metacarpals")]
-    for name in ("joint_angles", "posed_tips", "bone_poses"):
-        made_of += plan.files_of(name)
-    provenance = provenance_of(plan, made_of, [*poses_files(plan), *events])
-    with ExitStack() as stack:
-        yield {
-            name: stack.enter_context(
-                parts_writer(arguments.out / f"{name}.parquet", TABLES[name], provenance)
-            )
-            for name in names
-        }
-
-
-def timed_events(
-    plan: SubjectPlan, hand: str, events: Path, clocks: Path | None
-) -> Iterator[tuple[Mapping[str, Any], str]]:
-    """Give a hand's events that have a time, each with why its clock is not sure; empty where it is.
-
-    events, clocks : the subject's tables; without clocks every event's is trusted. Raises InputError where
-    they are none.
-    """
-    from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
-    from shukotsu.schemas.tables import read_table, rows_of
-
-    def place(row: Mapping[str, Any]) -> tuple[str, ...]:
-        return tuple(row[name] for name in CLOCKS.key)
-
-    known = [] if clocks is None else rows_of(read_table(clocks, CLOCKS))
-    weak = {place(row): row["message"] or "its clock is weak" for row in known if row["status"] == "weak"}
-    for row in rows_of(read_table(events, EVENTS)):
-        if (row["session"], row["hand"]) == (plan.session, hand) and row["onset_s"] is not None:
-            yield row, weak.get(place(row), "")
-
-
 def poses_files(plan: SubjectPlan) -> list[Path]:
     """Give the poses files of every recording of a plan that is not excluded.
 

@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 
 from shukotsu.schemas.movement_tables import (
-    EVENT_MEASURES,
-    FINGERTIP_DISTANCES,
     FINGERTIP_PATHS,
-    MOVEMENT_CURVES,
     RANGES_OF_MOTION,
 )
 from shukotsu.schemas.results import Results
@@ -82,41 +79,10 @@ def recording_of(row: Row) -> Row:
     return {name: row[name] for name in ("subject", "session", "hand", "task", "trial")}
 
 
-def curves(rows: Iterable[Row], seed: int = 2, bump_deg: float = 15.0) -> list[Row]:
-    """Rows of movement_curves of index_pip: group A has a bump at 50 %."""
-    rng = np.random.default_rng(seed)
-    percent = np.arange(101)
-    bump = bump_deg * np.exp(-(((percent - 50) / 8.0) ** 2))
-    made = []
-    for row in rows:
-        noise = rng.normal(size=4) @ np.cos(np.arange(4)[:, None] * np.pi * percent / 100)
-        curve = 30.0 + 2.0 * noise + bump * (row["group"] == "A")
-        made += [
-            {
-                **recording_of(row),
-                "model": "whole-hand",
-                "joint": "index_pip",
-                "angle": "flexion",
-                "event": "key",
-                "percent": int(at),
-                "mean_deg": float(curve[at]),
-                "n_cycles": 5,
-            }
-            for at in percent
-        ]
-    return made
-
-
-def write_movement(results: Results, range_rows: Sequence[Row], curve_rows: Sequence[Row] = ()) -> None:
+def write_movement(results: Results, range_rows: Sequence[Row]) -> None:
     """Write the study's tables of movement, those of fingertips empty."""
-    for table, rows in (
-        (RANGES_OF_MOTION, range_rows),
-        (MOVEMENT_CURVES, curve_rows),
-        (FINGERTIP_PATHS, ()),
-        (FINGERTIP_DISTANCES, ()),
-        (EVENT_MEASURES, ()),
-    ):
-        write(results, table, rows)
+    write(results, RANGES_OF_MOTION, range_rows)
+    write(results, FINGERTIP_PATHS, ())
 
 
 def write(results: Results, table: Table, rows: Sequence[Row]) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from shukotsu.errors import InputError
 from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.plan import SubjectPlan, read_plan
-from shukotsu.schemas.results import EVENT_TABLES, FAILED_PAGES, FIT_TABLES, SUBJECT_TABLES, Results
+from shukotsu.schemas.results import FAILED_PAGES, FIT_TABLES, SUBJECT_TABLES, Results
 from shukotsu.workflow.file_digests import STAMP
 
 
@@ -41,7 +41,7 @@ def _written(plan: SubjectPlan, results: Results, present: Collection[str]) -> I
     """Give the paths of all that was written for a subject, by its plan."""
     yield plan.folder / "plan.json"
     yield from plan.poses_files.values()
-    yield from (plan.table(name) for name in (*SUBJECT_TABLES, *EVENT_TABLES))
+    yield from (plan.table(name) for name in SUBJECT_TABLES)
     for model in (*plan.fitted_models, REFERENCE):
         yield from (plan.fit_table(hand, model, name) for hand in plan.hands for name in FIT_TABLES)
     pages, exports = results.subject_pages(*plan.who), results.subject_exports(*plan.who)

@@ -34,7 +34,6 @@ from shukotsu.schemas.plan import (
     truth_folder,
 )
 from shukotsu.schemas.results import (
-    EVENT_TABLES,
     FIGURE_KINDS,
     FIT_TABLES,
     GATHERED_TABLES,
@@ -265,7 +264,7 @@ class StudyFiles:
     def subject_tables(self, wildcards: Wildcards) -> list[str]:
         """The subject's own tables, of both hands and all models."""
         plan = self._plans[wildcards.subject]
-        return [str(path) for table in (*SUBJECT_TABLES, *EVENT_TABLES) for path in plan.files_of(table)]
+        return [str(path) for table in SUBJECT_TABLES for path in plan.files_of(table)]
 
     def poses_of_fit(self, wildcards: Wildcards) -> list[str]:
         """Poses that a fit of a hand reads: of both hands, where the model shares lengths between them."""

@@ -86,7 +86,7 @@ def _aligned(
     with command_line.recorded(arguments, arguments.record_failure) as messages:
         event_rows, clock_rows = recording.aligned()
     for message in messages:
-        failed = {"source": "", "n_pulses": 0, "n_missing": 0, "n_extra": 0, "n_steps": 0}
+        failed = {"source": "", "n_pulses": 0, "n_missing": 0, "n_extra": 0}
         clock_rows = [{**failed, "status": "failed", "message": message}]
     for row in clock_rows:
         if row["message"]:

@@ -15,7 +15,7 @@ from shukotsu.files.parquet_files import column_ends
 from shukotsu.files.whole_files import file_sha256
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.tables import open_table, read_metadata
-from shukotsu.stages.align_events.clock_fit import ClockFit, ascending, fit_clock
+from shukotsu.stages.align_events.clock_fit import ClockFit, fit_clock
 from shukotsu.stages.align_events.event_list import FARTHEST_S, Array, Clock, Events, events_of_rows
 
 READERS = {
@@ -32,6 +32,7 @@ MOST_PULSES = 200_000
 """What an hour has at 55 Hz, far more than can be told apart."""
 
 _TRACKER_ENDING = ".arrows"
+_COUNTS = ("n_pulses", "n_missing", "n_extra")
 
 
 @dataclass(frozen=True)
@@ -50,40 +51,34 @@ class RecordingEvents:
     rows: Sequence[Mapping[str, Any]] = field(default=())
 
     def aligned(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        """Give the rows of events, in order of time, and of clocks, both without what names the recording.
+        """Return the rows of events, in order of time, and of clocks, both without what names the recording.
 
         Raises InputError where the file cannot be read or nothing says how its clock is to be brought over.
         """
-        own = events_of_rows(self.rows)
-        nothing = [""] * len(own)
-        events = _event_rows(own, own.time_s, np.full(len(own), np.nan), nothing)
-        clocks = []
+        sheet = events_of_rows(self.rows)
+        events, clocks = _event_rows(sheet, sheet.time_s, np.full(len(sheet), np.nan)), []
         if self.file is not None:
-            read = read_events(self.file)
-            more, clock = self._brought_over(read, own)
+            more, clock = self._brought_over(read_events(self.file), sheet)
             events, clocks = events + more, [clock]
         events.sort(key=lambda row: row["onset_s"])
         return [{**row, "event": number} for number, row in enumerate(events)], clocks
 
-    def _brought_over(self, events: Events, own: Events) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    def _brought_over(self, events: Events, sheet: Events) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         """Rows of the file's events and of its clock."""
-        first_s, last_s = _span_s(self.poses)
-        offset_s = first_s if events.clock is Clock.START else 0.0
-        message = ""
+        span_s = _span_s(self.poses)
         if events.clock is Clock.OWN and self.pulses != SAME_CLOCK and not self._is_the_recording():
-            return self._fitted(events, own, (first_s, last_s))
-        if events.clock is Clock.OWN and self.pulses == SAME_CLOCK:
-            message = "declared to be the recording's own clock"
+            return self._fitted(events, sheet, span_s)
+        offset_s = span_s[0] if events.clock is Clock.START else 0.0
         if np.isnan(offset_s):
             raise InputError(f"{self.poses}: has no times, so onsets from its start say nothing; give time_s")
-        time_s = events.time_s + offset_s
-        sd_s = np.where(events.sd_s > 0, events.sd_s, np.nan)
-        clock = {"scale_ppm": 0.0, "offset_s": offset_s, "n_pulses": 0, "status": "ok", "message": message}
-        clock |= dict.fromkeys(("n_missing", "n_extra", "n_steps"), 0)
+        declared = events.clock is Clock.OWN and self.pulses == SAME_CLOCK
+        clock = {"scale_ppm": 0.0, "offset_s": offset_s, "status": "ok"} | dict.fromkeys(_COUNTS, 0)
+        clock["message"] = "declared to be the recording's own clock" if declared else ""
         if (events.sd_s > 0).any():
             clock["clock_sd_ms"] = 1e3 * float(events.sd_s.max())
-        rows = _event_rows(events, time_s, sd_s, [""] * len(events))
-        return rows, _with_notes(clock, events, time_s, (first_s, last_s))
+        time_s = events.time_s + offset_s
+        rows = _event_rows(events, time_s, np.where(events.sd_s > 0, events.sd_s, np.nan))
+        return rows, _with_notes(clock, events, time_s, span_s)
 
     def _is_the_recording(self) -> bool:
         """Whether the poses were imported from the very file of events: all its streams share one clock."""
@@ -92,7 +87,7 @@ class RecordingEvents:
         return file_sha256(self.file) in [entry["sha256"] for entry in inputs]
 
     def _fitted(
-        self, events: Events, own: Events, span_s: tuple[float, float]
+        self, events: Events, sheet: Events, span_s: tuple[float, float]
     ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         if not self.pulses:
             raise InputError(
@@ -108,26 +103,18 @@ class RecordingEvents:
             raise InputError(
                 f"{self.file}: has {pulses.sum()} events {name!r}; expected at most {MOST_PULSES} pulses"
             )
-        times, ahead_s = ascending(events.time_s)
-        order = np.argsort(times[pulses], kind="stable")
-        reference_s = np.sort(self._reference_s(own, name, other))
-        fit = fit_clock(reference_s, times[pulses][order], ahead_s[pulses][order])
+        fit = fit_clock(np.sort(self._reference_s(sheet, name, other)), events.time_s[pulses])
         if isinstance(fit, str):
-            clock: dict[str, Any] = {"status": "failed", "n_pulses": 0, "message": f"{self.file}: {fit}"}
-            clock |= dict.fromkeys(("n_missing", "n_extra", "n_steps"), 0)
-            return [], {**clock, "source": events.source}
-        time_s, sd_s = fit.mapped(times)
-        message = [
-            "near a step of the clocks: it may lie before or after it" if unsure else ""
-            for unsure in fit.near_step(times)
-        ]
-        rows = _event_rows(events, time_s, np.hypot(sd_s, fit.jitter_s), message)
+            failed = {"status": "failed", "message": f"{self.file}: {fit}", "source": events.source}
+            return [], failed | dict.fromkeys(_COUNTS, 0)
+        time_s, sd_s = fit.mapped(events.time_s)
+        rows = _event_rows(events, time_s, np.hypot(sd_s, fit.jitter_s))
         return rows, _with_notes(_clock_row(fit), events, time_s, span_s)
 
-    def _reference_s(self, own: Events, name: str, other: str) -> Array:
+    def _reference_s(self, sheet: Events, name: str, other: str) -> Array:
         """Times of the pulses on the recording's clock: of the sheet's events, else of the tracker's own."""
-        if own.named(other or name).any():
-            return own.time_s[own.named(other or name)]
+        if sheet.named(other or name).any():
+            return sheet.time_s[sheet.named(other or name)]
         if self.recording is None or not self.recording.name.endswith(_TRACKER_ENDING):
             raise InputError(
                 f"{self.file}: pulses {name!r}: the recording has no events named {other or name!r} to bring "
@@ -164,7 +151,7 @@ def _checked(path: Path, events: Events) -> Events:
     return events
 
 
-def _event_rows(events: Events, time_s: Array, sd_s: Array, messages: Sequence[str]) -> list[dict[str, Any]]:
+def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
@@ -174,25 +161,21 @@ def _event_rows(events: Events, time_s: Array, sd_s: Array, messages: Sequence[s
             "channel": int(channel) or None,
             "source": events.source,
             "onset_sd_ms": 1e3 * float(sd),
-            "message": message,
         }
-        for name, onset_s, duration_s, value, channel, sd, message in zip(
-            events.names, time_s, events.duration_s, events.value, events.channel, sd_s, messages, strict=True
+        for name, onset_s, duration_s, value, channel, sd in zip(
+            events.names, time_s, events.duration_s, events.value, events.channel, sd_s, strict=True
         )
     ]
 
 
 def _clock_row(fit: ClockFit) -> dict[str, Any]:
     return {
-        "scale_ppm": fit.scale_ppm,
-        "offset_s": fit.offset_s,
+        "scale_ppm": fit.line.rate * 1e6,
+        "offset_s": float(fit.line(np.zeros(1))[0]),
         "residual_ms": 1e3 * fit.residual_s,
         "clock_sd_ms": 1e3 * fit.clock_sd_s,
-        "n_pulses": fit.n_pulses,
-        "n_missing": fit.n_missing,
-        "n_extra": fit.n_extra,
-        "n_steps": len(fit.steps_s),
-        "status": fit.status,
+        **{name: getattr(fit, name) for name in _COUNTS},
+        "status": "weak" if fit.message else "ok",
         "message": fit.message,
     }
 

@@ -6,7 +6,7 @@ digits in every hand and task, for one pair of levels under one model.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,15 +44,14 @@ def difference_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recor
     for factor in everything.factors:
         columns = [column for column in ("hand", "task") if column != factor]
         cell = [*columns, "model", "of"]
-        units = dict(zip(numbers["of"], numbers["unit"], strict=True))
-        wide = subject_means(numbers, factor, cell)["value"].unstack("level", sort=False)
+        wide = subject_means(numbers, factor, cell).unstack("level", sort=False)
         families = dict(list(wide.groupby([*columns, "model"], sort=False))) if len(wide) else {}
         for place in places(everything, factor):
             for pair in level_pairs(everything, factor, place):
                 for key, family in families.items():
                     if key[:-1] == tuple(place.values()):
                         where = {**place, "model": key[-1], "quantity": quantity.name}
-                        yield from _family(family, pair, where, units)
+                        yield from _family(family, pair, where | {"unit": quantity.unit})
 
 
 def judge(rows: Sequence[Row]) -> None:
@@ -76,14 +75,14 @@ def judge(rows: Sequence[Row]) -> None:
                 row["verdict"] = SHOWN if p_holm <= LEVEL else NOT_SHOWN
 
 
-def _family(family: pd.DataFrame, pair: LevelPair, where: Row, units: Mapping[str, str]) -> Iterator[Row]:
+def _family(family: pd.DataFrame, pair: LevelPair, where: Row) -> Iterator[Row]:
     shared = {
         "hand": "", "task": "", **where,
         "factor": pair.factor, "level": pair.level, "other_level": pair.other, "design": pair.design,
     }  # fmt: skip
     for of, own in family.reindex(columns=[pair.level, pair.other]).groupby("of", sort=False):
         by_subject = own.droplevel([name for name in own.index.names if name != "subject"])
-        yield shared | _row(by_subject, pair) | {"of": of, "unit": units[of]}
+        yield shared | _row(by_subject, pair) | {"of": of}
 
 
 def _row(values: pd.DataFrame, pair: LevelPair) -> Row:
@@ -98,11 +97,11 @@ def _row(values: pd.DataFrame, pair: LevelPair) -> Row:
     if len(first) and len(other):
         row |= {"mean": float(first.mean()), "other_mean": float(other.mean())}
         row["difference"] = row["mean"] - row["other_mean"]
-    row |= effect_columns(pair.design, first.to_numpy(), other.to_numpy())
-    return row | {"message": untested_reason(pair.design, len(first), len(other)), VALUES: (first, other)}
+    row |= _effect_columns(pair.design, first.to_numpy(), other.to_numpy())
+    return row | {"message": _untested_reason(pair.design, len(first), len(other)), VALUES: (first, other)}
 
 
-def untested_reason(design: str, n: int, n_other: int) -> str:
+def _untested_reason(design: str, n: int, n_other: int) -> str:
     """Say why there is no test; empty where there is one."""
     if min(n, n_other) == 0:
         return message_of("none-at-both" if design == WITHIN else "none-at-one")
@@ -112,7 +111,7 @@ def untested_reason(design: str, n: int, n_other: int) -> str:
     return message_of("few-in-group", count=n, count_2=n_other, least=FEWEST_IN_GROUP) if few else ""
 
 
-def effect_columns(design: str, first: Array, other: Array) -> Row:
+def _effect_columns(design: str, first: Array, other: Array) -> Row:
     """Standardised difference of numbers at two levels, of the same subjects or of groups."""
     name, effect = ("d_z", paired_effect) if design == WITHIN else ("hedges_g", two_group_effect)
     found = effect(first, other)

@@ -68,25 +68,27 @@ class LevelPair:
 
 def level_pairs(everything: Recorded, factor: str, place: Mapping[str, str]) -> Iterator[LevelPair]:
     """Pairs of the factor's levels in a place, in the sheet's order, which is one for all places."""
-    known = in_order(_having(everything.rows, factor), level_column(factor))
-    present = set(_in(everything.rows, place)[level_column(factor)])
-    for level, other in combinations([level for level in known if level in present], 2):
-        yield level_pair(everything, factor, (level, other), place)
-
-
-def level_pair(
-    everything: Recorded, factor: str, levels: tuple[str, str], place: Mapping[str, str], design: str = ""
-) -> LevelPair:
-    """Two levels in a place; design : as it is to be, empty for that of most of the study's subjects."""
-    column = level_column(factor)
-    here, study = (_having(rows, factor) for rows in (_in(everything.rows, place), everything.rows))
-    missing = dict.fromkeys(_in(everything.rows, place)["subject"])
+    column, study = level_column(factor), everything.rows
+    in_place = study
+    for name, value in place.items():
+        in_place = in_place[in_place[name] == value]
+    here, study = in_place[in_place[column] != ""], study[study[column] != ""]
+    missing = dict.fromkeys(in_place["subject"])
     without = [subject for subject in missing if subject not in set(here["subject"])]
-    rows = here[here[column].isin(levels)]
-    anywhere = _levels_of(study[study[column].isin(levels)], column)
+    present = set(here[column])
+    for levels in combinations([level for level in in_order(study, column) if level in present], 2):
+        rows = here[here[column].isin(levels)]
+        yield _level_pair(factor, levels, rows, study[study[column].isin(levels)], without)
+
+
+def _level_pair(
+    factor: str, levels: tuple[str, str], rows: pd.DataFrame, study: pd.DataFrame, without: Sequence[str]
+) -> LevelPair:
+    """Two levels, of the recordings in a place and in the whole study that have either."""
+    column = level_column(factor)
+    anywhere, levels_of = _levels_of(study, column), _levels_of(rows, column)
     n_both = sum(len(own) == 2 for own in anywhere.values())
-    design = design or (WITHIN if 2 * n_both >= len(anywhere) else BETWEEN)
-    levels_of = _levels_of(rows, column)
+    design = WITHIN if 2 * n_both >= len(anywhere) else BETWEEN
     if design == BETWEEN:
         levels_of = {subject: anywhere[subject] for subject in levels_of}
     in_part: dict[str, str] = {}
@@ -100,16 +102,6 @@ def level_pair(
 
 def _levels_of(rows: pd.DataFrame, column: str) -> dict[str, frozenset[str]]:
     return {str(subject): frozenset(own) for subject, own in rows.groupby("subject", sort=False)[column]}
-
-
-def _having(rows: pd.DataFrame, factor: str) -> pd.DataFrame:
-    return rows[rows[level_column(factor)] != ""]
-
-
-def _in(rows: pd.DataFrame, place: Mapping[str, str]) -> pd.DataFrame:
-    for column, value in place.items():
-        rows = rows[rows[column] == value]
-    return rows
 
 
 def places(everything: Recorded, factor: str) -> Iterator[dict[str, str]]:

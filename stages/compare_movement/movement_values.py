@@ -18,7 +18,6 @@ from shukotsu.schemas.tables import Table, open_table
 
 if TYPE_CHECKING:
     import pandas as pd
-    import pyarrow as pa
 
 RECORDING = ["subject", "session", "hand", "task", "trial"]
 SUSPECT = "suspect"
@@ -31,12 +30,10 @@ class Recorded:
 
     rows : RECORDING, a column a factor (`level_column`; empty where a recording has no level), and
     `left_out`: why a recording is in no statistic, empty where it counts. factors : those that are compared.
-    asked : those that the study speaks of, in questions too.
     """
 
     rows: pd.DataFrame
     factors: tuple[str, ...]
-    asked: frozenset[str] = frozenset()
 
     @property
     def counted(self) -> pd.DataFrame:
@@ -50,7 +47,7 @@ class Recorded:
         What such a factor does is in the numbers' change, which then is no measurement error alone.
         """
         prefix = level_column("")
-        session = {prefix + SESSION: self.rows[SESSION]} if SESSION in self.asked else {}
+        session = {prefix + SESSION: self.rows[SESSION]} if SESSION in self.factors else {}
         recordings = self.rows.assign(**session)
         names = [name for name in recordings if name.startswith(prefix)]
         found: dict[str, dict[tuple[str, str], str]] = {SESSION: {}, TRIAL: {}}
@@ -68,67 +65,38 @@ def level_column(factor: str) -> str:
     return factor if factor in OWN_FACTORS else f"level of {factor}"
 
 
-def recorded(
-    rows: Sequence[Mapping[str, str]],
-    factors: Collection[str],
-    problems: pd.DataFrame,
-    asked: Collection[str] = (),
-) -> Recorded:
+def recorded(rows: Sequence[Mapping[str, str]], factors: Collection[str], problems: pd.DataFrame) -> Recorded:
     """Mark in the recordings with their levels those of hands that a problem calls suspect.
 
-    rows : as `schemas.factors.factor_levels` gives them. factors, asked : of `Recorded`. problems : as the
-    table has them.
+    rows : as `schemas.factors.factor_levels` gives them. problems : as the table has them.
     """
     import pandas as pd
 
-    names = [*RECORDING, *factors, *asked]
+    names = [*RECORDING, *factors]
     levels = pd.DataFrame(rows, columns=list(dict.fromkeys(names)), dtype=str)
     levels = levels.rename(columns={name: level_column(name) for name in names if name not in RECORDING})
     hand = ["subject", "session", "hand"]
     suspect = set(problems.loc[problems["severity"] == SUSPECT, hand].itertuples(index=False, name=None))
     reasons = [SUSPECT if key in suspect else "" for key in levels[hand].itertuples(index=False, name=None)]
-    return Recorded(levels.assign(left_out=reasons), tuple(factors), frozenset((*factors, *asked)))
+    return Recorded(levels.assign(left_out=reasons), tuple(factors))
 
 
 def read_frame(path: Path, table: Table, columns: Sequence[str]) -> pd.DataFrame:
-    """Read columns of a table, text as categories: a long table has few names many times."""
-    import pyarrow as pa
-
+    """Read columns of a table."""
     with open_table(path, table) as file:
-        batches = file.iter_batches(columns=list(columns))
-        parts = [_with_categories(pa.Table.from_batches([batch])) for batch in batches]
-        empty = file.schema_arrow.empty_table().select(list(columns))
-    whole = pa.concat_tables([_with_categories(empty), *parts]).unify_dictionaries()
-    frame: pd.DataFrame = whole.to_pandas()
+        frame: pd.DataFrame = file.read(columns=list(columns)).replace_schema_metadata().to_pandas()
     return frame
 
 
-def _with_categories(part: pa.Table) -> pa.Table:
-    import pyarrow as pa
-
-    for place, field in enumerate(part.schema):
-        if pa.types.is_string(field.type):
-            part = part.set_column(place, field.name, part.column(place).dictionary_encode())
-    return part.replace_schema_metadata()
-
-
 def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -> pd.DataFrame:
-    """A quantity's numbers in the recordings that count: those' columns, model, of, value, sd and unit.
+    """A quantity's numbers in the recordings that count: those' columns, model, of and value.
 
-    whole : the quantity's table. Rows without a number are left out; sd is NaN where none is stated. Sessions
-    come one after the other, see `in_order`, and so do the trials of each.
+    whole : the quantity's table. Sessions come one after the other, see `in_order`, and so do the trials of
+    each.
     """
-    of = whole[quantity.of[0]].astype(str)
-    for other in quantity.of[1:]:
-        of = of + quantity.joined_by + whole[other].astype(str)
-    named = whole[[*RECORDING, "model"]].astype(str)
-    column = quantity.column or quantity.name
-    numbers = named.assign(
-        of=of.str.strip(),
-        value=whole[column].astype(float),
-        unit=whole["unit"].astype(str) if "unit" in whole else quantity.unit,
-        sd=whole[quantity.sd].astype(float) if quantity.sd else float("nan"),
-    )
+    first, *others = quantity.of
+    of = whole[first].str.cat([whole[name] for name in others], sep=" ") if others else whole[first]
+    numbers = whole[[*RECORDING, "model"]].assign(of=of, value=whole[quantity.name].astype(float))
     found = numbers.dropna(subset="value").merge(counted, on=RECORDING)
     for column in ("trial", "session"):
         order = {name: place for place, name in enumerate(in_order(counted, column))}
@@ -147,14 +115,10 @@ def in_order(rows: pd.DataFrame, column: str) -> list[str]:
     return list(dict.fromkeys(str(name) for names in most for name in names))
 
 
-def subject_means(
-    frame: pd.DataFrame, factor: str, cell: Sequence[str], value: Sequence[str] = ("value",)
-) -> pd.DataFrame:
-    """Means over trials, then over sessions: rows by the columns of `cell`, subject and level."""
-    levels = frame.assign(level=frame[level_column(factor)])
+def subject_means(numbers: pd.DataFrame, factor: str, cell: Sequence[str]) -> pd.Series[float]:
+    """Means over trials, then over sessions: by the columns of `cell`, subject and level."""
+    levels = numbers.assign(level=numbers[level_column(factor)])
     levels = levels[levels["level"] != ""]
-    whose = [*cell, "subject", "session", "level"]
-    by_session = levels.groupby(whose, sort=False, observed=True)[list(value)].mean()
-    by_subject = by_session.groupby([*cell, "subject", "level"], sort=False, observed=True)
-    means: pd.DataFrame = by_subject.mean()
+    by_session = levels.groupby([*cell, "subject", "session", "level"], sort=False)["value"].mean()
+    means: pd.Series[float] = by_session.groupby([*cell, "subject", "level"], sort=False).mean()
     return means

@@ -66,7 +66,7 @@ def _numbers(results: Results, everything: Recorded) -> Iterator[tuple[Quantity,
     counted = everything.counted
     for name, quantities in groupby(QUANTITIES, key=lambda quantity: quantity.table.name):
         own = list(quantities)
-        columns = dict.fromkeys(column for quantity in own for column in quantity.columns)
+        columns = dict.fromkeys([*own[0].of, *(quantity.name for quantity in own)])
         whole = read_frame(results.study_table(name), TABLES[name], [*RECORDING, "model", *columns])
         for quantity in own:
             yield quantity, numbers_of(quantity, whole, counted)

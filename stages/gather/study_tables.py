@@ -268,7 +268,7 @@ def _joint_problems(joints: pa.Table) -> list[Row]:
 
 
 def _clock_problems(clocks: pa.Table) -> list[Row]:
-    """Recordings whose events were not read, stand on a clock not sure to be theirs, or that was set."""
+    """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
     return [
         problem_row(
             "align_events",
@@ -277,7 +277,7 @@ def _clock_problems(clocks: pa.Table) -> list[Row]:
             task=_title(row),
         )
         for row in rows_of(clocks)
-        if row["status"] in ("weak", "failed") or (row["n_steps"] and row["message"])
+        if row["status"] in ("weak", "failed")
     ]
 
 

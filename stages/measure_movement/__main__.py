@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,17 +16,18 @@ if TYPE_CHECKING:
     from shukotsu.schemas.plan import SubjectPlan
     from shukotsu.schemas.study import Recording
     from shukotsu.stages.measure_movement.cycles import Cycle
+    from shukotsu.stages.measure_movement.events import TimedEvent
 
-    Cycles = Mapping[Recording, Sequence[Sequence[Cycle]]]
-    """Of each recording the cycles of each event."""
+CYCLES = "movement_cycles"
+"""The table whose rows are of a hand, not of a model."""
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage measure_movement",
-        "Measure movement in every evaluated recording: ranges, speeds, cycles, ways of the fingertips; in "
-        "those that only calibrate, ranges.",
+        "Measure movement in every evaluated recording: ranges, speeds, cycles, ways of the fingertips, and "
+        "which of them struck at an event; in those that only calibrate, ranges.",
         "shukotsu stage measure_movement --plan results/demo/sub-01/plan.json --out results/demo/sub-01",
     )
     subject_stage.add_plan(parser, "the subject's plan, whose folder holds its tables", required=True)
@@ -38,49 +40,67 @@ def build_parser() -> argparse.ArgumentParser:
 def measure(arguments: argparse.Namespace) -> None:
     """Measure every recording under every whole skeleton, write the tables."""
     from shukotsu.schemas.plan import read_plan
-    from shukotsu.schemas.results import MEASURED_TABLES
-    from shukotsu.stages.measure_movement.events import cycles_of
+    from shukotsu.stages.measure_movement.events import cycles_of, events_of
+    from shukotsu.stages.measure_movement.movement_rows import cycle_rows
 
     plan = read_plan(arguments.plan, arguments.inputs)
-    with subject_stage.measured_tables(arguments, plan, MEASURED_TABLES) as tables:
+    with _written_tables(arguments, plan) as tables:
+        by_model = [table for name, table in tables.items() if name != CYCLES]
         for hand in plan.hands:
-            cycles: Cycles = {}
-            with subject_stage.recording_failure(arguments, plan.part(hand), tables["movement_cycles"]):
-                cycles = cycles_of(plan, hand, arguments.events, arguments.clocks)
-            used: set[tuple[Recording, str, int]] = set()
+            events: Mapping[Recording, Sequence[TimedEvent]] = {}
+            cycles: dict[Recording, Sequence[Sequence[Cycle]]] = {}
+            with subject_stage.recording_failure(arguments, plan.part(hand), tables[CYCLES]):
+                events = events_of(plan, hand, arguments.events, arguments.clocks)
+                cycles = {recording: cycles_of(plan, recording, rows) for recording, rows in events.items()}
+                rows = [recording.key | row for recording, own in cycles.items() for row in cycle_rows(own)]
+                tables[CYCLES].rows(plan.part(hand), rows)
             for part in plan.whole_parts:
                 if part.hand == hand:
-                    with subject_stage.recording_failure(arguments, part, *_by_model(tables)):
-                        _measure_part(plan, part, cycles, tables, used)
-            _write_cycles(plan, hand, cycles, used, tables["movement_cycles"])
+                    with subject_stage.recording_failure(arguments, part, *by_model):
+                        _measure_part(plan, part, events, cycles, tables)
 
 
-def _by_model(tables: Mapping[str, PartsWriter]) -> list[PartsWriter]:
-    """The tables whose rows are of a model."""
-    return [table for name, table in tables.items() if name != "movement_cycles"]
+@contextmanager
+def _written_tables(arguments: argparse.Namespace, plan: SubjectPlan) -> Iterator[dict[str, PartsWriter]]:
+    """Open the tables, made of skeletons, fits, poses and events."""
+    from contextlib import ExitStack
+
+    from shukotsu.schemas.catalogue import TABLES
+    from shukotsu.schemas.parts import parts_writer
+    from shukotsu.schemas.results import MEASURED_TABLES
+
+    events = [path for path in (arguments.events, arguments.clocks) if path is not None]
+    made_of = [plan.table(name) for name in ("joint_centres", "bone_lengths", "metacarpals")]
+    for name in ("joint_angles", "posed_tips", "bone_poses"):
+        made_of += plan.files_of(name)
+    provenance = subject_stage.provenance_of(plan, made_of, [*subject_stage.poses_files(plan), *events])
+    with ExitStack() as stack:
+        yield {
+            name: stack.enter_context(
+                parts_writer(arguments.out / f"{name}.parquet", TABLES[name], provenance)
+            )
+            for name in MEASURED_TABLES
+        }
 
 
 def _measure_part(
     plan: SubjectPlan,
     part: Part,
-    cycles: Cycles,
+    events: Mapping[Recording, Sequence[TimedEvent]],
+    cycles: Mapping[Recording, Sequence[Sequence[Cycle]]],
     tables: Mapping[str, PartsWriter],
-    used: set[tuple[Recording, str, int]],
 ) -> None:
-    """Write the rows of one model; used : takes the cycles that its curves are made of."""
+    """Write the rows of one model."""
     from shukotsu.schemas.poses import usable_poses
 
     curves: list[dict[str, Any]] = []
-    for table in _by_model(tables):
-        table.rows(part, [])
-    for recording in plan.evaluated(part.hand):
-        if not usable_poses([plan.poses(recording)])[0]:
-            continue  # its import failed: the recordings table says why
-        whole, own_curves = _measure_recording(plan, part, recording, cycles.get(recording, ()), tables)
-        used |= whole
-        curves += own_curves
-    for recording in _calibrations(plan, part):
-        _measure_recording(plan, part, recording, (), tables)
+    for name, table in tables.items():
+        if name != CYCLES:
+            table.rows(part, [])
+    for recording in (*plan.evaluated(part.hand), *_calibrations(plan, part)):
+        if usable_poses([plan.poses(recording)])[0]:  # else its import failed: the recordings table says why
+            of_recording = events.get(recording, ()), cycles.get(recording, ())
+            curves += _measure_recording(plan, part, recording, *of_recording, tables)
     for columns in curves:  # only now, as what `columns` has written stays there where the part fails
         tables["movement_curves"].columns(part, columns)
 
@@ -89,24 +109,19 @@ def _measure_recording(
     plan: SubjectPlan,
     part: Part,
     recording: Recording,
+    events: Sequence[TimedEvent],
     cycles: Sequence[Sequence[Cycle]],
     tables: Mapping[str, PartsWriter],
-) -> tuple[set[tuple[Recording, str, int]], list[dict[str, Any]]]:
-    """Write the rows of one recording, ranges alone where it only calibrates; give its curves."""
+) -> list[dict[str, Any]]:
+    """Write the rows of one recording, ranges alone where it only calibrates; return its curves."""
     from itertools import groupby
 
     from shukotsu.anatomy.recorded_movement import ANGLES, read_movement, unsolved
     from shukotsu.skeleton.posed_recording import posed_recording
-    from shukotsu.stages.measure_movement.movement_rows import (
-        Curve,
-        curve_columns,
-        distance_rows,
-        joint_curves,
-        left_out_rows,
-        path_rows,
-        range_rows,
-    )
+    from shukotsu.stages.measure_movement import movement_rows
+    from shukotsu.stages.measure_movement.events import struck_events
     from shukotsu.stages.measure_movement.sampling import grid_of
+    from shukotsu.stages.measure_movement.strokes import stroke_rows
 
     posed, evaluated = posed_recording(plan, recording, part.model), recording.role != "calibration"
 
@@ -114,77 +129,53 @@ def _measure_recording(
         tables[name].rows(part, [{**recording.key, **row} for row in rows])
 
     if reasons := unsolved(posed):
-        write("ranges_of_motion", left_out_rows(reasons) if evaluated else ())
-        return set(), []
+        write("ranges_of_motion", movement_rows.left_out_rows(reasons) if evaluated else ())
+        return []
     movement = read_movement(posed, with_tips=evaluated)
     grid = grid_of(movement.time_s)
-    used: set[tuple[Recording, str, int]] = set()
     ranges: list[dict[str, Any]] = []
-    curves: list[Curve] = []
+    curves: list[movement_rows.Curve] = []
     for series in movement.joints():
-        ranges += range_rows(series, grid)
+        ranges += movement_rows.range_rows(series, grid)
         if cycles:
             assert grid is not None  # without times there are no cycles
-            own, whole = joint_curves(series, grid, movement.time_s, cycles)
-            curves += own
-            used |= {(recording, *cycle) for cycle in whole}
+            curves += movement_rows.joint_curves(series, grid, movement.time_s, cycles)
     ranges.sort(key=lambda row: ANGLES.index(row["angle"]))
     if not evaluated:
         write("ranges_of_motion", ranges)
-        return set(), []
-    write("ranges_of_motion", [*left_out_rows(movement.left_out), *ranges])
-    write("fingertip_paths", path_rows(movement.fingertips, grid))
-    write("fingertip_distances", distance_rows(movement.fingertips, grid))
-    events = [own[0].event for own in cycles]
-    curves.sort(key=lambda one: (ANGLES.index(one.angle), events.index(one.event)))
-    together = groupby(curves, key=lambda one: (one.angle, one.event))
-    return used, [{**recording.key, **curve_columns(list(own))} for _, own in together]
+        return []
+    write("ranges_of_motion", [*movement_rows.left_out_rows(movement.left_out), *ranges])
+    write("fingertip_paths", movement_rows.path_rows(movement.fingertips, grid))
+    if strokes := struck_events(recording, events, [*posed.layout.digits]):
+        write("event_strokes", stroke_rows(movement, strokes))
+    names = [own[0].event for own in cycles]
+    curves.sort(key=lambda curve: (ANGLES.index(curve.angle), names.index(curve.event)))
+    together = groupby(curves, key=lambda curve: (curve.angle, curve.event))
+    return [{**recording.key, **movement_rows.curve_columns(list(own))} for _, own in together]
 
 
 def _calibrations(plan: SubjectPlan, part: Part) -> list[Recording]:
     """Recordings that only calibrate a hand and can be posed: without the tables of its metacarpals."""
-    from shukotsu.schemas.poses import usable_poses
-
     has_metacarpals = any(digit.metacarpal for digit in plan.layouts[part.hand].digits.values())
     if has_metacarpals and plan.models[part.model].fitting is None:
         return []
-    recordings = plan.recordings_of(part.hand, "calibration")
-    return [own for own in recordings if usable_poses([plan.poses(own)])[0]]
-
-
-def _write_cycles(
-    plan: SubjectPlan,
-    hand: str,
-    cycles: Cycles,
-    used: set[tuple[Recording, str, int]],
-    table: PartsWriter,
-) -> None:
-    rows = []
-    for recording, by_event in cycles.items():
-        for cycle in (cycle for own in by_event for cycle in own):
-            is_used = (recording, cycle.event, cycle.number) in used
-            row = recording.key | {"event": cycle.event, "cycle": cycle.number, "used": is_used}
-            row |= {"onset_s": cycle.onset_s, "duration_s": cycle.duration_s}
-            message = "" if is_used else cycle.refusal or "every angle has a gap in it"
-            rows.append(row | {"message": message})
-    table.rows(plan.part(hand), rows)
+    return list(plan.recordings_of(part.hand, "calibration"))
 
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why nothing was measured, of every part."""
-    from shukotsu.schemas.catalogue import TABLES as CATALOGUE
+    from shukotsu.schemas.catalogue import TABLES
     from shukotsu.schemas.plan import read_plan
     from shukotsu.schemas.results import MEASURED_TABLES
 
     plan = read_plan(arguments.plan, arguments.inputs)
     for name in MEASURED_TABLES:
-        parts = map(plan.part, plan.hands) if name == "movement_cycles" else plan.whole_parts
-        tables = {arguments.out / f"{name}.parquet": CATALOGUE[name]}
-        subject_stage.record_failed_parts(message, tables, parts)
+        parts = map(plan.part, plan.hands) if name == CYCLES else plan.whole_parts
+        subject_stage.record_failed_parts(message, {arguments.out / f"{name}.parquet": TABLES[name]}, parts)
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage; return its exit code."""
     return command_line.run(build_parser, argv, measure, record_bug=record_bug)
 
 

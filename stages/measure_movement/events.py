@@ -1,44 +1,85 @@
-"""Cycles of a hand's recordings, from the subject's events."""
+"""Events of a hand's recordings: those that cut cycles, and those that a fingertip made."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from shukotsu.errors import InputError
+from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import pose_blocks
 from shukotsu.schemas.study import Recording
+from shukotsu.schemas.tables import read_table, rows_of
 from shukotsu.stages.measure_movement.cycles import Cycle, cut_cycles, within_recording
 from shukotsu.stages.measure_movement.sampling import grid_of
-from shukotsu.stages.subject_stage import timed_events
+
+MOST_ONSET_SD_MS = 10.0
+"""Events that are known less well tell no stroke from the next."""
+
+_PITCH = re.compile(r"\bnote (\d{1,3})\b")
+_SAME_CLOCK = "same clock"
 
 
-def cycles_of(
-    plan: SubjectPlan, hand: str, events: Path | None, clocks: Path | None = None
-) -> dict[Recording, list[list[Cycle]]]:
-    """Cycles of each evaluated recording, by its events' names in turn; none without events or times.
+@dataclass(frozen=True)
+class TimedEvent:
+    """A row of the events table that has a time. doubt : why its clock is not sure; empty where it is."""
 
-    events, clocks : as `timed_events` takes them.
+    row: Mapping[str, Any]
+    doubt: str
+
+
+@dataclass(frozen=True)
+class StruckEvent:
+    """An event that a fingertip made. pitch : MIDI number, NaN where it names none. digit : as it names it,
+    empty where it names none. refusal : why it cannot be used; empty where it can. row : of the events table.
     """
-    by_recording: dict[tuple[str, str], dict[str, list[tuple[float, float, float]]]] = {}
-    for row, doubt in () if events is None else timed_events(plan, hand, events, clocks):
-        own = by_recording.setdefault((row["task"], row["trial"]), {})
+
+    number: int
+    onset_s: float
+    duration_s: float
+    pitch: float
+    digit: str
+    refusal: str
+    row: Mapping[str, Any]
+
+
+def events_of(
+    plan: SubjectPlan, hand: str, events: Path | None, clocks: Path | None
+) -> dict[Recording, list[TimedEvent]]:
+    """Return the events of a hand's evaluated recordings that have a time.
+
+    events, clocks : the subject's tables; without clocks every event's is trusted.
+    """
+
+    def place(row: Mapping[str, Any]) -> tuple[str, ...]:
+        return tuple(row[name] for name in CLOCKS.key)
+
+    known = [] if clocks is None else rows_of(read_table(clocks, CLOCKS))
+    weak = {place(row): row["message"] or "its clock is weak" for row in known if row["status"] == "weak"}
+    found: dict[tuple[str, str], list[TimedEvent]] = {}
+    for row in [] if events is None else rows_of(read_table(events, EVENTS)):
+        if (row["session"], row["hand"]) == (plan.session, hand) and row["onset_s"] is not None:
+            timed = TimedEvent(row, weak.get(place(row), ""))
+            found.setdefault((row["task"], row["trial"]), []).append(timed)
+    return {recording: found.get((recording.task, recording.trial), []) for recording in plan.evaluated(hand)}
+
+
+def cycles_of(plan: SubjectPlan, recording: Recording, events: Sequence[TimedEvent]) -> list[list[Cycle]]:
+    """Cycles of a recording, by its events' names in turn; none without events or times."""
+    by_name: dict[str, list[tuple[float, float, float]]] = {}
+    for event in events:
         duration_s, sd_ms = (
-            np.nan if row[name] is None else row[name] for name in ("duration_s", "onset_sd_ms")
+            np.nan if event.row[name] is None else event.row[name] for name in ("duration_s", "onset_sd_ms")
         )
-        own.setdefault(row["name"], []).append((row["onset_s"], duration_s, np.inf if doubt else sd_ms / 1e3))
-    return {
-        recording: _cycles(plan, recording, by_recording.get((recording.task, recording.trial), {}))
-        for recording in plan.evaluated(hand)
-    }
-
-
-def _cycles(
-    plan: SubjectPlan, recording: Recording, events: dict[str, list[tuple[float, float, float]]]
-) -> list[list[Cycle]]:
-    if not events:
+        times = event.row["onset_s"], duration_s, np.inf if event.doubt else sd_ms / 1e3
+        by_name.setdefault(event.row["name"], []).append(times)
+    if not by_name:
         return []
     try:
         blocks = pose_blocks(plan.poses(recording), plan.layouts[recording.hand.hand].measured)
@@ -48,7 +89,26 @@ def _cycles(
     if grid_of(time_s) is None:
         return []
     known = time_s[np.isfinite(time_s)]
-    found = (
-        within_recording(cut_cycles(name, *zip(*own, strict=True)), known) for name, own in events.items()
-    )
-    return [own for own in found if own]
+    cut = (cut_cycles(name, *zip(*times, strict=True)) for name, times in by_name.items())
+    return [within_recording(cycles, known) for cycles in cut if cycles]
+
+
+def struck_events(
+    recording: Recording, events: Sequence[TimedEvent], digits: Sequence[str]
+) -> list[StruckEvent]:
+    """Events that name a pitch or a digit, but those that bring clocks together, in order of time."""
+    pulses = {part.strip() for part in recording.pulses.split("=")} - {"", _SAME_CLOCK}
+    found = []
+    for row, doubt in ((event.row, event.doubt) for event in events):
+        pitch, words = _PITCH.search(row["name"]), row["name"].lower().split()
+        digit = next((name for name in digits if name.lower() in words), "")
+        if row["name"] in pulses or (not digit and pitch is None):
+            continue
+        sd_ms = row["onset_sd_ms"]
+        refusal = f"its clock is not sure: {doubt}" if doubt else ""
+        if not refusal and sd_ms is not None and sd_ms > MOST_ONSET_SD_MS:
+            refusal = f"its onset is known to {sd_ms:.0f} ms, more than {MOST_ONSET_SD_MS:.0f}"
+        duration_s = float("nan") if row["duration_s"] is None else row["duration_s"]
+        number = float(pitch[1]) if pitch else float("nan")
+        found.append(StruckEvent(row["event"], row["onset_s"], duration_s, number, digit, refusal, row))
+    return sorted(found, key=lambda event: event.onset_s)

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shukotsu.anatomy.recorded_movement import ERRORS, AngleSeries, FingertipPath
-from shukotsu.sentences.messages import joined
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
 from shukotsu.stages.measure_movement.cycles import PERCENT, Cycle, mean_curves, normalised
 from shukotsu.stages.measure_movement.differentiation import speed
-from shukotsu.stages.measure_movement.fingertip_contacts import contact_count, contacts
 from shukotsu.stages.measure_movement.sampling import Grid, bridged
-from shukotsu.stages.measure_movement.smoothness import median_smoothness
 
 Row = dict[str, Any]
 
 LEAST_VALID_PERCENT = 50.0
-NO_SKIN = "a digit of this model ends at its distal receiver, which tells no contact"
 NO_TIMES = "the recording has no times, so there are no speeds"
 
 
@@ -69,7 +64,7 @@ def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
 def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
     """Rows of fingertip_paths."""
     for digit, tip in tips.items():
-        known = np.isfinite(_summed_squares(tip.place_mm))
+        known = np.isfinite(tip.place_mm[..., 0]).all(1)
         row: Row = {"digit": digit} | _coverage(known)
         if not known.any():
             yield row | {"status": "failed", "message": tip.message or "no frame has this fingertip"}
@@ -81,66 +76,32 @@ def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[
                 "path_length_mm": float(np.nansum(way) * grid.step_s) if moving.any() else None,
                 "duration_s": float(moving.sum() * grid.step_s),
                 "path_sd_mm": _path_sd_mm(tip, turn, grid),
-                "sparc": median_smoothness(way, grid.step_s),
             }
             row |= _speed_columns(way, "mm_s")
         yield row | _judged(row, "weak" if tip.message else "ok", tip.message, grid)
 
 
-def distance_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
-    """Rows of fingertip_distances, of every two digits.
-
-    A contact goes on over a short gap: a lost frame is not a release, nor the next one another contact.
-    """
-    for (digit, one), (other_digit, other) in combinations(tips.items(), 2):
-        distance_mm = np.sqrt(_summed_squares(one.place_mm, other.place_mm))
-        known = np.isfinite(distance_mm)
-        message = joined([one.message, other.message])
-        row: Row = {"digit": digit, "other_digit": other_digit, "n_frames": int(known.sum())}
-        if not known.any():
-            yield row | {"status": "failed", "message": message or "no frame has both fingertips"}
-            continue
-        sd_mm = np.sqrt((_summed_squares(one.sd_mm) + _summed_squares(other.sd_mm)) / 3.0)[known]
-        row |= {
-            "min_mm": float(distance_mm[known].min()),
-            "median_mm": float(np.median(distance_mm[known])),
-            "distance_sd_mm": float(np.median(sd_mm)),
-        }
-        if not (one.skin and other.skin):
-            yield row | {"status": "weak", "message": NO_SKIN}
-            continue
-        touching = contacts(distance_mm if grid is None else _bridged_in(distance_mm, grid))
-        in_contact = touching if grid is None else touching[grid.place]
-        row |= {
-            "contact_percent": 100.0 * float(in_contact[known].mean()),
-            "n_contacts": contact_count(touching),
-        }
-        yield row | {"status": "weak" if message else "ok", "message": message}
+def cycle_rows(cycles: Sequence[Sequence[Cycle]]) -> Iterator[Row]:
+    """Rows of movement_cycles, of the cycles of each event."""
+    for cycle in (cycle for of_event in cycles for cycle in of_event):
+        row = {"event": cycle.event, "cycle": cycle.number, "used": not cycle.refusal}
+        times = {"onset_s": cycle.onset_s, "duration_s": cycle.duration_s}
+        yield row | times | {"message": cycle.refusal}
 
 
 def joint_curves(
     series: AngleSeries, grid: Grid, time_s: Array, events: Sequence[Sequence[Cycle]]
-) -> tuple[list[Curve], set[tuple[str, int]]]:
-    """Give an angle's mean curve over the cycles of each event, and the cycles used, by event and number.
-
-    time_s : (T,) of the frames. An event of which no cycle is whole is left out.
-    """
+) -> Iterator[Curve]:
+    """An angle's mean curve over the cycles of each event; time_s : (T,) of the frames."""
     values = bridged(grid.spread(series.angle_deg[:, None]), grid.step_s)
     at_s = grid.times(time_s)
-    found: list[Curve] = []
-    used: set[tuple[str, int]] = set()
     for cycles in events:
-        usable = [one for one in cycles if not one.refusal]
-        if not usable:
-            continue
-        curves = np.stack([normalised(values, at_s, one) for one in usable])
-        mean, sd, count = mean_curves(curves)
-        if count[0]:
-            name, own = cycles[0].event, series.angle
-            found.append(Curve(series.joint, own, name, mean[:, 0], sd[:, 0], int(count[0])))
-        whole = np.asarray(~np.isnan(curves).any(1))
-        used |= {(one.event, one.number) for one, own in zip(usable, whole, strict=True) if own.any()}
-    return found, used
+        usable = [cycle for cycle in cycles if not cycle.refusal]
+        if usable:
+            mean, sd, count = mean_curves(np.stack([normalised(values, at_s, cycle) for cycle in usable]))
+            if count[0]:
+                numbers = mean[:, 0], sd[:, 0], int(count[0])
+                yield Curve(series.joint, series.angle, cycles[0].event, *numbers)
 
 
 def curve_columns(curves: Sequence[Curve]) -> dict[str, Any]:
@@ -183,24 +144,10 @@ def _speed_columns(speeds: Array, unit: str) -> Row:
     return {f"speed_median_{unit}": float(middle), f"speed_p95_{unit}": float(high)}
 
 
-def _summed_squares(one: Array, other: Array | None = None) -> Array:
-    """Squares of columns (T, D, 1), or of their distances from other ones, summed, (T,)."""
-    summed = np.zeros(len(one))
-    for index in range(one.shape[1]):
-        column = one[:, index, 0] if other is None else one[:, index, 0] - other[:, index, 0]
-        summed += column**2
-    return summed
-
-
 def _speeds(columns: Array, grid: Grid) -> Array:
     """Speeds (n,) of columns (T, D, 1)."""
     series = (bridged(grid.spread(columns[:, index]), grid.step_s) for index in range(columns.shape[1]))
     return speed(series, grid.step_s)
-
-
-def _bridged_in(values: Array, grid: Grid) -> Array:
-    """A series (T,) on the grid, its short gaps bridged."""
-    return bridged(grid.spread(values[:, None]), grid.step_s)[:, 0]
 
 
 def _path_sd_mm(tip: FingertipPath, turn_rad_s: Array, grid: Grid) -> float:

@@ -200,15 +200,10 @@ def movement_paragraph(movement: Movement) -> str:
         "Movement was measured in {subjects} by joint angles under {model}. The range of motion "
         "is the distance from the 2.5th to the 97.5th percentile of an angle. Speeds are slopes "
         "of a parabola fitted in a moving window that passes 10 Hz at half power "
-        "(Savitzky-Golay). Smoothness is the spectral arc length of the fingertip's speed "
-        "(SPARC).",
+        "(Savitzky-Golay).",
         subjects=ngettext("{n} subject", "{n} subjects", subjects),
         model=movement.model,
     )
-    if len(movement.curves):
-        text += tr(
-            " Movement was cut into cycles at events, and each cycle brought to 0 to 100 % of its length."
-        )
     if len(movement.differences):
         tests = sorted(translated(test) for test in movement.differences["test"].unique() if test)
         text += tr(
@@ -222,8 +217,7 @@ def movement_paragraph(movement: Movement) -> str:
     if len(movement.reliability):
         text += tr(
             " Repeatability: ICC(2,1) and ICC(3,1) with F-based intervals, standard error of "
-            "measurement within subjects, minimal detectable change 1.96 √2 times that, Bland-Altman "
-            "limits of agreement."
+            "measurement within subjects, minimal detectable change 1.96 √2 times that."
         )
     return text
 

@@ -1,4 +1,4 @@
-"""Made-up tables of movement for a made-up study: ranges, curves, and statistics of two groups and sessions.
+"""Made-up tables of movement for a made-up study: ranges and statistics of two groups and sessions.
 
 Of every range group A has 12 deg more in index_pip; the numbers of statistics are made, not computed.
 """
@@ -14,7 +14,6 @@ import numpy as np
 
 from report_samples.made_study import write
 from shukotsu.schemas.movement_tables import (
-    MOVEMENT_CURVES,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
     RANGES_OF_MOTION,
@@ -45,10 +44,6 @@ def write_movement(
     write(results / "ranges_of_motion.parquet", RANGES_OF_MOTION, ranges)
     if not statistics:
         return
-    curves = [
-        _curve(subject, joint, percent) for subject, joint, percent in product(subjects, JOINTS, range(101))
-    ]
-    write(results / "movement_curves.parquet", MOVEMENT_CURVES, curves)
     of = [(f"{joint} {angle}", rank) for rank, (joint, angle) in enumerate(product(JOINTS, ANGLES))]
     n = len(subjects) // 2
     write(
@@ -84,24 +79,6 @@ def _range(subject: str, session: str, model: str, joint: str, angle: str, rng: 
         "n_frames": 300,
         "valid_percent": 99.0,
         "status": "ok",
-    }
-
-
-def _curve(subject: str, joint: str, percent: int) -> Row:
-    mean = 20.0 + 15.0 * np.sin(np.pi * percent / 100) + len(subject) + len(joint)
-    return {
-        **TASK,
-        "subject": subject,
-        "session": "1",
-        "trial": "",
-        "model": "whole-hand",
-        "joint": joint,
-        "angle": "flexion",
-        "event": "key",
-        "percent": percent,
-        "mean_deg": float(mean),
-        "sd_deg": 2.0,
-        "n_cycles": 8,
     }
 
 
@@ -153,10 +130,5 @@ def _reliable(of: str, rank: int, n: int) -> Row:
         "icc_3_1_high": 0.92,
         "sem": sem,
         "mdc": 2.77 * sem,
-        "bias": 0.2,
-        "loa_low": 0.2 - 2.77 * sem,
-        "loa_high": 0.2 + 2.77 * sem,
-        "stated_sd": 2.1,
-        "held_percent": 95.0,
         "unit": "deg",
     }

@@ -20,8 +20,8 @@ MOST_ROWS = 300
 def range_table(movement: Movement) -> DataTable:
     """The range of motion of every joint angle over subjects, by hand and task."""
     means = movement.subject_means
-    sd = movement.ranges.groupby([*PLACE, *OF_ANGLE], sort=False, observed=True)["range_sd_deg"].median()
-    cells = means.groupby([*PLACE, *OF_ANGLE], sort=False, observed=True)[RANGE]
+    sd = movement.ranges.groupby([*PLACE, *OF_ANGLE], sort=False)["range_sd_deg"].median()
+    cells = means.groupby([*PLACE, *OF_ANGLE], sort=False)[RANGE]
     found = cells.agg(["count", "mean", "std", "min", "max"]).join(sd).reset_index()
     columns = (
         text_column(tr("Joint"), "joint"),
@@ -84,10 +84,6 @@ def reliability_tables(movement: Movement) -> list[Folded]:
         Column(tr("ICC(3,1)"), lambda r: _with_interval(r, "icc_3_1")),
         _number(tr("SEM"), "sem", 2),
         _number(tr("MDC"), "mdc", 2),
-        _number(tr("Bias"), "bias", 2),
-        Column(tr("Limits of agreement"), lambda r: _interval(r["loa_low"], r["loa_high"])),
-        _number(tr("Stated 1-sigma"), "stated_sd", 2),
-        Column(tr("Within 1.96 of it [%]"), lambda r: number(r["held_percent"], 0)),
     )
     return list(_by_quantity(movement.reliability, tr("Repeatability"), columns, "movement_reliability"))
 

@@ -16,9 +16,7 @@ from shukotsu.stages.report.movement_page.movement_numbers import (
 )
 from shukotsu.stages.report.movement_page.movement_panels import (
     MOST_CONTRASTS,
-    agreement_plots,
     contrasts,
-    curve_plots,
     range_panels,
 )
 from shukotsu.stages.report.movement_page.movement_results import Movement
@@ -53,8 +51,6 @@ def render_movement(results: StudyResults, movement: Movement) -> str:
         contrasts=_contrasts(movement, digits),
         undrawn=max(0, len(movement.differences.drop_duplicates(PAIR)) - MOST_CONTRASTS),
         difference_tables=difference_tables(movement),
-        curves=_drawn(curve_plots(movement, digits)),
-        agreement=_drawn(agreement_plots(movement)),
         reliability_tables=reliability_tables(movement),
         methods=movement_paragraph(movement),
     )

@@ -1,4 +1,4 @@
-"""Describe what the movement page and the figures for print draw: ranges, differences, curves, agreement."""
+"""Describe what the movement page and the figures for print draw: ranges and differences."""
 
 from __future__ import annotations
 
@@ -12,20 +12,14 @@ import numpy as np
 from shukotsu.sentences.translation import tr, word
 from shukotsu.stages.report.models_compared.model_panels import SCALES
 from shukotsu.stages.report.movement_page.movement_results import PLACE, RANGE, Movement
-from shukotsu.stages.report.movement_page.movement_text import PAIR
-from shukotsu.stages.report.movement_page.wording_of_numbers import angle_text, of_text, place_text
-from shukotsu.stages.report.palette import INK, RULE, Look, digit_looks
+from shukotsu.stages.report.movement_page.movement_text import PAIR, place_text
+from shukotsu.stages.report.palette import INK, Look, digit_looks
 from shukotsu.stages.report.plots.description import (
-    Array,
-    Band,
-    CurvesPanel,
     Group,
-    Line,
     Row,
     RowsPanel,
     Scale,
     difference_scale,
-    even_scale,
     value_scale,
 )
 from shukotsu.stages.report.recording_results import ANGLES
@@ -34,11 +28,8 @@ from shukotsu.stages.report.table_cells import capital
 if TYPE_CHECKING:
     import pandas as pd
 
-MOST_PANELS = 6
-"""The most joints of which curves and agreement are drawn: those that moved most."""
 MOST_CONTRASTS = 3
 """The most pairs of levels that are drawn."""
-_CYCLE, _HEIGHT_MM = Scale(0.0, 100.0), 36.0
 
 
 def looks_of_joints(joints: Sequence[str], digits: Sequence[str]) -> dict[str, Look]:
@@ -142,89 +133,3 @@ def _difference_row(row: pd.Series[float], looks: dict[str, Look]) -> Row:
         interval=interval if np.isfinite(interval).all() else None,
         filled=row["verdict"] == "shown",
     )
-
-
-def curve_plots(movement: Movement, digits: Sequence[str]) -> list[CurvesPanel]:
-    """Mean curves over subjects with a band of one standard deviation, of the joints that moved most."""
-    found = []
-    curves = movement.curves
-    for joint, angle in movement.leading_angles:
-        own = curves[(curves["joint"] == joint) & (curves["angle"] == angle)]
-        for (hand, task, event), rows in own.groupby([*PLACE, "event"], sort=False):
-            ordered = rows.sort_values("percent")
-            x, mean = _column(ordered, "percent"), _column(ordered, "mean")
-            std, n = _column(ordered, "std"), int(rows["count"].max())
-            words = tr(
-                "{angle_text}, {place_text}, by {event}, n = {n}",
-                angle_text=angle_text(joint, angle),
-                place_text=place_text((hand, task)),
-                event=event,
-                n=n,
-            )
-            found.append(
-                CurvesPanel(
-                    words,
-                    tr("Mean course of {words}", words=words),
-                    tr("cycle [%]"),
-                    tr("{angle} [deg]", angle=angle),
-                    _CYCLE,
-                    even_scale([mean, mean - std, mean + std] if n > 1 else [mean]),
-                    _HEIGHT_MM,
-                    (Line(x, mean, looks_of_joints([joint], digits)[joint].colour),),
-                    (Band(x, mean - std, mean + std, RULE),) if n > 1 else (),
-                )
-            )
-        if len(found) >= MOST_PANELS:
-            break
-    return found[:MOST_PANELS]
-
-
-def agreement_plots(movement: Movement) -> list[CurvesPanel]:
-    """Bland-Altman: differences between consecutive sessions over their means, of what moved most."""
-    rows = movement.reliability
-    rows = rows[(rows["quantity"] == RANGE) & (rows["across"] == "session") & rows["bias"].notna()]
-    found = []
-    for joint, angle in movement.leading_angles:
-        for _, row in rows[rows["of"] == f"{joint} {angle}"].iterrows():
-            first, second = _consecutive(movement, joint, angle, str(row["hand"]), str(row["task"]))
-            words = f"{of_text(str(row['of']))}, {place_text((str(row['hand']), str(row['task'])))}"
-            limits = [(float(row[name]), True) for name in ("loa_low", "loa_high")]
-            levels = ((float(row["bias"]), False), *(each for each in limits if np.isfinite(each[0])))
-            found.append(
-                CurvesPanel(
-                    tr("{words}, n = {n}", words=words, n=int(row["n"])),
-                    tr("Agreement of sessions: {words}", words=words),
-                    tr("mean of two sessions [deg]"),
-                    tr("difference [deg]"),
-                    even_scale([(first + second) / 2]),
-                    even_scale([second - first, [height for height, _ in levels]]),
-                    _HEIGHT_MM,
-                    points=((first + second) / 2, second - first),
-                    levels=levels,
-                )
-            )
-        if len(found) >= MOST_PANELS:
-            break
-    return found[:MOST_PANELS]
-
-
-def _consecutive(movement: Movement, joint: str, angle: str, hand: str, task: str) -> tuple[Array, Array]:
-    """Ranges of subjects in a session and in their next one: those that bias and limits are of.
-
-    Sessions are in the order of the subjects who have most of them; one counts that at least half of the
-    subjects have, and a subject who has them all.
-    """
-    means = movement.session_means
-    wanted = {"joint": joint, "angle": angle, "hand": hand, "task": task}
-    for name, value in wanted.items():
-        means = means[means[name] == value]
-    wide = means.pivot(index="subject", columns="session", values=RANGE)
-    own = sorted((list(rows) for _, rows in means.groupby("subject")["session"]), key=len, reverse=True)
-    order = list(dict.fromkeys(session for sessions in own for session in sessions))
-    shared = [session for session in order if 2 * wide[session].notna().sum() >= len(wide)]
-    values = wide[shared].dropna().to_numpy(float)
-    return values[:, :-1].ravel(), values[:, 1:].ravel()
-
-
-def _column(rows: pd.DataFrame, name: str) -> Array:
-    return np.asarray(rows[name], float)

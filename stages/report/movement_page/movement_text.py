@@ -1,22 +1,16 @@
-"""The movement page's answers in plain sentences."""
+"""The movement page's answers in plain sentences, and what it calls joints, quantities and places."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import listed, ngettext, tr
+from shukotsu.sentences.translation import N_, listed, ngettext, tr, word
 from shukotsu.stages.report.belief import BELIEVED
 from shukotsu.stages.report.comparison.comparison_text import p_text
 from shukotsu.stages.report.movement_page.movement_results import RANGE, Movement
-from shukotsu.stages.report.movement_page.wording_of_numbers import (
-    amount,
-    angle_text,
-    place_text,
-    quantity_text,
-    who_text,
-)
 from shukotsu.stages.report.table_cells import number
 
 if TYPE_CHECKING:
@@ -24,6 +18,17 @@ if TYPE_CHECKING:
 
 MOST_NAMED = 3
 PAIR = ["factor", "level", "other_level"]
+QUANTITIES = {
+    "range_deg": N_("range of motion"),
+    "full_range_deg": N_("full range"),
+    "median_deg": N_("posture (median angle)"),
+    "speed_median_deg_s": N_("median speed"),
+    "speed_p95_deg_s": N_("speed (95th percentile)"),
+    "path_length_mm": N_("path length"),
+    "speed_median_mm_s": N_("median speed"),
+    "speed_p95_mm_s": N_("speed (95th percentile)"),
+}
+"""What quantities are called in a sentence."""
 
 
 def answers(movement: Movement) -> list[str]:
@@ -47,7 +52,7 @@ def moved_most(movement: Movement) -> str:
     first = found.iloc[0]
     care = movement.believed.get(first["joint"], BELIEVED) != BELIEVED
     spread = "" if first["count"] < 2 else tr(", standard deviation {std}", std=number(first["std"], 1))
-    text = tr(
+    return tr(
         "The {angle_text} moved most: {mean} deg on average over {subjects}{spread}, hands and "
         "tasks averaged{part}.",
         angle_text=angle_text(first["joint"], first["angle"]),
@@ -56,9 +61,6 @@ def moved_most(movement: Movement) -> str:
         spread=spread,
         part=tr("; believe it with care") if care else "",
     )
-    rest = found.iloc[1 : 1 + MOST_NAMED]
-    others = [f"{angle_text(r['joint'], r['angle'])} ({number(r['mean'], 1)})" for _, r in rest.iterrows()]
-    return tr("{text} Next: {others} deg.", text=text, others=listed(others)) if others else text
 
 
 def groups_differ(movement: Movement) -> list[str]:
@@ -101,7 +103,7 @@ def _untested_text(factor: str, pairs: Sequence[tuple[str, str, pd.DataFrame]]) 
 def _pair_text(factor: str, level: str, other: str, rows: pd.DataFrame) -> str:
     start = tr("{factor}, {level} against {other}:", factor=factor, level=level, other=other)
     judged = rows[rows["verdict"] != ""]
-    values = {"start": start, "who": who_text(judged.loc[judged["n"].idxmax()])}
+    values = {"start": start, "who": _who_text(judged.loc[judged["n"].idxmax()])}
     of_all = ngettext("{n} number", "{n} numbers", len(judged))
     shown = judged[judged["verdict"] == "shown"].sort_values("p_holm", kind="stable")
     if shown.empty:
@@ -120,23 +122,19 @@ def _pair_text(factor: str, level: str, other: str, rows: pd.DataFrame) -> str:
 
 
 def _difference_text(row: Any) -> str:
+    name = QUANTITIES[row["quantity"]]
     more, sign = (tr("less"), -1) if row["difference"] < 0 else (tr("more"), 1)
     ends = sorted((sign * row["low"], sign * row["high"]))
     return tr(
         "{quantity}, {difference} {more} with {level} ({interval_text}, {p_text} corrected; {place})",
-        quantity=quantity_text(row["quantity"], row["of"]),
-        difference=amount(abs(row["difference"]), abs(row["difference"]), row["unit"]),
+        quantity=tr("{quantity}, {of}", quantity=tr(name), of=_of_text(row["of"])),
+        difference=_amount(abs(row["difference"]), row["unit"]),
         more=more,
         level=row["level"],
-        interval_text=interval_text(*ends),
+        interval_text=tr("95 % {low} to {high}", low=number(ends[0], 1), high=number(ends[1], 1)),
         p_text=p_text(row["p_holm"]),
         place=place_text((row["hand"], row["task"])),
     )
-
-
-def interval_text(low: float, high: float, decimals: int = 1) -> str:
-    """A 95 % interval in a sentence."""
-    return tr("95 % {low} to {high}", low=number(low, decimals), high=number(high, decimals))
 
 
 def repeats(movement: Movement) -> str:
@@ -171,15 +169,44 @@ def _repeats_across(across: str, contains: str, rows: pd.DataFrame) -> str:
             factors=listed(contains.split(";")),
             **values,
         )
-    held = rows["held_percent"].median()
-    stated = tr("; 1.96 of the stated error hold {held} % of differences", held=number(held, 0))
     return tr(
         "From {across} to {across} a range of motion repeats to {sem} deg (standard error of "
-        "measurement, median of {joint_angles}; {k} {across}s of {subjects}), so a change of "
-        "one person below {mdc} deg in half of the angles, and below {most} deg in the worst, "
-        "cannot be told from measurement error{stated}.",
+        "measurement, median of {joint_angles}; {k} {across}s of {subjects}), so a change of one person "
+        "below {mdc} deg in half of the angles cannot be told from measurement error.",
         mdc=number(rows["mdc"].median(), 1),
-        most=number(rows["mdc"].max(), 1),
-        stated=stated if held == held else "",
         **values,
     )
+
+
+def angle_text(joint: str, angle: str) -> str:
+    """A joint's angle in words: index MCP flexion."""
+    digit, _, kind = joint.rpartition("_")
+    return tr("{joint} {angle}", joint=f"{digit} {kind.upper()}" if digit else joint, angle=angle)
+
+
+def _of_text(of: str) -> str:
+    """The same of a column `of`; a digit as it is."""
+    joint, _, angle = of.partition(" ")
+    return angle_text(joint, angle) if angle else word(of)
+
+
+def place_text(place: tuple[str, str]) -> str:
+    """Hand and task in words."""
+    hand, task = place
+    if not hand or not task:  # what is compared is no place
+        return tr("{hand} hand", hand=hand) if hand else task
+    return tr("{hand} hand, {task}", hand=hand, task=task)
+
+
+def _amount(value: float, unit: str) -> str:
+    """A number with its unit, to about a hundredth of it."""
+    decimals = 1 - math.floor(math.log10(value / 3)) if math.isfinite(value) and value > 1e-6 else 1
+    return f"{number(value, min(max(decimals, 0), 6))} {unit}"
+
+
+def _who_text(row: Any) -> str:
+    """How many subjects a number is of."""
+    n, n_other = int(row["n"]), int(row["n_other"])
+    if row["design"] == "between" and n_other:
+        return tr("{n} and {n_other} subjects", n=n, n_other=n_other)
+    return ngettext("{n} subject", "{n} subjects", n)

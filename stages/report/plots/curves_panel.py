@@ -1,4 +1,4 @@
-"""Paint numbers over a percent of a cycle, over time or over each other: bands, lines, points and levels."""
+"""Paint numbers over time: bands, lines and levels."""
 
 from __future__ import annotations
 
@@ -39,13 +39,8 @@ def paint(place: Place, panel: CurvesPanel, sheet: Sheet) -> None:
     axes.set_ylabel(sheet.words(panel.y_label))
     for band in panel.bands:
         axes.fill_between(band.x, band.low, band.high, color=band.colour, alpha=band.opacity, linewidth=0)
-    for height, dashed in panel.levels:
-        axes.axhline(
-            height,
-            color=INK if panel.points or dashed else RULE,
-            linewidth=0.8,
-            linestyle="--" if dashed else "-",
-        )
+    for height in panel.levels:
+        axes.axhline(height, color=RULE, linewidth=0.8)
     for order, line in enumerate(panel.lines):
         step = max(1, len(line.x) // _MARKS)
         axes.plot(
@@ -53,10 +48,6 @@ def paint(place: Place, panel: CurvesPanel, sheet: Sheet) -> None:
             markersize=3.0, markevery=(int(line.phase * step), step), markeredgecolor=PAPER,
             markeredgewidth=0.3, zorder=2.5 + order / 100,
         )  # fmt: skip
-    if panel.points is not None:
-        axes.plot(
-            *panel.points, "o", color=INK, alpha=0.6, markersize=3.4, markeredgewidth=0.0, clip_on=False
-        )
     for start, end in panel.marked:
         axes.axvspan(start, end, ymax=0.03, color=INK)
     if panel.words:

@@ -165,9 +165,9 @@ class Band:
 
 @dataclass(frozen=True)
 class CurvesPanel:
-    """Numbers over a percent of a cycle, over time or over each other.
+    """Numbers over time.
 
-    points : x and y of dots. levels : heights of horizontal lines, each with whether it is dashed. marked :
+    levels : heights of horizontal lines. marked : stretches
     stretches of x, from and to, drawn along the foot. words : what is said where nothing is drawn. An empty
     x_label leaves the axis without numbers, for the panel below has them.
     """
@@ -181,8 +181,7 @@ class CurvesPanel:
     height_mm: float
     lines: tuple[Line, ...] = ()
     bands: tuple[Band, ...] = ()
-    points: tuple[Array, Array] | None = None
-    levels: tuple[tuple[float, bool], ...] = ()
+    levels: tuple[float, ...] = ()
     marked: tuple[tuple[float, float], ...] = ()
     words: str = ""
 

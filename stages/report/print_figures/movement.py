@@ -1,19 +1,12 @@
-"""A study's figures of movement: ranges by joint, differences of levels, curves, agreement of sessions."""
+"""A study's figures of movement: ranges by joint, differences of levels."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from shukotsu.sentences.translation import tr
-from shukotsu.stages.report.movement_page.movement_panels import (
-    agreement_plots,
-    contrasts,
-    curve_plots,
-    range_panels,
-)
+from shukotsu.stages.report.movement_page.movement_panels import contrasts, range_panels
 from shukotsu.stages.report.movement_page.movement_results import RANGE, Movement
 from shukotsu.stages.report.movement_page.movement_text import why_nothing
-from shukotsu.stages.report.plots.description import CurvesPanel, Plot, in_rows
+from shukotsu.stages.report.plots.description import Plot, in_rows
 from shukotsu.stages.report.plots.style import TWO_COLUMNS_MM
 from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, study_text
 from shukotsu.stages.report.study_results import StudyResults
@@ -65,43 +58,6 @@ def group_differences(results: StudyResults, movement: Movement) -> tuple[Plot, 
         )
         + (tr(" Not drawn: {others}; see the movement page.", others=others) if others else "")
     )
-
-
-def movement_curves(results: StudyResults, movement: Movement) -> tuple[Plot, str]:
-    """Describe mean curves. Raises NoDataError without cycles."""
-    means = curve_plots(movement, _digits(results))
-    if not means:
-        raise NoDataError(tr("no movement was cut into cycles, for the study has no events"))
-    return Plot(in_rows(means, _ACROSS), TWO_COLUMNS_MM), (
-        tr(
-            "Course of joint angles over a cycle. {study_text} Model {model}. Mean over subjects of those "
-            "joints that moved most, shade one standard deviation between subjects. {list}",
-            study_text=study_text(results),
-            model=movement.model,
-            list=_list(means),
-        )
-    )
-
-
-def agreement(results: StudyResults, movement: Movement) -> tuple[Plot, str]:
-    """Describe Bland-Altman plots. Raises NoDataError where no hand was recorded in two sessions."""
-    drawn = agreement_plots(movement)
-    if not drawn:
-        raise NoDataError(tr("no range of motion was measured in two sessions by enough subjects"))
-    return Plot(in_rows(drawn, _ACROSS), TWO_COLUMNS_MM), (
-        tr(
-            "Agreement of sessions in range of motion (Bland-Altman) [deg]. {study_text} Model "
-            "{model}. A dot is a subject's difference between a session and the next, over their "
-            "mean; line: mean difference; dashed: 95 % limits of agreement. {list}",
-            study_text=study_text(results),
-            model=movement.model,
-            list=_list(drawn),
-        )
-    )
-
-
-def _list(drawn: Sequence[CurvesPanel]) -> str:
-    return tr("Panels, row by row: ") + tr("{parts}.", parts="; ".join(each.heading for each in drawn))
 
 
 def _digits(results: StudyResults) -> list[str]:

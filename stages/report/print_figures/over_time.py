@@ -196,7 +196,7 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
                     Line(*trace_line(trace), colour, style, 0.7)
                     for (_, colour, style), trace in zip(_LINES, traces[joint], strict=True)
                 ),
-                levels=((0.0, False),),
+                levels=(0.0,),
             )
             for place, joint in enumerate(line)
         )

@@ -15,12 +15,7 @@ from shukotsu.stages.report.plots.description import Plot
 from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError, drawn
 from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
 from shukotsu.stages.report.print_figures.models import models_by_digit, paired_differences
-from shukotsu.stages.report.print_figures.movement import (
-    agreement,
-    group_differences,
-    movement_curves,
-    ranges_of_motion,
-)
+from shukotsu.stages.report.print_figures.movement import group_differences, ranges_of_motion
 from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
 from shukotsu.stages.report.print_figures.skeletons import skeletons
 from shukotsu.stages.report.study_results import StudyResults
@@ -39,8 +34,6 @@ def of_study(results: StudyResults, base: str = "") -> Iterator[Drawing]:
     draw |= {
         "ranges-of-motion": partial(ranges_of_motion, results, movement),
         "group-differences": partial(group_differences, results, movement),
-        "movement-curves": partial(movement_curves, results, movement),
-        "bland-altman": partial(agreement, results, movement),
     }
     for name in STUDY_FIGURES:
         yield drawn(name, draw[name])

@@ -26,8 +26,7 @@ def rows_of(values: np.ndarray, levels: dict[str, list[str]]) -> dict[str, dict[
         ]
     )
     numbers = pd.concat(
-        recordings.assign(model="m", of=of, value=values[:, index], sd=1.0, unit="deg")
-        for index, of in enumerate(ANGLES)
+        recordings.assign(model="m", of=of, value=values[:, index]) for index, of in enumerate(ANGLES)
     )
     found = difference_rows(QUANTITIES[0], numbers.dropna(subset="value"), Recorded(recordings, ("group",)))
     found = list(found)

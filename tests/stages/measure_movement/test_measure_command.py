@@ -29,8 +29,7 @@ from shukotsu.skeleton.joint_angles import joint_angles, joint_rotation
 from shukotsu.skeleton.posing import SkeletonJoint
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.__main__ import main
-from shukotsu.stages.measure_movement.fingertip_contacts import CONTACT_MM
-from shukotsu.stages.simulate.random_hand import BONES, DIGITS
+from shukotsu.stages.simulate.random_hand import BONES
 
 N_FRAMES, SEED = 1500, 4
 FINGERS = ("index", "middle", "ring", "little")
@@ -94,7 +93,7 @@ def test_a_calibration_recording_has_its_ranges_of_motion(out: Path) -> None:
         assert row["full_range_deg"] == pytest.approx(true[f"{name}_pip"], abs=12)
         assert 0 < row["range_deg"] <= row["full_range_deg"]
         assert row["n_frames"] == N_FRAMES
-    for table in ("fingertip_paths", "fingertip_distances", "movement_cycles", "movement_curves"):
+    for table in ("fingertip_paths", "movement_cycles", "movement_curves"):
         assert not rows_in(out, table, task="rom")
 
 
@@ -178,22 +177,6 @@ def test_ranges_of_a_fitted_hand_are_as_far_off_as_stated(out: Path, hand: str) 
     assert np.median(speed_ratio) == pytest.approx(1.0, abs=0.1)
 
 
-def test_distances_are_those_of_the_skin_and_contacts_those_of_the_task(out: Path) -> None:
-    truth = recorded("right", "opposition", seed=SEED, n_frames=N_FRAMES)[0].truth
-    rows = rows_in(out, "fingertip_distances", hand="right", model="quick")
-    assert len(rows) == 10
-    met = []
-    for row in rows:
-        ends = [truth.skin_tip_mm[:, DIGITS.index(row[name])] for name in ("digit", "other_digit")]
-        distance_mm = np.linalg.norm(ends[0] - ends[1], axis=-1)
-        assert row["median_mm"] == pytest.approx(np.median(distance_mm), abs=4 * row["distance_sd_mm"])
-        if abs(distance_mm.min() - CONTACT_MM) > 4 * row["distance_sd_mm"]:
-            met.append(bool(distance_mm.min() < CONTACT_MM))
-            assert (row["n_contacts"] > 0) == met[-1]
-            assert (row["contact_percent"] > 0) == met[-1]
-    assert set(met) == {True, False}
-
-
 def test_cycles_are_cut_and_refused(out: Path) -> None:
     cycles = rows_in(out, "movement_cycles")
     assert {row["hand"] for row in cycles} == {"right"}
@@ -223,7 +206,7 @@ def test_a_weak_clock_cuts_nothing(subject: PlannedSubject, tmp_path: Path) -> N
     events = subject.plan_file.with_name("events.parquet")
     own = {"subject": "01", "session": "", "hand": "right", "task": "opposition", "trial": ""}
     row = {**own, "source": "sheet", "status": "weak", "message": "said"}
-    row |= dict.fromkeys(("n_pulses", "n_missing", "n_extra", "n_steps"), 0)
+    row |= dict.fromkeys(("n_pulses", "n_missing", "n_extra"), 0)
     clocks = tmp_path / "clocks.parquet"
     write_table(clocks, CLOCKS, columns_from_rows(CLOCKS, [row]), Provenance())
     assert run(subject, tmp_path, f"--events={events}", f"--clocks={clocks}") == 0

@@ -53,15 +53,12 @@ class Approach:
 class StruckFingers:
     """probability : (E, D) that each digit struck; what is missing to 1: that none of the hand did.
 
-    best : (E, D) which of the C times it would have been. down : (3,) unit vector. key_pitch_mm : from a
-    white key to the next; NaN without pitches. plane_sd_mm : scatter of the touches about the keys' plane.
+    best : (E, D) which of the C times it would have been. down : (3,) unit vector.
     """
 
     probability: Array
     best: npt.NDArray[np.int64]
     down: Array
-    key_pitch_mm: float
-    plane_sd_mm: float
 
 
 def find_fingers(approach: Approach, pitch: Array, given: npt.NDArray[np.int64]) -> StruckFingers:
@@ -69,9 +66,9 @@ def find_fingers(approach: Approach, pitch: Array, given: npt.NDArray[np.int64])
     going = np.linalg.norm(approach.before_mm_s, axis=-1) - np.linalg.norm(approach.after_mm_s, axis=-1)
     known = np.isfinite(going).any(1)  # (E, D)
     best = np.nan_to_num(going, nan=-np.inf).argmax(1)
-    none, down, key_pitch_mm, plane_sd_mm = _FIRST_NONE, np.full(3, np.nan), np.nan, np.nan
+    none, down = _FIRST_NONE, np.full(3, np.nan)
     if not known.any():
-        return StruckFingers(np.zeros(known.shape), best, down, np.nan, np.nan)
+        return StruckFingers(np.zeros(known.shape), best, down)
     fall = np.where(known, np.nan_to_num(going, nan=-1e9).max(1), -1e9)
     share = _softmax(fall / max(1.0, float(np.median(np.abs(fall[known])))))
     share = _as_given(np.where(known, share, 0.0), given)
@@ -82,16 +79,14 @@ def find_fingers(approach: Approach, pitch: Array, given: npt.NDArray[np.int64])
         features = [_chosen(falling, best)]
         place = _chosen(approach.place_mm, best)
         if len(given) >= FEWEST_TOUCHES:
-            height, along, key_pitch_mm = _keyboard(place, share, pitch, down)
-            features += [height, along] if np.isfinite(key_pitch_mm) else [height]
-            plane_sd_mm = float(np.sqrt(_mean(height**2, share)))
+            features += _keyboard(place, share, pitch, down)
         odds = sum(_log_ratio(own, share, least) for own, least in zip(features, _LEAST_SD, strict=False))
         odds = np.where(known, odds, -np.inf) + np.log((1 - none) / share.shape[1])
         whole = _softmax(np.column_stack([odds, np.full(len(odds), np.log(none))]))
         share = _as_given(whole[:, :-1], given)
         free = given < 0
         none = float(np.clip(whole[free, -1].mean(), _LEAST_NONE, 0.9)) if free.any() else none
-    return StruckFingers(share, best, down, float(key_pitch_mm), plane_sd_mm)
+    return StruckFingers(share, best, down)
 
 
 def _softmax(logs: Array) -> Array:
@@ -130,10 +125,9 @@ def _way_down(approach: Approach, best: npt.NDArray[np.int64], share: Array) -> 
     return np.asarray(way)
 
 
-def _keyboard(place_mm: Array, share: Array, pitch: Array, down: Array) -> tuple[Array, Array, float]:
-    """Heights over the keys and places along them less the pitch's, (E, D), and the pitch of the keys.
-
-    Of a recording whose pitches do not tell where the keys are, no place along them and NaN.
+def _keyboard(place_mm: Array, share: Array, pitch: Array, down: Array) -> list[Array]:
+    """Heights over the keys and, where pitches tell where they are, places along them less the pitch's, (E,
+    D).
     """
     side = unit(np.cross(down, np.eye(3)[np.abs(down).argmin()]))
     axes = np.stack([side, np.cross(down, side), -down], -1)
@@ -153,7 +147,7 @@ def _keyboard(place_mm: Array, share: Array, pitch: Array, down: Array) -> tuple
     height = raised - design @ _robust(design, raised, weight, prior)
     keys = np.nan_to_num(white - np.nanmean(white) if np.isfinite(white).any() else white)
     if not np.isfinite(white).all() or np.ptp(white) < 2:
-        return np.where(known, height, np.nan), np.full(known.shape, np.nan), float("nan")
+        return [np.where(known, height, np.nan)]
     slope = (weight * keys[:, None])[..., None] * flat
     along = unit(slope.sum((0, 1))[:2])
     for _ in range(3):  # the direction in which the touches lie by their pitch
@@ -165,11 +159,7 @@ def _keyboard(place_mm: Array, share: Array, pitch: Array, down: Array) -> tuple
         near = weight / np.maximum(1.0, np.abs(residual) / 10.0)
         centred = keys[:, None] - (near * keys[:, None]).sum() / max(near.sum(), 1e-9)
         along = unit(((near * centred)[..., None] * flat[..., :2]).sum((0, 1)))
-    return (
-        np.where(known, height, np.nan),
-        np.where(known, residual, np.nan),
-        float(KEY_PITCH_MM + fitted[1]),
-    )
+    return [np.where(known, height, np.nan), np.where(known, residual, np.nan)]
 
 
 def _robust(design: Array, values: Array, weight: Array, prior: Array) -> Array:

@@ -34,7 +34,7 @@ _UNIT_S = 0.01
 
 @dataclass(frozen=True)
 class TurningPoint:
-    """A corner of a path: when, where (3,) and with which velocity (3,) before and after it.
+    """A corner of a path: when, where (3,) and with which velocity (3,) before it.
 
     sd_s, speed_sd_mm_s : 1-sigma of time and of the speed before, from the noise. noise_mm : of a place along
     one direction.
@@ -44,7 +44,6 @@ class TurningPoint:
     sd_s: float
     place_mm: Array
     before_mm_s: Array
-    after_mm_s: Array
     speed_sd_mm_s: float
     noise_mm: float
 
@@ -152,4 +151,4 @@ def _with_errors(
     variance = float(np.linalg.pinv(design.T @ design)[1, 1])
     by_time = float(taken[1] @ before_mm_s) / speed
     speed_sd = float(np.hypot(noise_mm * np.sqrt(variance), by_time * sd_s)) / _UNIT_S
-    return TurningPoint(time_s, sd_s, place, before_mm_s, after / _UNIT_S, speed_sd, noise_mm)
+    return TurningPoint(time_s, sd_s, place, before_mm_s, speed_sd, noise_mm)
