@@ -4,9 +4,6 @@ ICC(2,1) (absolute agreement: the sessions are a sample of all) and ICC(3,1) (co
 P. E. Shrout, J. L. Fleiss, Psychol. Bull. 86, 1979, the F-based intervals of K. O. McGraw, S. P. Wong,
 Psychol. Methods 1, 1996. SEM is the standard deviation within subjects, sessions' own shift included (H. C.
 W. de Vet and others, J. Clin. Epidemiol. 59, 2006); MDC = 1.96 sqrt(2) SEM.
-
-Limits of agreement: of a session's difference to the one before it, J. M. Bland, D. G. Altman, J. Biopharm.
-Stat. 17, 2007, where subjects give several; their intervals by G. Y. Zou, Stat. Methods Med. Res. 22, 2013.
 """
 
 from __future__ import annotations
@@ -49,32 +46,6 @@ class Reliability:
     def mdc(self) -> float:
         """The smallest change of one subject between two sessions that is not measurement error, at 95 %."""
         return Z_95 * math.sqrt(2.0) * self.sem
-
-
-@dataclass(frozen=True)
-class BlandAltman:
-    """Bias and 95 % limits of agreement, each with its 95 % interval, in the values' unit."""
-
-    bias: float
-    bias_interval: Interval
-    low: float
-    low_interval: Interval
-    high: float
-    high_interval: Interval
-
-
-@dataclass(frozen=True)
-class StatedSd:
-    """Hold how stated 1-sigma errors do against n differences that were seen.
-
-    stated : rms of the stated sd of a difference. ratio : rms difference over that, 1 where they are right.
-    held_percent : differences within 1.96 of their own stated sd.
-    """
-
-    n: int
-    stated: float
-    ratio: float
-    held_percent: float
 
 
 def reliability(values: Array) -> Reliability:
@@ -145,58 +116,6 @@ def _undefined(of_subjects: float, rest: float) -> Icc:
     """Give, of sessions that repeat exactly 1, of values that are all the same nothing."""
     value = 1.0 if of_subjects > 0 and rest <= 0 else math.nan
     return Icc(value, (value, value))
-
-
-def bland_altman(values: Array) -> BlandAltman:
-    """Agreement of values (n, k), a session with the one before it; n at least 2."""
-    from scipy.special import stdtrit
-
-    differences = np.diff(values, axis=1)
-    n, m = differences.shape
-    means = differences.mean(axis=1)
-    bias, of_means = float(means.mean()), float(means.var(ddof=1))
-    half = -float(stdtrit(n - 1, LEVEL / 2)) * math.sqrt(of_means / n)
-    parts = [(of_means, n - 1)]
-    if m > 1:
-        parts.append(((1 - 1 / m) * float(differences.var(axis=1, ddof=1).mean()), n * (m - 1)))
-    variance = sum(part for part, _ in parts)
-    spread = Z_95 * math.sqrt(variance)
-    inner, outer = (math.sqrt(max(0.0, edge)) * Z_95 for edge in _variance_interval(parts, variance))
-    near = math.hypot(half, spread - inner)
-    far = math.hypot(half, outer - spread)
-    return BlandAltman(
-        bias,
-        (bias - half, bias + half),
-        bias - spread,
-        (bias - spread - far, bias - spread + near),
-        bias + spread,
-        (bias + spread - near, bias + spread + far),
-    )
-
-
-def _variance_interval(parts: list[tuple[float, int]], variance: float) -> Interval:
-    """95 % interval of a sum of independent variances, (estimate, degrees of freedom) each (Zou, 2013)."""
-    below = above = 0.0
-    for part, freedom in parts:
-        low, high = freedom / _chi2([1 - LEVEL / 2, LEVEL / 2], freedom)
-        below += (part * (1 - low)) ** 2
-        above += (part * (high - 1)) ** 2
-    return variance - math.sqrt(below), variance + math.sqrt(above)
-
-
-def stated_against_seen(differences: Array, stated_sd: Array) -> StatedSd | None:
-    """Hold differences (m,) against the stated sd (m,) of each; None where no difference has one."""
-    known = np.isfinite(differences) & np.isfinite(stated_sd) & (stated_sd > 0)
-    if not known.any():
-        return None
-    seen, stated = differences[known], stated_sd[known]
-    rms = math.sqrt(float((stated**2).mean()))
-    return StatedSd(
-        int(known.sum()),
-        rms,
-        math.sqrt(float((seen**2).mean())) / rms,
-        100.0 * float((np.abs(seen) <= Z_95 * stated).mean()),
-    )
 
 
 def tuple_of(pair: Array) -> Interval:
