@@ -64,7 +64,7 @@ def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
 def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
     """Rows of fingertip_paths."""
     for digit, tip in tips.items():
-        known = np.isfinite(tip.place_mm[..., 0]).all(1)
+        known = np.asarray(np.isfinite(tip.place_mm[..., 0]).all(1))
         row: Row = {"digit": digit} | _coverage(known)
         if not known.any():
             yield row | {"status": "failed", "message": tip.message or "no frame has this fingertip"}
