@@ -74,7 +74,7 @@ def test_paths_of_a_subject(folder: Path) -> None:
 
 def test_files_of_the_whole_study(folder: Path) -> None:
     study = files(folder)
-    of_subjects, of_hands = len(GATHERED_TABLES) - 6 + 3, 3 + len(FIT_TABLES)
+    of_subjects, of_hands = len(GATHERED_TABLES), 3 + len(FIT_TABLES)
     assert len(study.gathered()) == 2 * of_subjects + 3 * of_hands
     assert study.all_poses() == [path for path in study.tables if path.endswith("/poses.parquet")]
     assert set(study.gathered()) < set(study.tables)
