@@ -55,7 +55,9 @@ def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[TextTable]:
             "--cores",
             "2",
         ]
-        run_python(*command, "--configfile", f"{name}/study.yaml", "--until", "measure_movement", folder=folder)
+        run_python(
+            *command, "--configfile", f"{name}/study.yaml", "--until", "measure_movement", folder=folder
+        )
         strokes = pd.concat(
             [read(folder / "results" / "study" / f"sub-{own}" / "event_strokes.parquet") for own in truth]
         )

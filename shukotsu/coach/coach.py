@@ -218,7 +218,8 @@ class Coach:
 
     def _advise(self, current: Estimate) -> None:
         """See whether the request is done or tried; ask for what helps most, or say that it is enough."""
-        if self.phase == ENOUGH:
+        before = self.phase
+        if before == ENOUGH:
             worst_mm = max((_sd_mm(current, joint) for joint in self._useful(current)), default=0.0)
             if worst_mm <= AGAIN * self.hand.wanted_mm:
                 return
@@ -240,7 +241,8 @@ class Coach:
             return
         self.phase, self.request = ENOUGH, None
         self.advice = f"Enough: {self.summary()}"
-        self._say(self.advice)
+        if before != ENOUGH:  # said once: only its numbers change while nothing else would help
+            self._say(self.advice)
 
     def _useful(self, current: Estimate) -> list[str]:
         """Joints that are not good enough, and for which movements have not been in vain."""
