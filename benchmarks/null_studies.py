@@ -12,7 +12,7 @@ import numpy.typing as npt
 from benchmarks.benchmark_table import Cell, TextTable, workers
 from shukotsu.statistics.multiple_comparisons import LEVEL, holm
 from shukotsu.statistics.paired_statistics import sign_flip_p
-from shukotsu.statistics.permutation_test import group_test
+from shukotsu.statistics.difference_tests import group_test
 
 Array = npt.NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from shukotsu.stages.compare_movement.movement_values import Recorded, subject_m
 from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
 from shukotsu.statistics.multiple_comparisons import LEVEL, holm
 from shukotsu.statistics.paired_statistics import Array
-from shukotsu.statistics.permutation_test import (
+from shukotsu.statistics.difference_tests import (
     FEWEST_IN_GROUP,
     FEWEST_WITHIN,
     NOT_SHOWN,

@@ -17,7 +17,7 @@ import pytest
 
 from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
 from shukotsu.statistics.paired_statistics import small_sample_correction
-from shukotsu.statistics.permutation_test import group_test
+from shukotsu.statistics.difference_tests import group_test
 from shukotsu.statistics.reliability_statistics import reliability
 
 TESTS = Path(__file__).resolve().parents[1]

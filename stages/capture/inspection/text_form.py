@@ -72,7 +72,7 @@ def detect_form(path: Path) -> TextForm:
     ]
     if not candidates:
         raise InputError(
-            f"{path}: no table of numbers and no 4x4 matrices in its first lines; expected a recording"
+            f"{path}: no table of numbers in its first lines; expected a recording"
         )
     return max(candidates, key=lambda candidate: candidate[0])[1]
 
