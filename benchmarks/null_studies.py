@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.benchmark_table import Cell, TextTable, workers
+from shukotsu.statistics.difference_tests import group_test
 from shukotsu.statistics.multiple_comparisons import LEVEL, holm
 from shukotsu.statistics.paired_statistics import sign_flip_p
-from shukotsu.statistics.difference_tests import group_test
 
 Array = npt.NDArray[np.float64]
 

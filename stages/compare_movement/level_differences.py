@@ -15,9 +15,6 @@ from shukotsu.schemas.quantities import Quantity
 from shukotsu.sentences.messages import message_of
 from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
 from shukotsu.stages.compare_movement.movement_values import Recorded, subject_means
-from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
-from shukotsu.statistics.multiple_comparisons import LEVEL, holm
-from shukotsu.statistics.paired_statistics import Array
 from shukotsu.statistics.difference_tests import (
     FEWEST_IN_GROUP,
     FEWEST_WITHIN,
@@ -26,6 +23,9 @@ from shukotsu.statistics.difference_tests import (
     group_test,
     paired_test,
 )
+from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
+from shukotsu.statistics.multiple_comparisons import LEVEL, holm
+from shukotsu.statistics.paired_statistics import Array
 
 if TYPE_CHECKING:
     import pandas as pd

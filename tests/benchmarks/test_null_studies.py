@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import binom
 
 from benchmarks.null_studies import any_shown, numbers, run
-from shukotsu.statistics.paired_statistics import sign_flip_p
 from shukotsu.statistics.difference_tests import group_test
+from shukotsu.statistics.paired_statistics import sign_flip_p
 
 STUDIES = 600
 

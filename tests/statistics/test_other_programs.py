@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shukotsu.statistics.difference_tests import group_test
 from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
 from shukotsu.statistics.paired_statistics import small_sample_correction
-from shukotsu.statistics.difference_tests import group_test
 from shukotsu.statistics.reliability_statistics import reliability
 
 TESTS = Path(__file__).resolve().parents[1]

@@ -71,9 +71,7 @@ def detect_form(path: Path) -> TextForm:
         if decimal != delimiter and (candidate := _as(rows, delimiter, separator, decimal, comment))
     ]
     if not candidates:
-        raise InputError(
-            f"{path}: no table of numbers in its first lines; expected a recording"
-        )
+        raise InputError(f"{path}: no table of numbers in its first lines; expected a recording")
     return max(candidates, key=lambda candidate: candidate[0])[1]
 
 
