@@ -13,7 +13,8 @@ from program_files import package_files
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "what-went-wrong.md").read_text("utf-8")
 FILLED_IN = re.compile(
-    r"\d[\d.]*|'[^']*'|\.\.\.|[{}<>]|\b(?:index_distal|little_metacarpal|liberty16|arm|x_mm)\b"
+    r"\d[\d.]*|'[^']*'|\.\.\.|[{}<>]|\b(?:index_distal|little_metacarpal|liberty16|arm|x_mm|frame)\b"
+    r"|expected (?=a whole)"
 )
 """What a sentence says of one recording: numbers, names, what is in quotes."""
 
