@@ -66,7 +66,7 @@ def quarter(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", [name for name in FORMATS if name != "c3d"])  # which refuses as many frames
 def test_an_export_of_a_quarter_of_an_hour(quarter: KnownHand, tmp_path: Path, name: str) -> None:
     """With a quarter of the arrays that are else kept in memory, so that an hour takes four times as much."""
     less = "from shukotsu.files import long_arrays; long_arrays.KEPT_BYTES //= 4; "
