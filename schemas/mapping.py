@@ -256,10 +256,10 @@ def _check_c3d(config: Mapping[str, Any], where: str) -> None:
         if len(receiver) != 1:
             raise InputError(f"{where}: receivers.{segment}: needs either 'markers' or 'rotation'")
         markers = receiver.get("markers", [])
-        if len(markers) == 2:
+        if 0 < len(markers) < 3:
             raise InputError(
-                f"{where}: receivers.{segment}.markers: are 2; expected 3 or more of a rigid cluster, or "
-                "the one of a point"
+                f"{where}: receivers.{segment}.markers: has {len(markers)}; "
+                "expected 3 or more of a rigid cluster"
             )
         twice = [marker for marker in markers if markers.count(marker) > 1]
         if twice:

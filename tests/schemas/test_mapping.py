@@ -95,7 +95,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         ),
         (
             put(C3D, "receivers.hand.markers", ["GloveR1", "GloveR2"]),
-            "receivers.hand.markers: are 2; expected 3 or more of a rigid cluster, or the one of a point",
+            "receivers.hand.markers: has 2; expected 3 or more of a rigid cluster",
         ),
         (
             put(LONG, "csv.position", ["x", "y"]),

@@ -93,7 +93,7 @@ def _draft(file: C3dFile, rigid: Mapping[str, Sequence[str]], layout: Layout) ->
     }
     receivers |= {f"{CHECK}_{_key(stem)}": {"markers": list(labels)} for stem, labels in rigid.items()}
     if not receivers:
-        point = "no group of markers looks rigid: each is a point, or name three or more of a rigid cluster"
+        point = "no group of markers looks rigid: name three or more that are fixed to one receiver or bone"
         receivers = {f"{CHECK}_{_key(own)}": ({"markers": [own]}, point) for own in file.labels}
     named = f"name each by its segment in layout {layout.name}: {', '.join(layout.measured)}"
     config = {
