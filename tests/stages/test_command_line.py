@@ -296,7 +296,9 @@ def test_what_is_interrupted_leaves_no_file_and_no_traceback(tmp_path: Path, num
     write = "from shukotsu.files.whole_files import replacing\n"
     write += f"    with replacing(Path({str(tmp_path / 'table')!r})) as own: "
     work = f"{write}own.touch(); os.kill(os.getpid(), signal.{number}); time.sleep(9)"
-    done = ended(work, preexec_fn=partial(signal.signal, signal.SIGHUP, signal.SIG_DFL))  # whoever ignores it
+    done = ended(
+        work, preexec_fn=partial(signal.signal, signal.Signals[number], signal.SIG_DFL)
+    )  # of whoever ignores it
     assert done.returncode == code
     assert done.stderr == ("error: interrupted\n" if code == 130 else "")
     assert not list(tmp_path.iterdir())
