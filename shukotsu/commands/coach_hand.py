@@ -173,6 +173,17 @@ def _run(
             print(line, flush=True)
         return bool(arrived)
 
+    def show(page: Path) -> Path | None:
+        """Write the page; return where, or None where it can be no more and the recording goes on."""
+        try:
+            write_page(page, coached, title, lost)
+        except InputError as error:
+            if not live:
+                raise
+            print(f"note: no page any more: {error}", file=sys.stderr)
+            return None
+        return page
+
     def is_over() -> bool:
         return isinstance(source, Recorder) and coached.restarts > 0
 
@@ -184,13 +195,7 @@ def _run(
             lost = "Nothing comes: look at the cable and the recorder."
             print(lost, file=sys.stderr, flush=True)
         if page is not None and coached.frames and time.monotonic() - written_s >= EVERY_S:
-            try:
-                write_page(page, coached, title, lost)
-            except InputError as error:
-                if not live:
-                    raise
-                print(f"note: no page any more: {error}", file=sys.stderr)  # the recording goes on
-                page = None
+            page = show(page)
             if written_s < 0 and page is not None:
                 print(f"page: {page.resolve()}", file=sys.stderr)
             written_s = time.monotonic()
@@ -206,4 +211,4 @@ def _run(
     if coached.frames:
         print("\n".join(coached.end()), flush=True)
         if page is not None:
-            write_page(page, coached, title)
+            show(page)

@@ -180,7 +180,7 @@ def _opened(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             yield file, damages
-    except InputError:
+    except (InputError, MemoryError):
         raise
     except Exception as error:  # pyxdf raises whatever its code runs into
         raise InputError(f"{path}: is damaged: pyxdf cannot read it ({error}); copy it again") from error

@@ -4,7 +4,7 @@ Pairs: the signs of the differences are flipped (`paired_statistics.sign_flip_p`
 Cochran's p, the mean of both groups' Student p weighted by the variances of their means (W. G. Cochran,
 Biometrics 20, 1964), which holds its level where groups spread differently, deep into the tail that Holm's
 correction asks for. There neither Student's p with Welch's degrees of freedom does, with few subjects, nor a
-permutation of Welch's t (`benchmarks/null_studies.py`). Intervals are Student's and Welch's.
+permutation of Welch's t. Intervals are Student's and Welch's.
 """
 
 from __future__ import annotations

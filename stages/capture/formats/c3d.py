@@ -95,6 +95,8 @@ def open_c3d(path: Path) -> C3dFile:
             head = stream.read(_BLOCK)
     try:
         content = ezc3d.c3d(str(path))
+    except MemoryError:
+        raise
     except Exception as error:  # ezc3d raises whatever its code runs into
         why = str(error).removesuffix(": iostream error")
         raise InputError(f"{path}: not a readable C3D file ({why}); copy it again") from error

@@ -34,7 +34,7 @@ def read_poses(path: Path, mapping_path: Path | None) -> int:
         return len(poses.frame)
 
 
-C3D = pytest.param("c3d", marks=pytest.mark.slow)  # each is read by a process of its own
+C3D = pytest.param("c3d", marks=pytest.mark.slow)  # a count that is damaged may ask for much memory
 
 
 @pytest.mark.parametrize("name", [C3D, *(name for name in RECORDINGS if name != "c3d")])
