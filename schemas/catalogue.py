@@ -119,7 +119,7 @@ JOINT_SOLUTIONS = Table(
         _real("n_effective", "independent samples among them, from the gap's autocorrelation"),
         REASON_VALUES,
         STATUS,
-        *MESSAGE,
+        MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "joint"),
 )
@@ -172,7 +172,7 @@ JOINT_CENTRES = Table(
         Column("source", TEXT, "", "where the centre comes from (fit, configured point, estimated point)"),
         *JUDGEMENT,
         JOINT_STATUS,
-        *MESSAGE,
+        MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "joint"),
 )
@@ -232,7 +232,7 @@ TIP_ERRORS = Table(
         Column("n_frames", WHOLE, "", "frames with an error: every receiver of the digit valid"),
         Column("n_frames_total", WHOLE, "", "frames of the recording"),
         Column("held_out", YES_NO, "", "whether the joints were solved without this recording"),
-        *MESSAGE,
+        MESSAGE,
     ),
     ("subject", "session", "hand", "task", "trial", "model", "made_without", "digit", "binding"),
 )
@@ -264,7 +264,7 @@ BONE_LENGTHS = Table(
         Column("driven_by", TEXT, "", "the segment whose receiver turns the bone; empty where none does"),
         _real("sd_over_frames_mm", "metacarpals: SD of |v(k)|, which a true skeleton keeps at 0"),
         *JUDGEMENT,
-        *MESSAGE,
+        MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "digit", "bone"),
 )
@@ -305,7 +305,7 @@ RECEIVERS = Table(
         *_xyz("field_", "mm", "where it came nearest to what disturbs the field, in the transmitter frame"),
         _real("left_out_share", "share of its calibration frames that was left out for that"),
         STATUS,
-        *MESSAGE,
+        MESSAGE,
     ),
     ("subject", "session", "hand", "model", "made_without", "segment"),
 )
@@ -325,7 +325,7 @@ MOVED_RECEIVERS = Table(
         _real("turn_deg", "how far it turned, at least"),
         Column("joints", TEXT, "", "joints beside it, joined by ';': from then on they have no angles"),
         Column("digits", TEXT, "", "digits, joined by ';', that from then on have no tips"),
-        *MESSAGE,
+        MESSAGE,
     ),
     ("subject", "session", "hand", "task", "trial", "model", "made_without", "segment"),
 )
@@ -457,7 +457,7 @@ SKELETON_SCORES = Table(
         _real("true_tip_mean_mm", "simulated: mean distance to the true end of the distal bone"),
         _real("true_tip_p95_mm", "the same, 95th percentile"),
         Column("n_frames", WHOLE, "", "frames scored"),
-        *MESSAGE,
+        MESSAGE,
     ),
     ("subject", "session", "hand", "task", "trial", "model", "calibrated_on", "digit"),
 )
@@ -507,7 +507,7 @@ RECORDINGS = Table(
             "valid_percent",
             "poses that may be used, of those that the layout expects in all frames, missing ones too",
         ),
-        *MESSAGE,
+        MESSAGE,
     ),
     ("subject", "session", "hand", "task", "trial"),
 )
@@ -534,7 +534,7 @@ PROBLEMS = Table(
         _VARIANT,
         _VALUES,
         _ACCEPTED,
-        *MESSAGE,
+        MESSAGE,
     ),
     (),
 )

@@ -6,7 +6,6 @@ import math
 
 from shukotsu.schemas.sheets import PARTICIPANTS, read_sheet
 from shukotsu.schemas.study import OWN_FACTORS, Study, levels_of
-from shukotsu.sentences.messages import Message, message_of
 
 MOST_LEVELS = 8
 """A factor with more levels than this is not compared pair by pair."""
@@ -25,18 +24,21 @@ def factor_levels(study: Study) -> list[dict[str, str]]:
     return levels_of(study.shown, participants, study.factors)
 
 
-def not_compared(study: Study) -> dict[str, Message]:
+def not_compared(study: Study) -> dict[str, str]:
     """Say of each factor whose levels are not compared pair by pair why they are not."""
     rows = factor_levels(study)
     found = {}
     for factor in study.factors:
         levels = {row[factor] for row in rows} - {""}
         if len(levels) < 2:
-            found[factor] = message_of("few-levels", n=len(levels))
+            found[factor] = f"has {len(levels)} level{'' if levels else 's'}, so nothing is compared"
         elif factor not in OWN_FACTORS and all(map(_is_number, levels)) and len(levels) > MOST_NUMBERS:
-            found[factor] = message_of("is-covariate", count=len(levels), factor=factor)
+            found[factor] = f"has {len(levels)} numbers as levels, which are not compared pair by pair"
         elif len(levels) > MOST_LEVELS:
-            found[factor] = message_of("many-levels", count=len(levels), most=MOST_LEVELS)
+            found[factor] = (
+                f"has {len(levels)} levels; at most {MOST_LEVELS} are compared pair by pair; put groups of "
+                "them into the sheet's column"
+            )
     return found
 
 

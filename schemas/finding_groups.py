@@ -13,10 +13,10 @@ from shukotsu.sentences.finding_sentences import (
     cure_of,
     evidence_of,
     key_of,
+    sentence_of,
     what_and_cure,
     what_of,
 )
-from shukotsu.sentences.messages import Message, joined, of_finding, sentence_of
 from shukotsu.sentences.translation import foreign, tr
 
 Row = dict[str, Any]
@@ -53,13 +53,6 @@ def row_sentence(row: Row) -> str:
     """Give the sentence of one row."""
     text = sentence_of(row["kind"], row["variant"], values_of(row["values"]), row["accepted"])
     return text or foreign(row["message"])
-
-
-def row_message(row: Row, *, whole: bool = False) -> Message:
-    """Give the same as a message, which keeps its kind and values; without `whole` what is wrong alone."""
-    if not is_declared(row):
-        return joined([row["message"]])
-    return of_finding(row["kind"], row["variant"], values_of(row["values"]), whole=whole)
 
 
 def row_what(row: Row) -> str:

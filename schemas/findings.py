@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from shukotsu.sentences.finding_sentences import Values
-from shukotsu.sentences.messages import Message, plain, sentence_of
+from shukotsu.sentences.finding_sentences import Values, sentence_of
 from shukotsu.sentences.translation import N_
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
@@ -58,7 +57,14 @@ class Finding:
 
 def worded(kind: str, severity: str, text: str) -> Finding:
     """Make a finding of a message, or of a text of which nothing else is known, as of a reader's refusal."""
-    return Finding(kind, severity, values={"message" if isinstance(text, Message) else "text": text})
+    return Finding(kind, severity, values={"text": text})
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON keeps it, numbers to six digits."""
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def problem_row(stage: str, finding: Finding, **where: str) -> dict[str, str]:

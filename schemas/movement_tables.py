@@ -88,7 +88,7 @@ CLOCKS = Table(
         _count("n_missing", "pulses that only the recording has, while both ran"),
         _count("n_extra", "pulses that only the device has, while both ran"),
         STATUS,
-        *MESSAGE,
+        MESSAGE,
     ),
     _key(*OF_RECORDING, "source"),
 )
@@ -115,7 +115,7 @@ RANGES_OF_MOTION = Table(
         N_FRAMES,
         real("valid_percent", "frames with an angle, of those of the recording"),
         STATUS,
-        *MESSAGE,
+        MESSAGE,
     ),
     _key(*_OF_MODEL, JOINT, ANGLE),
 )
@@ -135,7 +135,7 @@ FINGERTIP_PATHS = Table(
         N_FRAMES,
         real("valid_percent", "frames with a tip, of those of the recording"),
         STATUS,
-        *MESSAGE,
+        MESSAGE,
     ),
     _key(*_OF_MODEL, DIGIT),
 )
@@ -151,7 +151,7 @@ MOVEMENT_CYCLES = Table(
         real("onset_s", "when it began, on the clock of the recording's time_s"),
         real("duration_s", "how long it lasted"),
         Column("used", YES_NO, "", "whether curves are made of it, where the angle has no gap"),
-        *MESSAGE,
+        MESSAGE,
     ),
     _key(*OF_RECORDING, EVENT, "cycle"),
 )
@@ -193,7 +193,7 @@ EVENT_STROKES = Table(
         real("peak_speed_sd_mm_s", "1-sigma error of the peak speed"),
         Column("used", YES_NO, "", "whether digit and contact are sure"),
         STATUS,
-        *MESSAGE,
+        MESSAGE,
     ),
     _key(*_OF_MODEL, "event"),
 )
@@ -232,7 +232,7 @@ MOVEMENT_DIFFERENCES = Table(
         Column("verdict", TEXT, "", "shown (p_holm at most 0.05) or not-shown; empty: too few subjects"),
         Column("test", TEXT, "", "signs flipped, or Welch's t, Cochran's p; empty: none"),
         UNIT,
-        *MESSAGE,
+        MESSAGE,
     ),
     _key(*LEVELS, HAND, TASK, MODEL, QUANTITY, OF),
 )
@@ -264,7 +264,7 @@ MOVEMENT_RELIABILITY = Table(
         *_with_interval("sem", "standard error of measurement: standard deviation within subjects"),
         real("mdc", "minimal detectable change at 95 %: 1.96 sqrt(2) sem"),
         UNIT,
-        *MESSAGE,
+        MESSAGE,
     ),
     _key("across", HAND, TASK, MODEL, QUANTITY, OF),
 )

@@ -32,7 +32,6 @@ from shukotsu.schemas.tables import (
     rows_of,
     table_writer,
 )
-from shukotsu.sentences.messages import read_message, values_text
 
 PARTS_KEY = "shukotsu_parts"
 """File-level metadata: a JSON list, an object a part."""
@@ -92,9 +91,7 @@ class PartsWriter:
     def failure(self, part: Part, message: str, **parameters: Any) -> None:
         """Record why a part has no rows; those of `rows` are dropped, and nobody reads those of `columns`."""
         self._waiting = [(own, rows) for own, rows in self._waiting if own != part]
-        made_of = values_text(message)
-        values = {"failure_values": made_of} if made_of else {}
-        self._parts.setdefault(part, {}).update({**parameters, "failure": message, **values})
+        self._parts.setdefault(part, {}).update({**parameters, "failure": message})
 
     def finish(self) -> None:
         """Write the rows that wait as one row group, and the list of parts."""
@@ -353,13 +350,9 @@ def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
         listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
         parts = {Part(*(one.pop(field.name) for field in fields(Part))): one for one in listed}
         texts = [text for part in parts for text in astuple(part)]
-        names = ("failure", "failure_values", "note", "note_values")
-        texts += [one.get(name, "") for one in parts.values() for name in names]
+        texts += [one.get(name, "") for one in parts.values() for name in ("failure", "note")]
         if not all(isinstance(text, str) for text in texts):
             raise TypeError("a name or a reason is no text")
-        for one in parts.values():
-            for name in {"failure", "note"} & one.keys():
-                one[name] = read_message(one[name], one.pop(f"{name}_values", ""))
         return parts
     except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
         raise TableError(f"{path}: does not list its parts; remove it and run the study again") from error

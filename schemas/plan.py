@@ -20,7 +20,6 @@ from shukotsu.errors import InputError
 from shukotsu.files.text_files import read_text, reading
 from shukotsu.schemas.catalogue import FINDINGS
 from shukotsu.schemas.config_files import CONFIG_FOLDER, REFERENCE, config_path, read_config
-from shukotsu.schemas.finding_groups import row_message
 from shukotsu.schemas.findings import REFUSED, SUSPECT
 from shukotsu.schemas.layout import Layout, layout_from_config
 from shukotsu.schemas.model import SkeletonModel, model_from_config
@@ -30,7 +29,6 @@ from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
 from shukotsu.schemas.study import SIZES, Hand, Recording, Study, SubjectSession, path_token
 from shukotsu.schemas.tables import read_table, rows_of
-from shukotsu.sentences.messages import message_of
 
 VERSION = 3
 
@@ -173,7 +171,7 @@ class SubjectPlan:
         rows = list(rows_of(read_table(path, FINDINGS)))
         reasons, suspicions = (
             {
-                (row["hand"], row["task"], row["trial"]): row_message(row, whole=severity == REFUSED)
+                (row["hand"], row["task"], row["trial"]): row["message"]
                 for row in reversed(rows)
                 if row["severity"] == severity
             }
@@ -205,7 +203,7 @@ class SubjectPlan:
         """Raise InputError, with the finding, where a hand has only refused recordings to calibrate on."""
         sentences = [text for own, text in self.refused.items() if own.hand.hand == hand]
         if sentences and not self.all_calibrating(hand):
-            raise InputError(message_of("no-calibration-left", finding=sentences[0]))
+            raise InputError(f"no calibration recording is left: {sentences[0]}")
 
     def part(self, hand: str, model: str = "", made_without: str = "") -> Part:
         """Give a part of the subject's tables."""

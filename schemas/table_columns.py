@@ -20,10 +20,7 @@ MADE_WITHOUT = Column(
 DIGIT = Column("digit", TEXT, "", "the digit, as the layout names it")
 JOINT = Column("joint", TEXT, "", "the joint, as the layout names it")
 FRAME = Column("frame", WHOLE, "", "the tracker's own frame number, kept as it came")
-MESSAGE = (
-    Column("message", TEXT, "", "in words, why a result is weak or missing"),
-    Column("message_values", TEXT, "", "kind and values of the message, JSON; empty: it has none"),
-)
+MESSAGE = Column("message", TEXT, "", "in words, why a result is weak or missing")
 STATUS = Column("status", TEXT, "", "ok, weak (read the message) or failed (no usable number)")
 REASON_VALUES = Column(
     "reason_values",

@@ -23,7 +23,6 @@ from shukotsu.errors import InputError, TableError
 from shukotsu.files.parquet_files import naming_damage, open_parquet, store_digest
 from shukotsu.files.whole_files import file_sha256, files_in, replacing
 from shukotsu.schemas import PROGRAM, VERSION
-from shukotsu.sentences.messages import read_message, values_text
 
 METADATA_KEY = b"shukotsu"
 """Schema-level metadata: one JSON object, for programs that do not keep Arrow's field metadata."""
@@ -208,15 +207,9 @@ def read_metadata(path: Path) -> dict[str, Any]:
 
 
 def rows_of(table: pa.Table) -> Iterator[dict[str, Any]]:
-    """Give the rows of a small table as dictionaries, null as None, messages as such."""
+    """Return the rows of a small table as dictionaries, null as None."""
     for batch in table.to_batches():
-        yield from map(with_message, batch.to_pylist())
-
-
-def with_message(row: dict[str, Any]) -> dict[str, Any]:
-    """Give a row whose message has its kind and values, which stand in a column beside it."""
-    values = row.pop("message_values", "")
-    return row | {"message": read_message(row["message"], values)} if values else row
+        yield from batch.to_pylist()
 
 
 def column_array(table: pa.Table, name: str) -> npt.NDArray[Any]:
@@ -236,12 +229,11 @@ def vector_of(row: Mapping[str, Any], prefix: str, suffix: str = "") -> npt.NDAr
 
 def columns_from_rows(table: Table, rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Turn rows into columns; a nullable column that a row does not name is null there."""
-    missing = {c.name for c in table.columns if not c.nullable} - {"message_values"}
+    missing = {c.name for c in table.columns if not c.nullable}
     for row in rows:
         if not missing <= row.keys():
             raise ValueError(f"{table.name}: a row lacks {', '.join(sorted(missing - row.keys()))}")
-    columns = {c.name: [row.get(c.name) for row in rows] for c in table.columns if c.name != "message_values"}
-    return dict(_with_message_values(table, columns))
+    return {c.name: [row.get(c.name) for row in rows] for c in table.columns}
 
 
 def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
@@ -263,19 +255,11 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
 
 def arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
     """Give columns as one Arrow table of that schema; ValueError where they are not those declared."""
-    columns = _with_message_values(table, columns)
     if set(columns) != {c.name for c in table.columns}:
         odd = sorted(set(columns) ^ {c.name for c in table.columns})
         raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")
     arrays = [_arrow_array(table, column, columns[column.name]) for column in table.columns]
     return pa.Table.from_arrays(arrays, schema=schema)
-
-
-def _with_message_values(table: Table, columns: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Add what the messages are made of, where the table has a column for it and the columns do not."""
-    if "message_values" in columns or all(column.name != "message_values" for column in table.columns):
-        return columns
-    return {**columns, "message_values": [values_text(text) for text in columns.get("message", ())]}
 
 
 @contextmanager

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-
-from shukotsu.sentences.messages import Message
 
 MOST_LETTERS = 400
 """Of a message. What it names stands at its start and what to do at its end, so the middle is left out."""
@@ -21,14 +19,11 @@ class InputError(Exception):
     Command lines print the sentence and end with exit code 2; nothing else does. A line break or a run of
     blanks in what is quoted (another library's message) becomes one blank, a control character or half a
     character a question mark, and a long quotation is cut (MOST_LETTERS).
-
-    message : the same with its kind and values, where it is a result's.
     """
 
     def __init__(self, message: str) -> None:
-        text = on_one_line(message)
-        super().__init__(text)
-        self.message = message if isinstance(message, Message) else text
+        self.message = on_one_line(message)
+        super().__init__(self.message)
 
 
 def on_one_line(text: str) -> str:
@@ -68,6 +63,11 @@ def reading_what_was_brought() -> Iterator[None]:
         raise
     except TableError as error:
         raise InputError(error.message) from error
+
+
+def joined(reasons: Iterable[str]) -> str:
+    """Return several reasons as one text, each once."""
+    return "; ".join(dict.fromkeys(filter(None, reasons)))
 
 
 def listed(names: Sequence[str], most: int = 8) -> str:

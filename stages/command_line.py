@@ -15,10 +15,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
-from shukotsu.errors import InputError, TableError, on_one_line
+from shukotsu.errors import INTERNAL, InputError, TableError, on_one_line
 from shukotsu.files.limits import FILE_NAME_BYTES
 from shukotsu.schemas.left import instead
-from shukotsu.sentences.messages import message_of
 
 EXIT_BAD_INPUT = 2
 _SIGPIPE = 13
@@ -234,7 +233,7 @@ def recorded(arguments: argparse.Namespace, record: bool, *, only_bugs: bool = F
             raise
         traceback.print_exc()
         text = on_one_line(f"{type(error).__name__}: {error}")
-        messages.append(message_of("internal", stage=arguments.stage, text=text))
+        messages.append(f"{INTERNAL} {arguments.stage} ({text}); please report it with the log")
 
 
 def begin() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from shukotsu.schemas.findings import SUSPECT, Finding
-from shukotsu.sentences.messages import message_of
 
 AT = {"first_s": 3.25}
 PAIR = {"segment": "index_middle", "segment_2": "index_distal"}
@@ -106,7 +105,7 @@ EXAMPLES: dict[tuple[str, str], list[dict[str, Any]]] = {
     ("receivers-alike", ""): [PAIR | {"percent": 100.0, **AT}],
     ("recording", "no-pose"): [{"segments": ["index_distal", "hand"]}],
     ("hand", "uncalibrated"): [{}],
-    ("receiver", ""): [{"segment": "hand", "message": message_of("no-valid-pose", segments=["hand"])}],
+    ("receiver", ""): [{"segment": "hand", "text": "no valid pose of hand; check that receiver"}],
 }  # fmt: skip
 """By kind and variant: values, where its sentence has several forms those of each."""
 

@@ -9,7 +9,6 @@ import numpy as np
 from shukotsu.anatomy.average_hand import DIGITS, DigitAnatomy
 from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.model import SkeletonModel
-from shukotsu.sentences.messages import message_of
 from shukotsu.skeleton.joint_angles import mirrored
 from shukotsu.skeleton.rotations import Array, from_matrix
 
@@ -51,7 +50,10 @@ def no_whole_hand(layout: Layout, model: str) -> str:
     """
     if known_digits(layout):
         return ""
-    return message_of("no-whole-hand", model=model, layout=layout.name)
+    return (
+        f"model {model} fits a whole hand, and layout {layout.name} is none, as no digit in it is a thumb or "
+        "a finger whose anatomy is known; take model paper-fig4, which solves each joint by itself"
+    )
 
 
 def refusal(layout: Layout, name: str, model: SkeletonModel) -> str:

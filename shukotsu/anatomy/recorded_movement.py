@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from shukotsu.anatomy.neutral_bones import bone_angles_deg, to_nail_side
+from shukotsu.errors import joined
 from shukotsu.files.long_arrays import chosen_points, empty
 from shukotsu.schemas.catalogue import JOINT_ANGLES, POSED_TIPS
 from shukotsu.schemas.layout import Digit
 from shukotsu.schemas.poses import Poses
-from shukotsu.sentences.messages import joined, message_of
 from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, Index, PosedRecording
 from shukotsu.skeleton.posing import PosedBones
 from shukotsu.skeleton.rotations import Array, conjugate, rotate
@@ -107,16 +107,21 @@ def _reliability(posed: PosedRecording, digit: Digit, joint: str) -> tuple[str, 
     """Status of a joint's centre, and what is to be said of its angles for that and for the model."""
     row = posed.skeleton.joints.get(joint)
     status = "failed" if row is None else row["status"]
-    reasons = [message_of("joint-not-solved") if row is None else row["message"]]
+    reasons = ["the joint was not solved" if row is None else row["message"]]
     if status == "weak":
-        reasons = [message_of("not-believed")]
+        reasons = ["its centre is not to be believed"]
     if moved := posed.unbelieved("joints", joint):
         status, reasons = "failed" if status == "failed" else "weak", [*reasons, moved]
     if not posed.is_fitted:
-        reasons.append(message_of("no-error-stated"))
+        reasons.append(
+            "the model states no error of its angles, and how receivers sit on their bones is in them"
+        )
         still = posed.model.metacarpals.unmeasured in ("rest", "rigid")
         if still and not posed.layout.segments[digit.segments[0]].measured and joint in digit.joints[:2]:
-            reasons.append(message_of("metacarpal-still"))
+            reasons.append(
+                "the model keeps the metacarpal still in the hand, so the CMC joint's motion is in the MCP "
+                "joint's angles"
+            )
     return status, joined(reasons)
 
 

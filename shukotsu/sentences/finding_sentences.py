@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from shukotsu.sentences.translation import N_, Template, filled, listed, ngettext, plural, tr
+from shukotsu.sentences.translation import N_, Template, filled, foreign, listed, ngettext, plural, tr, word
 
 Values = Mapping[str, Any]
 """By name: numbers, words, or lists of them, as JSON has them."""
@@ -334,6 +334,34 @@ def whole_sentence(kind: str, variant: str, values: Values, accepted: str = "") 
     return accepted_text(tr(template, what=what, evidence=evidence, cure=cure), accepted)
 
 
+PROBLEMS: Mapping[str, Template] = {
+    "recording/no-pose": N_("no usable pose of {segments}; check that receiver"),
+    "hand/uncalibrated": N_("no recording calibrates this hand, so none of its joints could be solved"),
+    "knuckles-too-close": N_(
+        "{joints} lie {mm:.1f} mm apart, nearer than in any hand: look at the receivers on these fingers"
+    ),
+    "field-disturbed": plural(
+        "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: {n} receiver is off by up "
+        "to {mm:.1f} mm and {deg:.0f} deg there ({segments}); {percent:.0f} % of its frames were left out",
+        "the field is disturbed near ({x:.0f}, {y:.0f}, {z:.0f}) mm, as by metal: {n} receivers are off by "
+        "up to {mm:.1f} mm and {deg:.0f} deg there ({segments}); {percent:.0f} % of a receiver's frames, at "
+        "the most, were left out",
+    ),
+}
+"""Sentences of problems that are no mistake in what was declared of a recording."""
+
+
+def sentence_of(kind: str, variant: str, values: Values, accepted: str = "") -> str:
+    """Return a problem's sentence: a finding's whole, another's by its kind, or the text in its values."""
+    key = key_of(kind, variant)
+    if key in WHAT:
+        return whole_sentence(kind, variant, values, accepted)
+    if key in PROBLEMS:
+        return filled(PROBLEMS[key], {"n": values.get("count", 1), **values})
+    named = f"{word(values['segment'])}: " if "segment" in values else ""
+    return named + foreign(str(values.get("text", "")))
+
+
 def what_and_cure(what: str, cure: str) -> str:
     """Join the problem and its cure in a sentence, without the evidence."""
     return tr("{what}; {cure}.", what=what, cure=cure)
@@ -408,10 +436,6 @@ def _placeholders(values: Values) -> dict[str, Any]:
         given["how"] = tr(about, deg=values["turn_deg"], axis=values["turn_axis"])
         axes = (f"{name}: {values[name]}" for name in ("distal", "lateral", "dorsal"))
         given["receiver_axes"] = f"{{{', '.join(axes)}}}"
-    if isinstance(values.get("reason"), list):
-        from shukotsu.sentences.messages import message_text
-
-        given["reason"] = message_text(values["reason"])
     if "task" in values:
         given["other"] = _recording(values)
     # what is to be written into a file stays as it is, whatever the language

@@ -84,6 +84,12 @@ def foreign(text: str) -> str:
     return f"{FOREIGN}{text}{END}"
 
 
+def translated(text: str) -> str:
+    """Return a text of the catalogue in the language in use; another one marked as English."""
+    translation = tr(text)
+    return translation if translation != text else foreign(text)
+
+
 def _shown(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: _value(name, value) for name, value in values.items()}
 

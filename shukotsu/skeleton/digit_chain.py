@@ -18,7 +18,6 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.poses import Poses
-from shukotsu.sentences.messages import message_of
 from shukotsu.skeleton.rotations import Array, conjugate, rotate
 
 Rows = Mapping[str, Mapping[str, Any]]
@@ -74,8 +73,8 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
     ]
     for joint in needed:
         if joint not in rows or rows[joint]["status"] == "failed":
-            reason = rows[joint]["message"] if joint in rows else message_of("not-worn")
-            return message_of("joint-failed", joint=joint, reason=reason)
+            reason = rows[joint]["message"] if joint in rows else "no receiver was worn on both sides of it"
+            return f"{joint} failed: {reason}"
     base = needed[0]
     base_point = _point(rows[base], "child") if at_wrist else _point(rows[base], "parent")
     own = tuple(

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError
+from shukotsu.errors import InputError, joined
 from shukotsu.schemas.catalogue import (
     BONE_LENGTHS,
     BONE_POSES,
@@ -32,7 +32,6 @@ from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_every
 from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table, rows_of
-from shukotsu.sentences.messages import joined, message_of
 from shukotsu.skeleton.posing import BoneMotion, PosedBones, Skeleton, pose_bones
 from shukotsu.skeleton.rotations import Array
 
@@ -126,9 +125,7 @@ class PosedRecording:
     def unbelieved(self, column: str, name: str) -> str:
         """Why a joint (column joints) or a digit's tip (digits) is not believed here; empty where it is."""
         rows = [row for row in self.moved if name in row[column].split(";")]
-        return joined(
-            [message_of("receiver-moved", **{k: row[k] for k in ("segment", "message")}) for row in rows]
-        )
+        return joined(f"{row['segment']}: {row['message']}" for row in rows)
 
     @cached_property
     def n_frames(self) -> int:

@@ -20,7 +20,6 @@ from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.poses import Poses
 from shukotsu.schemas.tables import vector_of
-from shukotsu.sentences.messages import message_of
 from shukotsu.skeleton.digit_chain import Rows, carried_mm, digit_chain, starts_at_wrist
 from shukotsu.skeleton.rotations import (
     Array,
@@ -370,8 +369,8 @@ def _root_failure(skeleton: Skeleton) -> str:
     row = skeleton.joints.get(wrist.joint)
     if row is not None and row["status"] != "failed":
         return ""
-    why = message_of("not-solved") if row is None else row["message"]
-    return message_of("joint-failed", joint=wrist.joint, reason=why)
+    why = "it was not solved" if row is None else row["message"]
+    return f"{wrist.joint} failed: {why}"
 
 
 def _receiver_root(skeleton: Skeleton, poses: Poses) -> _Bone:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shukotsu.schemas.quantities import Quantity
-from shukotsu.sentences.messages import message_of
 from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
 from shukotsu.stages.compare_movement.movement_values import Recorded, subject_means
 from shukotsu.statistics.difference_tests import (
@@ -104,11 +103,12 @@ def _row(values: pd.DataFrame, pair: LevelPair) -> Row:
 def _untested_reason(design: str, n: int, n_other: int) -> str:
     """Say why there is no test; empty where there is one."""
     if min(n, n_other) == 0:
-        return message_of("none-at-both" if design == WITHIN else "none-at-one")
+        return f"no subject has a value at {'both levels' if design == WITHIN else 'one of the levels'}"
     if design == WITHIN:
-        return "" if n >= FEWEST_WITHIN else message_of("few-at-both", n=n, least=FEWEST_WITHIN)
-    few = min(n, n_other) < FEWEST_IN_GROUP
-    return message_of("few-in-group", count=n, count_2=n_other, least=FEWEST_IN_GROUP) if few else ""
+        why = f"not tested: {n} with both levels, a test needs {FEWEST_WITHIN} subjects"
+        return "" if n >= FEWEST_WITHIN else why
+    why = f"not tested: groups of {n} and {n_other} subjects, a test needs {FEWEST_IN_GROUP} in each"
+    return why if min(n, n_other) < FEWEST_IN_GROUP else ""
 
 
 def _effect_columns(design: str, first: Array, other: Array) -> Row:

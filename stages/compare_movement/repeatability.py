@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from shukotsu.errors import listed
 from shukotsu.schemas.quantities import Quantity
-from shukotsu.sentences.messages import message_of
 from shukotsu.stages.compare_movement.movement_values import SESSION, TRIAL, Recorded
 from shukotsu.statistics.reliability_statistics import (
     FEWEST_REPEATED,
@@ -84,7 +83,7 @@ def _row(values: pd.DataFrame, absent: dict[str, str]) -> Row:
         "message": "",
     }
     if len(complete) < FEWEST_REPEATED or len(shared) < 2:
-        few = message_of("few-repeated", n=len(complete), times=len(shared), least=FEWEST_REPEATED)
+        few = f"not stated: {len(complete)} in all {len(shared)}, it takes {FEWEST_REPEATED} subjects"
         return row | {"message": few}
     found = reliability(complete.to_numpy())
     intervals = {

@@ -11,7 +11,6 @@ from shukotsu.schemas.layout import Layout, Wrist
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.poses import PosesReader
 from shukotsu.schemas.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, noted
-from shukotsu.sentences.messages import message_of
 from shukotsu.skeleton.digit_chain import Rows, all_valid, seen_from
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.estimate_metacarpals.wrist import MAX_FRAMES, WristPoint, estimate_wrist
@@ -33,17 +32,20 @@ def wrist_row(
     if wanted in ("functional", "auto") and fitted is not None and fitted["status"] != "failed":
         return dict(fitted)
     if wanted == "functional":
-        why = fitted["message"] if fitted is not None else message_of("no-forearm")
-        return _point_row(wrist, None, "failed", message_of("no-wrist-fit", reason=why), "fit")
+        why = fitted["message"] if fitted is not None else "no receiver on the forearm"
+        return _point_row(wrist, None, "failed", f"the wrist joint was not fitted: {why}", "fit")
     if wanted == "point" or (wanted == "auto" and wrist.point_mm is not None):
         if wrist.point_mm is None:
-            why = message_of("no-wrist-point", layout=layout.name)
+            why = f"layout {layout.name} has no wrist.point_mm"
             return _point_row(wrist, None, "failed", why, "configured point")
         given = WristPoint(np.array(wrist.point_mm), np.zeros((3, 3)))
-        return _point_row(wrist, given, "ok", message_of("configured"), "configured point")
+        return _point_row(wrist, given, "ok", "as configured in the layout", "configured point")
     positions = _mcp_positions(rows, layout, wrist, calibration)
     point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
-    how = message_of("keeps-distance", n=len(positions)) if positions else message_of("average-wrist")
+    how = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
+    if positions:
+        joints = f"{len(positions)} MCP joint{'s' if len(positions) > 1 else ''}"
+        how = f"the point that keeps its distance from {joints}"
     doubtful = [j for j in positions if judged_joint(rows[j], layout.wanted_mm)["verdict"] == NO]
     doubts: dict[str, Values] = {} if positions else {BY_ANATOMY: {}}
     if len(doubtful) > len(positions) / 2:

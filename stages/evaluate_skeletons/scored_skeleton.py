@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from shukotsu.anatomy.known_digits import known_digits
-from shukotsu.errors import InputError, TableError
+from shukotsu.errors import InputError, TableError, joined
 from shukotsu.schemas.catalogue import (
     BONE_LENGTHS,
     BONE_POSES,
@@ -24,7 +24,6 @@ from shukotsu.schemas.parts import Part, PartsReader, open_parts
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.tables import Table
-from shukotsu.sentences.messages import joined, message_of
 from shukotsu.skeleton.digit_chain import Rows
 from shukotsu.skeleton.rotations import Array
 
@@ -174,7 +173,7 @@ def read_prior(tables: OpenTables, plan: SubjectPlan, hand: str) -> ScoredSkelet
 
     reasons: list[str] = []
     stated = _stated(of, reasons)
-    unknown = message_of("no-anatomy")
+    unknown = "no published anatomy of this digit"
     return ScoredSkeleton(
         part=part,
         calibrated_on="",

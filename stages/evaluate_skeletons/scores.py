@@ -8,12 +8,12 @@ from dataclasses import asdict, dataclass
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.errors import joined
 from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import Poses, RecordingName, held_poses
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import vector_of
-from shukotsu.sentences.messages import joined
 from shukotsu.skeleton.digit_chain import Rows, all_valid, carried_mm
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.evaluate_skeletons.scored_skeleton import (

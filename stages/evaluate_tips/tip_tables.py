@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.schemas.poses import Poses, PosesReader
-from shukotsu.sentences.messages import message_of
+from shukotsu.sentences.translation import listed
 from shukotsu.skeleton.digit_chain import DigitChain, digit_chain
 from shukotsu.skeleton.posing import Skeleton, receiver_bones, root_names
 from shukotsu.skeleton.rotations import Array
@@ -114,8 +114,8 @@ class _Replay:
         needed = (chain.digit.base, *chain.receivers)
         absent = [name for name in needed if name not in self._seen]
         if absent:
-            return message_of("no-pose-to-replay", segments=absent)
-        return message_of("never-together", segments=needed)
+            return f"the recording has no pose of {listed(absent)}, which the replay rides on"
+        return f"no frame in which all of {listed(needed)} are valid"
 
 
 def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.anatomy.known_digits import no_whole_hand
-from shukotsu.errors import InputError, TableError, guess
+from shukotsu.errors import InputError, TableError, guess, joined
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import HandFitting
 from shukotsu.schemas.parts import Part
@@ -26,7 +26,6 @@ from shukotsu.schemas.poses import (
     usable_poses,
 )
 from shukotsu.schemas.sheets import Row
-from shukotsu.sentences.messages import joined, message_of
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.contacts import find_contacts
 from shukotsu.stages.fit_hand.fingertips import PAD, TIP, Fingertips, fingertips
@@ -100,10 +99,11 @@ def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
         return [], ""
     for hand in (partner, part.hand):
         if doubted := plan.doubted(hand):
-            return [], message_of("alone-by-finding", hand=partner, hand_2=hand, task=doubted)
+            why = f"there is a finding on the {hand} hand's {doubted}"
+            return [], f"fitted without the {partner} hand's bone lengths: {why}"
     recorded = [plan.poses(own) for own in plan.recordings if own.hand.hand == partner and not own.exclude]
     if reasons := usable_poses(recorded)[1]:
-        return [], message_of("alone", hand=partner, reason=joined(reasons[:1]))
+        return [], f"fitted without the {partner} hand's bone lengths: {reasons[0]}"
     return [plan.poses(own) for own in plan.calibrating(partner, part.model, part.made_without)], ""
 
 
@@ -128,7 +128,7 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
     layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
     usable, reasons = usable_poses(poses)
     if not usable:
-        raise InputError(message_of("no-calibration", reason=joined(reasons) or message_of("none-named")))
+        raise InputError(f"no calibration recording: {joined(reasons) or 'the study names none'}")
     for reason in reasons:
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
     names = [recording_name(path) for path in usable]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from shukotsu.errors import joined
 from shukotsu.schemas.catalogue import (
     BONE_LENGTHS,
     BONE_POSES,
@@ -25,7 +26,7 @@ from shukotsu.schemas.parts import PartsWriter, parts_writer
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.tables import Provenance, Table, vector_columns
 from shukotsu.schemas.verdict import UNJUDGED, noted
-from shukotsu.sentences.messages import Message, joined, message_of
+from shukotsu.sentences.translation import listed
 from shukotsu.skeleton.joint_angles import joint_angles
 from shukotsu.skeleton.posing import ZERO_COLUMNS
 from shukotsu.stages.fit_hand.fingertips import Fingertips
@@ -150,7 +151,7 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
             row[f"{name}_mm"], row[f"{name}_sd_mm"] = fit.evidence.posterior.of_amount(amount)
         row |= {"loose_kind": "", "loose_task": "", "left_out_share": 0.0, "status": "ok", "message": ""}
         if not np.isfinite(residual_mm):
-            row |= {"status": "failed", "message": message_of("no-pose")}
+            row |= {"status": "failed", "message": "no valid pose in the calibration"}
         row |= displaced.get(segment, {})
         digit = digit_of.get(segment)
         if digit is not None:
@@ -206,9 +207,12 @@ def moved_rows(layout: Layout, name: RecordingName, moved: Sequence[LooseReceive
         start, step = moves[0].start, np.sum([move.step for move in moves], axis=0)
         joints, digits = joints_beside(layout, segment), digits_carried(layout, segment)
         mm, deg = float(np.linalg.norm(step[:3])), float(np.degrees(np.linalg.norm(step[3:])))
-        since = message_of("start") if start.is_first else _moment(start)
-        sentence = message_of(
-            "sits-elsewhere", recording=_title(name), moment=since, mm=mm, deg=deg, joints=joints
+        since = "the start" if start.is_first else _moment(start)
+        sentence = (
+            f"sits elsewhere in {_title(name)} than in the calibration, from {since} on: it moved {mm:.1f} "
+            f"mm and turned {deg:.0f} deg on its bone, or more about its joint's own axis; from then on "
+            f"{listed(joints)} have no angles there; put it back or calibrate with it as it sits, and record "
+            f"{_title(name)} again"
         )
         rows.append(
             {
@@ -246,31 +250,31 @@ def _title(name: RecordingName) -> str:
 def _loose_sentence(row: Row, receiver: LooseReceiver) -> str:
     """Describe, from its row, a receiver that came loose or slid."""
     when, until = map(_moment, (receiver.start, receiver.end))
-    moved = {"mm": row["loose_shift_mm"], "deg": row["loose_turn_deg"]}
-    if receiver.slid:
-        did = message_of("slid", recording=row["loose_task"], moment=when, moment_2=until, **moved)
-    else:
-        did = message_of("came-loose", recording=row["loose_task"], moment=when, **moved)
-    return joined([did, _left_out(row)])
+    did = f"slid in {row['loose_task']} between {when} and {until}"
+    if not receiver.slid:
+        did = f"came loose in {row['loose_task']} at {when}"
+    mm, deg = row["loose_shift_mm"], row["loose_turn_deg"]
+    return f"{did}: it moved {mm:.1f} mm and turned {deg:.0f} deg on its bone; {_left_out(row)}"
 
 
-def _moment(moment: Moment) -> Message:
-    if np.isfinite(moment.time_s):
-        return message_of("moment", time_s=moment.time_s)
-    return message_of("moment-frame", frame=moment.frame)
+def _moment(moment: Moment) -> str:
+    return f"{moment.time_s:.1f} s" if np.isfinite(moment.time_s) else f"frame {moment.frame}"
 
 
 def _field_sentence(row: Row) -> str:
     """Describe a receiver in a disturbed field, from its row."""
-    place = {axis: row[f"field_{axis}_mm"] for axis in "xyz"}
-    did = message_of("in-disturbed-field", mm=row["loose_shift_mm"], deg=row["loose_turn_deg"], **place)
-    return joined([did, _left_out(row)])
+    place = ", ".join(f"{row[f'field_{axis}_mm']:.0f}" for axis in "xyz")
+    mm, deg = row["loose_shift_mm"], row["loose_turn_deg"]
+    return (
+        f"the field is disturbed near ({place}) mm, as by metal: there it is off by {mm:.1f} mm and "
+        f"{deg:.0f} deg; {_left_out(row)}"
+    )
 
 
 def _left_out(row: Row) -> str:
     if row["left_out_share"]:
-        return message_of("left-out-share", percent=100 * row["left_out_share"])
-    return message_of("all-used")
+        return f"{100 * row['left_out_share']:.0f} % of its frames were left out"
+    return "all of its frames were used, as no joint centre is the worse for it"
 
 
 def _tip_columns(tips: Fingertips, digit: str) -> Row:

@@ -10,7 +10,7 @@ import numpy as np
 from shukotsu.anatomy import average_hand as prior
 from shukotsu.schemas.layout import Joint
 from shukotsu.schemas.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSETTLED, Doubts, Values
-from shukotsu.sentences.messages import message_of
+from shukotsu.sentences.translation import listed
 from shukotsu.skeleton.angle_range import angle_range, flattening
 from shukotsu.skeleton.rotations import Array, cross_matrix
 from shukotsu.stages.fit_hand.angle_axes import AngleAxes, angle_axes
@@ -155,6 +155,10 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
     range_deg = angle_range(np.degrees(flexion), flattening(flexion))
     doubts, sides = _doubts(joint, evidence), (joint.parent_receiver, joint.child)
     unworn = doubts.get(ONE_RECEIVER, {}).get("segments", [])
+    nowhere = (
+        f"no receiver on {listed(unworn)}: no worn receiver carries the centre; what is known is in "
+        "bone_lengths and bone_poses"
+    )
     return FittedJoint(
         name=joint.name,
         parent_segment="" if sides[0] in unworn else sides[0],
@@ -169,7 +173,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
         range_deg=range_deg,
         gap_rms_mm=_gap_rms_mm(joint, evidence, points),
         doubts=doubts,
-        message=message_of("nowhere", segments=unworn) if len(unworn) == len(sides) else "",
+        message=nowhere if len(unworn) == len(sides) else "",
     )
 
 

@@ -208,7 +208,7 @@ def _receiver_problems(receivers: pa.Table) -> list[Row]:
         if row["loose_kind"] == "field":
             in_field.setdefault(tuple(row[key] for key in OF_A_MODEL), []).append(row)
             continue
-        values = {"segment": row["segment"], "message": row["message"]}
+        values = {"segment": row["segment"], "text": row["message"]}
         found = Finding(RECEIVER_KINDS[row["loose_kind"]], NOTE, "", values)
         problems.append(problem_row("fit_hand", found, **_hand_of(row)))
     for rows in in_field.values():
@@ -222,7 +222,7 @@ def _moved_problems(moved: pa.Table) -> list[Row]:
     return [
         problem_row(
             "fit_hand",
-            Finding("receiver-moved", NOTE, "", {"segment": row["segment"], "message": row["message"]}),
+            Finding("receiver-moved", NOTE, "", {"segment": row["segment"], "text": row["message"]}),
             **_hand_of(row),
             task=_title(row),
         )

@@ -10,7 +10,6 @@ import numpy as np
 from shukotsu.schemas.layout import Joint, Layout
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, noted
-from shukotsu.sentences.messages import message_of
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.project_planes.plane import (
     Projection,
@@ -52,7 +51,7 @@ def place_joint(
     row |= _named("axis_child_", _vector(solution, "null_child_"))
     placed = _projection(joint, solution) if model.planes.cut else _as_solved(solution)
     if placed is None:
-        return row | {"status": "failed", "message": message_of("axis-in-plane")}
+        return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
     row |= _centre(solution, placed, shift_mm, model)
     doubts: dict[str, Values] = {}

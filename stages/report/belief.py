@@ -8,8 +8,7 @@ from typing import Any
 
 from shukotsu.schemas import verdict
 from shukotsu.schemas.layout import Layout
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import N_, listed, tr, word
+from shukotsu.sentences.translation import N_, listed, tr, translated, word
 from shukotsu.stages.report.palette import AMBER, INK, NO, WEAK_LINE, Mark
 from shukotsu.stages.report.table_cells import alike
 

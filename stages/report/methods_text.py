@@ -13,8 +13,7 @@ from shukotsu.errors import InputError
 from shukotsu.schemas import VERSION
 from shukotsu.schemas.mapping import read_mapping
 from shukotsu.schemas.model import SkeletonModel
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import listed, ngettext, tr
+from shukotsu.sentences.translation import listed, ngettext, tr, translated
 from shukotsu.stages.report.movement_page.movement_results import Movement
 from shukotsu.stages.report.movement_page.movement_text import why_nothing
 from shukotsu.stages.report.study_results import Row, StudyResults

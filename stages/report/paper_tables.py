@@ -13,8 +13,7 @@ from pathlib import Path
 
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.study import Recording
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import N_, listed, tr, word
+from shukotsu.sentences.translation import N_, listed, tr, translated, word
 from shukotsu.stages.report.study_results import FIRST_FRAME, HANDS, LEAST_SQUARES, Row, StudyResults, Trial
 from shukotsu.stages.report.table_cells import Block, DataTable, number, title
 

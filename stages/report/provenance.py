@@ -14,8 +14,7 @@ from shukotsu.schemas.finding_groups import Fault, faults
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.study import Recording, Study
 from shukotsu.schemas.tables import read_metadata
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import N_, ngettext, tr, word
+from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
 from shukotsu.stages.report.study_results import Row, StudyResults, hand_of, recording_key
 from shukotsu.stages.report.table_cells import Block, DataTable, number_column, table_of, text_column
 

@@ -12,8 +12,7 @@ from functools import partial
 from typing import NamedTuple
 
 from shukotsu.schemas.study import Hand
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import N_, ngettext, tr
+from shukotsu.sentences.translation import N_, ngettext, tr, translated
 from shukotsu.stages.report.study_results import HANDS, Row, StudyResults, Trial, hand_of
 from shukotsu.stages.report.table_cells import (
     DASH,

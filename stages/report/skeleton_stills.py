@@ -9,8 +9,7 @@ from markupsafe import Markup
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.study import Hand, SubjectSession
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import listed, tr, word
+from shukotsu.sentences.translation import listed, tr, translated, word
 from shukotsu.stages.report.belief import NOT
 from shukotsu.stages.report.hand_motion import Array, Chain, chains_at, chains_key, receivers_at
 from shukotsu.stages.report.plots.description import HandPanel, JointLink

@@ -6,8 +6,7 @@ from collections import Counter
 
 from shukotsu.schemas.catalogue import DISTAL_RECEIVER
 from shukotsu.schemas.study import Hand
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import N_, ngettext, tr, word
+from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
 from shukotsu.stages.report.belief import BELIEVED, belief
 from shukotsu.stages.report.links import anchor, link
 from shukotsu.stages.report.study_results import Row, StudyResults

@@ -9,8 +9,7 @@ from markupsafe import Markup
 
 from shukotsu.schemas.results import STUDY_FIGURES
 from shukotsu.schemas.study import Hand, Study, path_token
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import full_name, ngettext, tr, word
+from shukotsu.sentences.translation import full_name, ngettext, tr, translated, word
 from shukotsu.stages.report import provenance
 from shukotsu.stages.report.headline import headline, opening, used_text
 from shukotsu.stages.report.links import Link, anchor, link, recording_links

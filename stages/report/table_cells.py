@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import word
+from shukotsu.sentences.translation import translated, word
 
 DASH = "–"
 

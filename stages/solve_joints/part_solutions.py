@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from shukotsu.errors import TableError
+from shukotsu.errors import TableError, joined
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import JointSolving
 from shukotsu.schemas.parts import Part
 from shukotsu.schemas.poses import usable_poses
-from shukotsu.sentences.messages import joined, message_of
 from shukotsu.stages.solve_joints.solution_rows import Row, solution_rows
 from shukotsu.stages.solve_joints.solve import solve_recordings, stream_recordings
 
@@ -61,6 +60,6 @@ def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[R
     recordings = stream_recordings(usable, layout)
     rows = {own: solution_rows(layout, solve_recordings(recordings, own)) for own in settings}
     if not usable:
-        why = message_of("no-calibration", reason=joined(reasons) or message_of("none-named"))
+        why = f"no calibration recording: {joined(reasons) or 'the study names none'}"
         rows = {own: [{**row, "message": why} for row in failed] for own, failed in rows.items()}
     return rows

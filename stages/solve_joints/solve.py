@@ -11,7 +11,7 @@ import numpy as np
 from shukotsu.schemas.layout import Joint, Layout
 from shukotsu.schemas.model import JointSolving
 from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_poses
-from shukotsu.sentences.messages import message_of
+from shukotsu.sentences.translation import listed
 from shukotsu.stages.solve_joints.closed import JointSolution, is_solvable, solve_closed
 from shukotsu.stages.solve_joints.moments import BLOCK_FRAMES, JointMoments, relative_poses
 from shukotsu.stages.solve_joints.stacked import solve_stacked
@@ -88,8 +88,8 @@ def _by_stack(
 def _reason(joint: Joint, seen: Mapping[str, bool], n_frames: int) -> str:
     dead = [segment for segment in (joint.parent_receiver, joint.child) if not seen[segment]]
     if dead:
-        return message_of("no-valid-pose", segments=dead)
+        return f"no valid pose of {listed(dead)}; check that receiver"
     if n_frames < 2:
-        ends = {"segment": joint.parent_receiver, "segment_2": joint.child}
-        return message_of("few-frames", count=n_frames, **ends)
-    return message_of("not-moved")
+        ends = f"{joint.parent_receiver} and {joint.child}"
+        return f"{ends} have {n_frames} valid frames in common; expected 2 or more"
+    return "the joint did not move, so its centre cannot be found; record it moving"

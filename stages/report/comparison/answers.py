@@ -11,8 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import N_, listed, tr
+from shukotsu.sentences.translation import N_, listed, tr, translated
 from shukotsu.stages.report.comparison.questions import Question
 from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.statistics.multiple_comparisons import LEVEL

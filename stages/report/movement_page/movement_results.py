@@ -15,7 +15,6 @@ from shukotsu.schemas.movement_tables import (
     RANGES_OF_MOTION,
 )
 from shukotsu.schemas.tables import Table, open_table
-from shukotsu.sentences.messages import read_message
 from shukotsu.stages.report.belief import BELIEVED, NOT
 from shukotsu.stages.report.study_results import StudyResults, recording_key
 from shukotsu.stages.report.trust import study_beliefs
@@ -92,7 +91,6 @@ def read_movement(results: StudyResults) -> Movement:
 
 def _frame(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
     """The table's rows of a model; none where the study has no such table."""
-    import pandas as pd
     import pyarrow as pa
 
     names = [column.name for column in table.columns]
@@ -101,10 +99,7 @@ def _frame(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
         return pa.table({name: pa.array([], table.column(name).type) for name in names}).to_pandas()
     with open_table(path, table) as file:
         frame = file.read(columns=names).replace_schema_metadata().to_pandas()
-    frame = frame[frame["model"] == model].reset_index(drop=True)
-    pairs = zip(frame["message"], frame.pop("message_values"), strict=True)
-    frame["message"] = pd.Series([read_message(*pair) for pair in pairs], frame.index, object)
-    return frame
+    return frame[frame["model"] == model].reset_index(drop=True)
 
 
 def _judged(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:

@@ -6,8 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import N_, listed, ngettext, tr, word
+from shukotsu.sentences.translation import N_, listed, ngettext, tr, translated, word
 from shukotsu.stages.report.belief import BELIEVED
 from shukotsu.stages.report.comparison.comparison_text import p_text
 from shukotsu.stages.report.movement_page.movement_results import RANGE, Movement

@@ -13,9 +13,8 @@ from xml.etree import ElementTree
 
 from markupsafe import Markup
 
-from shukotsu.errors import on_one_line
-from shukotsu.sentences.messages import message_of, translated
-from shukotsu.sentences.translation import tr
+from shukotsu.errors import INTERNAL, on_one_line
+from shukotsu.sentences.translation import tr, translated
 from shukotsu.stages.report.palette import as_custom_property
 from shukotsu.stages.report.plots.description import HandPanel, Panel
 from shukotsu.stages.report.plots.figures import draw_for_page
@@ -46,7 +45,7 @@ def page_picture(panel: Panel) -> Markup:
     except Exception as error:  # a picture must not cost a study its page
         traceback.print_exc()
         text = on_one_line(f"{panel.title}: {type(error).__name__}: {error}")
-        message = message_of("internal", stage="report", text=text)
+        message = f"{INTERNAL} report ({text}); please report it with the log"
         _UNDRAWN.append(message)
         return Markup("<p>{}</p>").format(tr("Not drawn: {reason}.", reason=translated(message)))
 

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from shukotsu.schemas.study import Recording
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import N_, ngettext, tr, word
+from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
 from shukotsu.stages.report.belief import belief
 from shukotsu.stages.report.hand_motion import HandMotion
 from shukotsu.stages.report.links import navigation

@@ -20,8 +20,7 @@ from report_samples.rendered import whole_report
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.study import Hand, Study, read_study
-from shukotsu.sentences.messages import translated
-from shukotsu.sentences.translation import END, FOREIGN, tr
+from shukotsu.sentences.translation import END, FOREIGN, tr, translated
 from shukotsu.stages.report import subject, templates, wording
 from shukotsu.stages.report.movement_page.movement_page import render_movement
 from shukotsu.stages.report.movement_page.movement_results import read_movement

@@ -10,9 +10,9 @@ import pytest
 from report_samples.made_movement import JOINTS, write_movement
 from report_samples.made_study import FITTED_MODELS, make_study
 from report_samples.read_page import read_page, table_called
+from shukotsu.sentences.messages import message_of
 
 from shukotsu.schemas.study import read_study
-from shukotsu.sentences.messages import message_of
 from shukotsu.stages.report.belief import NOT
 from shukotsu.stages.report.methods_text import methods_text
 from shukotsu.stages.report.movement_page.movement_page import render_movement
