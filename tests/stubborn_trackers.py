@@ -7,7 +7,7 @@ from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.conversation import Conversation
 from shukotsu.trackers.record.port import open_port
 from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.session import driver_of
+from shukotsu.trackers.record.session import DRIVERS
 
 
 class StubbornTracker:
@@ -36,7 +36,7 @@ def set_up(
     with at_a_port(tracker) as name:
         port = open_port(name, 115200)
         conversation = Conversation(port)
-        driver = driver_of(conversation, request)
+        driver = DRIVERS[request.family](conversation, request)
         try:
             return driver.set_up(), driver.warnings
         finally:

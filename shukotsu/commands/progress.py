@@ -6,25 +6,22 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from shukotsu.files.line_printer import LinePrinter
+
 WIDTH = 30
 
 
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Yield a function of how many of `total` are done: it draws a bar on the terminal, removed at the end.
-
-    Where standard error is no terminal, nothing is written.
-    """
-    shown = sys.stderr.isatty() and total > 1
+    """Yield a function of how many of `total` are done: it draws a bar on the terminal, gone at the end."""
+    printer = LinePrinter(sys.stderr)
 
     def tell(done: int) -> None:
-        if shown:
-            bar = "#" * (WIDTH * done // total)
-            print(f"\r[{bar:{WIDTH}}] {done} of {total} {what}", end="", file=sys.stderr, flush=True)
+        if printer.in_place and total > 1:
+            printer.show(f"[{'#' * (WIDTH * done // total):{WIDTH}}] {done} of {total} {what}")
 
     tell(0)
     try:
         yield tell
     finally:
-        if shown:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+        printer.clear()

@@ -1,20 +1,25 @@
-"""Command line: a tracker -> raw archive, with a live view; what a tracker answers; where one may be."""
+"""Command line: a tracker -> raw archive; what a tracker answers; where one may be."""
 
 from __future__ import annotations
 
 import argparse
 import os
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from shukotsu.errors import InputError
+from shukotsu.files.line_printer import LinePrinter
 from shukotsu.stages import command_line
 from shukotsu.trackers.families import FAMILIES, USUAL
 
 if TYPE_CHECKING:
     from shukotsu.trackers.record.request import RecordingRequest
     from shukotsu.trackers.record.session import Ending, RecordingPlan
+
+NOT_ABOUT = ("out", "note", "devices", "ask")
+"""Options that say nothing of the recording."""
 
 EXIT_CUT_SHORT = 3
 """The recording ended before it was asked to: the port went away, or the disk was full. What came is kept."""
@@ -24,7 +29,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu record",
-        "Record every byte that a tracker sends, with a live view; q, Ctrl-C or --duration ends it.\n"
+        "Record every byte that a tracker sends; Ctrl-C or --duration ends it.\n"
         "Exit code: 0 after a stop that was asked for, 2 where nothing could be recorded, 3 where the port\n"
         "went away or the disk was full; what came until then is kept.",
         "shukotsu record --devices\n"
@@ -62,7 +67,7 @@ def record_tracker(options: argparse.Namespace) -> None:
     from shukotsu.trackers.record import session
     from shukotsu.trackers.record.connected_ports import port_lines, serial_ports, usb_devices
     from shukotsu.trackers.record.port import open_port
-    from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal, stop_on_signals
+    from shukotsu.trackers.record.stop_request import StopRequest, stop_on_signals
     from shukotsu.trackers.record.tracker_check import check
 
     if options.devices:
@@ -80,8 +85,12 @@ def record_tracker(options: argparse.Namespace) -> None:
                 for line in check(port, request, stop):
                     print(line, flush=True)
                 return
-            with Terminal(sys.stderr, sys.stdin) as terminal:
-                ending = session.record(plan, port, terminal, stop, _about(options))
+            about = {
+                "options": {name: value for name, value in vars(options).items() if name not in NOT_ABOUT},
+                "notes": options.note,
+                "opened_utc": datetime.now(UTC).isoformat(),
+            }
+            ending = session.record(plan, port, LinePrinter(sys.stderr), stop, about)
         finally:
             port.close()
     _report(options.out, options.port, ending)
@@ -110,16 +119,6 @@ def recording_plan(options: argparse.Namespace, request: RecordingRequest) -> Re
     if options.out is None or options.out.suffix != ".arrows":
         raise InputError(f"--out: is {options.out or 'missing'}; expected a name that ends with .arrows")
     return RecordingPlan(options.out, request, options.duration, tuple(options.note), options.quiet)
-
-
-def _about(options: argparse.Namespace) -> dict[str, Any]:
-    """What the archive says of the recording."""
-    from datetime import UTC, datetime
-
-    named = {
-        name: value for name, value in vars(options).items() if name not in ("out", "note", "devices", "ask")
-    }
-    return {"options": named, "notes": options.note, "opened_utc": datetime.now(UTC).isoformat()}
 
 
 def _report(out: Path, port: str, ending: Ending) -> None:

@@ -15,7 +15,7 @@ def test_a_terminal_sees_a_bar_and_afterwards_none(
         done(2)
     said = capsys.readouterr().err
     assert f"\r[{'#' * 15}{' ' * 15}] 2 of 4 recordings read" in said
-    assert said.endswith("\r\033[K")
+    assert said.endswith(f"\r{' ' * len('[] 2 of 4 recordings read')}{' ' * 30}\r")
 
 
 def test_a_pipe_sees_nothing(capsys: pytest.CaptureFixture[str]) -> None:

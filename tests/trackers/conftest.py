@@ -1,6 +1,6 @@
 """An emulated tracker that runs for as long as a test; a stand-in for a tracker that is recorded."""
 
-import os
+import io
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 from tracker_processes import StandIn, at_a_port, emulator
 
+from shukotsu.files.line_printer import LinePrinter
 from shukotsu.trackers.archive import open_archive
 from shukotsu.trackers.decode.stream import Tally, blocks_of
 from shukotsu.trackers.protocols.records import concatenated
 from shukotsu.trackers.record.port import open_port
-from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 from shukotsu.trackers.record.request import RecordingRequest
 from shukotsu.trackers.record.session import RecordingPlan, record
+from shukotsu.trackers.record.stop_request import StopRequest
 
 
 @pytest.fixture
@@ -36,10 +37,10 @@ def recorded(tmp_path: Path) -> Callable[..., object]:
 
     def run(device: StandIn, request: RecordingRequest):
         plan = RecordingPlan(tmp_path / "rom.arrows", request, duration_s=0.5)
-        with at_a_port(device) as name, Path(os.devnull).open("w") as sink, Path(os.devnull).open() as keys:
+        with at_a_port(device) as name:
             port = open_port(name, 115200)
             try:
-                record(plan, port, Terminal(sink, keys), StopRequest(), {})
+                record(plan, port, LinePrinter(io.StringIO()), StopRequest(), {})
             finally:
                 port.close()
         tally = Tally()

@@ -2,9 +2,8 @@
 
 The device lives in cycles: `cycle` is the number of the next one since power-up; time is what its caller
 makes of them. A command is a function: device and arguments -> answer. An argument that is left out keeps its
-value; a command that sets something answers nothing. `RefusedError` carries the manual's error number.
-Source: LIBERTY User Manual URM03PH156, chapter of commands and reply framing. What no manual says is invented
-and listed in docs/emulator.md.
+value; a command that sets something answers nothing. Source: LIBERTY User Manual URM03PH156, chapter of
+commands and reply framing. What no manual says is invented and listed in docs/emulator.md.
 """
 
 from __future__ import annotations
@@ -18,9 +17,19 @@ from fractions import Fraction
 
 import numpy as np
 
-from shukotsu.trackers.emulate.encoding import Measured, encode
+from shukotsu.skeleton import rotations
 from shukotsu.trackers.emulate.pose_sources import Motion
-from shukotsu.trackers.liberty.items import DEFAULT_LIST, ITEMS, MOST_ITEMS, SINGLE, STREAMED, TAGS
+from shukotsu.trackers.liberty.items import (
+    DEFAULT_LIST,
+    HEADER,
+    HEADER_BYTES,
+    ITEMS,
+    MOST_ITEMS,
+    SINGLE,
+    STREAMED,
+    TAGS,
+    record_type,
+)
 from shukotsu.trackers.liberty.replies import ERRORS
 from shukotsu.trackers.protocols.records import Array, Bools, Wholes
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT
@@ -30,34 +39,28 @@ BLOCK_CYCLES = 120
 FOLLOWING = (0.0, 0.0, 0.0)
 """The hemisphere that stands for "keep track of the receiver": no position flips."""
 
-RATES_HZ = {2: 60, 3: 120, 4: 240}
+RATES_HZ = {3: 120, 4: 240}
 """Value of the rate command -> frames a second."""
 
+UNKNOWN_COMMAND, INVALID_STATION, INVALID = 1, 2, 3
 Arguments = Sequence[str]
 Command = Callable[["EmulatedLiberty", Arguments], bytes]
 
-UNKNOWN_COMMAND, INVALID_STATION, INVALID, TOO_FEW, TOO_MANY, BELOW, ABOVE = range(1, 8)
-
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_BIT_WORDS_OF_ONE_BOARD_SET = 9
 _FLAG = (0, 1)
-
 _CR, _LF, _P = b"\r"[0], b"\n"[0], b"P"[0]
+_CONSTANTS = {"blank": ord(" "), "cr": _CR, "lf": _LF, "button": 0, "distortion": 0, "sync": 0}
 
 
 class RefusedError(Exception):
-    """The device does not do it; `code` is the manual's error number."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__(code)
-        self.code = code
+    """The device does not do it; the argument is the manual's error number."""
 
 
 @dataclass
 class StationSettings:
     """One station's settings; all but the hemisphere move nothing, and are only answered when asked."""
 
-    items: tuple[int, ...]
+    items: tuple[int, ...] = DEFAULT_LIST
     stylus: int = 0
     enabled: bool = True
     hemisphere: tuple[float, ...] = (1.0, 0.0, 0.0)
@@ -86,21 +89,17 @@ class EmulatedLiberty:
     ) -> None:
         self.motion, self.plugged = motion, plugged
         self.family, self.ports = family, ports
-        self.stations = {number: StationSettings(DEFAULT_LIST) for number in range(1, ports + 1)}
-        self.rate_code = next(code for code, hz in RATES_HZ.items() if hz == rate_hz)
+        self.stations = {number: StationSettings() for number in range(1, ports + 1)}
+        self.rate_code = 3 if rate_hz == RATES_HZ[3] else 4
         self.position_filter: tuple[float, ...] = (0.2, 0.2, 0.8, 0.95)
         self.attitude_filter = self.position_filter
         self.mounting_deg: tuple[float, ...] = (0.0, 0.0, 0.0)
         self.binary = self.unit = self.sync = self.echo = 0
         self.buffered = 1
-        self.cycle = 0
+        self.cycle = self.counted_from = 0
         self.streaming = False
-        self.counted_from = 0
         self._typed = bytearray()
-        self._ahead: tuple[int, list[bytes]] = (
-            0,
-            [],
-        )  # cycles that were encoded ahead, and the first of them
+        self._ahead: tuple[int, list[bytes]] = (0, [])  # the first of the cycles encoded ahead, and these
 
     @property
     def rate(self) -> Fraction:
@@ -118,10 +117,6 @@ class EmulatedLiberty:
         self.cycle += 1
         return ahead[self.cycle - 1 - first] if self.streaming else b""
 
-    def single(self) -> bytes:
-        """One record of every active station, now."""
-        return self._encoded(np.array([self.cycle]), SINGLE)[0]
-
     def active(self) -> tuple[int, ...]:
         """Stations that are plugged in now and switched on."""
         return tuple(station for station in self.detected() if self.stations[station].enabled)
@@ -135,32 +130,62 @@ class EmulatedLiberty:
         """Whether each station of the device is plugged in, (T, S)."""
         return np.tile(np.isin(list(self.stations), list(self.plugged)), (len(cycles), 1))
 
-    def leave_block(self) -> None:
-        """Drop what was encoded ahead, as before a setting changes."""
-        self._ahead = (0, [])
-
     def _encoded(self, cycles: Wholes, command: int) -> list[bytes]:
-        """Measure cycles and encode them; command : what they answer."""
+        """Measure cycles; return the bytes of each. command : what they answer."""
         enabled = np.array([settings.enabled for settings in self.stations.values()])
         present = self.present(cycles) & enabled
-        taking_part = present.any(0)
-        stations = tuple(s for s, there in zip(self.stations, taking_part.tolist(), strict=True) if there)
         passed = cycles - self.counted_from
-        position_mm, quaternion = self.motion.poses(passed, stations)
-        present = present[:, taking_part] & np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1)
-        position_mm = np.nan_to_num(position_mm)
-        for column, station in enumerate(stations):
-            position_mm[:, column] *= _side(position_mm[:, column], self.stations[station].hemisphere)
-        measured = Measured(
-            stations,
-            passed % WRAP,
-            passed * 1000 * self.rate.denominator // self.rate.numerator % WRAP,
-            position_mm / MM_PER_UNIT["cm" if self.unit else "inch"],
-            np.nan_to_num(quaternion),
-            present,
-        )
-        lists = {number: settings.items for number, settings in self.stations.items()}
-        return encode(measured, lists, TAGS[self.family], command, binary=bool(self.binary))
+        records: list[tuple[Bools, list[bytes]]] = []
+        for column, station in enumerate(self.stations):
+            if not present[:, column].any():
+                continue
+            position_mm, quaternion = (numbers[:, 0] for numbers in self.motion.poses(passed, (station,)))
+            measured = np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1)
+            numbers = self._numbers(station, passed, np.nan_to_num(position_mm), np.nan_to_num(quaternion))
+            encoded = self._binary if self.binary else self._text
+            records.append((present[:, column] & measured, encoded(station, numbers, command)))
+        return [
+            b"".join(data[cycle] for there, data in records if there[cycle]) for cycle in range(len(cycles))
+        ]
+
+    def _numbers(
+        self, station: int, passed: Wholes, position_mm: Array, quaternion: Array
+    ) -> dict[str, Array | Wholes]:
+        """Numbers of a station's records by the names of fields, each (T,)."""
+        hemisphere = self.stations[station].hemisphere
+        if hemisphere != FOLLOWING:  # outside its half of space a receiver is reported opposite
+            position_mm = position_mm * np.where(position_mm @ np.array(hemisphere) < 0, -1.0, 1.0)[:, None]
+        position = position_mm / MM_PER_UNIT["cm" if self.unit else "inch"]
+        cosines = rotations.matrix(quaternion)
+        return {
+            **{axis: position[:, i] for i, axis in enumerate("xyz")},
+            **{f"q{part}": quaternion[:, i] for i, part in enumerate("wxyz")},
+            **{f"cosine_{a}{b}": cosines[:, i, j] for i, a in enumerate("xyz") for j, b in enumerate("xyz")},
+            "azimuth": np.degrees(np.arctan2(cosines[:, 1, 0], cosines[:, 0, 0])),
+            "elevation": np.degrees(np.arcsin(np.clip(-cosines[:, 2, 0], -1, 1))),
+            "roll": np.degrees(np.arctan2(cosines[:, 2, 1], cosines[:, 2, 2])),
+            "frame": passed % WRAP,
+            "device_ms": passed * 1000 * self.rate.denominator // self.rate.numerator % WRAP,
+            **{name: np.full(len(passed), number) for name, number in _CONSTANTS.items()},
+        }
+
+    def _binary(self, station: int, numbers: dict[str, Array | Wholes], command: int) -> list[bytes]:
+        items = self.stations[station].items
+        kind = record_type(items)
+        rows = np.zeros(len(numbers["frame"]), kind)
+        rows["tag"], rows["station"], rows["command"] = TAGS[self.family], station, command
+        rows["size"] = kind.itemsize - HEADER_BYTES
+        fields = [field for item in items for field in ITEMS[item][0]]
+        for name, field in zip((kind.names or ())[len(HEADER) :], fields, strict=True):
+            rows[name] = numbers[field]
+        data, size = rows.tobytes(), kind.itemsize
+        return [data[at : at + size] for at in range(0, len(data), size)]
+
+    def _text(self, station: int, numbers: dict[str, Array | Wholes], _command: int) -> list[bytes]:
+        """Records in text have the list of power-up, whatever was asked for."""
+        columns = [numbers[name] for name in ("x", "y", "z", "azimuth", "elevation", "roll")]
+        pattern = f"{station:02d}  " + "%8.3f " * 6 + "\r\n"
+        return [(pattern % row).encode() for row in zip(*columns, strict=True)]
 
     # --- commands -------------------------------------------------------------------------------------
 
@@ -189,78 +214,54 @@ class EmulatedLiberty:
             return b""
         if not self._typed and byte in (_P, _P + 32):
             self.streaming = False
-            return self.single()
+            return self._encoded(np.array([self.cycle]), SINGLE)[0]
         if byte != _CR:
             self._typed.append(byte)
             return b""
         typed = bytes(self._typed)
         self._typed.clear()
-        return self._obey(typed)
-
-    def _obey(self, typed: bytes) -> bytes:
         code = typed[:1].upper()
         if typed[:2].upper() == b"@B":
             code, typed = b"@", typed[1:]
-        command = COMMANDS.get(code)
-        first = code[0] if code else _CR
-        if command is None:
-            return self._error(first, UNKNOWN_COMMAND)
-        self.leave_block()
+        self._ahead = (0, [])
         arguments = [part.strip() for part in typed[1:].decode("latin-1").split(",")]
         try:
-            return command(self, [] if arguments == [""] else arguments)
+            if code not in COMMANDS:
+                raise RefusedError(UNKNOWN_COMMAND)
+            return COMMANDS[code](self, [] if arguments == [""] else arguments)
         except RefusedError as refused:
-            return self._error(first, refused.code)
-
-    def _error(self, command: int, code: int) -> bytes:
-        text = f"{ERRORS[code].title()}\r\n".encode()
-        return self._header(0, command, code, len(text)) + text if self.binary else text
-
-
-def _side(position_mm: Array, hemisphere: Sequence[float]) -> Array:
-    """Sign with which positions (T, 3) are reported, (T, 1): -1 where they are outside the hemisphere."""
-    if tuple(hemisphere) == FOLLOWING:
-        return np.ones((len(position_mm), 1))
-    return np.where(position_mm @ np.array(hemisphere) < 0, -1.0, 1.0)[:, None]
+            text = f"{ERRORS[refused.args[0]].title()}\r\n".encode()
+            header = self._header(0, code[0] if code else _CR, refused.args[0], len(text))
+            return header + text if self.binary else text
 
 
 def _floats(texts: Sequence[str], present: Sequence[float]) -> tuple[float, ...]:
     """Read a command's numbers; one that is left out keeps its present value."""
-    values = list(present)
-    for place, text in enumerate(texts):
-        if text and not _NUMBER.fullmatch(text):
-            raise RefusedError(INVALID)
-        if text and not math.isfinite(float(text)):
-            raise RefusedError(ABOVE)
-        values[place] = float(text) if text else values[place]
-    return tuple(values)
-
-
-def _whole(text: str, allowed: Sequence[int]) -> int:
-    if not text.isdecimal():
+    if not all(not text or _NUMBER.fullmatch(text) for text in texts):
         raise RefusedError(INVALID)
-    if int(text) not in allowed:
-        raise RefusedError(BELOW if int(text) < min(allowed) else ABOVE)
+    values = [float(text) if text else value for text, value in zip(texts, present, strict=False)]
+    if not all(map(math.isfinite, values)):
+        raise RefusedError(INVALID)
+    return (*values, *present[len(values) :])
+
+
+def _whole(text: str, allowed: Iterable[int]) -> int:
+    if not text.isdecimal() or int(text) not in allowed:
+        raise RefusedError(INVALID)
     return int(text)
 
 
-def _at_most(arguments: Arguments, count: int) -> None:
-    if len(arguments) > count:
-        raise RefusedError(TOO_MANY)
+def _count(arguments: Arguments, least: int, most: int) -> None:
+    if not least <= len(arguments) <= most:
+        raise RefusedError(INVALID)
 
 
 def _stations(device: EmulatedLiberty, arguments: Arguments) -> list[int]:
-    if not arguments or not arguments[0]:
-        raise RefusedError(TOO_FEW)
-    if arguments[0] == "*":
+    if arguments[:1] == ["*"]:
         return list(device.stations)
-    if not arguments[0].isdecimal() or int(arguments[0]) not in device.stations:
+    if not arguments or not arguments[0].isdecimal() or int(arguments[0]) not in device.stations:
         raise RefusedError(INVALID_STATION)
     return [int(arguments[0])]
-
-
-def _wholes(*values: int) -> bytes:
-    return np.asarray(values, np.int64).astype("<i4").tobytes()
 
 
 def _setting(
@@ -273,21 +274,17 @@ def _setting(
     """
 
     def command(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-        stations = _stations(device, arguments) if per_station else [0]
         values = arguments[1:] if per_station else arguments
         answer = b""
-        for number in stations:
+        for number in _stations(device, arguments) if per_station else [0]:
             holder = device.stations[number] if per_station else device
             present = getattr(holder, name)
             numbers = (present,) if allowed else present
-            _at_most(values, len(numbers))
-            if values and allowed:
-                setattr(holder, name, _whole(values[0], allowed))
-            elif values:
-                kept = _floats(values, present)
-                setattr(holder, name, kept)
+            _count(values, 0, len(numbers))
+            if values:
+                setattr(holder, name, _whole(values[0], allowed) if allowed else _floats(values, present))
             else:
-                body = _wholes(present) if allowed else np.asarray(present, "<f4").tobytes()
+                body = np.asarray(numbers, "<i4" if allowed else "<f4").tobytes()
                 shown = text * (len(numbers) // text.count("%")) % tuple(numbers)
                 answer += device.reply(code, shown, body, number)
         return answer
@@ -296,64 +293,51 @@ def _setting(
 
 
 def _output_list(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    chosen = _stations(device, arguments)
-    _at_most(arguments, 1 + MOST_ITEMS)
+    _count(arguments, 1, 1 + MOST_ITEMS)
     answer = b""
-    for number in chosen:
+    for number in _stations(device, arguments):
         station = device.stations[number]
         if len(arguments) > 1:
-            items = [_whole(text, tuple(ITEMS)) for text in arguments[1:]]
-            station.items = tuple(items)
+            station.items = tuple(_whole(text, ITEMS) for text in arguments[1:])
         else:
-            end = (-1,) if len(station.items) < MOST_ITEMS else ()
-            text = " ".join(map(str, station.items))
-            answer += device.reply(0x4F, text, _wholes(*station.items, *end), number)
+            body = np.array([*station.items, *[-1] * (len(station.items) < MOST_ITEMS)], "<i4").tobytes()
+            answer += device.reply(0x4F, " ".join(map(str, station.items)), body, number)
     return answer
 
 
 def _continuous(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _at_most(arguments, 0)
+    _count(arguments, 0, 0)
     device.streaming = True
     return b""
 
 
 def _reset_counters(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _at_most(arguments, 1)
-    if not arguments:
-        raise RefusedError(TOO_FEW)
+    _count(arguments, 1, 1)
     _whole(arguments[0], (0,))
     device.counted_from = device.cycle
     return b""
 
 
 def _bit_errors(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _at_most(arguments, 0)
-    words = [0] * _BIT_WORDS_OF_ONE_BOARD_SET * (2 if device.ports > 8 else 1)
-    text = " ".join(f"0x{word:08x}" for word in words)
-    return device.reply(0x14, text, struct.pack(f"<{len(words)}I", *words))
+    _count(arguments, 0, 0)
+    words = 18 if device.ports > 8 else 9
+    return device.reply(0x14, " ".join(["0x00000000"] * words), bytes(4 * words))
 
 
 def _station_state(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _at_most(arguments, 2)
     if arguments == ["0"]:
-        detected, active = _bits(device.detected()), _bits(device.active())
-        return device.reply(0x15, f"{detected:04x}{active:04x}", struct.pack("<I", detected << 16 | active))
+        halves = [sum(1 << (s - 1) for s in numbers) for numbers in (device.active(), device.detected())]
+        return device.reply(0x15, f"{halves[1]:04x}{halves[0]:04x}", struct.pack("<HH", *halves))
     stations = _stations(device, arguments)
-    if len(arguments) < 2:
-        raise RefusedError(TOO_FEW)
-    state = _whole(arguments[1], _FLAG)
+    _count(arguments, 2, 2)
     for number in stations:
-        device.stations[number].enabled = bool(state)
+        device.stations[number].enabled = bool(_whole(arguments[1], _FLAG))
     return b""
 
 
-def _bits(stations: Iterable[int]) -> int:
-    return sum(1 << (station - 1) for station in stations)
-
-
 def _whoami(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _at_most(arguments, 0)
-    kind = 1 if device.family == "patriot" else 0
+    _count(arguments, 0, 0)
+    kind = int(device.family == "patriot")
     size = "" if kind else f" 240/{16 if device.ports > 8 else 8}"
     text = f"{device.family.upper()}{size} (emulated), {device.ports} ports, firmware EMU-1, serial EMU0001"
     return device.reply(0x16, text, bytes((device.ports, kind, 0)) + text.encode())
@@ -370,7 +354,7 @@ COMMANDS: dict[bytes, Command] = {
     b"N": _setting(0x4E, "tip", "%6.3f ", per_station=True),
     b"O": _output_list,
     b"Q": _reset_counters,
-    b"R": _setting(0x52, "rate_code", allowed=(3, 4)),
+    b"R": _setting(0x52, "rate_code", allowed=tuple(RATES_HZ)),
     b"U": _setting(0x55, "unit", allowed=_FLAG),
     b"X": _setting(0x58, "position_filter", "%6.3f "),
     b"Y": _setting(0x59, "attitude_filter", "%6.3f "),
@@ -381,4 +365,4 @@ COMMANDS: dict[bytes, Command] = {
     b"\x16": _whoami,
     b"@": _setting(0x40, "buffered", allowed=_FLAG),
 }
-"""Command letter, or control character, -> what it does. P has no place here: it acts without an end."""
+"""Command letter, or control character, -> what it does. P is not here: it acts without an end."""

@@ -52,11 +52,25 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
     for command in _handshake(device, vector):
         replies[command] = _exchange(emulator, archive, arrived, command, now_ns)
         now_ns += _COMMAND_NS
-    archive.settings(_settings(device, vector, replies).to_json(), now_ns)
+    settings = StreamSettings(
+        device.family,
+        "binary",
+        "cm",
+        float(device.rate),
+        device.active(),
+        dict.fromkeys(device.stations, FULL_LIST),
+        dict.fromkeys(device.stations, vector),
+        {
+            "whoami": replies[b"\x16\r"][_TEXT_REPLY_HEADER_BYTES:].decode("latin-1").strip(),
+            "position_filter": list(device.position_filter),
+            "attitude_filter": list(device.attitude_filter),
+        },
+    )
+    archive.settings(settings.to_json(), now_ns)
     for command in (b"Q0\r", b"C\r"):
         _exchange(emulator, archive, arrived, command, now_ns)
     begun_ns = emulator.due_ns
-    end_ns = begun_ns + device.motion.cycles * SECOND_NS // int(device.rate) - 1
+    end_ns = begun_ns + len(device.motion.position_mm) * SECOND_NS // int(device.rate) - 1
     pieces = 0
     ticks_ns = [*range(begun_ns + PIECE_NS, end_ns, PIECE_NS), end_ns]
     for pieces, due_ns in enumerate(ticks_ns, 1):
@@ -77,16 +91,14 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
 
 def home_hemisphere(motion: Motion) -> tuple[float, float, float]:
     """The axis on whose side all receivers stay, nearest to where they are; FOLLOWING where there is none."""
-    places = motion.position_mm.reshape(-1, 3)
-    places = places[np.isfinite(places).all(-1)]
-    if len(places):
-        mean = places.mean(0)
-        axis = int(np.argmax(np.abs(mean)))
-        vector = np.zeros(3)
-        vector[axis] = np.sign(mean[axis])
-        if (places @ vector > 0).all():
-            return (float(vector[0]), float(vector[1]), float(vector[2]))
-    return FOLLOWING
+    positions = motion.position_mm.reshape(-1, 3)
+    positions = positions[np.isfinite(positions).all(-1)]
+    mean = positions.mean(0) if len(positions) else np.zeros(3)
+    axis = int(np.argmax(np.abs(mean)))
+    if not (positions[:, axis] * np.sign(mean[axis]) > 0).all():
+        return FOLLOWING
+    x, y, z = np.where(np.arange(3) == axis, np.sign(mean), 0.0).tolist()
+    return (x, y, z)
 
 
 def _handshake(device: EmulatedLiberty, hemisphere: Sequence[float]) -> Iterator[bytes]:
@@ -113,23 +125,3 @@ def _exchange(
     if reply:
         archive.received(reply, now_ns + MOST_JITTER_NS)
     return reply
-
-
-def _settings(
-    device: EmulatedLiberty, vector: tuple[float, float, float], replies: Mapping[bytes, bytes]
-) -> StreamSettings:
-    stations = device.stations
-    return StreamSettings(
-        family=device.family,
-        mode="binary",
-        unit="cm",
-        rate_hz=float(device.rate),
-        stations=device.active(),
-        items=dict.fromkeys(stations, FULL_LIST),
-        hemisphere=dict.fromkeys(stations, vector),
-        options={
-            "whoami": replies[b"\x16\r"][_TEXT_REPLY_HEADER_BYTES:].decode("latin-1").strip(),
-            "position_filter": list(device.position_filter),
-            "attitude_filter": list(device.attitude_filter),
-        },
-    )

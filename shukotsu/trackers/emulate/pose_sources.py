@@ -1,4 +1,4 @@
-"""Give the receivers' true poses, cycle by cycle: a motion computed from its number, or a recording."""
+"""The receivers' true poses, cycle by cycle: the built-in motion, or a recording."""
 
 from __future__ import annotations
 
@@ -33,11 +33,6 @@ class Motion:
     loop: bool = False
     notes: tuple[str, ...] = ()
 
-    @property
-    def cycles(self) -> int:
-        """Frames of the recording, those that it leaves out among them."""
-        return len(self.position_mm)
-
     def poses(self, count: Wholes, stations: Sequence[int]) -> tuple[Array, Array]:
         """Positions in mm (T, S, 3) and quaternions (T, S, 4) of cycles numbered from 0, shape (T,).
 
@@ -45,13 +40,13 @@ class Motion:
         """
         position = np.full((len(count), len(stations), 3), np.nan)
         quaternion = np.full((len(count), len(stations), 4), np.nan)
-        rows = count % self.cycles if self.loop else count
-        inside = (rows >= 0) & (rows < self.cycles)
-        for place, station in enumerate(stations):
+        rows = count % len(self.position_mm) if self.loop else count
+        inside = (rows >= 0) & (rows < len(self.position_mm))
+        for target, station in enumerate(stations):
             if station in self.stations:
                 column = self.stations.index(station)
-                position[inside, place] = self.position_mm[rows[inside], column]
-                quaternion[inside, place] = self.quaternion[rows[inside], column]
+                position[inside, target] = self.position_mm[rows[inside], column]
+                quaternion[inside, target] = self.quaternion[rows[inside], column]
         return position, quaternion
 
 
@@ -79,12 +74,20 @@ def recorded_motion(
     loop: bool = False,
     notes: Sequence[str] = (),
 ) -> Motion:
-    """Give the motion of N poses: frame, station (N,), position_mm (N, 3), quaternion (N, 4).
+    """The motion of N poses: frame, station (N,), position_mm (N, 3), quaternion (N, 4).
 
     A pose of station 0 is not played, but its frame counts. Frame numbers are divided by their usual step and
     counted from the first; numbers that are left out stay gaps.
     """
-    rows, remark = _numbered(frame)
+    numbers, rows = np.unique(frame, return_inverse=True)
+    remark: list[str] = []
+    if len(numbers) > 1:
+        step = max(1, int(np.median(np.diff(numbers))))
+        counted = np.rint((numbers - numbers[0]) / step).astype(np.int64)
+        if counted[-1] >= _MAX_STRETCH * len(numbers) or (np.diff(counted) == 0).any():
+            remark = ["its frame numbers are no count; its frames are played one after the other"]
+        else:
+            rows = counted[rows]
     played = station > 0
     stations = sorted(set(station[played].tolist()))
     position = np.full((int(rows.max()) + 1, len(stations), 3), np.nan)
@@ -93,15 +96,3 @@ def recorded_motion(
     position[rows[played], columns] = position_mm[played]
     turned[rows[played], columns] = quaternion[played]
     return Motion(tuple(stations), position, turned, loop, (*remark, *notes))
-
-
-def _numbered(frame: Wholes) -> tuple[Wholes, tuple[str, ...]]:
-    """Number frames from 0 in the recording's usual step, gaps kept where they are believable."""
-    known, rows = np.unique(frame, return_inverse=True)
-    if len(known) < 2:
-        return rows, ()
-    step = max(1, int(np.median(np.diff(known))))
-    counted = np.rint((known - known[0]) / step).astype(np.int64)
-    if counted[-1] >= _MAX_STRETCH * len(known) or len(np.unique(counted)) < len(known):
-        return rows, ("its frame numbers are no count; its frames are played one after the other",)
-    return counted[rows], ()

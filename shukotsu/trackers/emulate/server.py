@@ -7,8 +7,8 @@ import os
 import select
 import socket
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from shukotsu.errors import InputError
@@ -72,31 +72,8 @@ class Emulator:
             del self._waiting[:taken]
 
 
-class Port(ABC):
-    """What a client opens, under its `name`. Nothing here waits."""
-
-    name: str
-
-    @property
-    @abstractmethod
-    def readable(self) -> list[int]:
-        """Descriptors that are readable when there is something to do."""
-
-    @abstractmethod
-    def read(self) -> bytes:
-        """Read what the client has sent."""
-
-    @abstractmethod
-    def write(self, data: bytes) -> int:
-        """Hand bytes to the client; return how many it took."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Hang up."""
-
-
-class TcpPort(Port):
-    """A TCP port on this machine for one client at a time; without one, bytes are lost. Nothing here waits.
+class TcpPort:
+    """A TCP port of this machine for a client at a time; bytes are lost without one. Nothing here waits.
 
     name : what a client is to open. Raises InputError where the port is taken.
     """
@@ -113,11 +90,18 @@ class TcpPort(Port):
     @property
     def readable(self) -> list[int]:
         """Descriptors that are readable when there is something to do."""
-        return [one.fileno() for one in (self._listener, self._client) if one is not None]
+        return [end.fileno() for end in (self._listener, self._client) if end is not None]
 
     def read(self) -> bytes:
         """Read what the client has sent; a second client is turned away."""
-        self._accept()
+        with suppress(OSError):
+            client, _ = self._listener.accept()
+            if self._client is not None:
+                client.close()
+            else:
+                client.setblocking(False)
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._client = client
         if self._client is None:
             return b""
         try:
@@ -127,7 +111,7 @@ class TcpPort(Port):
         except OSError:
             data = b""
         if not data:
-            self._leave()
+            self._hang_up()
         return data
 
     def write(self, data: bytes) -> int:
@@ -139,34 +123,21 @@ class TcpPort(Port):
         except BlockingIOError:
             return 0
         except OSError:
-            self._leave()
+            self._hang_up()
             return len(data)
 
     def close(self) -> None:
         """Close the connection and the port."""
-        if self._client is not None:
-            self._leave()
+        self._hang_up()
         self._listener.close()
 
-    def _accept(self) -> None:
-        try:
-            client, _ = self._listener.accept()
-        except OSError:
-            return
+    def _hang_up(self) -> None:
         if self._client is not None:
-            client.close()
-            return
-        client.setblocking(False)
-        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._client = client
-
-    def _leave(self) -> None:
-        assert self._client is not None
-        self._client.close()
-        self._client = None
+            self._client.close()
+            self._client = None
 
 
-class PtyPort(Port):
+class PtyPort:
     """A pseudo-terminal; bytes stay in it while nobody reads, until it is full. Nothing here waits.
 
     name : what a client is to open. link : where to put a symbolic link to it. Raises InputError where the
@@ -222,7 +193,7 @@ class PtyPort(Port):
             self._link.unlink()
 
 
-def serve(emulator: Emulator, port: Port, stopped: Callable[[], bool]) -> None:
+def serve(emulator: Emulator, port: TcpPort | PtyPort, stopped: Callable[[], bool]) -> None:
     """Run until `stopped` says so. Pace comes from the monotonic clock."""
     while not stopped():
         emulator.run(time.perf_counter_ns())

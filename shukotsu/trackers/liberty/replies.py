@@ -6,7 +6,6 @@ tables of commands and of errors.
 
 from __future__ import annotations
 
-import re
 import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -87,18 +86,8 @@ def binary_answers(data: bytes, tags: Iterable[bytes] = tuple(TAGS.values())) ->
     return sorted(replies, key=lambda reply: reply.offset)
 
 
-_WHOAMI = re.compile(rb"(?:\A|(?<=[\r\n]))\d\dv. ?(.*)\r\n", re.DOTALL)
-"""The answer in text, of one line or several; lower case stands for a control byte."""
-
-
-def text_whoami(data: bytes) -> str | None:
-    """Find what the tracker says in text of who it is; None where it says nothing."""
-    answer = _WHOAMI.search(data)
-    return None if answer is None else " ".join(answer[1].decode("ascii", "replace").split())
-
-
 def answers(reply: Reply, setting: Setting, station: int) -> bool:
-    """Tell whether a reply tells that setting, of that station (0: of none)."""
+    """Whether a reply tells that setting, of that station (0: of none)."""
     expected = station if setting.per_station else 0
     return reply.command == setting.command[0] and reply.station == expected
 
@@ -109,7 +98,7 @@ def binary_value(setting: Setting, reply: Reply) -> Value | None:
     if size % 4 or not size:
         return None
     if setting.kind == "number":
-        return int(struct.unpack_from("<i", reply.body)[0]) if size >= 4 else None
+        return int(struct.unpack_from("<i", reply.body)[0])
     if setting.kind == "numbers":
         items = struct.unpack(f"<{size // 4}i", reply.body)
         return items[: items.index(-1)] if -1 in items else items
@@ -136,13 +125,3 @@ def half_stations(halves: tuple[int, ...]) -> tuple[int, ...]:
 
 def _stations(bits: int) -> tuple[int, ...]:
     return tuple(station for station in STATIONS if bits & 1 << (station - 1))
-
-
-def ports_of(reply: Reply) -> int | None:
-    """Receiver ports of the tracker, by its binary answer to "who are you"."""
-    return reply.body[0] if reply.body and 1 <= reply.body[0] <= 16 else None
-
-
-def error_text(code: int) -> str:
-    """Explain an error code of an answer."""
-    return ERRORS.get(code, f"error {code}")

@@ -44,11 +44,6 @@ class Port(ABC):
         self.baud = baud
         self.line_baud = line_baud
 
-    @property
-    def tries_other_bauds(self) -> bool:
-        """Tell whether another line rate can make a difference."""
-        return self.line_baud is not None and self.baud is not None
-
     def set_baud(self, baud: int) -> None:
         """Change the line's rate, or note it where the port has none to set."""
         self.baud = self.line_baud = baud

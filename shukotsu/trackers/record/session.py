@@ -1,7 +1,7 @@
 """The recording itself: everything that comes goes into the archive, and the rest is for the eyes.
 
 Three paces: a thread reads and stamps; the loop keeps what came a few times a second and writes it to disk;
-less often what came is decoded for the view. Only the first must not be late.
+once a second what came is decoded and counted. Only the first must not be late.
 """
 
 from __future__ import annotations
@@ -9,32 +9,29 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from shukotsu.errors import InputError
+from shukotsu.files.line_printer import LinePrinter
 from shukotsu.trackers.archive import ArchiveWriter
 from shukotsu.trackers.decode.stream import ChunkDecoder
-from shukotsu.trackers.liberty.driver import LibertyDriver
+from shukotsu.trackers.liberty.liberty_driver import LibertyDriver
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record import display
 from shukotsu.trackers.record.conversation import Chunk, Conversation, StoppedError
-from shukotsu.trackers.record.driver import Driver
-from shukotsu.trackers.record.line_load import check_line, line_bytes_per_s, too_slow
+from shukotsu.trackers.record.line_load import check_line
 from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
-from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.statistics import Moment, Statistics
-from shukotsu.trackers.viper.driver import ViperDriver
+from shukotsu.trackers.record.statistics import Statistics
+from shukotsu.trackers.record.stop_request import StopRequest
+from shukotsu.trackers.record.tracker_driver import Driver
+from shukotsu.trackers.viper.viper_driver import ViperDriver
 
 TICK_S = 0.05
 FLUSH_S = 0.25
-VIEW_S = 0.2
-QUIET_S = 2.0
-"""Where nobody looks what came is decoded so seldom, which is cheap: losses and absences are still told."""
-
-LOG_S = 1.0
+LOOK_S = 1.0
 CLOCK_JUMP_NS = 100_000_000
 LAST_BYTES_S = 0.5
 SILENCE_S = 0.3
@@ -75,7 +72,7 @@ class Ending:
 def record(
     plan: RecordingPlan,
     port: Port,
-    terminal: Terminal,
+    printer: LinePrinter,
     stop: StopRequest,
     about: Mapping[str, Any],
     utc_offset_ns: Callable[[], int] = lambda: time.time_ns() - time.perf_counter_ns(),
@@ -88,8 +85,8 @@ def record(
     conversation = Conversation(port, archive, lambda: bool(stop))
     try:
         try:
-            driver = driver_of(conversation, plan.request)
-            settings = _set_up(driver, conversation, terminal)
+            driver = DRIVERS[plan.request.family](conversation, plan.request)
+            settings = _set_up(driver, conversation, printer)
             archive.flush()
         except BaseException as error:  # no file stays where there is no frame
             archive.discard()
@@ -103,7 +100,7 @@ def record(
             if isinstance(error, OSError):
                 raise InputError(f"{plan.out}: cannot be written ({error.strerror})") from error
             raise
-        session = _Session(plan, conversation, driver, settings, archive, terminal, stop, utc_offset_ns)
+        session = _Session(plan, conversation, driver, settings, archive, printer, stop, utc_offset_ns)
         try:
             return session.run()
         except BaseException as error:  # whatever ends the session, what was received is kept
@@ -120,18 +117,13 @@ DRIVERS: Mapping[str, type[Driver]] = {
 }
 
 
-def driver_of(conversation: Conversation, request: RecordingRequest) -> Driver:
-    """Return the driver that sets the tracker up."""
-    return DRIVERS[request.family](conversation, request)
-
-
-def _set_up(driver: Driver, conversation: Conversation, terminal: Terminal) -> StreamSettings:
+def _set_up(driver: Driver, conversation: Conversation, printer: LinePrinter) -> StreamSettings:
     port = conversation.port
-    terminal.say(f"setting up the tracker at {port.name} ...")
+    printer.say(f"setting up the tracker at {port.name} ...")
     settings = driver.set_up()
     check_line(settings, port.line_baud, port.name)
     for warning in driver.warnings:
-        terminal.say(f"note: {warning}")
+        printer.say(f"note: {warning}")
     return settings
 
 
@@ -144,16 +136,16 @@ class _Session:
     _driver: Driver
     _settings: StreamSettings
     _archive: ArchiveWriter
-    _terminal: Terminal
+    _printer: LinePrinter
     _stop: StopRequest
     _utc_offset_ns: Callable[[], int]
     _view_failed: bool = False
     _failure: str = ""
     _dropped_bytes: int = 0
-    _absent: set[int] = field(default_factory=set)
     _told: int = 0
 
     def __post_init__(self) -> None:
+        self._absent: set[int] = set()
         self._offset_ns = self._utc_offset_ns()
         self._decoder = ChunkDecoder(self._settings)
         self._notices = list(self._driver.warnings)
@@ -161,12 +153,10 @@ class _Session:
         self._statistics = Statistics(self._settings, self._start_ns)
 
     def run(self) -> Ending:
-        """Record; gives how it ended."""
+        """Record; return how it ended."""
         self._start()
-        shown_s = VIEW_S if self._terminal.in_place else LOG_S
         flush_at = time.perf_counter()
-        look_s = QUIET_S if self._plan.quiet else VIEW_S
-        look_at, show_at = flush_at + look_s, flush_at + shown_s
+        look_at = flush_at + LOOK_S
         while not self._over():
             time.sleep(TICK_S)
             self._keep()
@@ -176,11 +166,9 @@ class _Session:
                 flush_at = now + FLUSH_S
                 self._flush()
             if now >= look_at:
-                look_at = max(look_at + look_s, now)
+                look_at = max(look_at + LOOK_S, now)
                 self._guarded(self._look)
-            if now >= show_at and not self._plan.quiet:
-                show_at = max(show_at + shown_s, now)
-                self._guarded(self._show)
+        self._printer.clear()
         return self._end()
 
     def rescue(self, error: BaseException) -> None:
@@ -208,12 +196,10 @@ class _Session:
         self._archive.event("started", self._start_ns, **details)
 
     def _over(self) -> bool:
-        """Tell whether to end; the failure that made it so is kept."""
+        """Whether to end; the failure that made it so is kept."""
         duration_s = self._plan.duration_s
         if duration_s is not None and self._elapsed_s() >= duration_s:
             self._stop.ask(f"--duration {duration_s:g}")
-        if "q" in self._terminal.pressed().lower():
-            self._stop.ask("key q")
         if self._conversation.gone and not self._failure:
             self._fail(PORT_GONE, self._conversation.gone[0])
         return bool(self._failure or self._stop)
@@ -272,61 +258,35 @@ class _Session:
             self._view_failed = True
             reason = f"{type(error).__name__}: {error}"
             self._archive.event("view-failed", time.perf_counter_ns(), reason=reason)
-            self._terminal.say("")
             self._notice(f"the view has failed ({reason}); every byte is still recorded")
 
     def _look(self) -> None:
-        """Count what came since the last look."""
+        """Count what came since the last look, and print how things stand."""
         self._count(final=False)
         for receiver, from_s, to_s in self._statistics.told[self._told :]:
             if receiver == 0:
                 self._notice(f"no record at all from {from_s:.1f} s to {to_s:.1f} s")
         self._told = len(self._statistics.told)
-        self._report_absences()
+        absent = self._statistics.absent()
+        for station in sorted(absent ^ self._absent):
+            name = "receiver-absent" if station in absent else "receiver-back"
+            self._archive.event(name, time.perf_counter_ns(), receiver=station)
+        self._absent = absent
+        if self._plan.quiet:
+            return
+        with suppress(OSError):  # somebody may have moved the archive; it is written all the same
+            archive_bytes = self._plan.out.stat().st_size
+            moment = self._statistics.moment(time.perf_counter_ns())
+            self._printer.show(display.state_line(moment, self._elapsed_s(), archive_bytes))
 
     def _count(self, *, final: bool) -> None:
         received_bytes = self._decoder.waiting_bytes
         block = self._decoder.decode(final=final)
         self._statistics.add(block, received_bytes, time.perf_counter_ns())
 
-    def _report_absences(self) -> None:
-        absent = self._statistics.absent()
-        for station in sorted(absent ^ self._absent):
-            name = "receiver-absent" if station in absent else "receiver-back"
-            self._archive.event(name, time.perf_counter_ns(), receiver=station)
-        self._absent = absent
-
     def _notice(self, text: str) -> None:
         self._notices.append(text)
-        if not self._terminal.in_place or self._view_failed or self._plan.quiet:
-            self._terminal.say(f"note: {text}")
-
-    def _show(self) -> None:
-        moment = self._statistics.moment(time.perf_counter_ns())
-        elapsed_s, duration_s = self._elapsed_s(), self._plan.duration_s
-        baud = self._conversation.port.line_baud
-        recorded = display.Recorded(
-            display.title(self._settings.family, self._conversation.port.name, self._plan.out.name),
-            elapsed_s,
-            None if duration_s is None else duration_s - elapsed_s,
-            self._archive_bytes(),
-            None if baud is None else line_bytes_per_s(baud),
-            self._slow(moment) or (self._notices[-1] if self._notices else ""),
-        )
-        if self._terminal.in_place:
-            self._terminal.show(display.view(moment, recorded, self._terminal.rows))
-        else:
-            self._terminal.say(display.one_line(moment, recorded))
-
-    def _slow(self, moment: Moment) -> str | None:
-        """Say that the line is too slow, of the last seconds."""
-        missing = [row.missing_percent for row in moment.rows if row.rate_hz is not None]
-        return too_slow(self._settings, moment.bytes_per_s, sum(missing) / max(len(missing), 1))
-
-    def _archive_bytes(self) -> int:
-        with suppress(OSError):  # somebody may have moved it; it is written all the same
-            return self._plan.out.stat().st_size
-        return 0
+        self._printer.say(f"note: {text}")
 
     def _elapsed_s(self) -> float:
         return (time.perf_counter_ns() - self._start_ns) * 1e-9

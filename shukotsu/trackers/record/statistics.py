@@ -43,7 +43,7 @@ class Receiver:
 
 @dataclass(frozen=True)
 class Row:
-    """One receiver at a moment; rate_hz None where it is absent, missing_percent of the last WINDOW_S."""
+    """A receiver at a moment; rate_hz None where it is absent, missing_percent of the last WINDOW_S."""
 
     station: int
     rate_hz: float | None
@@ -51,7 +51,6 @@ class Row:
     error: str
     distortion: int
     margin: float
-    absent_s: float
 
 
 @dataclass(frozen=True)
@@ -59,11 +58,9 @@ class Moment:
     """All receivers at a moment, and what concerns the stream as a whole."""
 
     rows: tuple[Row, ...]
-    bytes_per_s: float
     lag_ms: float | None
     silent_s: float
     skipped_bytes: int
-    partial_cycles: int
 
 
 class Statistics:
@@ -82,7 +79,7 @@ class Statistics:
         self._settings = settings
         self._start_ns = start_ns
         self._heard_ns = start_ns
-        self._past: deque[tuple[int, int, dict[int, tuple[int, int]]]] = deque()
+        self._past: deque[tuple[int, dict[int, tuple[int, int]]]] = deque()
         self._fastest: deque[tuple[int, float]] = deque()
         self._lag_ns: float | None = None
         self._remember(start_ns)
@@ -113,36 +110,21 @@ class Statistics:
 
     def moment(self, now_ns: int) -> Moment:
         """Return the present state."""
-        then_ns, then_bytes, then = self._past[0]
+        then_ns, then = self._past[0]
         span_s = max((self._past[-1][0] - then_ns) * 1e-9, 1e-9)
         rows = []
         for station, receiver in sorted(self.receivers.items()):
             heard = self._losses.stations.get(station, NEVER_HEARD)
             then_records, then_lost = then.get(station, (0, 0))
             came, lost = heard.records - then_records, heard.lost - then_lost
-            absent_s = (now_ns - (receiver.last_host_ns or self._start_ns)) * 1e-9
-            there = absent_s <= ABSENT_S
+            present = now_ns - (receiver.last_host_ns or self._start_ns) <= ABSENT_S * 1e9
             back_s = max((to_s for who, _, to_s in self.told if who == station), default=-np.inf)
-            since_back_s = self._seconds(now_ns) - back_s
-            rows.append(
-                Row(
-                    station,
-                    came / min(span_s, max(since_back_s, 1e-9)) if there else None,
-                    100 * lost / max(came + lost, 1),
-                    chr(receiver.error) if receiver.error else "",
-                    receiver.distortion,
-                    receiver.margin,
-                    0.0 if there else absent_s,
-                )
-            )
-        return Moment(
-            tuple(rows),
-            (self.received_bytes - then_bytes) / span_s,
-            None if self._lag_ns is None else self._lag_ns * 1e-6,
-            (now_ns - self._heard_ns) * 1e-9,
-            self.skipped_bytes,
-            self._losses.partial_cycles,
-        )
+            heard_s = min(span_s, max(self._seconds(now_ns) - back_s, 1e-9))
+            rate_hz, missing = came / heard_s if present else None, 100 * lost / max(came + lost, 1)
+            error = chr(receiver.error) if receiver.error else ""
+            rows.append(Row(station, rate_hz, missing, error, receiver.distortion, receiver.margin))
+        lag_ms = None if self._lag_ns is None else self._lag_ns * 1e-6
+        return Moment(tuple(rows), lag_ms, (now_ns - self._heard_ns) * 1e-9, self.skipped_bytes)
 
     def totals(self, now_ns: int) -> dict[str, Any]:
         """Sum up the recording if nothing follows, as JSON types.
@@ -157,8 +139,8 @@ class Statistics:
 
         def silent(station: int, newest_ns: float) -> list[list[float | None]]:
             newest_s = min(self._seconds(newest_ns), end_s)
-            own = [(a, b if a < newest_s else end_s) for s, a, b in told if s == station and b > a]
-            return [[_number(a), _number(b) if b < end_s else None] for a, b in own]
+            stretches = [(a, b if a < newest_s else end_s) for s, a, b in told if s == station and b > a]
+            return [[_number(a), _number(b) if b < end_s else None] for a, b in stretches]
 
         receivers = {}
         for station, receiver in sorted(self.receivers.items()):
@@ -230,7 +212,7 @@ class Statistics:
 
     def _remember(self, now_ns: int) -> None:
         counts = {station: (heard.records, heard.lost) for station, heard in self._losses.stations.items()}
-        self._past.append((now_ns, self.received_bytes, counts))
+        self._past.append((now_ns, counts))
         while len(self._past) > 2 and now_ns - self._past[1][0] >= WINDOW_S * 1e9:
             self._past.popleft()
 

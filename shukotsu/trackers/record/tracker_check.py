@@ -11,13 +11,13 @@ from shukotsu.trackers.decode.stream import ChunkDecoder
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record import display
 from shukotsu.trackers.record.conversation import Conversation, StoppedError
-from shukotsu.trackers.record.driver import Driver
 from shukotsu.trackers.record.line_load import arithmetic, line_bytes_per_s, needed_bytes_per_s, what_fits
 from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
-from shukotsu.trackers.record.recording_terminal import StopRequest
 from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.session import driver_of
+from shukotsu.trackers.record.session import DRIVERS
 from shukotsu.trackers.record.statistics import Statistics
+from shukotsu.trackers.record.stop_request import StopRequest
+from shukotsu.trackers.record.tracker_driver import Driver
 
 STREAM_S = 2.0
 
@@ -32,7 +32,7 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
     """
     conversation = Conversation(port, stopped=lambda: bool(stop))
     try:
-        driver = driver_of(conversation, request)
+        driver = DRIVERS[request.family](conversation, request)
         try:
             settings = driver.set_up()
             yield from answer_lines(settings, driver.warnings)

@@ -5,7 +5,7 @@ import struct
 import pytest
 
 from shukotsu.trackers.liberty import replies
-from shukotsu.trackers.liberty.driver import SETTINGS
+from shukotsu.trackers.liberty.liberty_driver import SETTINGS
 
 RECORD = b"LY\x01C\0\0" + struct.pack("<h", 20) + b"LY\x03O\0\0" + bytes(14)
 
@@ -17,9 +17,12 @@ def binary(station: int, command: bytes, body: bytes, error: int = 0, tag: bytes
 def value(name: str, data: bytes, station: int = 0):
     """What the answer to a question is read as; None where there is none."""
     question = SETTINGS[name]
-    found = replies.binary_answers(data)
-    values = [replies.binary_value(question, r) for r in found if replies.answers(r, question, station)]
-    return next((one for one in values if one is not None), None)
+    values = [
+        replies.binary_value(question, r)
+        for r in replies.binary_answers(data)
+        if replies.answers(r, question, station)
+    ]
+    return next((read for read in values if read is not None), None)
 
 
 @pytest.mark.parametrize(
@@ -45,17 +48,8 @@ def test_binary_answers(name: str, station: int, body: bytes, expected) -> None:
     assert (value(name, data, station + 1) is None) == SETTINGS[name].per_station
 
 
-@pytest.mark.parametrize("before", [b"", b"01   16.082  -3.100   0.250\r\n", b"\x16\r"])
-def test_who_it_is_in_text(before: bytes) -> None:
-    """Behind a record or an echoed command, in one line or several."""
-    answer = b"00v  LIBERTY 240/8\r\nfirmware  1.0\r\n"
-    assert replies.text_whoami(before + answer) == "LIBERTY 240/8 firmware 1.0"
-    assert replies.text_whoami(before + answer[:10]) is None
-
-
 def test_errors_are_told() -> None:
     (refused,) = replies.binary_answers(binary(0, b"O", b"Invalid Station\r\n", 2))
-    assert (refused.error, replies.error_text(refused.error)) == (2, "invalid station")
+    assert (refused.error, replies.ERRORS[refused.error]) == (2, "invalid station")
     (blank,) = replies.binary_answers(binary(1, b"C", b"", 0x20))
     assert blank.error == 0
-    assert replies.error_text(99) == "error 99"

@@ -1,52 +1,43 @@
-"""The view, which fits a terminal of 80 columns with every receiver there is; and the summary at the end."""
+"""The line that says how a recording stands, on a terminal rewritten in place; and the summary at the end."""
 
+import io
+
+from shukotsu.files.line_printer import LinePrinter
 from shukotsu.trackers.record import display
 from shukotsu.trackers.record.statistics import Moment, Row
 
 
-def row(station: int = 1, **other) -> Row:
-    well = {"rate_hz": 240.0, "missing_percent": 0.0, "error": "", "distortion": 0}
-    return Row(station, **{**well, "margin": 0.8, "absent_s": 0.0, **other})
+class Terminal(io.StringIO):
+    """Text that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        """It is none."""
+        return True
 
 
-def moment(*rows: Row, **other) -> Moment:
-    well = {"bytes_per_s": 215_040.0, "lag_ms": 3.0, "silent_s": 0.0, "skipped_bytes": 0}
-    return Moment(rows, **{**well, "partial_cycles": 0, **other})
+def test_a_line_is_written_over_the_one_before_and_one_that_stays_below() -> None:
+    out = Terminal()
+    printer = LinePrinter(out)
+    printer.show("240 Hz")
+    printer.show("24 Hz")
+    printer.say("note")
+    assert out.getvalue() == f"\r240 Hz\r24 Hz \r{' ' * 5}\rnote\n"
+    out.close()
+    printer.say("a terminal that went away is no error")
 
 
-def recorded(**other) -> display.Recorded:
-    well = {"title": "liberty at /dev/ttyUSB0 -> rom.arrows", "elapsed_s": 12.44, "remaining_s": 47.6}
-    return display.Recorded(**{**well, "archive_bytes": 2_660_000, "line_bytes_per_s": None, **other})
+def row(station: int, rate_hz: float | None = 240.0, error: str = "", distortion: int = 0, margin=0.8) -> Row:
+    return Row(station, rate_hz, 0.5, error, distortion, margin)
 
 
-WORST = {"rate_hz": 239.96, "missing_percent": 100.0, "error": "G", "distortion": 255, "margin": -1.0}
-
-
-def test_every_line_fits_80_columns_at_its_worst() -> None:
-    rows = [row(station, **WORST) for station in range(1, 16)]
-    rows.append(row(16, rate_hz=None, absent_s=123_456.0))
-    stream = {"skipped_bytes": 10**10, "partial_cycles": 10**8, "lag_ms": 123_456.0, "silent_s": 86_400.0}
-    times = {"elapsed_s": 360_000.0, "remaining_s": 360_000.0, "archive_bytes": 10**12}
-    long = recorded(title="t" * 200, line_bytes_per_s=11520.0, notice="n" * 200, **times)
-    shown = display.view(moment(*rows, bytes_per_s=1e7, **stream), long)
-    assert len(shown) == 5 + 16 + 1, "silence is told in one line, instead of the notice"
-    assert max(map(len, shown)) <= 80
-    usual = display.view(moment(*rows), recorded())
-    assert all(f"{station}" in line for station, line in zip(range(1, 17), usual[5:21], strict=True))
-
-
-def test_it_says_what_there_is_to_see() -> None:
-    rows = [row(1), row(2, error="b"), row(3, margin=0.04), row(4, margin=-0.5)]
-    rows.append(row(5, rate_hz=None, absent_s=7.2))
-    shown = display.view(moment(*rows), recorded(line_bytes_per_s=11520.0 * 20))
-    text = "\n".join(shown)
-    assert "elapsed 0:12.4   remaining 0:47.6   archive 2.66 MB" in text
-    assert "215.0 kB/s (93 % of the line)   lag 3 ms   skipped 0 bytes   partial cycles 0" in text
-    assert shown[5].split() == ["1", "240.0", "0.0", "%", "-", "none", "+0.80"]
-    assert shown[6].endswith("see error")
-    assert shown[7].endswith("+0.04  near the edge")
-    assert shown[8].endswith("in the other half")
-    assert shown[9].split() == ["5", "--", "--", "absent", "for", "7", "s"]
+def test_the_line_says_what_there_is_to_see() -> None:
+    rows = (row(1), row(2, error="b"), row(3, margin=0.04, distortion=2), row(4, 239.0, margin=-0.5))
+    moment = Moment((*rows, row(5, None)), 3.0, 0.0, 7)
+    assert display.state_line(moment, 12.44, 2_660_000) == (
+        "12.4 s  4 of 5 receivers  239.0 Hz  missing 0.5 %  skipped 7 B  lag 3 ms  2.66 MB  absent 5  "
+        "2 error b  3 near the edge  4 in the other half  distortion 2 at 3"
+    )
+    assert display.state_line(Moment(rows, None, 4.2, 0), 12.4, 0).startswith("NO DATA for 4 s: is the")
 
 
 WELL = {

@@ -3,15 +3,13 @@
 What a test asserts never depends on how fast the host is; it waits for what it asserts.
 """
 
+import io
 import json
 import os
-import pty
 import re
 import resource
 import signal
 import subprocess
-import sys
-import termios
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -20,7 +18,6 @@ import pytest
 from stubborn_trackers import StubbornTracker
 from tracker_processes import (
     PATIENCE_S,
-    REPOSITORY,
     VanishedError,
     at_a_port,
     capture,
@@ -29,6 +26,7 @@ from tracker_processes import (
     until_lines,
 )
 
+from shukotsu.files.line_printer import LinePrinter
 from shukotsu.stages.capture import record_tracker
 from shukotsu.trackers.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_archive
 from shukotsu.trackers.decode.stream import Tally, blocks_of
@@ -37,9 +35,9 @@ from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.protocols.records import Records, concatenated
 from shukotsu.trackers.record.conversation import Conversation
 from shukotsu.trackers.record.port import SerialPort, open_port
-from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.session import RecordingPlan, driver_of, record
+from shukotsu.trackers.record.session import DRIVERS, RecordingPlan, record
+from shukotsu.trackers.record.stop_request import StopRequest
 
 NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
 """What stays after the recorder has gone: re-initialise, start-up settings, save, name, line settings."""
@@ -156,47 +154,6 @@ def test_nothing_is_lost_in_eight_seconds(stations, tcp, recording) -> None:
     assert_whole(out, stations)
 
 
-def in_a_terminal(*words: str) -> tuple[int, int]:
-    """Run a subcommand of capture in a terminal of its own; gives its process and the terminal."""
-    child, master = pty.fork()
-    if child == 0:
-        os.chdir(REPOSITORY)
-        os.execv(sys.executable, [sys.executable, "-m", "shukotsu", *words])
-    return child, master
-
-
-def shown_until(master: int, part: bytes) -> bytes:
-    """Read a terminal until that part is shown, or its program ends."""
-    shown = b""
-    while part not in shown:
-        try:
-            shown += os.read(master, 4096)
-        except OSError:
-            break
-    return shown
-
-
-@pytest.mark.slow
-def test_the_key_q_ends_it_and_the_terminal_is_as_before(emulated, tmp_path: Path) -> None:
-    """The view is rewritten in place; after q the terminal echoes and waits for Return as it did."""
-    out = tmp_path / "rom.arrows"
-    port = emulated("--stations", "1-2")
-    child, master = in_a_terminal("record", "--port", port, "--out", str(out))
-    before = termios.tcgetattr(master)
-    shown = shown_until(master, b"elapsed 0:01")
-    during = termios.tcgetattr(master)
-    os.write(master, b"q")
-    shown += shown_until(master, b"nothing that is ever shown")
-    _, status = os.waitpid(child, 0)
-    assert os.waitstatus_to_exitcode(status) == 0
-    assert not during[3] & termios.ICANON
-    assert termios.tcgetattr(master)[3] == before[3]
-    assert b"(key q)" in shown
-    assert shown.rindex(b"\x1b[?25h") > shown.rindex(b"\x1b[?25l")
-    assert_whole(out, 2)
-    os.close(master)
-
-
 # --- what goes wrong: what is kept of it, and what the user is told ----------------------------------------
 
 
@@ -264,7 +221,7 @@ def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPa
         port.line_baud = 115200
         monkeypatch.setattr(port, "read", lambda: read(port))
         conversation = Conversation(port)
-        driver = driver_of(conversation, RecordingRequest("liberty"))
+        driver = DRIVERS["liberty"](conversation, RecordingRequest("liberty"))
         driver.set_up()
         conversation.close()
         port.close()
@@ -354,9 +311,8 @@ def test_the_hosts_clock_is_set_meanwhile(emulated, tmp_path: Path) -> None:
         return 10**18 - (3600 * 10**9 if calls > 1000 else 0)
 
     port = open_port(emulated("--stations", "1"), 115200)
-    with Path(os.devnull).open("w") as sink, Path(os.devnull).open() as keys:
-        plan = RecordingPlan(out, RecordingRequest("liberty"), duration_s=6.0)
-        ending = record(plan, port, Terminal(sink, keys), StopRequest(), {}, utc_offset_ns)
+    plan = RecordingPlan(out, RecordingRequest("liberty"), duration_s=6.0)
+    ending = record(plan, port, LinePrinter(io.StringIO()), StopRequest(), {}, utc_offset_ns)
     port.close()
     assert not ending.failed
     assert ending.notices == ("the host's clock was set by -3600.0 s; times of frames are not concerned",)

@@ -56,8 +56,6 @@ def test_all_is_well() -> None:
     totals, moment = counted(set(), 1200)
     assert [row.rate_hz for row in moment.rows] == pytest.approx([240.0, 240.0])
     assert [row.missing_percent for row in moment.rows] == [0.0, 0.0]
-    assert moment.bytes_per_s == pytest.approx(2 * 56 * 240)
-    assert moment.partial_cycles == 0
     assert moment.lag_ms == pytest.approx(0.0, abs=0.01)
     assert totals["records"] == 2400
     assert totals["lost_frames"] == 0
@@ -77,9 +75,7 @@ def test_a_receiver_that_was_unplugged_is_absent_and_not_lossy() -> None:
     gone = {(frame, 2) for frame in range(480, 1200)}
     statistics = Statistics(settings(), START_NS)
     now_ns = fed(statistics, gone, range(960))
-    row = statistics.moment(now_ns).rows[1]
-    assert row.rate_hz is None
-    assert row.absent_s == pytest.approx(2.0, abs=0.01)
+    assert statistics.moment(now_ns).rows[1].rate_hz is None
     assert statistics.totals(now_ns)["receivers"]["2"]["absent_s"] == [[pytest.approx(2.0, abs=0.01), None]]
     now_ns = fed(statistics, gone, range(960, 1320))
     totals = statistics.totals(now_ns)["receivers"]["2"]

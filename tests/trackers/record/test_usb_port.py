@@ -1,6 +1,6 @@
 """The USB port against a stand-in for libusb1 with the emulated LIBERTY behind it; no device was at hand."""
 
-import os
+import io
 import sys
 import threading
 import time
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from shukotsu.errors import InputError
+from shukotsu.files.line_printer import LinePrinter
 from shukotsu.trackers.archive import open_archive
 from shukotsu.trackers.decode.stream import Tally, blocks_of
 from shukotsu.trackers.emulate.device import EmulatedLiberty
@@ -18,9 +19,9 @@ from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.emulate.server import Emulator
 from shukotsu.trackers.record.connected_ports import port_lines
 from shukotsu.trackers.record.port import PortGoneError, open_port
-from shukotsu.trackers.record.recording_terminal import StopRequest, Terminal
 from shukotsu.trackers.record.request import RecordingRequest
 from shukotsu.trackers.record.session import RecordingPlan, record
+from shukotsu.trackers.record.stop_request import StopRequest
 
 
 class UsbError(Exception):
@@ -92,8 +93,7 @@ def test_a_liberty_is_recorded_until_it_is_unplugged(unplugged: bool, tmp_path: 
     bus = Bus(reads=100 if unplugged else 1 << 30)
     monkeypatch.setitem(sys.modules, "usb1", bus.module())
     plan = RecordingPlan(tmp_path / "a.arrows", RecordingRequest("liberty"), None if unplugged else 0.5)
-    with Path(os.devnull).open("w") as sink, Path(os.devnull).open() as keys:
-        ending = record(plan, open_port("usb:", 115200), Terminal(sink, keys), StopRequest(), {})
+    ending = record(plan, open_port("usb:", 115200), LinePrinter(io.StringIO()), StopRequest(), {})
     assert (ending.failed, "unplugged" in ending.reason) == (unplugged,) * 2
     tally = Tally()
     frames = np.concatenate([block.records.frame for block in blocks_of(open_archive(plan.out), tally)])

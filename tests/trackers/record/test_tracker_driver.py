@@ -1,6 +1,6 @@
 """Frames that a tracker says are set, against its defaults."""
 
-from shukotsu.trackers.record.driver import is_default_alignment
+from shukotsu.trackers.record.tracker_driver import is_default_alignment
 
 
 def test_the_default_frame_may_be_told_in_any_unit() -> None:

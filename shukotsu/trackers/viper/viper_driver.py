@@ -14,8 +14,8 @@ from shukotsu.errors import InputError
 from shukotsu.trackers.protocols.records import Reply
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.conversation import Conversation
-from shukotsu.trackers.record.driver import Driver
 from shukotsu.trackers.record.request import TRACK, RecordingRequest
+from shukotsu.trackers.record.tracker_driver import Driver
 from shukotsu.trackers.viper.decoder import (
     ANY,
     CONTINUOUS,

@@ -1,4 +1,4 @@
-"""Share code between all drivers: finding the tracker on its line, comparing what it says is set."""
+"""What all drivers share: finding the tracker on its line, comparing what it says is set."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ class Driver(ABC):
 
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
         self.warnings: list[str] = []
+        self._complaints: list[str] = []  # of the tracker, while it was set up
         self._conversation = conversation
         self._request = request
 
@@ -39,7 +40,7 @@ class Driver(ABC):
 
     @abstractmethod
     def start(self) -> Mapping[str, Any]:
-        """Have it stream; gives what the archive shall say of that, as JSON types."""
+        """Have it stream; return what the archive shall say of that, as JSON types."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -56,15 +57,13 @@ class Driver(ABC):
     def _find(self, attempt: Callable[[], tuple[Identity | None, bytes]]) -> Identity:
         """Identify the tracker at the rate of the port or, where there is a serial line, at another.
 
-        attempt : gives what identifies the tracker, and what was heard at all. Raises InputError where
-        nothing answers, or something that is not this tracker.
+        attempt() : what identifies the tracker, and what was heard at all. Raises InputError where nothing
+        answers, or something that is not this tracker.
         """
         port = self._conversation.port
-        first_baud = port.baud
-        bauds = [first_baud]
-        if port.tries_other_bauds:
-            bauds += [baud for baud in OTHER_BAUDS if baud != first_baud]
-        heard_at_first = b""
+        first_baud, heard_at_first = port.baud, b""
+        tries_others = port.line_baud is not None and first_baud is not None
+        bauds = list(dict.fromkeys((first_baud, *OTHER_BAUDS))) if tries_others else [first_baud]
         for baud in bauds:
             if baud != first_baud and baud is not None:
                 port.set_baud(baud)
@@ -84,7 +83,7 @@ class Driver(ABC):
             raise InputError(
                 f"{port.name}: what answers is no {title} (it sent {shown!r}); check --tracker and --port"
             )
-        tried = f" at {', '.join(str(baud) for baud in bauds)} baud" if port.tries_other_bauds else ""
+        tried = f" at {', '.join(map(str, bauds))} baud" if tries_others else ""
         raise InputError(
             f"{port.name}: nothing answers{tried}; check that the {title} is switched on (just switched "
             "on? it takes 10 s), its cable (on RS-232 a null-modem one), that its USB is not "
@@ -92,7 +91,7 @@ class Driver(ABC):
         )
 
     def _silence(self, *commands: bytes) -> bytes:
-        """Send what stops a stream until it is silent, at most three times; gives what was heard.
+        """Send what stops a stream until it is silent, at most three times; return what was heard.
 
         commands : what is sent at each attempt, the last one from then on.
         """
@@ -105,12 +104,12 @@ class Driver(ABC):
                 break
         return heard
 
-    def _require(self, what: str, reported: Any, sent: Any, complaints: Sequence[str] = ()) -> None:
+    def _require(self, what: str, reported: Any, sent: Any) -> None:
         """Raise InputError where a setting is not what was sent; reported : None where it does not say."""
         if same_value(reported, sent):
             return
         says = "says nothing about it" if reported is None else f"says {shown(reported)}"
-        complained = f" (it complained: {', '.join(complaints)})" if complaints else ""
+        complained = f" (it complained: {', '.join(self._complaints)})" if self._complaints else ""
         raise InputError(
             f"{self._port_name}: the tracker did not take its {what}: sent was {shown(sent)}, and when "
             f"asked it {says}{complained}; switch it off and on, and try again"
@@ -118,34 +117,33 @@ class Driver(ABC):
 
 
 def same_value(reported: Any, sent: Any) -> bool:
-    """Tell whether a value that was read is the one that was sent, numbers to 0.01."""
+    """Whether a value that was read is the one that was sent, numbers to 0.01."""
     if isinstance(reported, tuple) and isinstance(sent, tuple):
-        return len(reported) == len(sent) and all(
-            abs(a - b) < 0.01 for a, b in zip(reported, sent, strict=True)
-        )
+        pairs = zip(reported, sent, strict=False)
+        return len(reported) == len(sent) and all(abs(a - b) < 0.01 for a, b in pairs)
     return bool(reported == sent)
 
 
 def shown(value: Any) -> str:
-    """Write a setting for people."""
+    """Format a setting for people."""
     if isinstance(value, tuple):
         return ", ".join(f"{round(part, 4):g}" for part in value) or "nothing"
     return str(value)
 
 
 def same_direction(a: Sequence[float], b: Sequence[float]) -> bool:
-    """Tell whether two vectors point the same way, to 0.8 degrees; never where one has no length."""
+    """Whether two vectors point the same way, to 0.8 degrees; never where one has no length."""
     lengths = math.hypot(*a) * math.hypot(*b)
     return lengths > 0 and sum(x * y for x, y in zip(a, b, strict=True)) / lengths > LEAST_COSINE
 
 
 def is_zero(values: Sequence[float]) -> bool:
-    """Tell whether an offset or a rotation is none."""
+    """Whether an offset or a rotation is none."""
     return all(abs(value) < 1e-4 for value in values)
 
 
 def is_default_alignment(values: Sequence[float]) -> bool:
-    """Tell whether an alignment (origin, a point on x, one on y: 9 numbers) is the transmitter's own frame.
+    """Whether an alignment (origin, a point on x, one on y: 9 numbers) is the transmitter's own frame.
 
     The points may be at any distance: it differs between trackers and with the unit.
     """

@@ -1,9 +1,9 @@
 """Setting up LIBERTY and PATRIOT, whatever state an earlier program left them in.
 
 They keep their settings from one program to the next, and do not answer when something is set. So: stop,
-wake, ask for everything, set what matters, ask again and compare, all of that in binary. What would last
-beyond this recording, or add up (saved settings, alignment, boresight), is never sent. Commands are those of
-the LIBERTY User Manual URM03PH156, section on commands.
+wake, ask for everything, set what matters, ask again and compare, all in binary. What would last beyond this
+recording, or add up (saved settings, alignment, boresight), is never sent. Source of the commands: LIBERTY
+User Manual URM03PH156.
 """
 
 from __future__ import annotations
@@ -22,16 +22,13 @@ from shukotsu.trackers.liberty.replies import (
     answers,
     binary_answers,
     binary_value,
-    error_text,
     half_stations,
-    ports_of,
-    text_whoami,
     usable_stations,
 )
-from shukotsu.trackers.protocols.records import Reply
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.conversation import Conversation
-from shukotsu.trackers.record.driver import (
+from shukotsu.trackers.record.request import TRACK, RecordingRequest
+from shukotsu.trackers.record.tracker_driver import (
     Driver,
     is_default_alignment,
     is_zero,
@@ -39,19 +36,17 @@ from shukotsu.trackers.record.driver import (
     same_value,
     shown,
 )
-from shukotsu.trackers.record.request import TRACK, RecordingRequest
 
 State = dict[str, Any]
 """Name of a setting -> its value, or station -> value; None where the tracker did not say."""
 
-LEFT = ", left as it is"
 FILTER_OFF = (0.0, 1.0, 0.0, 0.0)
 FRAMES = {
     "boresight": (is_zero, "a boresight turns its orientations"),
     "alignment": (is_default_alignment, "an alignment moves its frame"),
     "tip_offset": (is_zero, "a tip offset moves its positions"),
 }
-"""Setting that an earlier program may have left in force -> whether a value is none, what it does."""
+"""Setting that an earlier program may have left -> whether a value is none, what it does."""
 
 POLL = b"P"
 """Ends a stream and asks for one record of each station; the only command that ends without CR."""
@@ -60,6 +55,9 @@ STREAM = b"C\r"
 TEXT, BINARY = b"F0\r", b"F1\r"
 RESET_COUNTERS = b"Q0\r"
 WHOAMI = b"\x16\r"
+WHOAMI_NUMBERS = 3
+"""Bytes before its text: ports, type, 0."""
+
 RATES = {120: 3, 240: 4}
 """Frames a second -> the number that stands for it."""
 
@@ -95,7 +93,6 @@ class LibertyDriver(Driver):
         super().__init__(conversation, request)
         self._ports = FAMILIES[request.family].connectors
         self._before: State = {}
-        self._complaints: list[str] = []
         self._was_binary = False
         self._changed: set[str] = set()
         self._switches: dict[int, bool] = {}
@@ -103,31 +100,30 @@ class LibertyDriver(Driver):
     def set_up(self) -> StreamSettings:
         """Identify the tracker, set it up and make sure that it took everything."""
         whoami = self._find(self._attempt)
-        self._ask_ports()
         self._before = self._ask_all()
         stations = self._choose_stations()
         wanted = self._wanted()
         self._changed = set(wanted)
-        self._set_all(wanted)
+        for name, value in wanted.items():
+            self._conversation.send(SETTINGS[name].assignment(value))
         for station, on in self._switches.items():
             self._conversation.send(SETTINGS["stations"].assignment(int(on), station))
         came, _ = self._conversation.drain(0.1)
-        self._complaints = [error_text(r.error) for r in binary_answers(came) if r.error in ERRORS]
+        self._complaints = [ERRORS[r.error] for r in binary_answers(came) if r.error in ERRORS]
         after = self._ask_all()
         if self._request.stations is None:
             stations = self._switched_on(after["stations"], stations)
         else:
             active = None if after["stations"] is None else usable_stations(after["stations"])
-            self._require("active receivers", active, stations, self._complaints)
+            self._require("active receivers", active, stations)
         if after["echo"] is not None:
             wanted["echo"] = 0
         self._compare(after, wanted, stations)
-        self._warn_of_frames(after, stations)
-        self._warn_of(after)
+        self._warn_of(after, stations)
         return self._stream_settings(whoami, after, stations)
 
     def start(self) -> Mapping[str, Any]:
-        """Set the counters to 0 and have it stream; gives the host's time before and after the first."""
+        """Set the counters to 0 and have it stream; return the host's time before and after the first."""
         before_ns = self._conversation.send(RESET_COUNTERS)
         after_ns = time.perf_counter_ns()
         self._conversation.send(STREAM)
@@ -141,20 +137,23 @@ class LibertyDriver(Driver):
         """Set what was changed to what it was before; a stream that was running stays off."""
         self.stop()
         self._conversation.drain()
-        send = self._conversation.send
         if not self._before:
             return
-        self._restore(name for name in reversed(SETTINGS) if name in self._changed)  # units last
+        for name in reversed(SETTINGS):  # units last
+            setting, before = SETTINGS[name], self._before[name]
+            for station, value in before.items() if setting.per_station else [(0, before)]:
+                if name in self._changed and value is not None:
+                    self._conversation.send(setting.assignment(value, int(station)))
         for station in self._switches:
             on = int(station in usable_stations(self._before["stations"]))
-            send(SETTINGS["stations"].assignment(on, station))
-        send(BINARY if self._was_binary else TEXT)
+            self._conversation.send(SETTINGS["stations"].assignment(on, station))
+        self._conversation.send(BINARY if self._was_binary else TEXT)
         self._conversation.drain(0.1)
 
     # --- identifying it -------------------------------------------------------------------------------
 
     def _attempt(self) -> tuple[str | None, bytes]:
-        """Stop a stream, have it say anything at all, and ask who it is."""
+        """Stop a stream, have it say anything at all, and ask who it is, in binary."""
         # What a program that broke off has left of a command would swallow the first poll.
         before = self._silence(POLL, b"\r" + POLL)
         self._was_binary |= bool(binary_answers(before))
@@ -164,31 +163,20 @@ class LibertyDriver(Driver):
         return (self._identify() if heard else None), heard
 
     def _identify(self) -> str | None:
-        """Have it speak text and say who it is; None where that is not understood."""
-        self._conversation.send(TEXT)
-        self._conversation.send(WHOAMI)
-        came, _ = self._conversation.drain()
-        return text_whoami(came)
-
-    def _ask_ports(self) -> None:
-        """Ask in binary how many ports it has, and see whether it is the tracker that was said."""
+        """Return what it says of itself; None where it does not. InputError where it is another family."""
         self._conversation.send(BINARY)
         answer = self._conversation.ask(WHOAMI, _whoami, ANSWER_S)
         if answer is None:
-            raise InputError(f"{self._port_name}: the tracker was told to answer in binary and does not")
-        family, reply = answer
+            return None
+        family, body = answer
         if family != self._request.family:
             title = FAMILIES[family].title
             raise InputError(f"{self._port_name}: the tracker is a {title}; give --tracker {family}")
-        self._ports = min(ports_of(reply) or self._ports, self._ports)
+        if body and 1 <= body[0] <= 16:
+            self._ports = min(body[0], self._ports)
+        return " ".join(body[WHOAMI_NUMBERS:].decode("ascii", "replace").split())
 
     # --- asking ---------------------------------------------------------------------------------------
-
-    def _ask(self, setting: Setting, station: int = 0) -> Value | None:
-        answer = self._conversation.ask(
-            setting.question(station), lambda data: self._answer(data, setting, station), ANSWER_S
-        )
-        return None if answer is None else answer[0]
 
     def _ask_all(self) -> State:
         stations = range(1, self._ports + 1)
@@ -199,8 +187,14 @@ class LibertyDriver(Driver):
             for name, setting in SETTINGS.items()
         }
 
+    def _ask(self, setting: Setting, station: int = 0) -> Value | None:
+        answer = self._conversation.ask(
+            setting.question(station), lambda data: self._answer(data, setting, station), ANSWER_S
+        )
+        return None if answer is None else answer[0]
+
     def _answer(self, data: bytes, setting: Setting, station: int) -> tuple[Value | None] | None:
-        """Find the answer to a question: its value, None in its place where it is refused."""
+        """Read the answer to a question: its value, or None in a tuple where it is refused."""
         for reply in binary_answers(data, [TAGS[self._request.family]]):
             if reply.error in ERRORS and reply.command not in b"PC":
                 return (None,)
@@ -213,7 +207,7 @@ class LibertyDriver(Driver):
     # --- setting --------------------------------------------------------------------------------------
 
     def _choose_stations(self) -> tuple[int, ...]:
-        """Give the stations to record; without --stations all that are connected, switched off or not.
+        """Return the stations to record; without --stations all that are connected, switched off or not.
 
         Raises InputError where those asked for are not connected.
         """
@@ -237,20 +231,17 @@ class LibertyDriver(Driver):
         return wanted
 
     def _switched_on(self, halves: tuple[int, ...] | None, stations: tuple[int, ...]) -> tuple[int, ...]:
-        """Give those of the connected stations that can send, and warn of the others.
-
-        Raises InputError where there is none.
-        """
+        """Return the connected stations that can send; warn of the others. InputError where there is none."""
         usable = () if halves is None else usable_stations(halves)
         off = [station for station in stations if station not in usable]
         if len(off) == len(stations):
-            self._require("active receivers", None if halves is None else usable, stations, self._complaints)
+            self._require("active receivers", None if halves is None else usable, stations)
         if off:
             self.warnings.append(f"receiver {listed(off)}: cannot be switched on; not recorded")
         return tuple(station for station in stations if station in usable)
 
     def _wanted(self) -> dict[str, Any]:
-        """Give the settings that a recording needs, in the order in which they are sent."""
+        """Return the settings that a recording needs, in the order in which they are sent."""
         request = self._request
         wanted: dict[str, Any] = {"echo": 0} if self._before["echo"] else {}
         wanted["units"] = CENTIMETRES
@@ -262,18 +253,6 @@ class LibertyDriver(Driver):
         if request.no_filters:
             wanted |= dict.fromkeys(("position_filter", "attitude_filter"), FILTER_OFF)
         return wanted
-
-    def _set_all(self, wanted: Mapping[str, Any]) -> None:
-        for name, value in wanted.items():
-            self._conversation.send(SETTINGS[name].assignment(value))
-
-    def _restore(self, names: Iterable[str]) -> None:
-        """Set those settings to what they were before."""
-        for name in names:
-            setting, before = SETTINGS[name], self._before[name]
-            for station, value in before.items() if setting.per_station else [(0, before)]:
-                if value is not None:
-                    self._conversation.send(setting.assignment(value, int(station)))
 
     def _compare(self, after: State, wanted: Mapping[str, Any], stations: tuple[int, ...]) -> None:
         """Raise InputError where a setting is not what was sent."""
@@ -294,28 +273,23 @@ class LibertyDriver(Driver):
         # The manual gives the lowest and the highest in another order when it is asked for.
         if name.endswith("filter") and reported and same_value(tuple(sorted(reported)), tuple(sorted(sent))):
             return
-        self._require(what, reported, sent, self._complaints)
+        self._require(what, reported, sent)
 
-    def _warn_of_frames(self, after: State, stations: tuple[int, ...]) -> None:
-        """Warn of what an earlier program has left in force, which is not for a recorder to undo."""
+    def _warn_of(self, after: State, stations: tuple[int, ...]) -> None:
+        """Warn of what an earlier program has left in force, and faults: not for a recorder to undo."""
         for name, (is_default, text) in FRAMES.items():
             odd = [s for s in stations if after[name][str(s)] and not is_default(after[name][str(s)])]
             if odd:
-                self.warnings.append(
-                    f"receiver {listed(odd)}: {text} ({shown(after[name][str(odd[0])])}){LEFT}"
-                )
-
-    def _warn_of(self, after: State) -> None:
-        """Warn of what concerns all receivers and is not for a recorder to undo."""
+                value = shown(after[name][str(odd[0])])
+                self.warnings.append(f"receiver {listed(odd)}: {text} ({value}), left as it is")
         if after["source_frame"] and not is_zero(after["source_frame"]):
-            self.warnings.append(
-                f"the transmitter's mounting frame is turned by {shown(after['source_frame'])} deg{LEFT}"
-            )
+            turned = shown(after["source_frame"])
+            self.warnings.append(f"the transmitter's mounting frame is turned by {turned} deg, left as it is")
         if any(after["bit_errors"] or ()):
             words = " ".join(f"{word:08x}" for word in after["bit_errors"])
             self.warnings.append(f"its built-in test has found faults (words {words}, see its manual)")
         if after["usb_buffering"] == 0:
-            self.warnings.append(f"USB buffering is off, so that frames may be left out{LEFT}")
+            self.warnings.append("USB buffering is off, so that frames may be left out, left as it is")
 
     def _stream_settings(self, whoami: str, after: State, stations: tuple[int, ...]) -> StreamSettings:
         request = self._request
@@ -333,14 +307,14 @@ class LibertyDriver(Driver):
 
 
 def listed(stations: Iterable[int]) -> str:
-    """Write stations for people."""
+    """Format stations for people."""
     return ", ".join(map(str, stations)) or "none"
 
 
-def _whoami(data: bytes) -> tuple[str, Reply] | None:
-    """Find the binary answer to "who are you": of which family it is, and the answer."""
+def _whoami(data: bytes) -> tuple[str, bytes] | None:
+    """Return the family and the body of the binary answer to "who are you"; None where there is none."""
     for family, tag in TAGS.items():
         for reply in binary_answers(data, [tag]):
             if reply.command == WHOAMI[0] and reply.station == 0:
-                return family, reply
+                return family, reply.body
     return None

@@ -1,0 +1,45 @@
+"""Lines for people: those that stay, and one that is rewritten in place on a terminal."""
+
+from __future__ import annotations
+
+import shutil
+from typing import TextIO
+
+
+class LinePrinter:
+    """Prints on a stream. One that goes away meanwhile is no error: the work goes on without it.
+
+    in_place : whether the stream is a terminal, where a line can be rewritten.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        self.in_place = stream.isatty()
+        self._stream: TextIO | None = stream
+        self._shown = ""
+
+    def say(self, line: str) -> None:
+        """Print a line that stays."""
+        self.clear()
+        self._write(f"{line}\n")
+
+    def show(self, line: str) -> None:
+        """Print a line over the one shown before; elsewhere than on a terminal below it."""
+        if not self.in_place:
+            self._write(f"{line}\n")
+            return
+        before, self._shown = len(self._shown), line[: shutil.get_terminal_size().columns - 1]
+        self._write(f"\r{self._shown:{before}}")
+
+    def clear(self) -> None:
+        """Take the shown line away."""
+        if self._shown:
+            self._write(f"\r{' ' * len(self._shown)}\r")
+            self._shown = ""
+
+    def _write(self, text: str) -> None:
+        try:
+            if self._stream is not None:
+                self._stream.write(text)
+                self._stream.flush()
+        except (OSError, ValueError):
+            self._stream = None
