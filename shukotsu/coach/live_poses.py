@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array
@@ -17,10 +16,9 @@ from shukotsu.stages.capture.formats.raw_capture import segments_of_receivers
 from shukotsu.stages.capture.poses_table import NORM_TOLERANCE
 from shukotsu.stages.capture.spikes import spikes
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
-from shukotsu.trackers.archive import END, RECEIVED, SETTINGS, Piece
+from shukotsu.trackers.archive import Piece
 from shukotsu.trackers.decode.records_table import SOURCE_FAILURES
-from shukotsu.trackers.decode.stream import ChunkDecoder, entry_of
-from shukotsu.trackers.protocols.stream_settings import settings_from_json
+from shukotsu.trackers.decode.stream import PieceReader, Tally
 
 MOST_FRAMES = 6000
 """Kept of a recording: of a longer one every second, every fourth frame. Who chooses frames to fit looks at
@@ -31,15 +29,11 @@ LATE_FRAMES = 2
 
 
 class LivePoses:
-    """Turns the pieces of an archive, in order, into poses.
-
-    where : the archive's name, for messages. ended : whether the recorder closed the archive.
-    """
+    """Turns the pieces of an archive, in order, into poses. where : the archive's name, for messages."""
 
     def __init__(self, layout: Layout, where: Path) -> None:
-        self.ended = False
         self._layout, self._where = layout, where
-        self._decoder: ChunkDecoder | None = None
+        self._reader = PieceReader(where, Tally())
         self._segment: npt.NDArray[np.int64] = np.full(256, -1)
         self._stations: set[int] = set()
         self._first: int | None = None
@@ -48,27 +42,21 @@ class LivePoses:
         self._mirrored = np.ones(len(layout.measured))
         self._before = np.full((len(layout.measured), 3), np.nan)
 
+    @property
+    def ended(self) -> bool:
+        """Whether the recorder closed the archive."""
+        return self._reader.tally.summary is not None
+
     def add(self, piece: Piece) -> Poses | None:
         """Take a piece; return the frames that it completed, if any. Raises InputError where stations are not
         the layout's.
         """
-        for kind, data, host_ns in zip(piece.kind, piece.data, piece.host_ns, strict=True):
-            if kind == SETTINGS:
-                if self._decoder is not None:
-                    raise InputError(
-                        f"{self._where}: holds the tracker's settings twice; expected one recording"
-                    )
-                self._decoder = ChunkDecoder(
-                    settings_from_json(entry_of(data, self._where), str(self._where))
-                )
-                self._rate_hz = self._decoder.settings.rate_hz
-            elif kind == END:
-                self.ended = True
-            elif kind == RECEIVED and self._decoder is not None:
-                self._decoder.add(data, int(host_ns))
-        if self._decoder is None or not (self._decoder.waiting_bytes or self.ended):
+        self._reader.add(piece)
+        decoder = self._reader.decoder
+        if decoder is None or not (decoder.waiting_bytes or self.ended):
             return None
-        block = self._decoder.decode(final=self.ended)
+        block = decoder.decode(final=self.ended)
+        self._rate_hz = block.settings.rate_hz
         records = block.records.take(block.good)
         self._seat({*np.unique(records.station).tolist()}, block.settings)
         numbers = np.concatenate([records.position_mm, records.quaternion], -1)

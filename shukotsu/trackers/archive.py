@@ -61,11 +61,11 @@ _FIRST_COLUMNS = COLUMNS[:5]
 SYNC_SECONDS = 1.0
 _AS_THEY_ARE: int = getattr(os, "O_BINARY", 0)
 """Windows would write a line feed as two bytes."""
-_WINDOW_BYTES = 8 << 20
 _END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 _CONTINUATION = b"\xff\xff\xff\xff"
 _MOST_HEAD_BYTES = 1 << 20
 """What an archive says of itself is shorter."""
+_WINDOW_BYTES = 8 << 20
 _STRETCH_BYTES = 64 << 20
 """No batch is half as long, and so much of a file that grows is looked at in one go."""
 
@@ -78,7 +78,7 @@ class ArchiveWriter:
     """Appends to an archive. Every `flush` leaves a file that can be read as it is.
 
     about : JSON types that say what the recording is (port, program's options, note); kept in the schema.
-    utc_offset_ns : gives UTC minus monotonic time; another one makes an archive that is the same every time.
+    utc_offset_ns() : UTC minus monotonic time; another one makes an archive that is the same every time.
     waiting_bytes : what the next `flush` will append, without what stands beside it.
 
     Raises InputError where the file exists already or cannot be written; when the disk is full, `flush`
@@ -96,8 +96,17 @@ class ArchiveWriter:
         self._rows: list[tuple[int, int, int, bytes]] = []
         self.waiting_bytes = 0
         self._written_rows = 0
-        self._schema = _schema(about)
         self._synced = 0.0
+        whole = {
+            "schema": SCHEMA_NAME,
+            "schema_version": SCHEMA_VERSION,
+            "program": PROGRAM,
+            "program_version": VERSION,
+            "columns": {name: {"unit": unit, "description": text} for name, _, unit, text in COLUMNS},
+            "about": about,
+            "about_crc32": zlib.crc32(_json_bytes(about)),
+        }
+        self._schema = pa.schema(_fields(COLUMNS), {METADATA_KEY: _json_bytes(whole)})
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _AS_THEY_ARE, 0o644)
@@ -185,19 +194,6 @@ def _batch_bytes(schema: pa.Schema, rows: Sequence[tuple[int, int, int, bytes]],
     return written
 
 
-def _schema(about: Mapping[str, Any]) -> pa.Schema:
-    whole = {
-        "schema": SCHEMA_NAME,
-        "schema_version": SCHEMA_VERSION,
-        "program": PROGRAM,
-        "program_version": VERSION,
-        "columns": {name: {"unit": unit, "description": text} for name, _, unit, text in COLUMNS},
-        "about": about,
-        "about_crc32": zlib.crc32(_json_bytes(about)),
-    }
-    return pa.schema(_fields(COLUMNS), {METADATA_KEY: _json_bytes(whole)})
-
-
 def _fields(columns: Sequence[tuple[str, pa.DataType, str, str]]) -> list[pa.Field]:
     return [
         pa.field(name, kind, False, {"unit": unit, "description": text}) for name, kind, unit, text in columns
@@ -232,12 +228,6 @@ class Piece:
     unreadable_bytes: int = 0
     missing_rows: int = 0
 
-    @classmethod
-    def nothing(cls, unreadable_bytes: int = 0) -> Piece:
-        """Give a piece without a row, which may tell of bytes that were no batch."""
-        empty = np.empty(0, np.int64)
-        return cls(empty, empty, empty.astype(np.int8), [], 0, unreadable_bytes)
-
 
 @dataclass(frozen=True)
 class Archive:
@@ -245,23 +235,19 @@ class Archive:
 
     path: Path
     about: Mapping[str, Any]
-    _buffer: pa.Buffer
     _mapped: mmap.mmap
     _first: int
     _schema: pa.Schema
 
     def pieces(self) -> Iterator[Piece]:
-        """Give the batches in turn; a last empty piece may tell of bytes at the end that were none."""
+        """Yield the batches in turn; a last empty piece may tell of bytes at the end that were none."""
         forgotten = 0
-        for piece, at, _ in _pieces(self._buffer, self._first, self._schema, 0, final=True):
+        for piece, at, _ in _pieces(pa.py_buffer(self._mapped), self._first, self._schema, 0, final=True):
             yield piece
-            if at - forgotten > _WINDOW_BYTES and hasattr(
-                mmap, "MADV_DONTNEED"
-            ):  # pages that were read need not stay in memory
-                self._mapped.madvise(
-                    mmap.MADV_DONTNEED, forgotten, at // mmap.PAGESIZE * mmap.PAGESIZE - forgotten
-                )
-                forgotten = at // mmap.PAGESIZE * mmap.PAGESIZE
+            end = at // mmap.PAGESIZE * mmap.PAGESIZE
+            if end - forgotten > _WINDOW_BYTES and hasattr(mmap, "MADV_DONTNEED"):
+                self._mapped.madvise(mmap.MADV_DONTNEED, forgotten, end - forgotten)  # pages that were read
+                forgotten = end
 
 
 class FollowedArchive:
@@ -279,12 +265,12 @@ class FollowedArchive:
         self._at = self._next_row = 0
 
     def read(self, *, final: bool = False) -> list[Piece]:
-        """Give the whole batches that came since the last call; of a long file not all at once.
+        """Return the whole batches that came since the last call; of a long file not all at once.
 
         What stands behind the last sound batch may not be there yet and is left for the next call, unless it
         is too long for that. final : nobody writes any more, so that a file that is not there or does not
-        begin as an archive is refused, and bytes that are left are counted, as `Archive.pieces` does.
-        Raises InputError where the file was replaced, became shorter than what was read of it, or is none.
+        begin as an archive is refused, and bytes that are left are counted. Raises InputError where the file
+        was replaced, became shorter than what was read of it, or is none.
         """
         try:
             with self.path.open("rb") as file:
@@ -305,10 +291,10 @@ class FollowedArchive:
         except OSError as error:
             raise InputError(f"{self.path}: cannot be read ({error.strerror}); try again") from error
         final &= self._at + len(stretch) >= size
-        found = self._found(stretch, final=final)
-        if not found and len(stretch) == _STRETCH_BYTES:  # a sound batch may begin in its second half
-            found = self._found(stretch[: _STRETCH_BYTES // 2], final=True)
-        return found
+        pieces = self._sound(stretch, final=final)
+        if not pieces and len(stretch) == _STRETCH_BYTES:  # a sound batch may begin in its second half
+            pieces = self._sound(stretch[: _STRETCH_BYTES // 2], final=True)
+        return pieces
 
     def _begin(self, head: bytes, *, final: bool) -> None:
         """Read what stands before the first batch, where it is there."""
@@ -318,17 +304,17 @@ class FollowedArchive:
         self.about = _checked_about(self.path, schema)
         self._schema, self._head, self._at = schema, head[:first], first
 
-    def _found(self, stretch: bytes, *, final: bool) -> list[Piece]:
+    def _sound(self, stretch: bytes, *, final: bool) -> list[Piece]:
         if self._schema is None or not stretch:
             return []
-        found = list(_pieces(pa.py_buffer(stretch), 0, self._schema, self._next_row, final=final))
-        while found and not final and found[-1][0].spoilt_bytes:  # on a shared folder zeros may come first
-            found.pop()
+        batches = list(_pieces(pa.py_buffer(stretch), 0, self._schema, self._next_row, final=final))
+        while batches and not final and batches[-1][0].spoilt_bytes:  # in shared folders zeros come first
+            batches.pop()
         read = 0
-        if found:
-            _, read, self._next_row = found[-1]
+        if batches:
+            _, read, self._next_row = batches[-1]
         self._at += read
-        pieces = [piece for piece, _, _ in found]
+        pieces = [piece for piece, _, _ in batches]
         self.ended |= stretch[read:] == _END_OF_STREAM or any(END in piece.kind for piece in pieces)
         return pieces
 
@@ -336,7 +322,7 @@ class FollowedArchive:
 def _pieces(
     buffer: pa.Buffer, at: int, schema: pa.Schema, next_row: int, *, final: bool
 ) -> Iterator[tuple[Piece, int, int]]:
-    """Give the batches from a place on in turn, where each ends, and the number of the row behind it.
+    """Yield the batches in turn, where each ends, and the number of the row behind it.
 
     final : nothing follows, so that a last piece without a row may tell of bytes at the end that were none.
     """
@@ -356,7 +342,8 @@ def _pieces(
         yield piece, at, next_row
     lost += len(view) - at
     if lost and final:
-        yield Piece.nothing(lost), len(view), next_row
+        empty = np.empty(0, np.int64)
+        yield Piece(empty, empty, empty.astype(np.int8), [], unreadable_bytes=lost), len(view), next_row
 
 
 def open_archive(path: Path) -> Archive:
@@ -366,13 +353,12 @@ def open_archive(path: Path) -> Archive:
             raise InputError(f"{path}: is empty; expected a raw capture")
         with path.open("rb") as file:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-    buffer = pa.py_buffer(mapped)
-    schema, first = _schema_at_start(buffer)
-    return Archive(path, _checked_about(path, schema), buffer, mapped, first, schema)
+    schema, first = _schema_at_start(pa.py_buffer(mapped))
+    return Archive(path, _checked_about(path, schema), mapped, first, schema)
 
 
 def _checked_about(path: Path, schema: pa.Schema | None) -> Mapping[str, Any]:
-    """Give what an archive says of itself. Raises InputError where its schema is that of no archive."""
+    """Return what an archive says of itself. Raises InputError where its schema is that of no archive."""
     not_one = InputError(f"{path}: does not begin as a raw capture does; expected what `record` writes")
     if schema is None:
         raise not_one
@@ -406,7 +392,7 @@ def _schema_at_start(buffer: pa.Buffer) -> tuple[pa.Schema | None, int]:
 
 
 def _message_bytes(view: memoryview, at: int) -> int | None:
-    """Length of the message's own prefix and metadata; None where there is none."""
+    """Length of a message's prefix and metadata; None where none starts there."""
     if at + 8 > len(view) or view[at : at + 4] != _CONTINUATION:
         return None
     size = int.from_bytes(view[at + 4 : at + 8], "little", signed=True)
@@ -432,15 +418,15 @@ def _batch_at(buffer: pa.Buffer, at: int, schema: pa.Schema) -> tuple[pa.RecordB
 
 
 def _next_message(view: memoryview, at: int) -> int:
-    """Find where the next message may start: they stand on multiples of 8 from the file's start."""
+    """Return where the next message may start: they stand on multiples of 8 from the file's start."""
     at += -at % 8
     words = np.frombuffer(view[at : len(view) - (len(view) - at) % 8], "<u4")[::2]
-    found = np.flatnonzero(words == 0xFFFFFFFF)
-    return at + 8 * int(found[0]) if len(found) else len(view)
+    starts = np.flatnonzero(words == 0xFFFFFFFF)
+    return at + 8 * int(starts[0]) if len(starts) else len(view)
 
 
 def _piece(batch: pa.RecordBatch, lost: int, next_row: int) -> tuple[Piece, int]:
-    """Give a batch's sound rows, and the number of the row behind; next_row : what the first should be."""
+    """Return a batch's sound rows, and the number of the row behind; next_row : what the first should be."""
     host_ns, offset_ns, kind, data, crc32 = (batch.column(index) for index in range(5))
     pieces = data.to_pylist()
     sound = np.fromiter(map(zlib.crc32, pieces), np.int64, len(pieces)) == crc32.to_numpy()
@@ -459,7 +445,7 @@ def _piece(batch: pa.RecordBatch, lost: int, next_row: int) -> tuple[Piece, int]
 
 
 def _is_compressed(metadata: bytes) -> bool:
-    """Tell whether the buffers of a record batch's message are compressed; struct.error where it is damaged.
+    """Whether the buffers of a record batch's message are compressed; struct.error where it is damaged.
 
     Arrow's own reader would unpack them, however large they get. In the message's flatbuffer the batch is
     the third field, its compression the batch's fourth; a table starts with how far before it its list of
@@ -469,9 +455,9 @@ def _is_compressed(metadata: bytes) -> bool:
     def field_at(table: int, number: int) -> int:
         fields = table - struct.unpack_from("<i", metadata, table)[0]
         length = struct.unpack_from("<H", metadata, fields)[0]
-        offset = (
-            struct.unpack_from("<H", metadata, fields + 4 + 2 * number)[0] if 6 + 2 * number <= length else 0
-        )
+        if 6 + 2 * number > length:
+            return 0
+        offset: int = struct.unpack_from("<H", metadata, fields + 4 + 2 * number)[0]
         return table + offset if offset else 0
 
     header_at = field_at(struct.unpack_from("<I", metadata, 0)[0], 2)

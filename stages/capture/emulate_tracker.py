@@ -14,7 +14,7 @@ from shukotsu.stages import command_line
 
 if TYPE_CHECKING:
     from shukotsu.trackers.emulate.pose_sources import Motion
-    from shukotsu.trackers.emulate.server import Port
+    from shukotsu.trackers.emulate.server import PtyPort, TcpPort
 
 RATES_HZ = (240, 120)
 _LOCAL_HOSTS = ("127.0.0.1", "localhost")
@@ -61,7 +61,7 @@ def emulate(options: argparse.Namespace) -> None:
     """Check the options; then serve a port, or write an archive."""
     from shukotsu.trackers.emulate.device import EmulatedLiberty
     from shukotsu.trackers.emulate.made_capture import write_archive
-    from shukotsu.trackers.emulate.pose_sources import MAX_STATION, built_in_motion
+    from shukotsu.trackers.emulate.pose_sources import built_in_motion
     from shukotsu.trackers.emulate.server import Emulator, serve
     from shukotsu.trackers.record.request import parse_stations
 
@@ -74,7 +74,7 @@ def emulate(options: argparse.Namespace) -> None:
             raise InputError("--loop: needs a port; leave it out with --archive")
     motion = built_in_motion()
     if options.recording is not None:
-        motion = read_motion(options.recording, options.layout, loop=options.loop, last_station=MAX_STATION)
+        motion = read_motion(options.recording, options.layout, loop=options.loop)
         for note in motion.notes:
             print(f"note: {options.recording}: {note}", file=sys.stderr)
     stations = motion.stations if options.stations is None else parse_stations(options.stations)
@@ -93,7 +93,7 @@ def emulate(options: argparse.Namespace) -> None:
         port.close()
 
 
-def _open(options: argparse.Namespace) -> Port:
+def _open(options: argparse.Namespace) -> PtyPort | TcpPort:
     from shukotsu.trackers.emulate.server import PtyPort, TcpPort
 
     if options.tcp is None:
@@ -104,30 +104,30 @@ def _open(options: argparse.Namespace) -> Port:
     return TcpPort(host or _LOCAL_HOSTS[0], int(number))
 
 
-def read_motion(path: Path, layout_name: str, *, loop: bool = False, last_station: int = 16) -> Motion:
+def read_motion(path: Path, layout_name: str, *, loop: bool = False) -> Motion:
     """Read a recording in any format that needs no mapping; each segment plays on its receiver's station.
 
-    Segments whose receiver number is beyond `last_station` are left out and noted. Raises InputError where
-    the file is no recording, or where none of its segments has a station.
+    Segments without a station are left out and noted. Raises InputError where the file is no recording, or
+    where none of its segments has a station.
     """
     import numpy as np
 
     from shukotsu.schemas.layout import read_layout
     from shukotsu.stages.capture.formats.readers import AUTO, find_reader
-    from shukotsu.trackers.emulate.pose_sources import recorded_motion
+    from shukotsu.trackers.emulate.pose_sources import MAX_STATION, recorded_motion
 
     layout = read_layout(layout_name)
     samples = find_reader(path, AUTO)(path, layout, None)
     receivers = np.array([layout.segments[name].receiver or 0 for name in samples.segments])
-    receivers[receivers > last_station] = 0
+    receivers[receivers > MAX_STATION] = 0
     station = receivers[samples.segment]
     if not station.any():
         raise InputError(
-            f"{path}: none of its segments has a station from 1 to {last_station} in layout {layout.name}; "
+            f"{path}: none of its segments has a station from 1 to {MAX_STATION} in layout {layout.name}; "
             "give the layout's segments such `receiver:` numbers"
         )
     notes = [
-        f"segment {samples.segments[index]} has no station from 1 to {last_station}; not played"
+        f"segment {samples.segments[index]} has no station from 1 to {MAX_STATION}; not played"
         for index in np.unique(samples.segment[station == 0])
     ]
     poses = samples.numbers

@@ -66,17 +66,14 @@ def fit_clock(frame: Wholes, host_ns: Wholes, rate_hz: float, first_frame: int) 
     )
 
 
-def _lowest(late: Array, y: Array) -> list[int]:
-    """Rows of the least `late` in each whole of y, (N,) both."""
-    second = np.floor(y).astype(np.int64)
-    edges = np.flatnonzero(np.diff(second, prepend=second[0] - 1)).tolist()
-    return [int(a + np.argmin(late[a:b])) for a, b in itertools.pairwise([*edges, len(y)])]
-
-
 def _slope_below(x: Array, y: Array) -> float:
     """Slope of the line below all points with the least mean distance, x ascending, (N,) each."""
     hull: list[int] = []
-    for point in _lowest(y - x, x):
+    late = y - x
+    second = np.floor(x).astype(np.int64)  # of each only the least late can be an edge that matters
+    edges = np.flatnonzero(np.diff(second, prepend=second[0] - 1)).tolist()
+    for start, stop in itertools.pairwise([*edges, len(x)]):
+        point = int(start + np.argmin(late[start:stop]))
         while len(hull) >= 2 and _above(x, y, hull[-2], hull[-1], point):
             hull.pop()
         hull.append(point)
@@ -86,5 +83,5 @@ def _slope_below(x: Array, y: Array) -> float:
 
 
 def _above(x: Array, y: Array, a: int, b: int, c: int) -> bool:
-    """Tell whether point b lies on or above the line from a to c."""
+    """Whether point b lies on or above the line from a to c."""
     return bool((y[b] - y[a]) * (x[c] - x[a]) >= (y[c] - y[a]) * (x[b] - x[a]))

@@ -6,15 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from shukotsu.trackers.protocols.records import (
-    NONE,
-    Bools,
-    Decoded,
-    Records,
-    Wholes,
-    concatenated,
-    empty_records,
-)
+from shukotsu.trackers.protocols.records import NONE, Bools, Records, Wholes, concatenated, empty_records
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 LONGEST_GAP_S = 86_400.0
@@ -34,9 +26,9 @@ class Counter:
         self._held_host_ns = np.empty(0, np.int64)
         self._last: tuple[int, int, int] | None = None  # counter, frame, station of the last good one
 
-    def number(self, decoded: Decoded, host_ns: Wholes, *, final: bool) -> tuple[Records, Wholes, Bools]:
-        """Give the records that can be numbered, their arrivals, and which do not fit between neighbours."""
-        records = concatenated([self._held, decoded.records])
+    def number(self, records: Records, host_ns: Wholes, *, final: bool) -> tuple[Records, Wholes, Bools]:
+        """Return the records that can be numbered, their arrivals, and which do not fit their neighbours."""
+        records = concatenated([self._held, records])
         host_ns = np.concatenate([self._held_host_ns, host_ns])
         odd = np.zeros(len(records), bool)
         count = len(records) if final else max(0, len(records) - 2)
@@ -46,20 +38,20 @@ class Counter:
 
     def _counted(self, records: Records, odd: Bools, count: int) -> Wholes:
         """Unwrap what the tracker counts; of the first `count` records marks those that do not fit as odd."""
-        counter, station, known = self._counters(records), records.station, int(self._last is not None)
+        counter, station, earlier = self._counters(records), records.station, int(self._last is not None)
         if self._last is not None:
             counter, station = np.append(self._last[0], counter), np.append(self._last[2], station)
-        odd |= self._misfits(counter, station, known)[known:]
-        good = np.flatnonzero(~odd[:count]) + known
+        odd |= self._misfits(counter, station, earlier)[earlier:]
+        good = np.flatnonzero(~odd[:count]) + earlier
         frame = np.full(len(counter), 0 if self._last is None else self._last[1])
         if len(good):
-            step = _signed(np.diff(counter[good], prepend=counter[0 if known else good[0]]))
+            step = _signed(np.diff(counter[good], prepend=counter[0 if earlier else good[0]]))
             step[(step < 0) | (step > self._limit)] = 1
-            frame[good] = (frame[0] if known else counter[good[0]]) + np.cumsum(step)
+            frame[good] = (frame[0] if earlier else counter[good[0]]) + np.cumsum(step)
             last = good[-1]
             self._last = (int(counter[last]), int(frame[last]), int(station[last]))
         # A count that is damaged takes that of the record before, for something must stand there.
-        return np.asarray(np.maximum.accumulate(frame)[known:])
+        return np.asarray(np.maximum.accumulate(frame)[earlier:])
 
     def _counters(self, records: Records) -> Wholes:
         """Count modulo 2^32, shape (N,): the tracker's frame count, or its clock."""
@@ -69,8 +61,8 @@ class Counter:
         ticks = np.ceil((records.device_ms & 0xFFFFFFFF) * (self._settings.rate_hz / 1000) - 1e-6)
         return np.asarray(ticks.astype(np.int64) & 0xFFFFFFFF)
 
-    def _misfits(self, counter: Wholes, station: Wholes, known: int) -> Bools:
-        """Records that do not fit between their neighbours, (N,); the first `known` are good.
+    def _misfits(self, counter: Wholes, station: Wholes, earlier: int) -> Bools:
+        """Records that do not fit between their neighbours, (N,); the first `earlier` are good.
 
         Where a record cannot follow the one before, that of the two is wrong without which all fit. Where all
         fit without either, the first is right if it was due; where without neither, the tracker counts anew.
@@ -85,7 +77,9 @@ class Counter:
                 before = first - 1
             second_fits = before < 0 or self._follows(counter, station, before, first + 1)
             first_fits = first + 1 == end or self._follows(counter, station, first, first + 2)
-            first_is_right = first < known or (first_fits and self._was_due(counter, station, before, first))
+            first_is_right = first < earlier or (
+                first_fits and self._was_due(counter, station, before, first)
+            )
             if second_fits and not first_is_right:
                 wrong[first] = True
             elif first_fits:

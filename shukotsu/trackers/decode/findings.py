@@ -1,4 +1,4 @@
-"""Describe a survey in sentences for people: what came, what is lost and where, what to look at."""
+"""A survey in sentences for people: what came, what is lost and where, what to look at."""
 
 from __future__ import annotations
 
@@ -19,15 +19,9 @@ CLOCK_JUMP_S = 0.1
 
 
 def findings(survey: Survey) -> list[str]:
-    """Give a sentence for everything that is not as it should be; none for a faultless recording."""
-    return [
-        *_ending(survey),
-        *_lost(survey),
-        *_absent(survey),
-        *_damage(survey),
-        *_device(survey),
-        *_clocks(survey),
-    ]
+    """Return a sentence for everything that is not as it should be; none for a faultless recording."""
+    parts = (_ending, _lost, _damage, _device, _clocks)
+    return [sentence for part in parts for sentence in part(survey)]
 
 
 def _at(survey: Survey, frame: int) -> str:
@@ -37,18 +31,19 @@ def _at(survey: Survey, frame: int) -> str:
 
 
 def _ending(survey: Survey) -> Iterator[str]:
+    tally = survey.tally
     if survey.clock is None:
         yield "the tracker sent no pose record"
-    if survey.tally.unreadable_bytes:
+    if tally.unreadable_bytes:
         yield (
-            f"{survey.tally.unreadable_bytes} bytes of the file are no whole entry and were left out "
+            f"{tally.unreadable_bytes} bytes of the file are no whole entry and were left out "
             "(the recorder was killed or the file was cut off or damaged)"
         )
-    if survey.tally.spoilt_bytes:
-        yield f"{survey.tally.spoilt_bytes} bytes do not have their checksum (the file was damaged); left out"
-    if survey.tally.missing_rows:
-        yield f"{survey.tally.missing_rows} entries of the recorder are missing (the file was damaged)"
-    if survey.tally.summary is None:
+    if tally.spoilt_bytes:
+        yield f"{tally.spoilt_bytes} bytes do not have their checksum (the file was damaged); left out"
+    if tally.missing_rows:
+        yield f"{tally.missing_rows} entries of the recorder are missing (the file was damaged)"
+    if tally.summary is None:
         yield "the recording was not ended by the recorder, so up to its last second may be missing"
 
 
@@ -68,22 +63,20 @@ def _lost(survey: Survey) -> Iterator[str]:
     for silent_s, where in zip(ends_s, ("after the start", "before the end"), strict=True):
         if silent_s and survey.clock is not None:
             yield f"the tracker sent no pose record for {silent_s:.2f} s {where}"
-
-
-def _absent(survey: Survey) -> Iterator[str]:
     for station in survey.settings.stations:
         if station not in survey.records:
             yield f"receiver {station} was active and sent nothing"
-    for station, first, last in survey.gaps[survey.absent]:
-        seconds = (last - first + 1) / survey.settings.rate_hz
-        yield f"receiver {station} sent nothing for {seconds:.1f} s, from {_at(survey, first)} on"
+    for station, first, last, absent in survey.gaps:
+        if absent:
+            seconds = (last - first + 1) / survey.settings.rate_hz
+            yield f"receiver {station} sent nothing for {seconds:.1f} s, from {_at(survey, first)} on"
 
 
 def _damage(survey: Survey) -> Iterator[str]:
     if survey.skipped:
-        frames = np.array([frame for _, _, frame in survey.skipped])
+        _, sizes, frames = np.array(survey.skipped).T
         yield (
-            f"{survey.skipped_bytes} bytes at {len(survey.skipped)} places were no record and were skipped "
+            f"{sizes.sum()} bytes at {len(sizes)} places were no record and were skipped "
             f"(at {_places(survey, frames)})"
         )
     for sightings, what in (
@@ -131,19 +124,18 @@ def _clocks(survey: Survey) -> Iterator[str]:
 
 
 def _places(survey: Survey, frames: Wholes, counts: Wholes | None = None) -> str:
-    """Name the longest places in turn, and how long they are where jitter is not; counts : frames of each."""
+    """Format the longest places in turn, and how long they are beyond jitter; counts : frames of each."""
     seconds = np.zeros(len(frames)) if counts is None else counts / survey.settings.rate_hz
     named = [
         _at(survey, frames[row]) + (f" for {seconds[row]:.2f} s" if seconds[row] > JITTER_S else "")
         for row in np.sort(np.argsort(-seconds, kind="stable")[:NAMED_PLACES])
     ]
-    return ", ".join(named) + (
-        f" and {len(frames) - NAMED_PLACES} more" if len(frames) > NAMED_PLACES else ""
-    )
+    more = len(frames) - NAMED_PLACES
+    return ", ".join(named) + (f" and {more} more" if more > 0 else "")
 
 
 def describe(path: Path) -> list[str]:
-    """Describe the content of a raw capture, a line each. Raises InputError where it is none."""
+    """Return what is in a raw capture, a line each. Raises InputError where it is none."""
     archive = open_archive(path)
     survey = survey_archive(archive)
     lines = [f"a raw capture of this project, {survey.tally.received_bytes} bytes of the tracker"]

@@ -20,7 +20,7 @@ JITTER_S = 0.1
 STOP_FRAMES = 2
 """A stop cuts the cycle in which it comes, and some trackers answer it with a last frame so much later."""
 
-NOTHING = np.empty(0, np.int64)
+NOTHING, NO_ROWS = np.empty(0, np.int64), np.empty((3, 0), np.int64)
 
 
 @dataclass
@@ -47,7 +47,7 @@ class Losses:
         self.all = Heard(-1, -1, 0)
         self.cycles = self.first_frame = self.first_ns = 0
         self._limit = max(1, round(ABSENT_S * settings.rate_hz))
-        self._newest = np.empty((3, 0), np.int64)
+        self._newest = NO_ROWS
         self._recent = NOTHING  # frames of the last cycles, which may still turn out to be partial
         self._lacking = np.empty(0, bool)  # which of these are so by now
         self._partial_cycles = 0
@@ -63,9 +63,9 @@ class Losses:
         return sum(heard.lost for heard in self.stations.values())
 
     def closed(self) -> tuple[Losses, Wholes, Wholes]:
-        """Give the count if nothing follows, and what that finds (see `add`)."""
+        """Return the count if nothing follows, and what that finds (see `add`)."""
         losses = deepcopy(self)
-        return losses, *losses._add(np.empty((3, 0), np.int64), final=True)
+        return losses, *losses._add(NO_ROWS, final=True)
 
     def silent_ends_s(self, start_ns: int, end_ns: int) -> tuple[float, float]:
         """How long nothing came after the start and before the end; 0 where that is less than ABSENT_S."""
@@ -81,7 +81,7 @@ class Losses:
     def add(self, block: Block) -> tuple[Wholes, Wholes]:
         """Count a block's good records.
 
-        Gives the gaps that have ended, (G, 6): station (0: of none at all), first and last frame without a
+        Return the gaps that have ended, (G, 6): station (0: of none at all), first and last frame without a
         good record of it, when [ns] those around had come, whether it was absent; and the partial frames.
         """
         rows = np.stack([block.records.frame, block.records.station, block.host_ns])
@@ -92,7 +92,8 @@ class Losses:
         rows = np.concatenate([self._newest, rows], 1)
         newest = int(np.searchsorted(rows[0], rows[0, -1])) if rows.shape[1] else 0
         taken = rows.shape[1] if final else newest
-        (frame, station, host_ns), self._newest = rows[:, :taken].copy(), rows[:, taken:]
+        rows, self._newest = rows[:, :taken].copy(), rows[:, taken:]
+        frame, station, host_ns = rows
         if not taken:
             return np.empty((0, 6), np.int64), NOTHING
         if not self.cycles:
@@ -105,11 +106,11 @@ class Losses:
         new = len(self._recent) - len(self._lacking)
         self._lacking = np.append(self._lacking, np.zeros(new, bool))
         self.cycles += new
-        gaps = [self._gaps(0, self.all, frame, host_ns)]
-        end = (frame[-1:], host_ns[-1:]) if final else (NOTHING, NOTHING)  # a cycle that is cut lacks nothing
+        gaps = [self._gaps(0, self.all, rows)]
+        end = rows[:, -1:] if final else NO_ROWS  # a cycle that is cut lacks nothing
         for number in sorted({*station.tolist(), *(self.stations if final else ())}):
             heard = self.stations.setdefault(number, Heard(self.first_frame - 1, -1, self.first_ns))
-            gaps.append(self._gaps(number, heard, frame[station == number], host_ns[station == number], *end))
+            gaps.append(self._gaps(number, heard, rows[:, station == number], end))
         self.all.frame = last
         old = max(0, len(self._recent) - (0 if final else self._limit))
         partial = self._recent[:old][self._lacking[:old]]
@@ -117,19 +118,11 @@ class Losses:
         self._recent, self._lacking = self._recent[old:], self._lacking[old:]
         return np.concatenate(gaps), partial
 
-    def _gaps(
-        self,
-        station: int,
-        heard: Heard,
-        frame: Wholes,
-        host_ns: Wholes,
-        end: Wholes = NOTHING,
-        end_ns: Wholes = NOTHING,
-    ) -> Wholes:
-        """Find the gaps of a station up to its records and the end; count what came and what is lost."""
-        heard.records, count = heard.records + len(frame), len(frame)
-        frame = np.concatenate([[heard.frame], frame, end])
-        host_ns = np.concatenate([[heard.host_ns], host_ns, end_ns])
+    def _gaps(self, station: int, heard: Heard, rows: Wholes, end: Wholes = NO_ROWS) -> Wholes:
+        """Return the gaps of a station up to its records and the end; count what came and what is lost."""
+        count = rows.shape[1]
+        heard.records += count
+        frame, _, host_ns = np.concatenate([[[heard.frame], [0], [heard.host_ns]], rows, end], 1)
         first_cycle = self.cycles - len(self._recent)
         cycle = np.append(heard.cycle, first_cycle + np.searchsorted(self._recent, frame[1:]))
         at = np.flatnonzero(np.diff(frame) > 1)

@@ -43,7 +43,7 @@ class FlaggedRecords:
     flags: npt.NDArray[np.uint16]
 
     def flagged(self, *names: str) -> Bools:
-        """Tell whether a record has any of the flags, shape (N,)."""
+        """Whether a record has any of the flags, shape (N,)."""
         mask = np.bitwise_or.reduce([BIT[name] for name in names])
         return np.asarray((self.flags & mask) != 0)
 
@@ -54,12 +54,8 @@ def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords
         return
     for block in blocks_of(archive, Tally()):
         if len(block.records):
-            yield FlaggedRecords(
-                block.records,
-                survey.clock.time_s(block.records.frame),
-                block.host_ns,
-                _flags(block, survey),
-            )
+            time_s = survey.clock.time_s(block.records.frame)
+            yield FlaggedRecords(block.records, time_s, block.host_ns, _flags(block, survey))
 
 
 def _flags(block: Block, survey: Survey) -> npt.NDArray[np.uint16]:
@@ -75,7 +71,6 @@ def _flags(block: Block, survey: Survey) -> npt.NDArray[np.uint16]:
     resumed = [offset + size for offset, size, _ in survey.skipped]
     flags[np.isin(records.offset, resumed)] |= BIT["resync-before"]
     for station in np.unique(records.station).tolist():
-        mine = np.flatnonzero(records.station == station)
-        frame = records.frame[mine]
-        flags[mine[np.isin(frame, survey.gap_ends(station))]] |= BIT["gap-before"]
+        resumes = survey.gaps[survey.gaps[:, 0] == station, 2] + 1
+        flags[(records.station == station) & np.isin(records.frame, resumes)] |= BIT["gap-before"]
     return flags

@@ -38,22 +38,17 @@ class Block:
     records: Records
     host_ns: Wholes
     out_of_order: npt.NDArray[np.bool_]
-    skipped: tuple[Skipped, ...] = ()
+    skipped: tuple[Skipped, ...]
 
     @property
     def good(self) -> npt.NDArray[np.bool_]:
-        """Tell whether a record's frame, station and numbers can be right, shape (N,)."""
+        """Whether a record's frame, station and numbers can be right, shape (N,)."""
         return np.asarray(~(self.records.doubtful | self.out_of_order))
-
-    @property
-    def skipped_bytes(self) -> int:
-        """Bytes that belong to no record or reply."""
-        return sum(skip.size for skip in self.skipped)
 
 
 @dataclass
 class Tally:
-    """Hold what an archive holds beside records; filled while its blocks are read.
+    """What an archive holds beside records; filled while its blocks are read.
 
     started_ns, ended_ns : when the stream was started and stopped, by the host's clock.
     """
@@ -70,67 +65,76 @@ class Tally:
     utc_offset_range_ns: int = 0
 
 
+class PieceReader:
+    """Reads the rows of an archive in turn: what came after the settings is decoded, the rest is tallied.
+
+    decoder : None before the settings. Raises InputError where these stand twice, or cannot be read.
+    """
+
+    def __init__(self, path: Path, tally: Tally) -> None:
+        self.path, self.tally = path, tally
+        self.decoder: ChunkDecoder | None = None
+
+    def add(self, piece: Piece) -> None:
+        """Take the next piece."""
+        tally = self.tally
+        tally.spoilt_bytes += piece.spoilt_bytes
+        tally.unreadable_bytes += piece.unreadable_bytes
+        tally.missing_rows += piece.missing_rows
+        if len(piece.kind):
+            if tally.first_utc_offset_ns is None:
+                tally.first_utc_offset_ns = int(piece.utc_offset_ns[0])
+            moved_ns = int(np.abs(piece.utc_offset_ns - tally.first_utc_offset_ns).max())
+            tally.utc_offset_range_ns = max(tally.utc_offset_range_ns, moved_ns)
+        for kind, data, host_ns in zip(piece.kind.tolist(), piece.data, piece.host_ns.tolist(), strict=True):
+            if kind == SETTINGS:
+                if self.decoder is not None:
+                    raise InputError(
+                        f"{self.path}: holds the tracker's settings twice; expected one recording"
+                    )
+                self.decoder = ChunkDecoder(settings_from_json(self._entry(data), str(self.path)))
+                tally.started_ns = host_ns
+            elif kind == EVENT:
+                tally.events.append({**self._entry(data), "host_ns": host_ns})
+                if tally.events[-1].get("event") == "started":
+                    tally.started_ns = host_ns
+                elif tally.events[-1].get("event") == "stopped":
+                    tally.ended_ns = host_ns
+            elif kind == END:
+                tally.summary = self._entry(data)
+                tally.ended_ns = tally.ended_ns or host_ns
+            elif kind == RECEIVED:
+                tally.received_bytes += len(data)
+                if self.decoder is not None:
+                    self.decoder.add(data, host_ns)
+
+    def _entry(self, data: bytes) -> dict[str, Any]:
+        """Read an entry of the recorder; InputError where it is no JSON object."""
+        try:
+            loaded = json.loads(data)
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{self.path}: an entry of the recorder in it is no JSON ({error})") from error
+        if not isinstance(loaded, dict):
+            raise InputError(f"{self.path}: an entry of the recorder in it is {loaded!r}; expected an object")
+        return loaded
+
+
 def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) -> Iterator[Block]:
     """Decode an archive block by block; `tally` is filled on the way.
 
     Raises InputError where the archive has no settings before its records, has them twice, or has ones that
     cannot be read.
     """
-    stream: ChunkDecoder | None = None
+    reader = PieceReader(archive.path, tally)
     for piece in archive.pieces():
-        _count(tally, piece)
-        for kind, data, host_ns in zip(piece.kind, piece.data, piece.host_ns, strict=True):
-            if kind == SETTINGS:
-                if stream is not None:
-                    raise InputError(
-                        f"{archive.path}: holds the tracker's settings twice; expected one recording"
-                    )
-                stream = ChunkDecoder(settings_from_json(entry_of(data, archive.path), str(archive.path)))
-                tally.started_ns = int(host_ns)
-            elif kind == EVENT:
-                tally.events.append({**entry_of(data, archive.path), "host_ns": int(host_ns)})
-                if tally.events[-1].get("event") == "started":
-                    tally.started_ns = int(host_ns)
-                elif tally.events[-1].get("event") == "stopped":
-                    tally.ended_ns = int(host_ns)
-            elif kind == END:
-                tally.summary = entry_of(data, archive.path)
-                tally.ended_ns = tally.ended_ns or int(host_ns)
-            elif kind == RECEIVED and stream is not None:
-                stream.add(data, int(host_ns))
-        if stream is not None and stream.waiting_bytes >= block_bytes:
-            yield stream.decode(final=False)
-    if stream is None:
+        reader.add(piece)
+        if reader.decoder is not None and reader.decoder.waiting_bytes >= block_bytes:
+            yield reader.decoder.decode(final=False)
+    if reader.decoder is None:
         raise InputError(
             f"{archive.path}: ends before the tracker was set up, so it holds no pose; record again"
         )
-    yield stream.decode(final=True)
-
-
-def _count(tally: Tally, piece: Piece) -> None:
-    tally.spoilt_bytes += piece.spoilt_bytes
-    tally.unreadable_bytes += piece.unreadable_bytes
-    tally.missing_rows += piece.missing_rows
-    if not len(piece.kind):
-        return
-    if tally.first_utc_offset_ns is None:
-        tally.first_utc_offset_ns = int(piece.utc_offset_ns[0])
-    moved = np.abs(piece.utc_offset_ns - tally.first_utc_offset_ns)
-    tally.utc_offset_range_ns = max(tally.utc_offset_range_ns, int(moved.max()))
-    tally.received_bytes += sum(
-        len(data) for kind, data in zip(piece.kind, piece.data, strict=True) if kind == RECEIVED
-    )
-
-
-def entry_of(data: bytes, path: Path) -> dict[str, Any]:
-    """Read an entry of the recorder; InputError where it is no JSON object."""
-    try:
-        loaded = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: an entry of the recorder in it is no JSON ({error})") from error
-    if not isinstance(loaded, dict):
-        raise InputError(f"{path}: an entry of the recorder in it is {loaded!r}; expected an object")
-    return loaded
+    yield reader.decoder.decode(final=True)
 
 
 class ChunkDecoder:
@@ -167,5 +171,5 @@ class ChunkDecoder:
         decided = max(skipped_to, int((records.offset + records.size).max(initial=0)))
         first = bisect_left(self._ends, decided)
         del self._ends[:first], self._arrivals[:first]
-        records, host_ns, out_of_order = self._counter.number(decoded, host_ns, final=final)
+        records, host_ns, out_of_order = self._counter.number(records, host_ns, final=final)
         return Block(self.settings, records, host_ns, out_of_order, decoded.skipped)

@@ -11,7 +11,7 @@ from shukotsu.trackers.archive import Archive
 from shukotsu.trackers.decode.clock import DeviceClock, fit_clock
 from shukotsu.trackers.decode.losses import Losses
 from shukotsu.trackers.decode.stream import Block, Tally, blocks_of
-from shukotsu.trackers.protocols.records import Bools, Wholes
+from shukotsu.trackers.protocols.records import Bools, Records, Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 
@@ -28,43 +28,37 @@ class Sightings:
         """Count the records of all stations."""
         return sum(self.records.values())
 
-    def add(self, station: Wholes, frame: Wholes) -> None:
-        """Count records, (N,) stations and frames that do not fall."""
-        if not len(station):
-            return
-        self.first = int(frame[0]) if not self.records else self.first
-        self.last = int(frame[-1])
-        for number, count in zip(*np.unique(station, return_counts=True), strict=True):
-            self.records[int(number)] += int(count)
+    def add(self, records: Records, which: Bools) -> None:
+        """Count some of the records, of which frames do not fall."""
+        frame = records.frame[which]
+        if len(frame):
+            self.first = self.first if self.records else int(frame[0])
+            self.last = int(frame[-1])
+            self.records.update(records.station[which].tolist())
 
 
 @dataclass
 class Survey:
-    """Hold what is in an archive.
+    """What is in an archive.
 
     losses : the count of good records and of what lies between them. clock : None where there is no record.
-    gaps : (G, 3) station, first and last frame that have no good record of it; station 0: of none at all.
-    absent : (G,) whether the receiver was absent. partial_frames : ascending, that lack a lost record while
-    others are there. skipped : (byte offset, bytes, frame before). doubtful, out_of_order, distorted : the
-    records that are so; errors : letter -> the good records with it.
+    gaps : (G, 4) station, first and last frame that have no good record of it (station 0: of none at all),
+    whether the receiver was absent. partial_frames : ascending, that lack a lost record while others are
+    there. skipped : (byte offset, bytes, frame before). doubtful, out_of_order, distorted : the records that
+    are so; errors : letter -> the good records with it.
     """
 
     settings: StreamSettings
     tally: Tally
     losses: Losses
     clock: DeviceClock | None = None
-    gaps: Wholes = field(default_factory=lambda: np.empty((0, 3), np.int64))
-    absent: Bools = field(default_factory=lambda: np.empty(0, bool))
+    gaps: Wholes = field(default_factory=lambda: np.empty((0, 4), np.int64))
     partial_frames: Wholes = field(default_factory=lambda: np.empty(0, np.int64))
     doubtful: Sightings = field(default_factory=Sightings)
     out_of_order: Sightings = field(default_factory=Sightings)
     errors: dict[str, Sightings] = field(default_factory=dict)
     distorted: Sightings = field(default_factory=Sightings)
     skipped: list[tuple[int, int, int]] = field(default_factory=list)
-
-    def gap_ends(self, station: int) -> Wholes:
-        """The first frames after the station's gaps, ascending."""
-        return np.asarray(self.gaps[self.gaps[:, 0] == station, 2] + 1)
 
     @property
     def records(self) -> dict[int, int]:
@@ -76,13 +70,8 @@ class Survey:
         """Frames from the first to the last of which something came."""
         return self.losses.all.frame - self.losses.first_frame + 1 if self.losses.cycles else 0
 
-    @property
-    def skipped_bytes(self) -> int:
-        """Bytes that were no record and no reply."""
-        return sum(size for _, size, _ in self.skipped)
-
     def add(self, block: Block) -> Wholes:
-        """Count what a block has beside losses; return frames and times [ns] of arrivals (2, N)."""
+        """Count what a block has beside losses; return frames and times [ns] of arrivals, (2, N)."""
         records, good = block.records, block.good
         for skip in block.skipped:
             row = int(np.searchsorted(records.offset, skip.offset)) - 1
@@ -92,16 +81,12 @@ class Survey:
                 self.skipped.append((offset, size + skip.size, frame))
             else:
                 self.skipped.append((skip.offset, skip.size, frame))
-
-        def sighted(sightings: Sightings, which: Bools) -> None:
-            sightings.add(records.station[which], records.frame[which])
-
-        sighted(self.doubtful, records.doubtful)
-        sighted(self.out_of_order, block.out_of_order & ~records.doubtful)
-        sighted(self.distorted, (records.distortion > 0) & good)
-        for code in np.unique(records.error[good & (records.error > 0)]):
-            letter = chr(int(code))
-            sighted(self.errors.setdefault(letter, Sightings()), (records.error == code) & good)
+        self.doubtful.add(records, records.doubtful)
+        self.out_of_order.add(records, block.out_of_order & ~records.doubtful)
+        self.distorted.add(records, (records.distortion > 0) & good)
+        for code in np.unique(records.error[good & (records.error > 0)]).tolist():
+            sightings = self.errors.setdefault(chr(code), Sightings())
+            sightings.add(records, (records.error == code) & good)
         arrived = np.flatnonzero(np.diff(block.host_ns, append=-1))
         arrived = arrived[good[arrived]]
         return np.stack([records.frame[arrived], block.host_ns[arrived]])
@@ -110,17 +95,16 @@ class Survey:
 def survey_archive(archive: Archive) -> Survey:
     """Read the whole archive once. Raises InputError where it holds no settings."""
     tally, survey = Tally(), None
-    found: list[tuple[Wholes, Wholes]] = []
+    lacking: list[tuple[Wholes, Wholes]] = []
     arrivals: list[Wholes] = []
     for block in blocks_of(archive, tally):
         survey = survey or Survey(block.settings, tally, Losses(block.settings))
         arrivals.append(survey.add(block))
-        found.append(survey.losses.add(block))
+        lacking.append(survey.losses.add(block))
     assert survey is not None, "an archive gives a block at least"
     survey.losses, *last = survey.losses.closed()
-    gaps, survey.partial_frames = (np.concatenate(each) for each in zip(*found, last, strict=True))
-    gaps = gaps[np.lexsort((gaps[:, 1], gaps[:, 0]))]
-    survey.gaps, survey.absent = gaps[:, :3], gaps[:, 5] > 0
+    gaps, survey.partial_frames = (np.concatenate(each) for each in zip(*lacking, last, strict=True))
+    survey.gaps = gaps[np.lexsort((gaps[:, 1], gaps[:, 0]))][:, [0, 1, 2, 5]]
     frame, host_ns = np.concatenate(arrivals, 1)
     if len(frame):
         survey.clock = fit_clock(frame, host_ns, survey.settings.rate_hz, survey.losses.first_frame)

@@ -9,22 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from shukotsu.trackers.liberty.items import (
-    HEADER_BYTES,
-    QUATERNION,
-    SINGLE,
-    STREAMED,
-    TAGS,
-    list_of_all,
-    record_type,
-)
+from shukotsu.trackers.liberty import items as liberty
+from shukotsu.trackers.liberty.items import HEADER_BYTES, QUATERNION, TAGS, list_of_all, record_type
 from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, gaps, rows_at
 from shukotsu.trackers.protocols.pose_numbers import fill_in
 from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Wholes, empty_records
 from shukotsu.trackers.protocols.resync import NO, YES, Starts, Verdicts, walk
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
-_IS_RECORD = np.isin(np.arange(256), [STREAMED, SINGLE])
+_IS_RECORD = np.isin(np.arange(256), [liberty.STREAMED, liberty.SINGLE])
 _IS_LETTER = np.isin(np.arange(256), list(b"\x00 abcdefgABCDEFGIu"))
 """Error letters of pose records: none, source failure by axes, BIT errors, outside the mapped area."""
 
@@ -58,18 +51,18 @@ class BinaryDecoder(PiecewiseDecoder):
         return Decoded(self._records(b, at), gaps(at, end, decided.position)), decided.position
 
     def _starts(self, b: Bytes, final: bool) -> Starts:
-        """Find the headers that can be ones."""
+        """Return the headers that can be ones."""
         heads = b[: max(0, len(b) - HEADER_BYTES + 1)]
         tagged = (heads == self._tag[0]) & (b[1 : len(heads) + 1] == self._tag[1])
         at = np.flatnonzero(tagged).astype(np.int64)
-        station, command, error, reserved = (b[at + place] for place in (2, 3, 4, 5))
+        station, command, error, reserved = (b[at + index] for index in (2, 3, 4, 5))
         body_bytes = b[at + 6].astype(np.int64) | b[at + 7].astype(np.int64) << 8
         possible = self._is_station[station] & _IS_RECORD[command] & _IS_LETTER[error] & (reserved == 0)
         at = at[possible & (HEADER_BYTES + body_bytes == self._kind.itemsize)]
         return Starts(at, self._kind.itemsize, len(b), HEADER_BYTES, final)
 
     def _believed(self, b: Bytes, starts: Starts) -> Verdicts:
-        """Tell whether starts are believed on their own, (N,): linked, or with a unit quaternion."""
+        """Whether starts are believed on their own, (N,): linked, or with a unit quaternion."""
         believed = starts.link_verdicts.copy()
         if self._has_quaternion:
             others = np.flatnonzero(believed == NO)
@@ -77,7 +70,7 @@ class BinaryDecoder(PiecewiseDecoder):
         return believed
 
     def _are_good(self, b: Bytes, starts: Starts, indices: Wholes) -> Bools:
-        """Tell whether those starts are all there and their numbers can be right, (M,) both."""
+        """Whether those starts are all there and their numbers can be right, (M,) both."""
         good = starts.end[indices] <= len(b)
         good[good] = ~self._records(b, starts.at[indices[good]]).doubtful
         return good

@@ -55,10 +55,10 @@ SHORT_LIST = (9, 2, 7)
 def record_type(items: Sequence[int]) -> np.dtype[np.void]:
     """NumPy type of a whole binary record; an item that is given twice keeps its first numbers."""
     fields, names = list(HEADER), {name for name, _ in HEADER}
-    for place, item in enumerate(items):
+    for index, item in enumerate(items):
         numbers, kind = ITEMS[item]
         for name in numbers:
-            fields.append((f"{name}_{place}" if name in names else name, f"<{kind}"))
+            fields.append((f"{name}_{index}" if name in names else name, f"<{kind}"))
             names.add(name)
     return np.dtype(fields)
 

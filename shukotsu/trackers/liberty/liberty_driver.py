@@ -246,7 +246,7 @@ class LibertyDriver(Driver):
         wanted: dict[str, Any] = {"echo": 0} if self._before["echo"] else {}
         wanted["units"] = CENTIMETRES
         if request.family == "liberty":
-            wanted["rate"] = RATES[request.usual_rate_hz]
+            wanted["rate"] = RATES[request.rate_hz]
         wanted |= {"output_list": request.items, "hemisphere": request.hemisphere, "stylus": 0}
         # Without external sync on, the sync item would always be 0.
         wanted["external_sync"] = int(any("sync" in ITEMS[item][0] for item in request.items))
@@ -298,7 +298,7 @@ class LibertyDriver(Driver):
             request.family,
             "binary",
             "cm",
-            float(request.usual_rate_hz),
+            float(request.rate_hz),
             stations,
             dict.fromkeys(every, request.items),
             dict.fromkeys(every, request.hemisphere),

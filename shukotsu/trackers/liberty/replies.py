@@ -72,7 +72,7 @@ class Setting:
 
 
 def binary_answers(data: bytes, tags: Iterable[bytes] = tuple(TAGS.values())) -> list[Reply]:
-    """Find everything framed as an answer or record, also inside others: the caller knows what it asked."""
+    """Return all that is framed as an answer or record, also inside others."""
     replies = []
     for tag in tags:
         at = data.find(tag)

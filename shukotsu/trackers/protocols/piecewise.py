@@ -1,4 +1,4 @@
-"""Decode byte streams piece by piece: pieces of any length in, undecided bytes kept for the next."""
+"""Byte streams decoded piece by piece: pieces of any length in, undecided bytes kept for the next."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.trackers.protocols.records import Bytes, Decoded, Skipped, Wholes, concatenated
 
@@ -41,52 +40,31 @@ class PiecewiseDecoder(ABC):
     def _part(self, piece: Bytes, final: bool) -> Decoded:
         b = np.concatenate([self._rest, piece]) if len(self._rest) else piece
         decoded, decided = self._decide(b, final)
-        decoded.records.offset[:] += self._offset
-        placed = Decoded(
-            decoded.records,
-            tuple(replace(skip, offset=skip.offset + self._offset) for skip in decoded.skipped),
-            tuple(replace(reply, offset=reply.offset + self._offset) for reply in decoded.replies),
-        )
+        first, self._offset = self._offset, self._offset + decided
         self._rest = b[decided:].copy()
-        self._offset += decided
-        return placed
+        decoded.records.offset[:] += first
+        return Decoded(
+            decoded.records,
+            tuple(replace(skip, offset=skip.offset + first) for skip in decoded.skipped),
+            tuple(replace(reply, offset=reply.offset + first) for reply in decoded.replies),
+        )
 
     @abstractmethod
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
-        """Decode `b`; give what was found, offsets counted in b, and how many of its bytes are decided.
+        """Decode `b`; return what is in it, offsets counted in b, and how many of its bytes are decided.
 
         What more bytes could change is not decided yet, unless `final` says that none follow.
         """
 
 
-def rows_at(b: Bytes, at: npt.NDArray[np.int64], size: int) -> Bytes:
+def rows_at(b: Bytes, at: Wholes, size: int) -> Bytes:
     """The bytes of stretches of one size, (N, size); no copy where they stand one after the other."""
     if len(at) > 1 and (np.diff(at) == size).all():
         return b[at[0] : at[-1] + size].reshape(-1, size)
     return np.lib.stride_tricks.sliding_window_view(b, size)[at]
 
 
-def gaps(first: npt.NDArray[np.int64], last: npt.NDArray[np.int64], length: int) -> tuple[Skipped, ...]:
-    """Give the stretches of 0..length that none of the ascending, disjoint stretches first..last covers."""
-    starts = np.concatenate([np.zeros(1, np.int64), last])
-    ends = np.concatenate([first, np.full(1, length)])
-    some = np.flatnonzero(ends > starts)
-    return tuple(Skipped(int(starts[i]), int(ends[i] - starts[i])) for i in some)
-
-
-def disjoint(at: Wholes, end: Wholes, good: npt.NDArray[np.bool_], waiting: npt.NDArray[np.bool_]) -> Wholes:
-    """Indices of the good frames up to the first that still waits for bytes, that one included.
-
-    What stands in a frame's body is no frame.
-    """
-    candidates = np.flatnonzero(good | waiting)
-    if not waiting.any() and (end[candidates][:-1] <= at[candidates][1:]).all():
-        return candidates
-    kept, position = [], 0
-    for index in candidates:
-        if at[index] >= position:
-            kept.append(index)
-            position = end[index]
-            if waiting[index]:
-                break
-    return np.array(kept, np.int64)
+def gaps(first: Wholes, last: Wholes, length: int) -> tuple[Skipped, ...]:
+    """Return the stretches of 0..length that none of the ascending, disjoint stretches first..last covers."""
+    pairs = zip([0, *last.tolist()], [*first.tolist(), length], strict=True)
+    return tuple(Skipped(start, end - start) for start, end in pairs if end > start)

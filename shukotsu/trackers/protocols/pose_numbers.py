@@ -49,7 +49,7 @@ def fill_in(records: Records, numbers: Mapping[str, np.ndarray], mm_per_unit: fl
 def doubtful_poses(
     records: Records, *, position: bool = True, orientation: bool = True
 ) -> npt.NDArray[np.bool_]:
-    """Tell which poses cannot be right, (N,): not finite, no unit quaternion, farther than FARTHEST_MM.
+    """Whether poses cannot be right, (N,): not finite, no unit quaternion, farther than FARTHEST_MM.
 
     position, orientation : whether the stream has them; what it does not have is no reason.
     """
@@ -69,8 +69,8 @@ def quaternion_of_angles(angles_deg: Array) -> Array:
     angles_deg : (N, 3). Returns (N, 4) w, x, y, z; NaN where an angle is not finite. Source: LIBERTY User
     Manual URM03PH156, attitude matrix; VIPER uses the same angles.
     """
-    finite: npt.NDArray[np.bool_] = np.all(np.isfinite(angles_deg), axis=-1)
-    azimuth, elevation, roll = np.radians(np.where(finite[:, None], angles_deg, np.nan)).T
+    finite = np.isfinite(angles_deg).all(-1, keepdims=True)
+    azimuth, elevation, roll = np.radians(np.where(finite, angles_deg, np.nan)).T
     x, y, z = np.eye(3)
     return multiply(multiply(about_axis(z, azimuth), about_axis(y, elevation)), about_axis(x, roll))
 

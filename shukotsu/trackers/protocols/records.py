@@ -1,4 +1,4 @@
-"""Define the output of every decoder: pose records with their place in the stream, and skipped bytes."""
+"""The output of every decoder: pose records with their offsets in the stream, and skipped bytes."""
 
 from __future__ import annotations
 
@@ -40,44 +40,28 @@ class Records:
     distortion: Wholes
     button: Wholes
     sync: Wholes
-    doubtful: npt.NDArray[np.bool_]
+    doubtful: Bools
 
     def __len__(self) -> int:
         return len(self.offset)
 
-    def take(self, rows: npt.NDArray[np.int64] | npt.NDArray[np.bool_] | slice) -> Records:
-        """Give some of the records."""
+    def take(self, rows: Wholes | Bools | slice) -> Records:
+        """Return some of the records."""
         return Records(*(getattr(self, part.name)[rows] for part in fields(self)))
 
 
 def empty_records(count: int = 0) -> Records:
-    """Give records of which nothing is known yet: numbers NaN, whole numbers NONE, nothing doubtful."""
-
-    def unknown() -> Wholes:
-        return np.full(count, NONE, np.int64)
-
-    return Records(
-        offset=unknown(),
-        size=unknown(),
-        station=unknown(),
-        frame=unknown(),
-        device_ms=unknown(),
-        position_mm=np.full((count, 3), np.nan),
-        quaternion=np.full((count, 4), np.nan),
-        error=np.zeros(count, np.int64),
-        distortion=unknown(),
-        button=unknown(),
-        sync=unknown(),
-        doubtful=np.zeros(count, bool),
-    )
+    """Return records of which nothing is said yet: numbers NaN, whole numbers NONE, nothing doubtful."""
+    columns = {part.name: np.full(count, NONE, np.int64) for part in fields(Records)}
+    poses = {"position_mm": np.full((count, 3), np.nan), "quaternion": np.full((count, 4), np.nan)}
+    flags = {"error": np.zeros(count, np.int64), "doubtful": np.zeros(count, bool)}
+    return Records(**(columns | poses | flags))
 
 
 def concatenated(parts: Sequence[Records]) -> Records:
-    """Put records one after the other."""
-    if not parts:
-        return empty_records()
-    if len(parts) == 1:
-        return parts[0]
+    """Return all records, one after the other."""
+    if len(parts) < 2:
+        return parts[0] if parts else empty_records()
     return Records(*(np.concatenate([getattr(p, part.name) for p in parts]) for part in fields(Records)))
 
 
@@ -93,8 +77,7 @@ class Skipped:
 class Reply:
     """An answer of the tracker that is no pose record.
 
-    command : the command byte that it answers, 0 where the reply does not say; error : the code of its
-    error letter or number, 0 for none.
+    command : the command byte that it answers; error : the code of its error letter or number, 0 for none.
     """
 
     offset: int

@@ -1,6 +1,6 @@
-"""Finding records in a stream without checksums: from start to start, and back into step after damage.
+"""Records in a stream without checksums: from start to start, and back into step after damage.
 
-A start is a place where a header stands that can be one. It is believed when it follows directly on a good
+A start is a byte where a header stands that can be one. It is believed when it follows directly on a good
 record, or when what stands behind it or its own numbers prove it (a family says how). So garbage between
 records costs nothing, and a byte that is lost or changed costs the record that it was in and no other.
 """
@@ -24,9 +24,9 @@ NO, UNKNOWN, YES = 0, 1, 2
 
 @dataclass(frozen=True)
 class Starts:
-    """N places in a piece of a stream of `length` bytes where a record may start.
+    """N bytes in a piece of a stream of `length` bytes where a record may start.
 
-    at : (N,) its first byte, ascending. record_bytes : of a record; header_bytes : of its header.
+    at : (N,) ascending. record_bytes : of a record; header_bytes : of its header.
     final : nothing follows the piece.
     """
 
@@ -44,40 +44,40 @@ class Starts:
     @cached_property
     def following(self) -> Wholes:
         """Index of the start that stands right at a start's end; -1 where none does, shape (N,)."""
-        place = np.searchsorted(self.at, self.end)
-        return np.where(np.append(self.at, -1)[place] == self.end, place, -1)
+        index = np.searchsorted(self.at, self.end)
+        return np.where(np.append(self.at, -1)[index] == self.end, index, -1)
 
     @cached_property
     def linked(self) -> Bools:
-        """Tell whether right at a start's end stands another one, or the stream ends, shape (N,)."""
+        """Whether right at a start's end stands another one, or the stream ends, shape (N,)."""
         return np.asarray((self.following >= 0) | ((self.end == self.length) & self.final))
 
     @cached_property
     def cut(self) -> Bools:
-        """Tell whether the piece is too short to say what stands at a start's end, shape (N,)."""
+        """Whether the piece is too short to say what stands at a start's end, shape (N,)."""
         return np.asarray((self.end + self.header_bytes > self.length) & (not self.final))
 
     @cached_property
     def link_verdicts(self) -> Verdicts:
-        """Tell whether a start is linked, shape (N,) of YES, UNKNOWN and NO."""
+        """Whether a start is linked, shape (N,) of YES, UNKNOWN and NO."""
         return np.where(self.linked, YES, np.where(self.cut, UNKNOWN, NO)).astype(np.int8)
 
 
 @dataclass
 class Walk:
-    """Hold what was decided on a piece of a stream.
+    """What was decided on a piece of a stream.
 
     position : all before it is decided. trusted : whether a record that starts there is believed.
     """
 
     position: int
     trusted: bool
-    _runs: list[Wholes] = field(default_factory=list)
+    _runs: list[Wholes] = field(default_factory=lambda: [np.empty(0, np.int64)])
 
     @property
     def accepted(self) -> Wholes:
         """Indices of the accepted starts, ascending, shape (M,)."""
-        return np.concatenate(self._runs) if self._runs else np.empty(0, np.int64)
+        return np.concatenate(self._runs)
 
     def accept(self, first: int, last: int, position: int) -> None:
         """Accept the starts first..last, which end at `position`."""

@@ -1,4 +1,4 @@
-"""Describe a tracker's stream: kept with the recording, so that its bytes can be read alone."""
+"""How a tracker's stream is to be read: kept with the recording, so that its bytes can be read alone."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class StreamSettings:
         return MM_PER_UNIT[self.unit]
 
     def to_json(self) -> dict[str, Any]:
-        """Give the settings as JSON types."""
+        """Return the settings as JSON types."""
         return asdict(self)
 
 
 def settings_from_json(loaded: Any, where: str) -> StreamSettings:
-    """Read settings that `to_json` gave. Raises InputError where they cannot be what it gave."""
+    """Read settings from what `to_json` gave. Raises InputError where they cannot be such."""
     try:
         if not all(isinstance(loaded[name], str) for name in ("family", "mode", "unit")):
             raise TypeError("a name is no text")

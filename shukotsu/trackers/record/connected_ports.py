@@ -7,6 +7,9 @@ from pathlib import Path
 
 from shukotsu.trackers.families import READY, USB_TRACKERS, WANTS_FIRMWARE
 
+SerialPort = tuple[str, int | None, int | None, str]
+"""Name, USB vendor, USB product, description."""
+
 WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it comes back under another number."
 HINT = (
     "A tracker on USB is no serial port by itself; on Linux, once it has its firmware, this makes it one:\n"
@@ -14,8 +17,8 @@ HINT = (
 )
 
 
-def serial_ports() -> list[tuple[str, int | None, int | None, str]]:
-    """Give (name, USB vendor, USB product, description) of every serial port of this machine."""
+def serial_ports() -> list[SerialPort]:
+    """Return every serial port of this machine."""
     from serial.tools import list_ports
 
     return [
@@ -25,7 +28,7 @@ def serial_ports() -> list[tuple[str, int | None, int | None, str]]:
 
 
 def usb_devices(root: Path = Path("/sys/bus/usb/devices")) -> list[tuple[int, int]]:
-    """Give vendor and product of every device on USB, as far as the system tells."""
+    """Return vendor and product of every device on USB, as far as the system tells."""
     devices = []
     for vendor in sorted(root.glob("*/idVendor")):
         try:
@@ -36,33 +39,23 @@ def usb_devices(root: Path = Path("/sys/bus/usb/devices")) -> list[tuple[int, in
     return devices
 
 
-def port_lines(
-    ports: Sequence[tuple[str, int | None, int | None, str]], usb: Sequence[tuple[int, int]]
-) -> list[str]:
-    """List ports, given as (name, USB vendor, USB product, description), and trackers on USB."""
-    lines, on_ports = [], set()
+def port_lines(ports: Sequence[SerialPort], usb: Sequence[tuple[int, int]]) -> list[str]:
+    """Return a list for people of serial ports, and of trackers on USB (vendor, product) without one."""
+    lines = []
     for name, vendor, product, description in ports:
-        if vendor is None or product is None:
-            lines.append(f"{name}  {description}")
+        tracker = USB_TRACKERS.get((vendor or 0, product or 0))
+        ids = "" if vendor is None or product is None else f" (USB {vendor:04x}:{product:04x})"
+        lines.append(f"{name}  {tracker.name if tracker else description}{ids}")
+    for ids in usb:
+        if ids not in USB_TRACKERS or ids in [(vendor, product) for _, vendor, product, _ in ports]:
             continue
-        on_ports.add((vendor, product))
-        known = USB_TRACKERS.get((vendor, product))
-        lines.append(f"{name}  {known.name if known else description} (USB {vendor:04x}:{product:04x})")
-    for vendor, product in usb:
-        if (vendor, product) in USB_TRACKERS and (vendor, product) not in on_ports:
-            lines += _without_port(vendor, product)
-    if lines:
-        return lines
-    return ["No serial port and no tracker is connected to this machine.", HINT.format(product=0xFF20)]
-
-
-def _without_port(vendor: int, product: int) -> list[str]:
-    name, state, endpoints = USB_TRACKERS[vendor, product]
-    lines = [f"USB {vendor:04x}:{product:04x}  {name}: {state}"]
-    if endpoints is not None:
-        lines += [f"give it as --port usb:{vendor:04x}:{product:04x} (needs libusb1), or:"]
-    if state == READY:
-        lines += ["has no serial port yet. " + HINT.format(product=product)]
-    elif state == WANTS_FIRMWARE:
-        lines += [WITHOUT_FIRMWARE]
-    return lines
+        tracker, number = USB_TRACKERS[ids], f"{ids[0]:04x}:{ids[1]:04x}"
+        lines += [f"USB {number}  {tracker.name}: {tracker.state}"]
+        if tracker.endpoints is not None:
+            lines += [f"give it as --port usb:{number} (needs libusb1), or:"]
+        if tracker.state == READY:
+            lines += ["has no serial port yet. " + HINT.format(product=ids[1])]
+        elif tracker.state == WANTS_FIRMWARE:
+            lines += [WITHOUT_FIRMWARE]
+    nothing = ["No serial port and no tracker is connected to this machine.", HINT.format(product=0xFF20)]
+    return lines or nothing

@@ -52,8 +52,7 @@ class StoppedError(Exception):
 class Conversation:
     """A port that is read from now on until `close`, whoever listens.
 
-    archive : keeps all that passes, where that is wanted. stopped() : whether the user has asked for the end.
-    gone : why the port is gone, and when [ns]; None while it is there. dropped_bytes : that came faster than
+    archive : keeps all that passes. stopped() : whether the user has asked for the end. gone : why the port is gone, and when [ns]; None while it is there. dropped_bytes : that came faster than
     they could be kept. frames_began : whether any number of bytes may come.
     """
 
@@ -95,7 +94,7 @@ class Conversation:
                 self._chunks.put(Chunk(data, time.perf_counter_ns()))
 
     def send(self, data: bytes) -> int:
-        """Send; gives the host's monotonic time [ns] just before. Raises PortGoneError."""
+        """Send; return the host's monotonic time [ns] just before. Raises PortGoneError."""
         host_ns = time.perf_counter_ns()
         if self._archive is not None:
             self._archive.sent(data, host_ns)
@@ -103,7 +102,7 @@ class Conversation:
         return host_ns
 
     def keep(self, wait_s: float = 0.0) -> list[Chunk]:
-        """Keep all that has come by now, and give it; waits so long for a first chunk."""
+        """Keep all that has come by now, and return it; wait so long for a first chunk."""
         chunks = []
         with suppress(queue.Empty):
             chunks.append(self._chunks.get(timeout=wait_s) if wait_s > 0 else self._chunks.get_nowait())
@@ -115,15 +114,15 @@ class Conversation:
         return chunks
 
     def receive(self, wait_s: float) -> bytes:
-        """Give the bytes that came.
+        """Return the bytes that came. Raises as `listen`."""
+        return b"".join(chunk.data for chunk in self.listen(wait_s))
+
+    def listen(self, wait_s: float) -> list[Chunk]:
+        """Return the chunks that came, with their times.
 
         Raises PortGoneError where no more can come, StoppedError where none is wanted, InputError where more
         has come than a tracker sends while it is set up.
         """
-        return b"".join(chunk.data for chunk in self.listen(wait_s))
-
-    def listen(self, wait_s: float) -> list[Chunk]:
-        """Return the chunks that came, with their times. Raises as `receive`."""
         chunks = self.keep(wait_s)
         if not chunks and self.gone:
             raise PortGoneError(self.gone[0])
@@ -141,33 +140,27 @@ class Conversation:
         self._stopped = lambda: False
 
     def drain(self, silence_s: float = SILENCE_S, cap_s: float = 5.0) -> tuple[bytes, bool]:
-        """Wait for `silence_s` without a byte; gives what came, and whether it ended within `cap_s`."""
-        got = bytearray()
-        start = heard = time.perf_counter()
-        while True:
+        """Wait for `silence_s` without a byte; return what came, and whether it ended within `cap_s`."""
+        came = b""
+        start = heard = now = time.perf_counter()
+        while now - start < cap_s:
             piece = self.receive(0.02)
             now = time.perf_counter()
-            if piece:
-                got += piece
-                heard = now
-            elif now - heard >= silence_s:
-                return bytes(got), True
-            if now - start >= cap_s:
-                return bytes(got), False
+            came, heard = came + piece, now if piece else heard
+            if now - heard >= silence_s:
+                return came, True
+        return came, False
 
     def ask(
         self, question: bytes, answer_in: Callable[[bytes], Answer | None], wait_s: float
     ) -> Answer | None:
-        """Send a question and give what `answer_in` reads in the bytes since; None where that is nothing."""
+        """Send a question; return what `answer_in` reads in the bytes since, None where that is nothing."""
         self.send(question)
-        got = b""
+        came = b""
         end = time.perf_counter() + wait_s
         while (left := end - time.perf_counter()) > 0:
-            piece = self.receive(min(left, 0.1))
-            if piece:
-                got += piece
-                answer = answer_in(got)
-                if answer is not None:
+            if piece := self.receive(min(left, 0.1)):
+                came = came[-ANSWER_BYTES:] + piece
+                if (answer := answer_in(came)) is not None:
                     return answer
-                got = got[-ANSWER_BYTES:]
         return None

@@ -10,6 +10,7 @@ import os
 import re
 import select
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +35,8 @@ class PortGoneError(Exception):
 class Port(ABC):
     """An open port.
 
-    name : as the user gave it. baud : what a serial device is set to; None for others.
-    line_baud : bits a second of the serial line behind it; None where there is none that is known (a
-    pseudo-terminal, a network, the tracker's own USB).
+    name : as the user wrote it. baud : what a serial device is set to; None for others. line_baud : bits a second
+    of the serial line behind it; None where there is none (a pseudo-terminal, a network, a tracker's USB).
     """
 
     def __init__(self, name: str, baud: int | None = None, line_baud: int | None = None) -> None:
@@ -58,7 +58,7 @@ class Port(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Close the port; whatever happens then is of no interest any more."""
+        """Close the port; what goes wrong then is of no interest any more."""
 
 
 class SerialPort(Port):
@@ -85,19 +85,14 @@ class SerialPort(Port):
         try:
             if self._descriptor is None:
                 return bytes(self._device.read(_READ_BYTES))
-            return self._read(self._descriptor)
+            if not select.select([self._descriptor], [], [], WAIT_S)[0]:
+                return b""
+            data = os.read(self._descriptor, _READ_BYTES)
+        except BlockingIOError:
+            return b""
         except (OSError, serial.SerialException, TypeError) as error:
             # TypeError: pySerial's answer when its descriptor is closed by another thread.
             raise PortGoneError(_reason(error)) from error
-
-    def _read(self, descriptor: int) -> bytes:
-        """Read as soon as there is something."""
-        if not select.select([descriptor], [], [], WAIT_S)[0]:
-            return b""
-        try:
-            data = os.read(descriptor, _READ_BYTES)
-        except BlockingIOError:
-            return b""
         self._empty = 0 if data else self._empty + 1
         if self._empty >= _EMPTY_READS:
             raise PortGoneError("it was closed at the other end")
@@ -111,17 +106,13 @@ class SerialPort(Port):
             raise PortGoneError(_reason(error)) from error
 
     def close(self) -> None:
-        """Close the port; whatever happens then is of no interest any more."""
-        try:
+        """Close the port; what goes wrong then is of no interest any more."""
+        with suppress(OSError, serial.SerialException):
             self._device.close()
-        except (OSError, serial.SerialException):
-            return
 
 
 def open_port(name: str, baud: int) -> Port:
-    """Open a port for this program alone.
-
-    baud : to set where the port is a serial device.
+    """Open a port for this program alone. baud : to set where the port is a serial device.
 
     Raises InputError where there is no such port, it may not be opened, or another program has it.
     """
@@ -159,8 +150,7 @@ def _line_baud(name: str, baud: int) -> int | None:
 
 
 def _why_not(name: str, error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    text = str(error)
+    number, text = getattr(error, "errno", None), str(error)
     if "exclusively lock" in text or number in (errno.EBUSY, errno.EAGAIN):
         return "another program has it open, and two cannot share a tracker; end that one first"
     if re.fullmatch(r"[\w.-]+:\d+", name):
@@ -175,7 +165,7 @@ def _why_not(name: str, error: Exception) -> str:
 
 
 def perhaps_taken(name: str) -> str:
-    """Explain why a connection to a network port may end at once: most serve one program at a time."""
+    """Why a connection to a network port may end at once: most serve one program at a time."""
     return "; perhaps another program has it" if "://" in name else ""
 
 

@@ -1,4 +1,4 @@
-"""Hold what the user asks of a recording, checked as far as that needs no tracker."""
+"""What the user asks of a recording, checked as far as that needs no tracker."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ FORWARD = (1.0, 0.0, 0.0)
 class RecordingRequest:
     """What a recording shall be like.
 
-    short : only the frame count, position and quaternion of each record. stations : None for all that are
-    connected. hemisphere : vector of the half of space, TRACK to have the tracker follow the receiver.
-    rate_hz : None for what is usual. Raises InputError for what the family cannot do.
+    short : only the frame count, position and quaternion of each record. asked_hz : None for the usual rate.
+    stations : None for all that are connected. hemisphere : vector of the half of space, TRACK to have the
+    tracker follow the receiver. Raises InputError for what the family cannot do.
     """
 
     family: str
     short: bool = False
-    rate_hz: int | None = None
+    asked_hz: int | None = None
     stations: tuple[int, ...] | None = None
     hemisphere: tuple[float, float, float] = FORWARD
     no_filters: bool = False
 
     def __post_init__(self) -> None:
         check_family(self.family, "--tracker")
-        if self.rate_hz is not None and len(FAMILIES[self.family].rates_hz) < 2:
+        if self.asked_hz is not None and len(FAMILIES[self.family].rates_hz) < 2:
             raise InputError(f"--rate: a {self.family} has a rate of its own; leave it out")
         if self.family == "viper" and self.stations is not None:
             raise InputError("--stations: a VIPER sends every sensor that is connected; leave it out")
@@ -46,12 +46,12 @@ class RecordingRequest:
         return SHORT_LIST if self.short else FULL_LIST
 
     @property
-    def usual_rate_hz(self) -> int:
-        """Frames a second: what was asked for, or else what is usual."""
-        return self.rate_hz or FAMILIES[self.family].rates_hz[0]
+    def rate_hz(self) -> int:
+        """Frames a second."""
+        return self.asked_hz or FAMILIES[self.family].rates_hz[0]
 
 
-def parse_stations(text: str, last_station: int = LARGEST_STATION) -> tuple[int, ...]:
+def parse_stations(text: str) -> tuple[int, ...]:
     """Read --stations: numbers and stretches, such as 1-8,12. Raises InputError."""
     stations: set[int] = set()
     try:
@@ -60,8 +60,8 @@ def parse_stations(text: str, last_station: int = LARGEST_STATION) -> tuple[int,
             stations.update(range(int(first), int(last or first) + 1))
     except ValueError as error:
         raise InputError(f"--stations: is {text!r}; expected numbers such as 1-8,12") from error
-    if not stations or min(stations) < 1 or max(stations) > last_station:
-        raise InputError(f"--stations: is {text!r}; expected numbers from 1 to {last_station}")
+    if not stations or min(stations) < 1 or max(stations) > LARGEST_STATION:
+        raise InputError(f"--stations: is {text!r}; expected numbers from 1 to {LARGEST_STATION}")
     return tuple(sorted(stations))
 
 

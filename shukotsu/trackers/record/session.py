@@ -45,7 +45,7 @@ PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
 class RecordingPlan:
     """What to record and how long: duration_s None until it is stopped; notes go into the archive.
 
-    quiet : shows no state of the recording, only notes.
+    quiet : prints no state of the recording, only notes.
     """
 
     out: Path
@@ -57,7 +57,7 @@ class RecordingPlan:
 
 @dataclass(frozen=True)
 class Ending:
-    """Hold how a recording ended.
+    """How a recording ended.
 
     reason : in words; failed : whether it ended before it was asked to. totals : see `Statistics.totals`,
     None where it ended before its first frame.

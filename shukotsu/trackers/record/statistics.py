@@ -87,7 +87,7 @@ class Statistics:
     def add(self, block: Block, received_bytes: int, now_ns: int) -> None:
         """Count what was decoded of the bytes that came since the last call."""
         self.received_bytes += received_bytes
-        self.skipped_bytes += block.skipped_bytes
+        self.skipped_bytes += sum(skip.size for skip in block.skipped)
         self._heard_ns = now_ns if received_bytes else self._heard_ns
         good, records = block.good, block.records
         for station in np.unique(records.station).tolist():

@@ -1,4 +1,4 @@
-"""Show a tracker's answers and two seconds of its stream; nothing is recorded."""
+"""A tracker's answers and two seconds of its stream; nothing is recorded."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from shukotsu.trackers.decode.stream import ChunkDecoder
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record import display
 from shukotsu.trackers.record.conversation import Conversation, StoppedError
-from shukotsu.trackers.record.line_load import arithmetic, line_bytes_per_s, needed_bytes_per_s, what_fits
+from shukotsu.trackers.record.line_load import BITS_PER_BYTE, arithmetic, needed_bytes_per_s, what_fits
 from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
 from shukotsu.trackers.record.request import RecordingRequest
 from shukotsu.trackers.record.session import DRIVERS
@@ -26,7 +26,7 @@ VALUE_NAMES = {"units": {0: "inch", 1: "cm"}, "rate": {3: "120 Hz", 4: "240 Hz"}
 
 
 def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[str]:
-    """Set a tracker up, say what it answers and sends, a line at a time, and set it back.
+    """Set a tracker up, yield what it answers and sends, a line at a time, and set it back.
 
     Raises InputError where it does not answer as it must.
     """
@@ -35,8 +35,7 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
         driver = DRIVERS[request.family](conversation, request)
         try:
             settings = driver.set_up()
-            yield from answer_lines(settings, driver.warnings)
-            yield from line_lines(settings, port.line_baud)
+            yield from answer_lines(settings, driver.warnings, port.line_baud)
             yield from _stream_lines(driver, conversation, settings)
         finally:
             conversation.finish()
@@ -49,33 +48,28 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
         conversation.close()
 
 
-def answer_lines(settings: StreamSettings, warnings: list[str]) -> list[str]:
-    """List the tracker's answers."""
+def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None) -> list[str]:
+    """Return the tracker's answers; how full the line is, and what fits where it is too slow."""
     before: Mapping[str, Any] = settings.options.get("before", {})
     after: Mapping[str, Any] = settings.options.get("after", {})
     names = [name for name in after if name != "stations"]
+    need = needed_bytes_per_s(settings)
+    lines = [f"line        needs {need / 1000:.1f} kB/s; the port's own rate is not known"]
+    if baud is not None:
+        carried = baud / BITS_PER_BYTE
+        lines = [f"line        {arithmetic(settings, baud)}: {100 * need / carried:.0f} %"]
+        lines += [f"            too slow; {what_fits(settings, baud)}"] if need > carried else []
     return [
         f"tracker     {settings.options.get('whoami') or settings.family}",
         f"receivers   {', '.join(map(str, settings.stations))}",
         *(_setting(name, before.get(name), after.get(name), settings.stations) for name in names),
         *(f"note: {warning}" for warning in warnings),
+        *lines,
     ]
 
 
-def line_lines(settings: StreamSettings, baud: int | None) -> list[str]:
-    """Describe how full the line is, and what fits where it is too slow."""
-    need = needed_bytes_per_s(settings)
-    if baud is None:
-        return [f"line        needs {need / 1000:.1f} kB/s; the port's own rate is not known"]
-    carried = line_bytes_per_s(baud)
-    lines = [f"line        {arithmetic(settings, baud)}: {100 * need / carried:.0f} %"]
-    if need > carried:
-        lines.append(f"            too slow; what fits is {what_fits(settings, baud) or 'not one receiver'}")
-    return lines
-
-
 def _stream_lines(driver: Driver, conversation: Conversation, settings: StreamSettings) -> list[str]:
-    """Let it stream for a while, and say what came."""
+    """Let it stream for a while; return what came."""
     decoder = ChunkDecoder(settings)
     statistics = Statistics(settings, time.perf_counter_ns())
     driver.start()
@@ -95,28 +89,22 @@ def _stream_lines(driver: Driver, conversation: Conversation, settings: StreamSe
 
 
 def _setting(name: str, before: Any, after: Any, stations: tuple[int, ...]) -> str:
-    """Say one setting, as it was and as it is; of each receiver where it has its own."""
-    title = name.replace("_", " ")
+    """Format a setting, as it was and as it is; of each receiver where these differ."""
+    changes = {}
     if isinstance(after, Mapping):
         earlier = before if isinstance(before, Mapping) else {}
-        values = {station: (earlier.get(str(station)), after.get(str(station))) for station in stations}
-        if len({str(value) for value in values.values()}) > 1:
-            each = [f"{station}: {_change(*value)}" for station, value in values.items()]
-            return f"{title:<18}{'; '.join(each)}"
-        before, after = next(iter(values.values()))
-    names = VALUE_NAMES.get(name, {})
-    return f"{title:<18}{_change(names.get(before, before), names.get(after, after))}"
+        for station in stations:
+            changes[station] = _change(name, earlier.get(str(station)), after.get(str(station)))
+    texts = list(dict.fromkeys(changes.values())) or [_change(name, before, after)]
+    text = "; ".join(f"{station}: {change}" for station, change in changes.items())
+    return f"{name.replace('_', ' '):<18}{texts[0] if len(texts) == 1 else text}"
 
 
-def _change(before: Any, after: Any) -> str:
-    return _shown(after) if before == after else f"{_shown(before)} -> {_shown(after)}"
-
-
-def _shown(value: Any) -> str:
-    if value is None:
-        return "not said"
-    if isinstance(value, tuple) and not any(value):
-        return " ".join(["0"] * min(len(value), 3))
-    if isinstance(value, tuple):
-        return " ".join(f"{part:g}" for part in value)
-    return str(value)
+def _change(name: str, before: Any, after: Any) -> str:
+    texts = []
+    for value in (before, after):
+        if isinstance(value, tuple):
+            texts.append(" ".join(f"{part:g}" for part in value) if any(value) else "0 0 0")
+        else:
+            texts.append(str("not said" if value is None else VALUE_NAMES.get(name, {}).get(value, value)))
+    return texts[1] if before == after else " -> ".join(texts)

@@ -15,17 +15,6 @@ WRITE_S = 2.0
 RULE = 'SUBSYSTEM=="usb", ATTR{idVendor}=="0f44", MODE="0666"'
 
 
-def opened_bus() -> tuple[Any, Any]:
-    """Give the package libusb1, whose read that times out gives what came, and a context of it."""
-    try:
-        usb = importlib.import_module("usb1")
-        context = usb.USBContext()
-        context.open()
-    except (ImportError, OSError) as error:
-        raise InputError("usb: needs libusb1 (pip install libusb1) and the system's libusb-1.0") from error
-    return usb, context
-
-
 class UsbPort(Port):
     """The port `usb:VVVV:PPPP` (vendor and product), or `usb:` for the only tracker there is.
 
@@ -34,7 +23,14 @@ class UsbPort(Port):
 
     def __init__(self, name: str) -> None:
         super().__init__(name)
-        self._usb, self._context = usb, _ = opened_bus()
+        try:
+            usb = self._usb = importlib.import_module("usb1")  # whose read that times out has what came
+            self._context = usb.USBContext()
+            self._context.open()
+        except (ImportError, OSError) as error:
+            raise InputError(
+                "usb: needs libusb1 (pip install libusb1) and the system's libusb-1.0"
+            ) from error
         device, (self._out, self._in) = self._chosen(name.partition(":")[2].lower())
         try:
             self._handle = device.open()
@@ -53,18 +49,18 @@ class UsbPort(Port):
             raise InputError(f"{name}: cannot be opened ({error}); connect it anew") from error
 
     def _chosen(self, wanted: str) -> tuple[Any, tuple[int, int]]:
-        """Give the device and its endpoints."""
-        found = []
+        """Return the device and its endpoints."""
+        trackers = []
         for device in self._context.getDeviceIterator(skip_on_error=True):
             ids = (device.getVendorID(), device.getProductID())
             if ids in USB_TRACKERS and wanted in ("", f"{ids[0]:04x}:{ids[1]:04x}"):
-                found.append((device, USB_TRACKERS[ids]))
-        if len(found) != 1:
+                trackers.append((device, USB_TRACKERS[ids]))
+        if len(trackers) != 1:
             raise InputError(
-                f"{self.name}: are {len(found)} trackers on USB; expected one; "
+                f"{self.name}: are {len(trackers)} trackers on USB; expected one; "
                 "`shukotsu record --devices` lists them"
             )
-        device, tracker = found[0]
+        device, tracker = trackers[0]
         if tracker.state == WANTS_FIRMWARE:
             raise InputError(f"{self.name}: a {tracker.name} {tracker.state}; {WITHOUT_FIRMWARE}")
         if tracker.state != READY or tracker.endpoints is None:
@@ -91,5 +87,5 @@ class UsbPort(Port):
             raise PortGoneError(f"it takes nothing: {error}") from error
 
     def close(self) -> None:
-        """Close the port; whatever happens then is of no interest any more."""
+        """Close the port; what goes wrong then is of no interest any more."""
         self._context.close()

@@ -12,9 +12,10 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, disjoint, gaps, rows_at
+from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, gaps, rows_at
 from shukotsu.trackers.protocols.pose_numbers import doubtful_poses
 from shukotsu.trackers.protocols.records import (
+    Bools,
     Bytes,
     Decoded,
     Records,
@@ -62,14 +63,14 @@ def crc16_arc(rows: Bytes) -> npt.NDArray[np.uint16]:
 
 
 def command_frame(
-    command: int, action: int, sensor: int = ANY, argument: int = 0, payload: bytes = b"", seuid: int = ANY
+    command: int, action: int, sensor: int = ANY, argument: int = 0, payload: bytes = b""
 ) -> bytes:
-    """Give the bytes of a command.
+    """Return the bytes of a command.
 
     command : its number (0 hemisphere ... 30 source select); action : SET, GET or RESET; sensor : from 0,
-    ANY for all; argument : the command's second; seuid : the electronics unit, ANY for whichever it is.
+    ANY for all; argument : the command's second.
     """
-    body = struct.pack("<5I", seuid, command, action, sensor, argument) + payload
+    body = struct.pack("<5I", ANY, command, action, sensor, argument) + payload
     frame = COMMAND_PREAMBLE + struct.pack("<I", len(body) + CRC_BYTES) + body
     return frame + struct.pack("<I", int(crc16_arc(np.frombuffer(frame, np.uint8)[None])[0]))
 
@@ -90,7 +91,7 @@ class ViperDecoder(PiecewiseDecoder):
         at, end, is_pose = _possible_frames(b)
         good = _sound(b, at, end)
         waiting = (end > len(b)) & (not final)
-        kept = disjoint(at, end, good, waiting)
+        kept = _disjoint(at, end, good, waiting)
         at, end, is_pose, waiting = at[kept], end[kept], is_pose[kept], waiting[kept]
         decided = len(b) if final else _first_unknown(b, int(end[~waiting].max(initial=0)))
         if waiting.any():
@@ -98,16 +99,33 @@ class ViperDecoder(PiecewiseDecoder):
             at, end, is_pose = at[~waiting], end[~waiting], is_pose[~waiting]
         is_pose = is_pose & (end - at > POSE_HEADER_BYTES + CRC_BYTES)
         records = _records(b, at[is_pose], end[is_pose])
-        others = zip(at[~is_pose].tolist(), end[~is_pose].tolist(), strict=True)
-        replies = tuple(_reply(b, first, last) for first, last in others)
+        replies = tuple(_reply(b, int(at[row]), int(end[row])) for row in np.flatnonzero(~is_pose))
         return Decoded(records, gaps(at, end, decided), replies), decided
 
 
+def _disjoint(at: Wholes, end: Wholes, good: Bools, waiting: Bools) -> Wholes:
+    """Indices of the good frames up to the first that still waits for bytes, that one included.
+
+    What stands in a frame's body is no frame.
+    """
+    candidates = np.flatnonzero(good | waiting)
+    if not waiting.any() and (end[candidates][:-1] <= at[candidates][1:]).all():
+        return candidates
+    kept, position = [], 0
+    for index in candidates:
+        if at[index] >= position:
+            kept.append(index)
+            position = end[index]
+            if waiting[index]:
+                break
+    return np.array(kept, np.int64)
+
+
 def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, npt.NDArray[np.bool_]]:
-    """Find leaders that can be ones: first byte, first byte after, and whether they are of poses."""
+    """Return leaders that can be ones: first byte, first byte after, and whether they are of poses."""
     at = np.flatnonzero(b[: max(0, len(b) - POSE_HEADER_BYTES + 1)] == COMMAND_PREAMBLE[0])
-    for place in (1, 2):
-        at = at[b[at + place] == COMMAND_PREAMBLE[place]]
+    for index in (1, 2):
+        at = at[b[at + index] == COMMAND_PREAMBLE[index]]
     kind = b[at + 3]
     is_pose = kind == POSE_PREAMBLE[3]
     either = is_pose | (kind == COMMAND_PREAMBLE[3])
@@ -122,12 +140,11 @@ def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, npt.NDArray[np.bool_]]:
 
 def _unsigned(b: Bytes, at: Wholes) -> Wholes:
     """Numbers of 4 bytes at `at`."""
-    parts = [b[at + place].astype(np.int64) << 8 * place for place in range(4)]
-    return parts[0] | parts[1] | parts[2] | parts[3]
+    return sum(((b[at + index].astype(np.int64) << 8 * index) for index in range(4)), np.zeros_like(at))
 
 
 def _sound(b: Bytes, at: Wholes, end: Wholes) -> npt.NDArray[np.bool_]:
-    """Say which frames are there as a whole with the right checksum."""
+    """Whether frames are there as a whole with the right checksum."""
     good = np.zeros(len(at), bool)
     whole = end <= len(b)
     for size in np.unique((end - at)[whole]):
@@ -140,16 +157,16 @@ def _sound(b: Bytes, at: Wholes, end: Wholes) -> npt.NDArray[np.bool_]:
 
 
 def _first_unknown(b: Bytes, after: int) -> int:
-    """Find the first place, from byte `after` on, whose leader is cut off by the end of `b`."""
-    for place in range(max(after, len(b) - POSE_HEADER_BYTES + 1), len(b)):
-        leader = b[place : place + len(POSE_PREAMBLE)].tobytes()
+    """The first byte, from `after` on, of a leader that is cut off by the end of `b`."""
+    for at in range(max(after, len(b) - POSE_HEADER_BYTES + 1), len(b)):
+        leader = b[at : at + len(POSE_PREAMBLE)].tobytes()
         if POSE_PREAMBLE.startswith(leader) or COMMAND_PREAMBLE.startswith(leader):
-            return place
+            return at
     return len(b)
 
 
 def _reply(b: Bytes, at: int, end: int) -> Reply:
-    """Give a command frame, or a pose frame without sensors; its body is all from the unit's id on."""
+    """Read a command frame, or a pose frame without sensors; its body is all from the unit's id on."""
     body = b[at + LEADER_BYTES : end - CRC_BYTES].tobytes()
     if b[at + 3] == POSE_PREAMBLE[3]:
         return Reply(at, 0, CONTINUOUS, 0, body)
@@ -160,11 +177,12 @@ def _reply(b: Bytes, at: int, end: int) -> Reply:
 
 def _records(b: Bytes, at: Wholes, end: Wholes) -> Records:
     """Read the pose frames; those with equally many sensors at a time."""
-    parts = []
     sizes = end - at
-    for size in np.unique(sizes):
-        mine = at[sizes == size]
-        parts.append(_records_of_size(rows_at(b, mine, int(size)), mine))
+    parts = [
+        _records_of_size(rows_at(b, first, int(size)), first)
+        for size in np.unique(sizes)
+        for first in (at[sizes == size],)
+    ]
     records = concatenated(parts)
     return records if len(parts) < 2 else records.take(np.argsort(records.offset))
 
@@ -177,11 +195,10 @@ def _records_of_size(rows: Bytes, at: Wholes) -> Records:
     header = np.ascontiguousarray(rows[:, LEADER_BYTES:POSE_HEADER_BYTES]).view("<u4")
     info = sensors["info"].ravel()
     records = empty_records(sensors.size)
-    places = np.arange(per_frame) * _SENSOR.itemsize + POSE_HEADER_BYTES
-    places[0] = 0
-    records.offset[:] = (at[:, None] + places).ravel()
-    ends = np.append(places[1:], rows.shape[1])
-    records.size[:] = np.tile(ends - places, len(rows))
+    starts = np.arange(per_frame) * _SENSOR.itemsize + POSE_HEADER_BYTES
+    starts[0] = 0
+    records.offset[:] = (at[:, None] + starts).ravel()
+    records.size[:] = np.tile(np.diff(starts, append=rows.shape[1]), len(rows))
     records.station[:] = (info & 0xFF) + 1
     records.frame[:] = np.repeat(header[:, 1], per_frame)
     records.distortion[:] = info >> 14 & 0xFF

@@ -52,10 +52,9 @@ class ViperDriver(Driver):
         whoami = self._find(self._attempt)
         stations = self._stations()
         wanted = self._wanted(stations)
-        before = {key: self._get(*key) for key in wanted}
-        self._before = before
+        self._before = {key: self._get(*key) for key in wanted}
         for key, payload in wanted.items():
-            self._set(key, payload)
+            self._ask(SET, key, payload)
         after = {key: self._get(*key) for key in wanted}
         for key, payload in wanted.items():
             if not _same(key, after[key], payload):
@@ -63,19 +62,18 @@ class ViperDriver(Driver):
         self._warn_of_boresights(stations)
         options = {
             "whoami": whoami,
-            "before": {_name(key): payload.hex() for key, payload in before.items()},
+            "before": {_name(key): payload.hex() for key, payload in self._before.items()},
             "after": {_name(key): payload.hex() for key, payload in after.items()},
             "warnings": self.warnings,
         }
         hemisphere = dict.fromkeys(range(1, SENSORS + 1), self._request.hemisphere)
-        rate_hz = float(self._request.usual_rate_hz)
+        rate_hz = float(self._request.rate_hz)
         return StreamSettings("viper", "binary", "cm", rate_hz, stations, {}, hemisphere, options)
 
     def start(self) -> Mapping[str, Any]:
         """Set the frame count to 0 and have it stream."""
-        return {
-            "sent_ns": self._conversation.send(command_frame(CONTINUOUS, SET, payload=struct.pack("<i", 0)))
-        }
+        frame = command_frame(CONTINUOUS, SET, payload=struct.pack("<i", 0))
+        return {"sent_ns": self._conversation.send(frame)}
 
     def stop(self) -> None:
         """Have it stop."""
@@ -86,7 +84,7 @@ class ViperDriver(Driver):
         self.stop()
         self._conversation.drain(0.1)
         for key, payload in self._before.items():
-            self._set(key, payload)
+            self._ask(SET, key, payload)
 
     def _attempt(self) -> tuple[str | None, bytes]:
         heard = self._silence(command_frame(CONTINUOUS, RESET))
@@ -106,7 +104,7 @@ class ViperDriver(Driver):
         return stations
 
     def _wanted(self, stations: tuple[int, ...]) -> dict[Key, bytes]:
-        """Give the settings to make, units last: what was read before is in the units from before."""
+        """Return the settings to make, units last: what was read before is in the units from before."""
         request = self._request
         vector = (1.0, 0.0, 0.0) if request.hemisphere == TRACK else request.hemisphere
         hemisphere = struct.pack("<I3f", int(request.hemisphere == TRACK), *vector)
@@ -116,7 +114,7 @@ class ViperDriver(Driver):
             for kind in (ORIENTATION, POSITION):
                 wanted |= {(FILTER, station - 1, kind): off for station in stations}
         wanted[STYLUS, ANY, 0] = struct.pack("<I", MARK_ONLY)
-        wanted[RATE, ANY, 0] = struct.pack("<I", RATES[request.usual_rate_hz])
+        wanted[RATE, ANY, 0] = struct.pack("<I", RATES[request.rate_hz])
         wanted[UNITS, ANY, 0] = struct.pack("<2I", CENTIMETRES, QUATERNION)
         return wanted
 
@@ -124,35 +122,30 @@ class ViperDriver(Driver):
         identity = struct.pack("<4f", 1, 0, 0, 0)
         turned = []
         for station in stations:
-            payload = self._ask(BORESIGHT, GET, station - 1, 0)
+            payload = self._ask(GET, (BORESIGHT, station - 1, 0))
             if payload is not None and len(payload) == 16 and payload != identity and any(payload):
                 turned.append(str(station))
         if turned:
             self.warnings.append(f"sensor {', '.join(turned)}: a boresight is in force, left as it is")
 
     def _get(self, command: int, sensor: int, argument: int) -> bytes:
-        payload = self._ask(command, GET, sensor, argument)
+        payload = self._ask(GET, (command, sensor, argument))
         if payload is None:
             raise InputError(
                 f"{self._port_name}: the tracker does not say its {_name((command, sensor, argument))}"
             )
         return payload
 
-    def _set(self, key: Key, payload: bytes) -> None:
-        self._ask(key[0], SET, key[1], key[2], payload)
-
-    def _ask(
-        self, command: int, action: int, sensor: int, argument: int, payload: bytes = b""
-    ) -> bytes | None:
-        """Send a command; gives the answer's payload, None where it is refused or does not come."""
+    def _ask(self, action: int, key: Key, payload: bytes = b"") -> bytes | None:
+        """Send a command; return the answer's payload, None where it is refused or does not come."""
 
         def answer_in(data: bytes) -> tuple[bytes | None] | None:
             for reply in _replies(data):
-                if reply.command == command:
+                if reply.command == key[0]:
                     return (None if reply.error == REFUSED else reply.body[_HEADER_BYTES:],)
             return None
 
-        frame = command_frame(command, action, sensor, argument, payload)
+        frame = command_frame(key[0], action, key[1], key[2], payload)
         answer = self._conversation.ask(frame, answer_in, ANSWER_S)
         return None if answer is None else answer[0]
 
@@ -164,7 +157,7 @@ def _replies(data: bytes) -> tuple[Reply, ...]:
 
 
 def _same(key: Key, read: bytes, sent: bytes) -> bool:
-    """Tell whether a setting is what was sent; of a filter that is off only the level counts."""
+    """Whether a setting is what was sent; of a filter that is off only the level counts."""
     if key[0] == FILTER:
         return read[:4] == sent[:4]
     if key[0] == HEMISPHERE and sent[0]:  # it follows the sensor: its vector is of the moment

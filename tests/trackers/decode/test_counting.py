@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from shukotsu.trackers.decode.counting import Counter
-from shukotsu.trackers.protocols.records import Decoded, empty_records
+from shukotsu.trackers.protocols.records import Records, empty_records
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 STATIONS = (1, 2, 5)
@@ -18,21 +18,21 @@ def settings(rate_hz: float = 240.0) -> StreamSettings:
     return StreamSettings("liberty", "binary", "cm", rate_hz, STATIONS)
 
 
-def decoded(counters, stations, *, clock: bool = False, offsets=None) -> Decoded:
+def decoded(counters, stations, *, clock: bool = False, offsets=None) -> Records:
     records = empty_records(len(counters))
     records.station[:] = stations
     if counters[:1] != [None]:
         (records.device_ms if clock else records.frame)[:] = counters
     records.size[:] = 40
     records.offset[:] = np.arange(len(counters)) * 40 if offsets is None else offsets
-    return Decoded(records)
+    return records
 
 
-def number(pieces: list[Decoded], rate_hz: float = 240.0):
+def number(pieces: list[Records], rate_hz: float = 240.0):
     counter = Counter(settings(rate_hz))
     frames, odd = [], []
     for index, piece in enumerate(pieces):
-        arrivals = np.zeros(len(piece.records), np.int64)
+        arrivals = np.zeros(len(piece), np.int64)
         records, _, wrong = counter.number(piece, arrivals, final=index == len(pieces) - 1)
         frames += records.frame.tolist()
         odd += wrong.tolist()

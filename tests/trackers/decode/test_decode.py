@@ -70,7 +70,13 @@ def test_missing_frames_and_partial_cycles_are_placed(tmp_path: Path) -> None:
     survey = survey_of(path)
     assert survey.losses.all.lost == 2
     assert survey.partial_frames.tolist() == [200, 201, 202]
-    assert survey.gaps.tolist() == [[0, 100, 101], [1, 100, 101], [2, 100, 101], [2, 200, 202], [3, 100, 101]]
+    assert survey.gaps[:, :3].tolist() == [
+        [0, 100, 101],
+        [1, 100, 101],
+        [2, 100, 101],
+        [2, 200, 202],
+        [3, 100, 101],
+    ]
     assert findings(survey) == [
         "2 of 480 frames are missing for all receivers (at 0.42 s)",
         "3 of 480 frames lack a receiver (at 0.83 s, 0.84 s, 0.84 s)",

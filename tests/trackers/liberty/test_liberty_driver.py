@@ -10,7 +10,9 @@ from shukotsu.trackers.liberty import liberty_driver as driver
 from shukotsu.trackers.liberty.liberty_driver import FILTER_OFF, SETTINGS
 from shukotsu.trackers.record.request import RecordingRequest
 
-REQUEST = RecordingRequest("liberty", rate_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True)
+REQUEST = RecordingRequest(
+    "liberty", asked_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True
+)
 EVERYTHING_HEARD = b"not a command"
 
 

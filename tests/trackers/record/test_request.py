@@ -11,7 +11,7 @@ from shukotsu.trackers.record import request
     [
         ("viper", {"stations": (1,)}, "--stations: a VIPER sends every sensor"),
         ("viper", {"short": True}, "--items: a VIPER has no output lists"),
-        ("patriot", {"rate_hz": 120}, "--rate: a patriot has a rate of its own"),
+        ("patriot", {"asked_hz": 120}, "--rate: a patriot has a rate of its own"),
         ("fastrak", {}, "--tracker: fastrak left in 0.2: record with the tracker's own program"),
         ("trakstar", {}, "--tracker: trakstar left in 0.2: record with the tracker's own program"),
         ("openigtlink", {}, "--tracker: openigtlink left in 0.2: record with PLUS or 3D Slicer"),

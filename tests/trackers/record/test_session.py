@@ -5,7 +5,6 @@ What a test asserts never depends on how fast the host is; it waits for what it 
 
 import io
 import json
-import os
 import re
 import resource
 import signal

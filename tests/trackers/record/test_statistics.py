@@ -32,7 +32,7 @@ def block(
     for name, value in columns.items():
         getattr(records, name)[:] = value
     host_ns = START_NS + (records.frame * 1e9 / RATE_HZ + late_ms * 1e6).astype(np.int64)
-    return Block(settings(), records, host_ns, np.zeros(len(pairs), bool))
+    return Block(settings(), records, host_ns, np.zeros(len(pairs), bool), ())
 
 
 def fed(statistics: Statistics, missing: set[tuple[int, int]], frames: range, step: int = 48, **how) -> int:

@@ -17,8 +17,7 @@ def test_settings_are_told_as_they_were_and_are() -> None:
     settings = StreamSettings(
         "liberty", "binary", "cm", 240.0, (1, 2), {1: FULL_LIST, 2: FULL_LIST}, {}, options
     )
-    told = tracker_check.answer_lines(settings, ["a warning"])
-    assert told == [
+    answers = [
         "tracker     LIBERTY 240/8",
         "receivers   1, 2",
         "units             inch -> cm",
@@ -26,13 +25,15 @@ def test_settings_are_told_as_they_were_and_are() -> None:
         "stylus            1: 1 -> 0; 2: 0",
         "note: a warning",
     ]
-    assert tracker_check.line_lines(settings, 115200) == [
+    assert tracker_check.answer_lines(settings, ["a warning"], 115200) == [
+        *answers,
         "line        2 receivers x 56 bytes x 240 Hz = 26880 bytes/s, and 115200 baud carries 11520: 233 %",
         "            too slow; what fits is 1 receiver at 120 Hz with this list, "
         "1 receiver at 240 Hz or 2 receivers at 120 Hz with --items short",
     ]
-    assert tracker_check.line_lines(settings, None) == [
-        "line        needs 26.9 kB/s; the port's own rate is not known"
+    assert tracker_check.answer_lines(settings, ["a warning"], None) == [
+        *answers,
+        "line        needs 26.9 kB/s; the port's own rate is not known",
     ]
 
 
