@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shukotsu.trackers.liberty.items import TAGS
-from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder as Decoder
-from shukotsu.trackers.protocols.records import Decoded, Reply, concatenated
+from shukotsu.trackers.protocols.records import Decoded, PiecewiseDecoder, Reply, concatenated
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 Numbers = tuple[float, ...]
@@ -153,7 +152,7 @@ MOST_FRAMING = 12
 """Bytes of a reply that are not its body, at the most: VIPER's leader and checksum."""
 
 
-def decode(decoder: Decoder, data: bytes) -> Decoded:
+def decode(decoder: PiecewiseDecoder, data: bytes) -> Decoded:
     """Feed the stream to its end, cut in the middle; give all that came out."""
     half = len(data) // 2
     parts = [decoder.feed(data[:half]), decoder.feed(data[half:]), decoder.feed(b"", final=True)]

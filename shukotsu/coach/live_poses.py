@@ -17,8 +17,8 @@ from shukotsu.stages.capture.poses_table import NORM_TOLERANCE
 from shukotsu.stages.capture.spikes import spikes
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
 from shukotsu.trackers.archive import Piece
-from shukotsu.trackers.decode.records_table import SOURCE_FAILURES
 from shukotsu.trackers.decode.stream import PieceReader, Tally
+from shukotsu.trackers.decode.survey import SOURCE_FAILURES
 
 MOST_FRAMES = 6000
 """Kept of a recording: of a longer one every second, every fourth frame. Who chooses frames to fit looks at

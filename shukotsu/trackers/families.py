@@ -39,30 +39,30 @@ POLHEMUS = 0x0F44
 HIGH_SPEED, FULL_SPEED = (0x04, 0x88), (0x02, 0x82)
 READY, WANTS_FIRMWARE, NOT_READ = "ready", "wants its firmware", "not read by this program"
 
+
+def _on_usb(name: str, product: int) -> dict[tuple[int, int], UsbTracker]:
+    return {
+        (POLHEMUS, product + 0x20): UsbTracker(f"{name} (high-speed USB)", READY, HIGH_SPEED),
+        (POLHEMUS, product + 0x21): UsbTracker(f"{name} (high-speed USB)", WANTS_FIRMWARE),
+        (POLHEMUS, product + 0x12): UsbTracker(name, READY, FULL_SPEED),
+        (POLHEMUS, product + 0x11): UsbTracker(name, WANTS_FIRMWARE),
+    }
+
+
 FAMILIES = {
     "liberty": Family(
         "LIBERTY",
         (240, 120),
         16,
         "--stations, --items short, --rate 120",
-        {
-            (POLHEMUS, 0xFF20): UsbTracker("LIBERTY (high-speed USB)", READY, HIGH_SPEED),
-            (POLHEMUS, 0xFF21): UsbTracker("LIBERTY (high-speed USB)", WANTS_FIRMWARE),
-            (POLHEMUS, 0xFF12): UsbTracker("LIBERTY", READY, FULL_SPEED),
-            (POLHEMUS, 0xFF11): UsbTracker("LIBERTY", WANTS_FIRMWARE),
-        },
+        _on_usb("LIBERTY", 0xFF00),
     ),
     "patriot": Family(
         "PATRIOT",
         (60,),
         2,
         "--stations, --items short",
-        {
-            (POLHEMUS, 0xEF20): UsbTracker("PATRIOT (high-speed USB)", READY, HIGH_SPEED),
-            (POLHEMUS, 0xEF21): UsbTracker("PATRIOT (high-speed USB)", WANTS_FIRMWARE),
-            (POLHEMUS, 0xEF12): UsbTracker("PATRIOT", READY, FULL_SPEED),
-            (POLHEMUS, 0xEF11): UsbTracker("PATRIOT", WANTS_FIRMWARE),
-        },
+        _on_usb("PATRIOT", 0xEF00),
     ),
     "viper": Family(
         "VIPER",

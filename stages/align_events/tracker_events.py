@@ -12,8 +12,7 @@ import numpy.typing as npt
 from shukotsu.errors import InputError
 from shukotsu.stages.align_events.event_list import Array, Clock, Events
 from shukotsu.trackers.archive import open_archive
-from shukotsu.trackers.decode.records_table import UNUSABLE, flagged_records
-from shukotsu.trackers.decode.survey import survey_archive
+from shukotsu.trackers.decode.survey import UNUSABLE, flagged_records, survey_archive
 
 SYNC, BUTTON = "sync", "button"
 

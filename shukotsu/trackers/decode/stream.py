@@ -16,8 +16,7 @@ from shukotsu.errors import InputError
 from shukotsu.trackers.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
 from shukotsu.trackers.decode.counting import Counter
 from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder
-from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder
-from shukotsu.trackers.protocols.records import Records, Skipped, Wholes
+from shukotsu.trackers.protocols.records import PiecewiseDecoder, Records, Skipped, Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings, settings_from_json
 from shukotsu.trackers.viper.decoder import ViperDecoder
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -47,7 +47,7 @@ Arguments = Sequence[str]
 Command = Callable[["EmulatedLiberty", Arguments], bytes]
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_FLAG = (0, 1)
+_FLAG, ECHO = (0, 1), b"\x05"
 _CR, _LF, _P = b"\r"[0], b"\n"[0], b"P"[0]
 _CONSTANTS = {"blank": ord(" "), "cr": _CR, "lf": _LF, "button": 0, "distortion": 0, "sync": 0}
 
@@ -56,26 +56,13 @@ class RefusedError(Exception):
     """The device does not do it; the argument is the manual's error number."""
 
 
-@dataclass
-class StationSettings:
-    """One station's settings; all but the hemisphere move nothing, and are only answered when asked."""
-
-    items: tuple[int, ...] = DEFAULT_LIST
-    stylus: int = 0
-    enabled: bool = True
-    hemisphere: tuple[float, ...] = (1.0, 0.0, 0.0)
-    alignment: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-    boresight: tuple[float, ...] = (0.0, 0.0, 0.0)
-    tip: tuple[float, ...] = (0.0, 0.0, 0.0)
-
-
 class EmulatedLiberty:
     """LIBERTY with up to 16 connectors, or PATRIOT with 2.
 
     motion : where the receivers truly are. plugged : the stations that have one. rate_hz : at power-up.
-    binary, unit : whether records are binary, and positions in centimetres (1) or inches (0).
-    position_filter, attitude_filter : are answered when asked for; motions are taken for what they gave.
-    counted_from : the cycle in which the counters and the motion began at 0.
+    numbers : of the settings, by letter and station (0: of none); only format, unit, rate, output list and
+    hemisphere change what is sent. enabled : which stations are switched on. counted_from : the cycle in
+    which the counters and the motion began at 0.
     """
 
     def __init__(
@@ -89,13 +76,15 @@ class EmulatedLiberty:
     ) -> None:
         self.motion, self.plugged = motion, plugged
         self.family, self.ports = family, ports
-        self.stations = {number: StationSettings() for number in range(1, ports + 1)}
-        self.rate_code = 3 if rate_hz == RATES_HZ[3] else 4
-        self.position_filter: tuple[float, ...] = (0.2, 0.2, 0.8, 0.95)
-        self.attitude_filter = self.position_filter
-        self.mounting_deg: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self.binary = self.unit = self.sync = self.echo = 0
-        self.buffered = 1
+        self.stations = tuple(range(1, ports + 1))
+        self.enabled = dict.fromkeys(self.stations, True)
+        self.numbers = {
+            (code, station): setting.default
+            for code, setting in SETTINGS.items()
+            for station in (self.stations if setting.per_station else (0,))
+        }
+        if rate_hz == RATES_HZ[3]:
+            self.numbers[b"R", 0] = (3,)
         self.cycle = self.counted_from = 0
         self.streaming = False
         self._typed = bytearray()
@@ -104,7 +93,11 @@ class EmulatedLiberty:
     @property
     def rate(self) -> Fraction:
         """Cycles a second; a PATRIOT does not heed the rate command."""
-        return Fraction(60 if self.family == "patriot" else RATES_HZ[self.rate_code])
+        return Fraction(60 if self.family == "patriot" else RATES_HZ[int(self.numbers[b"R", 0][0])])
+
+    @property
+    def _is_binary(self) -> bool:
+        return bool(self.numbers[b"F", 0][0])
 
     # --- cycles ---------------------------------------------------------------------------------------
 
@@ -119,7 +112,7 @@ class EmulatedLiberty:
 
     def active(self) -> tuple[int, ...]:
         """Stations that are plugged in now and switched on."""
-        return tuple(station for station in self.detected() if self.stations[station].enabled)
+        return tuple(station for station in self.detected() if self.enabled[station])
 
     def detected(self) -> tuple[int, ...]:
         """Stations that are plugged in now."""
@@ -132,8 +125,7 @@ class EmulatedLiberty:
 
     def _encoded(self, cycles: Wholes, command: int) -> list[bytes]:
         """Measure cycles; return the bytes of each. command : what they answer."""
-        enabled = np.array([settings.enabled for settings in self.stations.values()])
-        present = self.present(cycles) & enabled
+        present = self.present(cycles) & list(self.enabled.values())
         passed = cycles - self.counted_from
         records: list[tuple[Bools, list[bytes]]] = []
         for column, station in enumerate(self.stations):
@@ -142,7 +134,7 @@ class EmulatedLiberty:
             position_mm, quaternion = (numbers[:, 0] for numbers in self.motion.poses(passed, (station,)))
             measured = np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1)
             numbers = self._numbers(station, passed, np.nan_to_num(position_mm), np.nan_to_num(quaternion))
-            encoded = self._binary if self.binary else self._text
+            encoded = self._binary if self._is_binary else self._text
             records.append((present[:, column] & measured, encoded(station, numbers, command)))
         return [
             b"".join(data[cycle] for there, data in records if there[cycle]) for cycle in range(len(cycles))
@@ -152,10 +144,10 @@ class EmulatedLiberty:
         self, station: int, passed: Wholes, position_mm: Array, quaternion: Array
     ) -> dict[str, Array | Wholes]:
         """Numbers of a station's records by the names of fields, each (T,)."""
-        hemisphere = self.stations[station].hemisphere
+        hemisphere = self.numbers[b"H", station]
         if hemisphere != FOLLOWING:  # outside its half of space a receiver is reported opposite
             position_mm = position_mm * np.where(position_mm @ np.array(hemisphere) < 0, -1.0, 1.0)[:, None]
-        position = position_mm / MM_PER_UNIT["cm" if self.unit else "inch"]
+        position = position_mm / MM_PER_UNIT["cm" if self.numbers[b"U", 0][0] else "inch"]
         cosines = rotations.matrix(quaternion)
         return {
             **{axis: position[:, i] for i, axis in enumerate("xyz")},
@@ -170,7 +162,7 @@ class EmulatedLiberty:
         }
 
     def _binary(self, station: int, numbers: dict[str, Array | Wholes], command: int) -> list[bytes]:
-        items = self.stations[station].items
+        items = [int(item) for item in self.numbers[b"O", station]]
         kind = record_type(items)
         rows = np.zeros(len(numbers["frame"]), kind)
         rows["tag"], rows["station"], rows["command"] = TAGS[self.family], station, command
@@ -193,14 +185,14 @@ class EmulatedLiberty:
         """Take bytes of the client; return the answers, echo among them where that is on."""
         out = bytearray()
         for byte in data:
-            if self.echo:
+            if self.numbers[ECHO, 0][0]:
                 out.append(byte)
             out += self._take(byte)
         return bytes(out)
 
     def reply(self, command: int, text: str, binary: bytes = b"", station: int = 0) -> bytes:
         """Frame an answer: in binary 8 bytes and the body, in ASCII station, letter, error, blank, text."""
-        if self.binary:
+        if self._is_binary:
             return self._header(station, command, 0, len(binary)) + binary
         letter = chr(command + 0x60) if command < 0x20 else chr(command)
         return f"{station:02d}{letter}  {text}\r\n".encode("latin-1")
@@ -226,13 +218,16 @@ class EmulatedLiberty:
         self._ahead = (0, [])
         arguments = [part.strip() for part in typed[1:].decode("latin-1").split(",")]
         try:
+            arguments = [] if arguments == [""] else arguments
+            if code in SETTINGS:
+                return SETTINGS[code].obey(self, code, arguments)
             if code not in COMMANDS:
                 raise RefusedError(UNKNOWN_COMMAND)
-            return COMMANDS[code](self, [] if arguments == [""] else arguments)
+            return COMMANDS[code](self, arguments)
         except RefusedError as refused:
             text = f"{ERRORS[refused.args[0]].title()}\r\n".encode()
             header = self._header(0, code[0] if code else _CR, refused.args[0], len(text))
-            return header + text if self.binary else text
+            return header + text if self._is_binary else text
 
 
 def _floats(texts: Sequence[str], present: Sequence[float]) -> tuple[float, ...]:
@@ -245,7 +240,7 @@ def _floats(texts: Sequence[str], present: Sequence[float]) -> tuple[float, ...]
     return (*values, *present[len(values) :])
 
 
-def _whole(text: str, allowed: Iterable[int]) -> int:
+def _whole(text: str, allowed: Container[int]) -> int:
     if not text.isdecimal() or int(text) not in allowed:
         raise RefusedError(INVALID)
     return int(text)
@@ -264,45 +259,34 @@ def _stations(device: EmulatedLiberty, arguments: Arguments) -> list[int]:
     return [int(arguments[0])]
 
 
-def _setting(
-    code: int, name: str, text: str = "%d", allowed: Sequence[int] = (), *, per_station: bool = False
-) -> Command:
-    """Return the command that sets an attribute of the device or of stations, or answers what it is.
-
-    text : how its numbers are written, as many as it has or one after the other in such groups. allowed :
-    of a whole number, which it can be; otherwise they are floats.
+@dataclass(frozen=True)
+class Setting:
+    """A setting that can be made and asked for. default : its numbers. text : how these are written, all or
+    one group after the other. allowed : what they can be, where they are whole; otherwise they are floats.
     """
 
-    def command(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-        values = arguments[1:] if per_station else arguments
+    default: tuple[float, ...]
+    text: str = "%d"
+    allowed: Container[int] | None = None
+    per_station: bool = False
+
+    def obey(self, device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
+        """Set it, or answer what it is."""
+        values = arguments[1:] if self.per_station else arguments
         answer = b""
-        for number in _stations(device, arguments) if per_station else [0]:
-            holder = device.stations[number] if per_station else device
-            present = getattr(holder, name)
-            numbers = (present,) if allowed else present
-            _count(values, 0, len(numbers))
-            if values:
-                setattr(holder, name, _whole(values[0], allowed) if allowed else _floats(values, present))
+        for station in _stations(device, arguments) if self.per_station else [0]:
+            numbers = device.numbers[code, station]
+            _count(values, 0, MOST_ITEMS if code == b"O" else len(numbers))
+            if not values:
+                end = (-1,) if code == b"O" and len(numbers) < MOST_ITEMS else ()
+                body = np.asarray((*numbers, *end), "<f4" if self.allowed is None else "<i4").tobytes()
+                text = self.text * (len(numbers) // self.text.count("%")) % numbers
+                answer += device.reply(code[0], text.rstrip() if code == b"O" else text, body, station)
+            elif self.allowed is None:
+                device.numbers[code, station] = _floats(values, numbers)
             else:
-                body = np.asarray(numbers, "<i4" if allowed else "<f4").tobytes()
-                shown = text * (len(numbers) // text.count("%")) % tuple(numbers)
-                answer += device.reply(code, shown, body, number)
+                device.numbers[code, station] = tuple(_whole(text, self.allowed) for text in values)
         return answer
-
-    return command
-
-
-def _output_list(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _count(arguments, 1, 1 + MOST_ITEMS)
-    answer = b""
-    for number in _stations(device, arguments):
-        station = device.stations[number]
-        if len(arguments) > 1:
-            station.items = tuple(_whole(text, ITEMS) for text in arguments[1:])
-        else:
-            body = np.array([*station.items, *[-1] * (len(station.items) < MOST_ITEMS)], "<i4").tobytes()
-            answer += device.reply(0x4F, " ".join(map(str, station.items)), body, number)
-    return answer
 
 
 def _continuous(device: EmulatedLiberty, arguments: Arguments) -> bytes:
@@ -331,7 +315,7 @@ def _station_state(device: EmulatedLiberty, arguments: Arguments) -> bytes:
     stations = _stations(device, arguments)
     _count(arguments, 2, 2)
     for number in stations:
-        device.stations[number].enabled = bool(_whole(arguments[1], _FLAG))
+        device.enabled[number] = bool(_whole(arguments[1], _FLAG))
     return b""
 
 
@@ -343,26 +327,28 @@ def _whoami(device: EmulatedLiberty, arguments: Arguments) -> bytes:
     return device.reply(0x16, text, bytes((device.ports, kind, 0)) + text.encode())
 
 
+SETTINGS = {
+    b"A": Setting((0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0), "%7.2f%7.2f%7.2f\r\n", per_station=True),
+    b"B": Setting((0.0, 0.0, 0.0), "%7.2f ", per_station=True),
+    b"F": Setting((0,), allowed=_FLAG),
+    b"G": Setting((0.0, 0.0, 0.0), "%8.3f "),
+    b"H": Setting((1.0, 0.0, 0.0), "%7.3f", per_station=True),
+    b"L": Setting((0,), allowed=_FLAG, per_station=True),
+    b"N": Setting((0.0, 0.0, 0.0), "%6.3f ", per_station=True),
+    b"O": Setting(DEFAULT_LIST, "%d ", ITEMS, per_station=True),
+    b"R": Setting((4,), allowed=RATES_HZ),
+    b"U": Setting((0,), allowed=_FLAG),
+    b"X": Setting((0.2, 0.2, 0.8, 0.95), "%6.3f "),
+    b"Y": Setting((0.2, 0.2, 0.8, 0.95), "%6.3f "),
+    b"Z": Setting((0,), allowed=_FLAG),
+    ECHO: Setting((0,), allowed=_FLAG),
+    b"@": Setting((1,), allowed=_FLAG),
+}
 COMMANDS: dict[bytes, Command] = {
-    b"A": _setting(0x41, "alignment", "%7.2f%7.2f%7.2f\r\n", per_station=True),
-    b"B": _setting(0x42, "boresight", "%7.2f ", per_station=True),
     b"C": _continuous,
-    b"F": _setting(0x46, "binary", allowed=_FLAG),
-    b"G": _setting(0x47, "mounting_deg", "%8.3f "),
-    b"H": _setting(0x48, "hemisphere", "%7.3f", per_station=True),
-    b"L": _setting(0x4C, "stylus", allowed=_FLAG, per_station=True),
-    b"N": _setting(0x4E, "tip", "%6.3f ", per_station=True),
-    b"O": _output_list,
     b"Q": _reset_counters,
-    b"R": _setting(0x52, "rate_code", allowed=tuple(RATES_HZ)),
-    b"U": _setting(0x55, "unit", allowed=_FLAG),
-    b"X": _setting(0x58, "position_filter", "%6.3f "),
-    b"Y": _setting(0x59, "attitude_filter", "%6.3f "),
-    b"Z": _setting(0x5A, "sync", allowed=_FLAG),
-    b"\x05": _setting(0x05, "echo", allowed=_FLAG),
     b"\x14": _bit_errors,
     b"\x15": _station_state,
     b"\x16": _whoami,
-    b"@": _setting(0x40, "buffered", allowed=_FLAG),
 }
-"""Command letter, or control character, -> what it does. P is not here: it acts without an end."""
+"""What else a command letter, or control character, does. P is not here: it acts without an end."""

@@ -62,8 +62,8 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
         dict.fromkeys(device.stations, vector),
         {
             "whoami": replies[b"\x16\r"][_TEXT_REPLY_HEADER_BYTES:].decode("latin-1").strip(),
-            "position_filter": list(device.position_filter),
-            "attitude_filter": list(device.attitude_filter),
+            "position_filter": list(device.numbers[b"X", 0]),
+            "attitude_filter": list(device.numbers[b"Y", 0]),
         },
     )
     archive.settings(settings.to_json(), now_ns)
@@ -105,7 +105,7 @@ def _handshake(device: EmulatedLiberty, hemisphere: Sequence[float]) -> Iterator
     """Commands of a recorder in turn, up to those that start the stream."""
     items = ",".join(map(str, FULL_LIST))
     vector = ",".join(f"{part:g}" for part in hemisphere)
-    rate = f"R{device.rate_code}\r".encode()
+    rate = f"R{device.numbers[b'R', 0][0]}\r".encode()
     yield from (b"P", b"\r", b"F0\r", b"\x16\r", b"F1\r", b"U1\r", rate, f"O*,{items}\r".encode())
     yield from (f"H*,{vector}\r".encode(), b"L*,0\r", b"Z1\r", b"X0,1,0,0\r", b"Y0,1,0,0\r")
     yield from _GLOBAL_QUERIES

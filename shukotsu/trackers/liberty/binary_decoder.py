@@ -11,9 +11,9 @@ import numpy as np
 
 from shukotsu.trackers.liberty import items as liberty
 from shukotsu.trackers.liberty.items import HEADER_BYTES, QUATERNION, TAGS, list_of_all, record_type
-from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, gaps, rows_at
+from shukotsu.trackers.protocols import records as protocol
 from shukotsu.trackers.protocols.pose_numbers import fill_in
-from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Wholes, empty_records
+from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, PiecewiseDecoder, Records, Wholes
 from shukotsu.trackers.protocols.resync import NO, YES, Starts, Verdicts, walk
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
@@ -48,7 +48,7 @@ class BinaryDecoder(PiecewiseDecoder):
         )
         self._trusted = decided.trusted
         at, end = starts.at[decided.accepted], starts.end[decided.accepted]
-        return Decoded(self._records(b, at), gaps(at, end, decided.position)), decided.position
+        return Decoded(self._records(b, at), protocol.gaps(at, end, decided.position)), decided.position
 
     def _starts(self, b: Bytes, final: bool) -> Starts:
         """Return the headers that can be ones."""
@@ -77,10 +77,10 @@ class BinaryDecoder(PiecewiseDecoder):
 
     def _records(self, b: Bytes, at: Wholes) -> Records:
         """Read the records at those bytes; nothing is checked but what cannot be right."""
-        records = empty_records(len(at))
+        records = protocol.empty_records(len(at))
         if not len(at):
             return records
-        rows = rows_at(b, at, self._kind.itemsize).view(self._kind)[:, 0]
+        rows = protocol.rows_at(b, at, self._kind.itemsize).view(self._kind)[:, 0]
         records.offset[:] = at
         records.size[:] = self._kind.itemsize
         records.station[:] = rows["station"]

@@ -17,6 +17,7 @@ from shukotsu.trackers.families import FAMILIES
 from shukotsu.trackers.liberty.items import ITEMS, TAGS
 from shukotsu.trackers.liberty.replies import (
     ERRORS,
+    HALVES,
     Setting,
     Value,
     answers,
@@ -64,22 +65,22 @@ RATES = {120: 3, 240: 4}
 CENTIMETRES = 1
 
 SETTINGS = {
-    "units": Setting(b"U", "number"),
-    "rate": Setting(b"R", "number"),
-    "stations": Setting(b"\x15", "stations"),
-    "source_frame": Setting(b"G", "floats", 3),
-    "external_sync": Setting(b"Z", "number"),
-    "position_filter": Setting(b"X", "floats", 4),
-    "attitude_filter": Setting(b"Y", "floats", 4),
-    "bit_errors": Setting(b"\x14", "words"),
-    "echo": Setting(b"\x05", "number"),
-    "usb_buffering": Setting(b"@B", "number"),
-    "output_list": Setting(b"O", "numbers", per_station=True),
-    "hemisphere": Setting(b"H", "floats", 3, per_station=True),
-    "stylus": Setting(b"L", "number", per_station=True),
-    "boresight": Setting(b"B", "floats", 3, per_station=True),
-    "alignment": Setting(b"A", "floats", 9, per_station=True),
-    "tip_offset": Setting(b"N", "floats", 3, per_station=True),
+    "units": Setting(b"U"),
+    "rate": Setting(b"R"),
+    "stations": Setting(b"\x15", HALVES, 2),
+    "source_frame": Setting(b"G", "<f4", 3),
+    "external_sync": Setting(b"Z"),
+    "position_filter": Setting(b"X", "<f4", 4),
+    "attitude_filter": Setting(b"Y", "<f4", 4),
+    "bit_errors": Setting(b"\x14", "<u4", 0),
+    "echo": Setting(b"\x05"),
+    "usb_buffering": Setting(b"@B"),
+    "output_list": Setting(b"O", "<i4", 0, per_station=True),
+    "hemisphere": Setting(b"H", "<f4", 3, per_station=True),
+    "stylus": Setting(b"L", per_station=True),
+    "boresight": Setting(b"B", "<f4", 3, per_station=True),
+    "alignment": Setting(b"A", "<f4", 9, per_station=True),
+    "tip_offset": Setting(b"N", "<f4", 3, per_station=True),
 }
 """What is asked for before and after a set-up, in that order."""
 

@@ -10,37 +10,30 @@ import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from shukotsu.trackers.liberty.items import HEADER_BYTES, MAX_BODY_BYTES, STATIONS, TAGS
 from shukotsu.trackers.protocols.records import Reply
 
 Value = int | tuple[int, ...] | tuple[float, ...]
+HALVES = "<u2"
 
-ERRORS = {
-    1: "invalid command",
-    2: "invalid station",
-    3: "invalid parameter",
-    4: "too few parameters",
-    5: "too many parameters",
-    6: "parameter below its limit",
-    7: "parameter above its limit",
-    8: "no communication with the sensor processor board",
-    9: "sensor processor 1 did not start",
-    10: "sensor processor 2 did not start",
-    11: "sensor processor 3 did not start",
-    12: "sensor processor 4 did not start",
-    13: "no sensor processor found",
-    14: "source processor failed",
-    15: "memory failed",
-    16: "too many characters in a command",
-    17: "not in this mode",
-    18: "source PROM cannot be read; defaults are used",
-    19: "read only",
-    20: "a message, not an error",
-    21: "map cannot be loaded",
-    22: "sensors out of step",
-    23: "firmware versions do not match",
-    24: "firmware is outdated",
-}
+ERRORS = dict(
+    enumerate(
+        (
+            *("invalid command", "invalid station", "invalid parameter", "too few parameters"),
+            *("too many parameters", "parameter below its limit", "parameter above its limit"),
+            "no communication with the sensor processor board",
+            *(f"sensor processor {number} did not start" for number in range(1, 5)),
+            *("no sensor processor found", "source processor failed", "memory failed"),
+            *("too many characters in a command", "not in this mode"),
+            "source PROM cannot be read; defaults are used",
+            *("read only", "a message, not an error", "map cannot be loaded", "sensors out of step"),
+            *("firmware versions do not match", "firmware is outdated"),
+        ),
+        1,
+    )
+)
 """Error code of an answer -> what it means."""
 
 
@@ -48,25 +41,28 @@ ERRORS = {
 class Setting:
     """A setting that can be asked for, and most of them set.
 
-    command : its letter. kind : of the answer, "number", "numbers" (a list of whole ones), "floats", "words"
-    or "stations" (two halves of bits). count : how many floats. per_station : asked and set for each station.
+    command : its letter. kind : of an answer's numbers, as NumPy names it; "<u2" for two halves of bits.
+    count : how many there are, 0 for any. per_station : asked and set for each station.
     """
 
     command: bytes
-    kind: str
+    kind: str = "<i4"
     count: int = 1
     per_station: bool = False
 
+    @property
+    def _has_station(self) -> bool:
+        return self.per_station or self.kind == HALVES
+
     def question(self, station: int = 0) -> bytes:
-        """The bytes that ask for it; of `stations`, 0 asks for all."""
-        asks_station = self.per_station or self.kind == "stations"
-        return self.command + (str(station).encode() if asks_station else b"") + b"\r"
+        """The bytes that ask for it; of halves, 0 asks for all stations."""
+        return self.command + (str(station).encode() if self._has_station else b"") + b"\r"
 
     def assignment(self, value: float | Sequence[float], station: int | None = None) -> bytes:
         """The bytes that set it, of one station or (None) of all where it is a station's."""
         numbers = [value] if isinstance(value, int | float) else value
         words = [f"{number:g}" for number in numbers]
-        if self.per_station or self.kind == "stations":
+        if self._has_station:
             words.insert(0, "*" if station is None else str(station))
         return self.command + ",".join(words).encode() + b"\r"
 
@@ -94,20 +90,14 @@ def answers(reply: Reply, setting: Setting, station: int) -> bool:
 
 def binary_value(setting: Setting, reply: Reply) -> Value | None:
     """Read a binary answer; None where its length cannot be that of one."""
-    size = len(reply.body)
-    if size % 4 or not size:
+    size = np.dtype(setting.kind).itemsize
+    if not reply.body or len(reply.body) % size or setting.count not in (0, len(reply.body) // size):
         return None
-    if setting.kind == "number":
-        return int(struct.unpack_from("<i", reply.body)[0])
-    if setting.kind == "numbers":
-        items = struct.unpack(f"<{size // 4}i", reply.body)
-        return items[: items.index(-1)] if -1 in items else items
-    if setting.kind == "floats":
-        whole = size == 4 * setting.count
-        return struct.unpack(f"<{setting.count}f", reply.body) if whole else None
-    if setting.kind == "words":
-        return struct.unpack(f"<{size // 4}I", reply.body)
-    return struct.unpack("<HH", reply.body) if size == 4 else None
+    numbers = tuple(np.frombuffer(reply.body, setting.kind).tolist())
+    if setting.count == 1:
+        value: int = numbers[0]
+        return value
+    return numbers[: numbers.index(-1)] if -1 in numbers and not setting.count else numbers
 
 
 def usable_stations(halves: tuple[int, ...]) -> tuple[int, ...]:

@@ -52,8 +52,9 @@ class StoppedError(Exception):
 class Conversation:
     """A port that is read from now on until `close`, whoever listens.
 
-    archive : keeps all that passes. stopped() : whether the user has asked for the end. gone : why the port is gone, and when [ns]; None while it is there. dropped_bytes : that came faster than
-    they could be kept. frames_began : whether any number of bytes may come.
+    archive : keeps all that passes. stopped() : whether the user has asked for the end. gone : why the port
+    is gone, and when [ns]; None while it is there. dropped_bytes : that came faster than they could be kept.
+    frames_began : whether any number of bytes may come.
     """
 
     def __init__(

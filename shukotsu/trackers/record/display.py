@@ -34,7 +34,6 @@ def state_line(moment: Moment, elapsed_s: float, archive_bytes: int) -> str:
         f"{min((rate for rate in rates.values() if rate is not None), default=0.0):.1f} Hz",
         f"missing {max((row.missing_percent for row in present), default=0.0):.1f} %",
         f"skipped {moment.skipped_bytes} B",
-        "lag -" if moment.lag_ms is None else f"lag {moment.lag_ms:.0f} ms",
         f"{archive_bytes / 1e6:.2f} MB",
         f"absent {absent}" if absent else "",
         *(f"{row.station} {trouble}" for row in present if (trouble := _trouble(row))),

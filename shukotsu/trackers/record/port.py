@@ -35,8 +35,8 @@ class PortGoneError(Exception):
 class Port(ABC):
     """An open port.
 
-    name : as the user wrote it. baud : what a serial device is set to; None for others. line_baud : bits a second
-    of the serial line behind it; None where there is none (a pseudo-terminal, a network, a tracker's USB).
+    name : as the user wrote it. baud : what a serial device is set to; None for others. line_baud : bits a
+    second of the serial line behind it; None where there is none (a terminal, a network, a tracker's USB).
     """
 
     def __init__(self, name: str, baud: int | None = None, line_baud: int | None = None) -> None:

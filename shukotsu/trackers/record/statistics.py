@@ -17,9 +17,6 @@ from shukotsu.trackers.protocols.stream_settings import StreamSettings
 WINDOW_S = 2.0
 """Rates are over so long."""
 
-LAG_WINDOW_S = 10
-"""The lag is against the fastest arrival of so long: host and tracker clocks part slowly."""
-
 NEVER_HEARD = Heard(0, 0, 0)
 
 
@@ -31,7 +28,6 @@ class Receiver:
     it or it has no position.
     """
 
-    doubtful: int = 0
     errors: int = 0
     error: int = 0
     distortion: int = 0
@@ -58,7 +54,6 @@ class Moment:
     """All receivers at a moment, and what concerns the stream as a whole."""
 
     rows: tuple[Row, ...]
-    lag_ms: float | None
     silent_s: float
     skipped_bytes: int
 
@@ -80,8 +75,6 @@ class Statistics:
         self._start_ns = start_ns
         self._heard_ns = start_ns
         self._past: deque[tuple[int, dict[int, tuple[int, int]]]] = deque()
-        self._fastest: deque[tuple[int, float]] = deque()
-        self._lag_ns: float | None = None
         self._remember(start_ns)
 
     def add(self, block: Block, received_bytes: int, now_ns: int) -> None:
@@ -93,10 +86,8 @@ class Statistics:
         for station in np.unique(records.station).tolist():
             rows = np.flatnonzero(records.station == station)
             receiver = self.receivers.setdefault(station, Receiver())
-            receiver.doubtful += int(np.count_nonzero(~good[rows]))
             self._count(receiver, station, block, rows[good[rows]])
         self.told += self._to_tell(self._losses.add(block)[0])
-        self._measure_lag(block, np.flatnonzero(good))
         self._remember(now_ns)
 
     def absent(self) -> set[int]:
@@ -123,8 +114,7 @@ class Statistics:
             rate_hz, missing = came / heard_s if present else None, 100 * lost / max(came + lost, 1)
             error = chr(receiver.error) if receiver.error else ""
             rows.append(Row(station, rate_hz, missing, error, receiver.distortion, receiver.margin))
-        lag_ms = None if self._lag_ns is None else self._lag_ns * 1e-6
-        return Moment(tuple(rows), lag_ms, (now_ns - self._heard_ns) * 1e-9, self.skipped_bytes)
+        return Moment(tuple(rows), (now_ns - self._heard_ns) * 1e-9, self.skipped_bytes)
 
     def totals(self, now_ns: int) -> dict[str, Any]:
         """Sum up the recording if nothing follows, as JSON types.
@@ -148,7 +138,6 @@ class Statistics:
             receivers[str(station)] = {
                 "records": heard.records,
                 "lost_frames": heard.lost,
-                "doubtful_records": receiver.doubtful,
                 "records_with_error": receiver.errors,
                 "worst_distortion": receiver.worst_distortion,
                 "least_hemisphere_margin": _number(receiver.least_margin),
@@ -196,19 +185,6 @@ class Statistics:
             margin = position_mm @ (vector / length) / np.linalg.norm(position_mm, axis=-1)
         receiver.margin = float(margin[-1])
         receiver.least_margin = float(np.fmin.reduce(margin, initial=receiver.least_margin))
-
-    def _measure_lag(self, block: Block, rows: Wholes) -> None:
-        if not len(rows):
-            return
-        delay = block.host_ns[rows] - block.records.frame[rows] * (1e9 / self._settings.rate_hz)
-        second = int(block.host_ns[rows[-1]] // 1_000_000_000)
-        least = float(delay.min())
-        if self._fastest and self._fastest[-1][0] == second:
-            least = min(least, self._fastest.pop()[1])
-        self._fastest.append((second, least))
-        while self._fastest[0][0] < second - LAG_WINDOW_S:
-            self._fastest.popleft()
-        self._lag_ns = float(delay[-1]) - min(least for _, least in self._fastest)
 
     def _remember(self, now_ns: int) -> None:
         counts = {station: (heard.records, heard.lost) for station, heard in self._losses.stations.items()}

@@ -12,18 +12,9 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder, gaps, rows_at
+from shukotsu.trackers.protocols import records as protocol
 from shukotsu.trackers.protocols.pose_numbers import doubtful_poses
-from shukotsu.trackers.protocols.records import (
-    Bools,
-    Bytes,
-    Decoded,
-    Records,
-    Reply,
-    Wholes,
-    concatenated,
-    empty_records,
-)
+from shukotsu.trackers.protocols.records import Array, Bools, Bytes, Decoded, Records, Reply, Wholes
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
 COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"
@@ -75,7 +66,7 @@ def command_frame(
     return frame + struct.pack("<I", int(crc16_arc(np.frombuffer(frame, np.uint8)[None])[0]))
 
 
-class ViperDecoder(PiecewiseDecoder):
+class ViperDecoder(protocol.PiecewiseDecoder):
     """Decoder of a VIPER stream.
 
     The bytes before a frame's first sensor count as that sensor's record, the CRC field as the last one's.
@@ -100,7 +91,7 @@ class ViperDecoder(PiecewiseDecoder):
         is_pose = is_pose & (end - at > POSE_HEADER_BYTES + CRC_BYTES)
         records = _records(b, at[is_pose], end[is_pose])
         replies = tuple(_reply(b, int(at[row]), int(end[row])) for row in np.flatnonzero(~is_pose))
-        return Decoded(records, gaps(at, end, decided), replies), decided
+        return Decoded(records, protocol.gaps(at, end, decided), replies), decided
 
 
 def _disjoint(at: Wholes, end: Wholes, good: Bools, waiting: Bools) -> Wholes:
@@ -121,7 +112,7 @@ def _disjoint(at: Wholes, end: Wholes, good: Bools, waiting: Bools) -> Wholes:
     return np.array(kept, np.int64)
 
 
-def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, npt.NDArray[np.bool_]]:
+def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, Bools]:
     """Return leaders that can be ones: first byte, first byte after, and whether they are of poses."""
     at = np.flatnonzero(b[: max(0, len(b) - POSE_HEADER_BYTES + 1)] == COMMAND_PREAMBLE[0])
     for index in (1, 2):
@@ -143,14 +134,14 @@ def _unsigned(b: Bytes, at: Wholes) -> Wholes:
     return sum(((b[at + index].astype(np.int64) << 8 * index) for index in range(4)), np.zeros_like(at))
 
 
-def _sound(b: Bytes, at: Wholes, end: Wholes) -> npt.NDArray[np.bool_]:
+def _sound(b: Bytes, at: Wholes, end: Wholes) -> Bools:
     """Whether frames are there as a whole with the right checksum."""
     good = np.zeros(len(at), bool)
     whole = end <= len(b)
     for size in np.unique((end - at)[whole]):
         mine = np.flatnonzero(whole & (end - at == size))
         for some in np.array_split(mine, 1 + len(mine) * int(size) // (1 << 22)):
-            rows = rows_at(b, at[some], int(size))
+            rows = protocol.rows_at(b, at[some], int(size))
             sent = _unsigned(b, end[some] - CRC_BYTES) & 0xFFFF
             good[some] = crc16_arc(rows[:, :-CRC_BYTES]) == sent
     return good
@@ -179,11 +170,11 @@ def _records(b: Bytes, at: Wholes, end: Wholes) -> Records:
     """Read the pose frames; those with equally many sensors at a time."""
     sizes = end - at
     parts = [
-        _records_of_size(rows_at(b, first, int(size)), first)
+        _records_of_size(protocol.rows_at(b, first, int(size)), first)
         for size in np.unique(sizes)
         for first in (at[sizes == size],)
     ]
-    records = concatenated(parts)
+    records = protocol.concatenated(parts)
     return records if len(parts) < 2 else records.take(np.argsort(records.offset))
 
 
@@ -194,7 +185,7 @@ def _records_of_size(rows: Bytes, at: Wholes) -> Records:
     per_frame = sensors.shape[1]
     header = np.ascontiguousarray(rows[:, LEADER_BYTES:POSE_HEADER_BYTES]).view("<u4")
     info = sensors["info"].ravel()
-    records = empty_records(sensors.size)
+    records = protocol.empty_records(sensors.size)
     starts = np.arange(per_frame) * _SENSOR.itemsize + POSE_HEADER_BYTES
     starts[0] = 0
     records.offset[:] = (at[:, None] + starts).ravel()
@@ -214,9 +205,7 @@ def _records_of_size(rows: Bytes, at: Wholes) -> Records:
     return records
 
 
-def _orientations(
-    sent: npt.NDArray[np.float32], kind: Wholes, accelerated: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.float64]:
+def _orientations(sent: npt.NDArray[np.float32], kind: Wholes, accelerated: Bools) -> Array:
     """Quaternions (N, 4) of the 16 bytes of orientation; NaN for angles, which no recorder asks for."""
     numbers = sent.astype(float)
     if accelerated.any():  # four whole numbers of orientation, then four of acceleration

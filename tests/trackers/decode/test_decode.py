@@ -12,9 +12,8 @@ from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.tables import read_metadata, read_table
 from shukotsu.trackers.archive import ArchiveWriter, open_archive
 from shukotsu.trackers.decode.findings import findings
-from shukotsu.trackers.decode.records_table import FLAGS, FlaggedRecords, flagged_records
 from shukotsu.trackers.decode.stream import Tally, blocks_of
-from shukotsu.trackers.decode.survey import survey_archive
+from shukotsu.trackers.decode.survey import FLAGS, FlaggedRecords, flagged_records, survey_archive
 
 BIT = {flag: 1 << place for place, flag in enumerate(FLAGS)}
 

@@ -11,9 +11,8 @@ from tracker_streams import viper_frame
 
 from shukotsu.trackers.archive import ArchiveWriter, open_archive
 from shukotsu.trackers.decode.losses import ABSENT_S, STOP_FRAMES
-from shukotsu.trackers.decode.records_table import flagged_records
 from shukotsu.trackers.decode.stream import ChunkDecoder
-from shukotsu.trackers.decode.survey import Survey, survey_archive
+from shukotsu.trackers.decode.survey import Survey, flagged_records, survey_archive
 from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.liberty.items import record_type
@@ -66,9 +65,8 @@ def sent_by(kind: str, out: tuple[int, float, float]) -> list[Sent]:
             sent.append(Sent(time_s, frame, here, data, data))
         return sent
     device = Plugged(built_in_motion(), frozenset(stations), family=family, ports=count, rate_hz=rate_hz)
-    device.out, device.binary, device.streaming = out, 1, True
-    for station in device.stations.values():
-        station.items = items
+    device.out, device.streaming = out, True
+    device.receive(b"F1\rO*,%s\r" % ",".join(map(str, items)).encode())
     device.cycle = WRAP - 300
     device.counted_from = device.cycle if "clock" in kind else 0
     size = record_type(items).itemsize

@@ -7,8 +7,7 @@ import pytest
 from tracker_streams import check_tiles, decode, skipped_bytes, streams
 
 from shukotsu.trackers.decode.stream import DECODERS
-from shukotsu.trackers.protocols.piecewise import PiecewiseDecoder
-from shukotsu.trackers.protocols.records import Records
+from shukotsu.trackers.protocols.records import PiecewiseDecoder, Records
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 STREAMS = streams()

@@ -21,17 +21,15 @@ def settings(stations: Iterable[int] = (1, 2), hemisphere=(1.0, 0.0, 0.0)) -> St
     return StreamSettings("liberty", "binary", "cm", RATE_HZ, each, {}, dict.fromkeys(each, hemisphere))
 
 
-def block(
-    pairs: list[tuple[int, int]], *, position_mm=(300.0, 0.0, 0.0), late_ms: float = 0.0, **columns
-) -> Block:
-    """Records of (frame, station), which came when their frame was measured, or later."""
+def block(pairs: list[tuple[int, int]], *, position_mm=(300.0, 0.0, 0.0), **columns) -> Block:
+    """Records of (frame, station), which came when their frame was measured."""
     records = empty_records(len(pairs))
     records.frame[:] = [frame for frame, _ in pairs]
     records.station[:] = [station for _, station in pairs]
     records.position_mm[:] = position_mm
     for name, value in columns.items():
         getattr(records, name)[:] = value
-    host_ns = START_NS + (records.frame * 1e9 / RATE_HZ + late_ms * 1e6).astype(np.int64)
+    host_ns = START_NS + (records.frame * 1e9 / RATE_HZ).astype(np.int64)
     return Block(settings(), records, host_ns, np.zeros(len(pairs), bool), ())
 
 
@@ -56,7 +54,6 @@ def test_all_is_well() -> None:
     totals, moment = counted(set(), 1200)
     assert [row.rate_hz for row in moment.rows] == pytest.approx([240.0, 240.0])
     assert [row.missing_percent for row in moment.rows] == [0.0, 0.0]
-    assert moment.lag_ms == pytest.approx(0.0, abs=0.01)
     assert totals["records"] == 2400
     assert totals["lost_frames"] == 0
     assert totals["seconds"] == pytest.approx(5.0)
