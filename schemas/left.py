@@ -14,6 +14,12 @@ _EMULATED_FAULTS = (
 
 _COACHS_SERVER = ("listen", "no-page")
 
+_EXPORTS_OPTIONS = {
+    "unit": "leave it out; each format has a unit",
+    "up": "leave it out; each format has an axis that points up",
+    "rate-hz": "give rate_hz in the recording's mapping",
+}
+
 _POINTS = "positions alone fit no skeleton here any more: take Pose2Sim or FreeMoCap"
 _FITTED = "take whole-hand, or paper-fig4 for an arm"
 _FROM_GLB = "export glb, and convert it by Blender or usd-core (docs/handing-on.md)"
@@ -62,6 +68,11 @@ LEFT = {
     ("option", "record --countdown"): "leave it out",
     ("option", "record --lsl-outlet"): "import the archive",
     ("option", "record --marks"): "give --note, or an events sheet beside the recording",
+    **{
+        ("option", f"{command}export --{option}"): advice
+        for command in ("", "stage ")
+        for option, advice in _EXPORTS_OPTIONS.items()
+    },
     ("option", "emulate --igtl"): _PLUS,
     ("option", "emulate --lsl"): _LAB_RECORDER,
     ("option", "emulate --message"): _PLUS,

@@ -20,7 +20,6 @@ import pyarrow.parquet as pq
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.files.limits import FARTHEST_MM, check_regular
-from shukotsu.files.long_arrays import empty
 from shukotsu.files.parquet_files import column_ends, naming_damage, open_parquet
 from shukotsu.files.text_files import reading
 from shukotsu.schemas.catalogue import POSES
@@ -158,24 +157,13 @@ def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
     for block in pose_blocks(path, segments):
         kept.append(block.take(np.arange(-start % every, len(block.frame), every)))  # copies
         start += len(block.frame)
-    return Poses(tuple(segments), *(np.concatenate(own) for own in zip(*map(_arrays, kept), strict=True)))
+    return joined_poses(kept)
 
 
-def held_poses(path: Path, segments: Sequence[str]) -> Poses:
-    """Read poses as `read_poses` does, a long recording's into arrays of `shukotsu.files.long_arrays`."""
-    if _is_short(path, segments):
-        return read_poses(path, segments)
-    count = frame_count(path)
-    shape = count, len(segments)
-    numbers = empty(*shape, 3), empty(*shape, 4)
-    valid = np.empty(shape, bool, order="F")
-    poses = Poses(tuple(segments), np.empty(count, np.int64), np.empty(count), *numbers, valid)
-    start = 0
-    for block in pose_blocks(path, segments):
-        for whole, part in zip(_arrays(poses), _arrays(block), strict=True):
-            whole[start : start + len(part)] = part
-        start += len(block.frame)
-    return poses
+def joined_poses(parts: Sequence[Poses]) -> Poses:
+    """Return parts of a recording, at least one, as one."""
+    arrays = zip(*map(_arrays, parts), strict=True)
+    return Poses(parts[0].segments, *(np.concatenate(own) for own in arrays))
 
 
 _kept: OrderedDict[tuple[Path, int, int, tuple[str, ...]], Poses] = OrderedDict()

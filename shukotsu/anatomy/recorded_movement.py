@@ -1,7 +1,4 @@
-"""Joint angles and fingertips of a recording under a model, joint by joint and block by block.
-
-Of a long recording one column of one of these is in memory at a time (see `shukotsu.files.long_arrays`).
-"""
+"""Joint angles and fingertips of a recording under a model, joint by joint, read block by block."""
 
 from __future__ import annotations
 
@@ -12,7 +9,6 @@ import numpy as np
 
 from shukotsu.anatomy.neutral_bones import bone_angles_deg, to_nail_side
 from shukotsu.errors import joined
-from shukotsu.files.long_arrays import chosen_points, empty
 from shukotsu.schemas.catalogue import JOINT_ANGLES, POSED_TIPS
 from shukotsu.schemas.layout import Digit
 from shukotsu.schemas.poses import Poses
@@ -87,13 +83,13 @@ class RecordedMovement:
             status, each = _reliability(self.posed, digit, joint), columns.shape[1] // len(ANGLES)
             for index, angle in enumerate(ANGLES):
                 angle_deg = running_on(columns[:, index * each])[:, 0]
-                errors = chosen_points(columns, range(index * each + 1, (index + 1) * each))
+                errors = columns[:, index * each + 1 : (index + 1) * each]
                 yield AngleSeries(joint, angle, angle_deg, errors if each > 1 else None, *status)
 
     def _of_table(self, joint: str) -> Array | None:
         """Columns (T, 3 (1 + E), 1) of a joint, every angle with its errors; None where the fit has none."""
         names = [f"{angle}_{what}" for angle in ANGLES for what in ("deg", *ERRORS)]
-        columns = empty(len(self.frame), len(names), 1)
+        columns = _columns(len(self.frame), len(names))
         for start in range(0, len(self.frame), BLOCK_FRAMES):
             rows = slice(start, start + BLOCK_FRAMES)
             read = self.posed.numbers(JOINT_ANGLES, names, self.frame[rows], joint)
@@ -163,7 +159,7 @@ def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedM
         for series, own in found:
             for name, values in own.items():
                 if name not in series:
-                    series[name] = _unknown(count, values.shape[-1])
+                    series[name] = _columns(count, values.shape[-1])
                 series[name][rows] = values[..., None]
     return RecordedMovement(
         posed,
@@ -205,20 +201,16 @@ def _bases(posed: PosedRecording, poses: Poses, bones: PosedBones, digits: Itera
     return {base: np.concatenate(_base(posed, own, poses, bones), -1) for base, own in by_base.items()}
 
 
-def _unknown(count: int, width: int) -> Array:
-    """Columns (T, C, 1) of no number."""
-    columns = empty(count, width, 1)
-    for index in range(width):
-        columns[:, index] = np.nan
-    return columns
+def _columns(count: int, width: int) -> Array:
+    """Return columns (T, C, 1) of no number, each in one piece of memory."""
+    return np.full((width, count), np.nan).T[..., None]
 
 
 def _fingertip_path(columns: Array, message: str) -> FingertipPath:
-    """One digit's path, to the skin's end where any frame knows it, else to the bone's."""
+    """Return one digit's path, to the skin's end where any frame knows it, else to the bone's."""
     skin = any(np.isfinite(columns[:, index]).any() for index in range(8, columns.shape[1]))
     sd, first = (7, 8) if skin else (3, 4)
-    parts = range(first, first + 3), range(3), [sd]
-    place_mm, pointing, sd_mm = (chosen_points(columns, part) for part in parts)
+    place_mm, pointing, sd_mm = columns[:, first : first + 3], columns[:, :3], columns[:, sd : sd + 1]
     return FingertipPath(place_mm, pointing, sd_mm, skin, message)
 
 

@@ -11,7 +11,7 @@ from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_
 from shukotsu.checks.declared import Declared
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.poses import held_poses, recording_name
+from shukotsu.schemas.poses import read_poses, recording_name
 from shukotsu.schemas.tables import read_metadata, read_row_groups
 
 
@@ -23,7 +23,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     parameters = read_metadata(path)["parameters"]
     declared = Declared.of(parameters.get("mapping"), parameters.get("orientation", ""))
     side = hand or recording_name(path).hand
-    poses, broken = held_poses(path, layout.measured), parameters.get("breaks", ())
+    poses, broken = read_poses(path, layout.measured), parameters.get("breaks", ())
     return check_recording(poses, layout, side, declared, _left_out(path), broken)
 
 

@@ -30,7 +30,6 @@ from shukotsu.checks.timeline import (
     turning_speed,
     zeros,
 )
-from shukotsu.files.long_arrays import chosen_points
 from shukotsu.schemas.device_clock import ClockBreak, device_clock
 from shukotsu.schemas.findings import NOTE, REFUSED, SUSPECT, Finding
 from shukotsu.schemas.layout import Layout
@@ -80,8 +79,8 @@ def check_recording(
     seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
     line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
     if len(seen) < len(poses.segments):
-        numbers = chosen_points(line.position_mm, seen), chosen_points(line.quaternion, seen)
-        line = Timeline(poses.time_s, *numbers, poses.valid[:, seen])
+        numbers = (own[:, seen] for own in (line.position_mm, line.quaternion, line.valid))
+        line = Timeline(poses.time_s, *numbers)
     segments = tuple(poses.segments[place] for place in seen)
     body = expected_body(layout, segments)
     clock = true_clock(line)

@@ -31,10 +31,7 @@ BLOCK_ROWS = 1 << 15
 
 @dataclass(frozen=True)
 class Timeline:
-    """time_s (T,), NaN where unknown; position_mm (T, S, 3); quaternion (T, S, 4); valid (T, S).
-
-    Positions and quaternions may be on the disk (`shukotsu.files.long_arrays`).
-    """
+    """time_s (T,), NaN where unknown; position_mm (T, S, 3); quaternion (T, S, 4); valid (T, S)."""
 
     time_s: Array
     position_mm: Array

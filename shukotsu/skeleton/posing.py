@@ -9,7 +9,7 @@ table says, and the digit ends at the origin of its distal receiver.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -124,16 +124,16 @@ class PosedBones:
         """Place of the joint of that name; ValueError where there is none."""
         return self.names.index(name)
 
-    def only(self, kept: Sequence[int], choose: Callable[[Array, Sequence[int]], Array]) -> PosedBones:
-        """Give some of the joints, each with its parent; choose : points (T, n, k) of (T, J, k)."""
+    def only(self, kept: Sequence[int]) -> PosedBones:
+        """Return some of the joints, each with its parent."""
         place = {-1: -1} | {old: new for new, old in enumerate(kept)}
         return replace(
             self,
             joints=tuple(
                 replace(self.joints[index], parent=place[self.joints[index].parent]) for index in kept
             ),
-            position_mm=choose(self.position_mm, kept),
-            quaternion=choose(self.quaternion, kept),
+            position_mm=self.position_mm[:, kept],
+            quaternion=self.quaternion[:, kept],
             rest_offset_mm=self.rest_offset_mm[kept],
             axis=self.axis[kept],
         )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from shukotsu.errors import joined
 from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.plan import SubjectPlan
-from shukotsu.schemas.poses import Poses, RecordingName, held_poses
+from shukotsu.schemas.poses import Poses, RecordingName, read_poses
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import vector_of
 from shukotsu.skeleton.digit_chain import Rows, all_valid, carried_mm
@@ -30,7 +30,7 @@ from shukotsu.stages.evaluate_skeletons.truth import TrueDigit, Truth, at_frames
 class EvaluatedRecording:
     """A recording that skeletons are scored in.
 
-    poses : of all receivers, as `held_poses` gives them; None where it has none, message : why. truth : by
+    poses : of all receivers, as `read_poses` gives them; None where it has none, message : why. truth : by
     digit, frames numbered as the recording's, of a simulated one; stated_truth : the joints and bones that
     it goes with.
     """
@@ -61,7 +61,7 @@ def evaluated_recording(plan: SubjectPlan, recording: Recording, truth: Truth | 
     name = RecordingName(**recording.key)
     layout = plan.layouts[recording.hand.hand]
     reasons: list[str] = []
-    poses = readable(lambda: held_poses(plan.poses(recording), layout.measured), reasons)
+    poses = readable(lambda: read_poses(plan.poses(recording), layout.measured), reasons)
     if poses is None:
         return EvaluatedRecording(name, layout, None, {}, None, *reasons)
     tip_of = {digit.name: digit.tip for digit in layout.digits.values()}

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n\nformats:" + "".join(
-    f"\n  {name:6}{', '.join(form.extensions)}: {form.what}" for name, form in FORMATS.items()
+    f"\n  {name:6}{form.what}" for name, form in FORMATS.items()
 )
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage export",
         DESCRIPTION,
@@ -40,21 +40,16 @@ def build_parser() -> argparse.ArgumentParser:
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say what to export, and how."""
-    parser.add_argument(
-        "--hand",
-        choices=("right", "left", "both"),
-        default="",
-        help="which hand (default: each); both: in one file, of glb",
-    )
-    parser.add_argument(
-        "--recording", default="", help="the task, or TASK_TRIAL (default: every recording that is evaluated)"
-    )
-    parser.add_argument(
-        "--model", "--models", default="", help="skeleton models, joined by commas (default: all)"
-    )
-    parser.add_argument("--formats", required=True, help=f"one or more of {','.join(FORMATS)}")
-    parser.add_argument("--out", type=Path, required=True, help="the folder to write to")
-    parser.add_argument("--participants", type=Path, help="the study's sheet of them, for a dataset of BIDS")
+    where = "[STUDY]" if parser.prog == "shukotsu export" else "--plan PLAN ..."
+    parser.usage = f"{parser.prog} {where} --formats NAMES --out FOLDER [options]"
+    add = parser.add_argument
+    add("--hand", choices=("right", "left"), default="", help="which hand (default: each)")
+    name = "the task, or TASK_TRIAL (default: all evaluated ones)"
+    add("--recording", default="", metavar="NAME", help=name)
+    add("--model", "--models", default="", metavar="NAMES", help="models, joined by commas (default: all)")
+    add("--formats", required=True, metavar="NAMES", help="of those above, joined by commas")
+    add("--out", type=Path, required=True, metavar="FOLDER", help="the folder to write to")
+    add("--participants", type=Path, metavar="SHEET", help="the study's sheet of them, for bids")
     add_motion_options(parser)
 
 
@@ -72,17 +67,17 @@ def export(arguments: argparse.Namespace) -> None:
     formats, settings = chosen_formats(arguments.formats), settings_of(arguments)
     plans = {path: read_plan(path, arguments.inputs) for path in arguments.plan}
     chosen = [
-        (plan, model, hands)
+        (plan, model, recording)
         for path, plan in plans.items()
         for model in chosen_models(plan, path, arguments.model)
-        for hands in chosen_recordings(plan, path, arguments.hand, arguments.recording)
+        for recording in chosen_recordings(plan, path, arguments.hand, arguments.recording)
     ]
     if "bids" in formats:
         _describe_dataset(list(plans.values()), arguments)
     failures: list[tuple[str, str]] = []
     _forget_failures(arguments.out, _failure_name(arguments))
-    for plan, model, hands in chosen:
-        failures += _export_recording(plan, hands, model, formats, settings, arguments)
+    for plan, model, recording in chosen:
+        failures += _export_recording(plan, recording, model, formats, settings, arguments)
     for stem, message in failures if arguments.record_failure else ():
         print(f"error: {message}", file=sys.stderr)
         write_text(arguments.out / f"{stem}.failed.txt", f"{message}\n")
@@ -109,31 +104,29 @@ def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespac
 
 def _export_recording(
     plan: SubjectPlan,
-    hands: Sequence[Recording],
+    recording: Recording,
     model: str,
     formats: Sequence[str],
     settings: Settings,
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[str, str]]:
-    """Write one recording, of either hand or of both, under one model; give stem and message of failures."""
+    """Write one recording under one model; yield stem and message of failures."""
     from shukotsu.skeleton.posed_recording import posed_recording
     from shukotsu.stages.export.file_facts import file_stem
     from shukotsu.stages.export.recorded_motion import read_motion
 
-    side = hands[0].hand.hand if len(hands) == 1 else "both"
-    stem = file_stem(plan.who, side, hands[0].task, hands[0].trial, model)
+    stem = file_stem(plan.who, recording.hand.hand, recording.task, recording.trial, model)
     _forget_failures(arguments.out, stem, *(f"{stem}_{name}" for name in formats))
-    licence = arguments.licence
-    recordings = [posed_recording(plan, own, model) for own in hands]
-    motions, trouble = _tried(arguments, lambda: [read_motion(own, licence) for own in recordings])
-    if motions is None:
+    posed = posed_recording(plan, recording, model)
+    motion, trouble = _tried(arguments, lambda: read_motion(posed, arguments.licence, arguments.frames))
+    if motion is None:
         yield stem, trouble
         return
-    for note in dict.fromkeys(note for motion in motions for note in motion.notes):
+    for note in motion.notes:
         print(f"note: {note}", file=sys.stderr)
     for name in formats:
         path = arguments.out / (FORMATS[name].shared or f"{stem}{FORMATS[name].extensions[0]}")
-        remarks, trouble = _tried(arguments, partial(write_format, motions, settings, name, path))
+        remarks, trouble = _tried(arguments, partial(write_format, motion, settings, name, path))
         if remarks is None:
             yield f"{stem}_{name}", trouble
             continue
@@ -176,7 +169,7 @@ def _forget_failures(folder: Path, *names: str) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage on a command line; give its exit code."""
+    """Run the stage on a command line; return its exit code."""
     return command_line.run(build_parser, argv, export, record_failure)
 
 

@@ -1,4 +1,4 @@
-"""Biovision hierarchy: a person's bones and their rotations, for animation programs.
+"""Biovision hierarchy: a person's bones and their rotations, for animation programs; facts as text beside it.
 
 The HIERARCHY is the skeleton at rest, its root's bone frame along the world's axes: fingers straight towards
 -Z, the back of the hand up (+Y). A joint's rotations turn its bone from there: none are the rest pose.
@@ -23,16 +23,18 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.files.whole_files import replacing
+from shukotsu.files.whole_files import replacing, write_text
 from shukotsu.skeleton.rotations import Array, conjugate, matrix, multiply
-from shukotsu.stages.export.axes import UNITS_PER_MM, Target
 from shukotsu.stages.export.euler_angles import continuous_angles
+from shukotsu.stages.export.file_facts import facts_text
 from shukotsu.stages.export.motion import MOVES_MM, SkeletonMotion, local_motion, require_whole, rest_pose
+from shukotsu.stages.export.registry import FORMATS
 from shukotsu.stages.export.resampling import largest_time_error_s
 from shukotsu.stages.export.rig_names import ascii_name
 
 ANGLE_DECIMALS = 7
-LENGTH_DECIMALS = {"m": 8, "cm": 7, "mm": 6}
+LENGTH_DECIMALS = 7
+CM_PER_MM = 0.1
 ALONE_S = 1 / 60
 """Frame Time of a file of one frame, whose rate nobody knows."""
 
@@ -44,8 +46,8 @@ _TEXT_FRAMES = 1024
 _NOTABLE_S = 5e-4
 
 
-def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
-    """Write the motion, which has no gap, as one file; give what it does not hold.
+def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
+    """Write the motion, which has no gap, as one file, in cm with y up; return what it does not hold.
 
     Raises InputError where a pose is missing, where there is no frame, or no rate is known for more than one.
     """
@@ -54,34 +56,36 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     rest_mm, rest_turn = rest_pose(motion)
     offset_mm = rest_mm.copy()
     offset_mm[1:] -= rest_mm[motion.parents[1:]]
-    scale, decimals = UNITS_PER_MM[target.unit], LENGTH_DECIMALS[target.unit]
     # in frames that stand like the world's at rest: each bone's own, turned back by its rest rotation
     world = motion.quaternion.copy()
     for index, turn in enumerate(rest_turn):
         world[:, index] = multiply(world[:, index], conjugate(turn))
-    local = local_motion(replace(motion, quaternion=world))
+    local_mm, local = local_motion(replace(motion, quaternion=world))
     moves = np.zeros(len(offset_mm), bool)
     channels: list[_Channels] = []
     for index in _depth_first(motion):
-        beyond = (local.offset_mm[:, index] - (offset_mm[index] if index else 0.0)) * scale
-        moves[index] = not index or np.abs(beyond).max() > MOVES_MM * scale
+        beyond = (local_mm[:, index] - (offset_mm[index] if index else 0.0)) * CM_PER_MM
+        moves[index] = not index or np.abs(beyond).max() > MOVES_MM * CM_PER_MM
         if moves[index] or not _is_end(motion, index):
-            angles = euler_zyx_deg(local.quaternion[:, index])
+            angles = euler_zyx_deg(local[:, index])
             channels.append(_Channels(angles, beyond if moves[index] else None, bool(index)))
-    pattern = " ".join(form for own in channels for form in own.formats(decimals)) + "\n"
+    pattern = " ".join(form for own in channels for form in own.formats()) + "\n"
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
-        stream.writelines(_hierarchy(motion, offset_mm * scale, moves, decimals))
+        stream.writelines(_hierarchy(motion, offset_mm * CM_PER_MM, moves))
         stream.write(f"MOTION\nFrames: {len(motion.frame)}\nFrame Time: {seconds:.10f}\n")
         for start in range(0, len(motion.frame), _TEXT_FRAMES):
             rows = slice(start, start + _TEXT_FRAMES)
             part = np.concatenate([numbers for own in channels for numbers in own.numbers(rows)], 1)
             stream.write(pattern * len(part) % tuple(part.ravel().tolist()))
-    return _dropped(motion, moves)
+    dropped = _dropped(motion, moves)
+    facts = facts_text(motion, "cm", "y", (FORMATS["bvh"].drops, *dropped))
+    write_text(path.with_name(f"{path.name}.txt"), facts)
+    return dropped
 
 
 @dataclass(frozen=True)
 class _Channels:
-    """A joint's channels: angles_deg (T, 3), and of one that moves where it is (T, 3), in the file's unit.
+    """A joint's channels: angles_deg (T, 3), and of one that moves where it is (T, 3), in cm.
 
     beyond : from its OFFSET. has_parent : whether it then has a joint NAME_rest, which never turns.
     """
@@ -97,10 +101,10 @@ class _Channels:
             return [angles]
         return [*([np.zeros_like(angles)] if self.has_parent else []), self.beyond[rows], angles]
 
-    def formats(self, decimals: int) -> list[str]:
+    def formats(self) -> list[str]:
         """Return the format of each number."""
         moves = self.beyond is not None
-        places = ["%.0f"] * (3 * (moves and self.has_parent)) + [f"%.{decimals}f"] * (3 * moves)
+        places = ["%.0f"] * (3 * (moves and self.has_parent)) + [f"%.{LENGTH_DECIMALS}f"] * (3 * moves)
         return places + [f"%.{ANGLE_DECIMALS}f"] * 3
 
 
@@ -125,7 +129,9 @@ def _frame_time_s(motion: SkeletonMotion, path: Path) -> float:
         return 1.0 / motion.rate_hz
     if len(motion.frame) == 1:
         return ALONE_S
-    raise InputError(f"{path}: the recording has no device time, and BVH needs a rate; say it with --rate-hz")
+    raise InputError(
+        f"{path}: the recording has no device time, and BVH needs a rate; give rate_hz in a mapping"
+    )
 
 
 def _depth_first(motion: SkeletonMotion) -> list[int]:
@@ -149,14 +155,14 @@ def _children(motion: SkeletonMotion) -> list[list[int]]:
     return children
 
 
-def _hierarchy(motion: SkeletonMotion, offset: Array, moves: Array, decimals: int) -> Iterator[str]:
+def _hierarchy(motion: SkeletonMotion, offset: Array, moves: Array) -> Iterator[str]:
     children = _children(motion)
 
     def line(depth: int, text: str) -> str:
         return "\t" * depth + text + "\n"
 
     def offset_of(values: Array) -> str:
-        return "OFFSET " + " ".join(f"{value:.{decimals}f}" for value in values)
+        return "OFFSET " + " ".join(f"{value:.{LENGTH_DECIMALS}f}" for value in values)
 
     def below(index: int, depth: int) -> Iterator[str]:
         joint, ends = motion.joints[index], not children[index]

@@ -19,7 +19,6 @@ from shukotsu.errors import InputError
 from shukotsu.files.whole_files import replacing
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.skeleton.rotations import Array, matrix
-from shukotsu.stages.export.axes import UNITS_PER_MM, Target
 from shukotsu.stages.export.file_facts import facts_text
 from shukotsu.stages.export.motion import SkeletonMotion, Whole, with_seen_receivers
 from shukotsu.stages.export.rig_names import ascii_name
@@ -43,9 +42,6 @@ _BLOCK, _LAST_START, _PARAMETER_BLOCKS = 512, 32767, 255
 
 _NOTE_WIDTH = 120
 _NOTABLE_S = 5e-4
-_SCREEN = {"x": ("+Y", "+X"), "y": ("+X", "+Y"), "z": ("+X", "+Z")}
-"""POINT:X_SCREEN and Y_SCREEN by the axis that points up."""
-
 NO_POINT = np.array([0.0, 0.0, 0.0, -1.0])
 """x, y, z and residual of a point that is not known."""
 
@@ -59,8 +55,8 @@ class _Timing:
     error_s: float
 
 
-def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
-    """Write the motion as one file; give what it does not hold.
+def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
+    """Write the motion as one file, in mm with z up; return what it does not hold.
 
     Lengths are 32-bit floats, to about 3e-5 mm half a metre from the transmitter. Raises InputError where
     there is no frame, no rate is known, frames are too uneven in time for one rate, or are too many.
@@ -77,7 +73,7 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
             f"{path}: has {frames} frames of {len(labels)} points, and C3D holds at most {MOST_FRAMES} of "
             f"{_MOST_POINTS}; give --frames for shorter files, or a lower --fps"
         )
-    first, scale = int(motion.frame[0]), UNITS_PER_MM[target.unit]
+    first = int(motion.frame[0])
     numbered = np.array_equal(motion.frame - first, timing.row) and 1 <= first <= MOST_FRAMES - frames
     room = frames * len(labels) * 16 <= (_LAST_START - _PARAMETER_BLOCKS) * _BLOCK
     dropped = _dropped(motion, timing, numbered, room)
@@ -85,18 +81,18 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     file["header"]["points"]["first_frame"] = first - 1 if numbered else 0
     for name, value in {
         "RATE": [timing.rate_hz],
-        "UNITS": [target.unit],
+        "UNITS": ["mm"],
         "LABELS": list(labels),
         "DESCRIPTIONS": _descriptions(motion),
     }.items():
         file["parameters"]["POINT"][name]["value"] = value
-    for name, axis in zip(("X_SCREEN", "Y_SCREEN"), _SCREEN[target.up] if target.up else (), strict=False):
-        file.add_parameter("POINT", name, [axis])
+    file.add_parameter("POINT", "X_SCREEN", ["+X"])
+    file.add_parameter("POINT", "Y_SCREEN", ["+Z"])
     file.add_parameter("MANUFACTURER", "SOFTWARE", [PROGRAM])
     file.add_parameter("MANUFACTURER", "VERSION_LABEL", [VERSION])
-    file.add_parameter("SHUKOTSU", "NOTE", _note(motion, target, dropped))
+    file.add_parameter("SHUKOTSU", "NOTE", _note(motion, dropped))
     points = np.tile(NO_POINT, (frames, len(labels), 1))
-    points[timing.row] = _points(motion, scale)
+    points[timing.row] = _points(motion)
     residuals, points[..., 3] = points[..., 3].copy(), 1.0
     file["data"]["points"] = points.transpose(2, 1, 0)
     file["data"]["meta_points"]["residuals"] = residuals.T[None]
@@ -104,7 +100,7 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
         file.add_parameter("ROTATION", "LABELS", list(rotation_labels(motion)))
         file.add_parameter("ROTATION", "RATE", [timing.rate_hz])
         poses = np.full((frames, len(rotation_labels(motion)), 4, 4), np.nan)
-        poses[timing.row] = _poses(motion, scale)
+        poses[timing.row] = _poses(motion)
         file["data"]["rotations"] = poses.transpose(2, 3, 1, 0)
     with replacing(path) as temporary:
         file.write(f"{temporary}.c3d")  # an ending that ezc3d would add by itself
@@ -171,7 +167,7 @@ def _timing(motion: SkeletonMotion, path: Path) -> _Timing:
         return _Timing(np.zeros(1, np.int64), ALONE_HZ, 0.0)
     if not np.isfinite(motion.rate_hz):
         raise InputError(
-            f"{path}: the recording has no device time, and C3D needs a rate; say it with --rate-hz"
+            f"{path}: the recording has no device time, and C3D needs a rate; give rate_hz in a mapping"
         )
     step = np.diff(frames)
     steps = step // max(1, int(np.median(step)))
@@ -211,11 +207,11 @@ def _dropped(motion: SkeletonMotion, timing: _Timing, numbered: bool, room: bool
     return tuple(dropped)
 
 
-def _note(motion: SkeletonMotion, target: Target, dropped: Sequence[str]) -> list[str]:
+def _note(motion: SkeletonMotion, dropped: Sequence[str]) -> list[str]:
     """Return whose motion it is, in lines."""
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
-        *_escaped(facts_text(motion, target, dropped)).splitlines(),
+        *_escaped(facts_text(motion, "mm", "z", dropped)).splitlines(),
         f"points: joints; of every receiver its origin and what is {ARM_MM:g} mm along its x, y and z",
         "rotations: bones by the joint they start at, in the bone frame above; receivers",
         f"first frame: the tracker's {motion.frame[0]}, device time {start}",
@@ -223,22 +219,22 @@ def _note(motion: SkeletonMotion, target: Target, dropped: Sequence[str]) -> lis
     return [part for line in lines for part in wrap(line, _NOTE_WIDTH, subsequent_indent="  ")]
 
 
-def _points(motion: SkeletonMotion, scale: float) -> Array:
+def _points(motion: SkeletonMotion) -> Array:
     """The points of those frames, (n, P, 4)."""
     receivers = motion.receivers
     origin = receivers.position_mm[:, :, None]
     axes = np.swapaxes(matrix(receivers.quaternion), -1, -2)
     four = np.concatenate([origin, origin + ARM_MM * axes], 2).reshape(len(origin), -1, 3)
-    position = np.concatenate([motion.position_mm, four], 1) * scale
+    position = np.concatenate([motion.position_mm, four], 1)
     out = np.concatenate([position, np.zeros((*position.shape[:2], 1))], -1)
     return np.where(np.isfinite(out).all(-1, keepdims=True), out, NO_POINT)
 
 
-def _poses(motion: SkeletonMotion, scale: float) -> Array:
+def _poses(motion: SkeletonMotion) -> Array:
     """The poses of those frames as matrices (n, R, 4, 4), NaN where any number is missing."""
     bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
     receivers = motion.receivers
-    position = np.concatenate([motion.position_mm[:, bones], receivers.position_mm], 1) * scale
+    position = np.concatenate([motion.position_mm[:, bones], receivers.position_mm], 1)
     out = np.zeros((*position.shape[:2], 4, 4))
     out[..., :3, :3] = matrix(np.concatenate([motion.quaternion[:, bones], receivers.quaternion], 1))
     out[..., :3, 3] = position

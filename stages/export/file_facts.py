@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
-import numpy as np
-
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.schemas.study import SubjectSession, path_token
-from shukotsu.stages.export.axes import Target
 from shukotsu.stages.export.motion import SkeletonMotion
 
 BONE_FRAME = (
@@ -29,14 +26,13 @@ def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str)
     return "_".join([f"sub-{who.token}", *named])
 
 
-def facts(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -> dict[str, Any]:
-    """Collect facts about a file, in JSON types and a fixed order; no date and no absolute path."""
+def facts(motion: SkeletonMotion, unit: str, up: str, dropped: Sequence[str] = ()) -> dict[str, Any]:
+    """Return facts about a file, in JSON types and a fixed order; no date and no absolute path.
+
+    unit : of length. up : the axis that points up; empty in the transmitter's own frame.
+    """
     origin = motion.origin
-    world = (
-        "the transmitter's frame"
-        if not target.up
-        else f"the transmitter's frame, turned so that {target.up} is up"
-    )
+    turned = f", turned so that {up} is up" if up else ""
     return {
         "program": f"{PROGRAM} {VERSION}",
         "subject": origin.subject,
@@ -49,8 +45,8 @@ def facts(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -
         "licence": origin.licence,
         "frames": len(motion.frame),
         "rate_hz": round(motion.rate_hz, 9) if isfinite(motion.rate_hz) else None,
-        "length_unit": target.unit,
-        "world": f"{world}; motion is relative to the transmitter",
+        "length_unit": unit,
+        "world": f"the transmitter's frame{turned}; motion is relative to the transmitter",
         "bone_frame": BONE_FRAME,
         "notes": list(motion.notes),
         "not_in_the_file": list(dropped),
@@ -58,17 +54,10 @@ def facts(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -
     }
 
 
-def joint_facts(motion: SkeletonMotion, index: int) -> dict[str, Any]:
-    """Return a joint's facts beside its name and place: its bone, degrees of freedom and axis (3,)."""
-    joint, axis = motion.joints[index], motion.axis[index]
-    freedom = {"degrees_of_freedom": joint.dof} if joint.dof else {}
-    return {"bone": joint.segment, **freedom, **({"axis": axis} if np.isfinite(axis).all() else {})}
-
-
-def facts_text(motion: SkeletonMotion, target: Target, dropped: Sequence[str] = ()) -> str:
+def facts_text(motion: SkeletonMotion, unit: str, up: str, dropped: Sequence[str] = ()) -> str:
     """The same as lines of text, for formats that hold none themselves."""
     lines = []
-    for key, value in facts(motion, target, dropped).items():
+    for key, value in facts(motion, unit, up, dropped).items():
         if isinstance(value, list):
             lines += [f"{key}: {sentence}" for sentence in value]
         elif isinstance(value, dict):

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.files.long_arrays import by_point
 from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
 from shukotsu.stages.export.motion import Bools, SkeletonMotion, Whole, continuous
 from shukotsu.stages.export.resampling import FILLED_FRAMES, blended, bracketed, slerped
@@ -40,7 +39,7 @@ class Gap:
 
 
 def closed(motion: SkeletonMotion, policy: str, max_gap_s: float) -> SkeletonMotion:
-    """The motion without gaps, by the policy; a note says what was done.
+    """Return the motion without gaps, by the policy; a note says what was done.
 
     refuse : InputError that names the first gap. hold : the pose before goes on, at the start that after.
     cut : only the longest stretch of frames without a gap stays. interpolate : positions linearly, rotations
@@ -59,8 +58,18 @@ def closed(motion: SkeletonMotion, policy: str, max_gap_s: float) -> SkeletonMot
         )
     if policy == "cut":
         return _cut(motion)
-    _refuse_absent(motion)
-    _refuse_many(motion, gaps)
+    never = ~motion.known.any(0)
+    if never.any():
+        raise InputError(
+            f"{motion.origin}: joint {motion.names[int(np.argmax(never))]} has no pose in any of these "
+            "frames, so there is nothing to fill from; widen --frames"
+        )
+    if _lost(motion).sum() > FILLED_FRAMES:  # one wrong frame number may ask for more than a disk holds
+        widest = max((gap for gap in gaps if not gap.joint), key=lambda gap: gap.last - gap.first)
+        raise InputError(
+            f"{motion.origin}: {widest}, more than the {FILLED_FRAMES} frames that are filled; use --frames "
+            "to leave it out, or --gaps cut"
+        )
     if policy == "interpolate":
         _refuse_wide(motion, gaps, max_gap_s)
     return _filled(with_lost_frames(motion), gaps, policy)
@@ -103,7 +112,7 @@ def with_lost_frames(motion: SkeletonMotion) -> SkeletonMotion:
     rows, blank = np.arange(len(recorded)), ~recorded
 
     def blanked(array: Array) -> Array:
-        return by_point(lambda series: np.where(blank[:, None], np.nan, series), array)
+        return np.where(blank[:, None, None], np.nan, array)
 
     wide = wide.mapped(blanked, blanked, wide.receivers.valid & recorded[:, None])
     return replace(
@@ -140,26 +149,6 @@ def _runs(frame: Whole, chosen: Bools) -> list[str]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
     pairs = zip(edges[::2], edges[1::2] - 1, strict=True)
     return [f"{frame[a]}" if a == b else f"{frame[a]}-{frame[b]}" for a, b in pairs]
-
-
-def _refuse_absent(motion: SkeletonMotion) -> None:
-    never = ~motion.known.any(0)
-    if never.any():
-        name = motion.names[int(np.argmax(never))]
-        raise InputError(
-            f"{motion.origin}: joint {name} has no pose in any of these frames, so there is nothing "
-            "to fill from; widen --frames"
-        )
-
-
-def _refuse_many(motion: SkeletonMotion, gaps: list[Gap]) -> None:
-    """One wrong frame number may ask for more frames than a disk holds."""
-    if _lost(motion).sum() > FILLED_FRAMES:
-        widest = max((gap for gap in gaps if not gap.joint), key=lambda gap: gap.last - gap.first)
-        raise InputError(
-            f"{motion.origin}: {widest}, more than the {FILLED_FRAMES} frames that are filled; use --frames "
-            "to leave it out, or --gaps cut"
-        )
 
 
 def _refuse_wide(motion: SkeletonMotion, gaps: list[Gap], max_gap_s: float) -> None:

@@ -1,6 +1,6 @@
 """GLB (glTF 2.0, binary): skeleton, a body of bones and the motion in one file, for the web, XR and Blender.
 
-Metres, +Y up. A hand is a node `right-hand` or `left-hand` with the joints below it, named as in WebXR Hand
+Metres, +Y up. The hand is a node `right-hand` or `left-hand` with the joints below it, named as in WebXR Hand
 Input where no other rig was asked for, and beside it a node with its body, bound to the joints by a skin.
 Nodes stand at rest, the root's bone frame along the world's axes where the first frame has the root; that is
 also the pose that the body is bound in. The animation turns every joint, and moves the root and those joints
@@ -12,7 +12,6 @@ Numbers are float32: joints up to 2 m from the transmitter are within 3e-7 m of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +20,8 @@ import numpy.typing as npt
 
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.skeleton.rotations import Array, conjugate, matrix, rotate, unit
-from shukotsu.stages.export.axes import UNITS_PER_MM, Target
 from shukotsu.stages.export.bone_mesh import bone_mesh
-from shukotsu.stages.export.file_facts import facts, joint_facts
+from shukotsu.stages.export.file_facts import facts
 from shukotsu.stages.export.glb_document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
 from shukotsu.stages.export.motion import (
     SkeletonMotion,
@@ -37,53 +35,25 @@ from shukotsu.stages.export.rigging import with_webxr_names
 MOVES_MM = 1e-6
 """A joint that leaves its place at rest in its parent by more than this has positions in the animation."""
 
-_SCALE = UNITS_PER_MM["m"]
+_SCALE = 1e-3
 _MATERIALS = {"bone": ((0.76, 0.56, 0.44, 1.0), 0.7), "nail": ((0.93, 0.82, 0.76, 1.0), 0.35)}
 """Colour (linear) and roughness by name."""
 
 
-def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
-    """Write one motion, which has no gap and whose world has +Y up; give what the file does not hold.
+def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
+    """Write a motion, which has no gap and whose world has +Y up; return what the file does not hold.
 
     Raises InputError where a pose is missing, there is no frame, or device time is missing or does not grow.
     """
-    return write_scene([motion], target, path)
-
-
-def write_scene(motions: Sequence[SkeletonMotion], target: Target, path: Path) -> tuple[str, ...]:
-    """Write several motions, such as both hands of a person, each with nodes and a skin of its own.
-
-    Each has an animation that starts at 0: times of recordings that were made one after the other do not tell
-    what was when in the other, even where they overlap. Raises InputError as `write`.
-    """
-    for motion in motions:
-        require_whole(motion, path, "GLB")
-        require_times(motion, (motion.time_s - motion.time_s[0]).astype(np.float32), path, "GLB")
-    hands = [with_webxr_names(motion) for motion in motions]
-    notes = [facts(hand, target) for hand in hands]
-    licence = "; ".join(dict.fromkeys(note["licence"] for note in notes if note["licence"]))
-    asset = {"generator": f"{PROGRAM} {VERSION}", "extras": {"motions": notes}}
+    require_whole(motion, path, "GLB")
+    require_times(motion, (motion.time_s - motion.time_s[0]).astype(np.float32), path, "GLB")
+    motion = with_webxr_names(motion)
+    name = f"{motion.origin.hand}-{motion.kind}"
+    provenance = facts(motion, "m", "y")
+    asset = {"generator": f"{PROGRAM} {VERSION}", "extras": {"motions": [provenance]}}
+    licence = provenance["licence"]
     document = Document(asset | ({"copyright": licence} if licence else {}))
     document.json |= {"scene": 0, "scenes": [{"nodes": []}]}
-    for hand in hands:
-        document.add("animations", _add_hand(document, hand))
-    document.write(path)
-    if len(hands) < 2:
-        return ()
-    return (
-        f"{len(hands)} animations, each from 0 s on its own, as of recordings that were made one after the "
-        "other; a program that plays one of them moves one hand",
-    )
-
-
-def _name(motion: SkeletonMotion) -> str:
-    """Return the name of a hand's nodes."""
-    return f"{motion.origin.hand}-{motion.kind}"
-
-
-def _add_hand(document: Document, motion: SkeletonMotion) -> dict[str, Any]:
-    """Put nodes, skin and body of a hand into the document; give the animation that moves it."""
-    name = _name(motion)
     root = document.add("nodes", {"name": name})
     first = root + 1
     document.json["nodes"][root]["children"] = [first]
@@ -98,21 +68,23 @@ def _add_hand(document: Document, motion: SkeletonMotion) -> dict[str, Any]:
     mesh = document.add("meshes", body | {"primitives": _primitives(document, motion)})
     # beside the hand, not below it: what is above a skinned mesh does not move it, and is refused by some
     document.json["scenes"][0]["nodes"] += [root, document.add("nodes", body | {"mesh": mesh, "skin": skin})]
-    return _animation(document, motion, first)
+    document.add("animations", _animation(document, motion, name, first))
+    document.write(path)
+    return ()
 
 
 def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
     nodes: list[dict[str, Any]] = []
     for index, joint in enumerate(motion.joints):
         place = motion.position_mm[0, 0] if joint.parent < 0 else motion.rest_offset_mm[index]
-        known = joint_facts(motion, index)
-        if "axis" in known:
-            known["axis"] = known["axis"].round(9).tolist()
-        node = {
+        freedom = {"degrees_of_freedom": joint.dof} if joint.dof else {}
+        axis = motion.axis[index]
+        turned = {"axis": axis.round(9).tolist()} if np.isfinite(axis).all() else {}
+        node: dict[str, Any] = {
             "name": joint.name,
             "translation": (place * _SCALE).tolist(),
             "rotation": np.roll(motion.rest_rotation[index], -1).tolist(),
-            "extras": known,
+            "extras": {"bone": joint.segment, **freedom, **turned},
         }
         nodes.append(node)
         if joint.parent >= 0:
@@ -158,17 +130,12 @@ def _primitives(document: Document, motion: SkeletonMotion) -> list[dict[str, An
 
 
 def _material(document: Document, name: str) -> int:
-    """Index of the material of that name, which all hands of a scene share."""
-    materials: list[dict[str, Any]] = document.json.setdefault("materials", [])
-    for index, material in enumerate(materials):
-        if material["name"] == name:
-            return index
     colour, roughness = _MATERIALS[name]
     factors = {"baseColorFactor": colour, "metallicFactor": 0.0, "roughnessFactor": roughness}
     return document.add("materials", {"name": name, "pbrMetallicRoughness": factors})
 
 
-def _animation(document: Document, motion: SkeletonMotion, first: int) -> dict[str, Any]:
+def _animation(document: Document, motion: SkeletonMotion, name: str, first: int) -> dict[str, Any]:
     since_s = np.nan_to_num(motion.time_s - motion.time_s[0])
     times = document.array(since_s.astype(np.float32), bounds=True)
     samplers: list[dict[str, Any]] = []
@@ -179,13 +146,13 @@ def _animation(document: Document, motion: SkeletonMotion, first: int) -> dict[s
         output = document.array(keys.astype(np.float32))
         samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
 
-    local = local_motion(motion)
+    offset_mm, local = local_motion(motion)
     for index in range(len(motion.joints)):
-        place_mm, turn = local.offset_mm[:, index], unit(local.quaternion[:, index])
+        place_mm, turn = offset_mm[:, index], unit(local[:, index])
         if index == 0 or np.abs(place_mm - motion.rest_offset_mm[index]).max() > MOVES_MM:
             add(index, "translation", place_mm * _SCALE)
         add(index, "rotation", np.roll(turn, -1, axis=-1))
-    parts = (_name(motion), motion.origin.task, motion.origin.trial)
+    parts = (name, motion.origin.task, motion.origin.trial)
     start: dict[str, Any] = {"first_frame": int(motion.frame[0])}
     if np.isfinite(motion.time_s[0]):
         start["first_device_time_s"] = float(motion.time_s[0])

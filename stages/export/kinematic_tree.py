@@ -97,21 +97,21 @@ class JointForm:
 
 def joint_forms(motion: SkeletonMotion) -> tuple[JointForm, ...]:
     """Forms of all joints but the tips, parents first; the motion has no gap and at least one frame."""
-    local = local_motion(motion)
+    local_mm, local = local_motion(motion)
     kept = [index for index, joint in enumerate(motion.joints) if not joint.tip]
     places = {index: place for place, index in enumerate(kept)}
     names = plain_names(motion.names[index] for index in kept)
     bodies = plain_names(motion.joints[index].segment for index in kept)
     forms = []
     for index, name, body in zip(kept, names, bodies, strict=True):
-        joint, turn = motion.joints[index], local.quaternion[:, index]
+        joint, turn = motion.joints[index], local[:, index]
         if joint.parent < 0:
             zero, axes, values, labels = IDENTITY, *_root_turns(turn)
         else:
             zero, axes, labels = _frame(motion, index, turn)
             values = turn_angles(multiply(conjugate(zero), turn), axes)
         offset = motion.rest_offset_mm[index]
-        beyond = rotate(conjugate(zero), local.offset_mm[:, index] - offset)
+        beyond = rotate(conjugate(zero), local_mm[:, index] - offset)
         turns = _turns(joint, name, labels, values)
         shifts = _shifts(name, beyond) if joint.parent < 0 or np.abs(beyond).max() > MOVES_MM else ()
         parent = places.get(joint.parent, -1)

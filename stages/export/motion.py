@@ -31,7 +31,6 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError
-from shukotsu.files.long_arrays import BLOCK_FRAMES, by_point, chosen_points, chosen_rows, empty
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.skeleton.posing import SkeletonJoint, rigid_positions
 from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
@@ -47,6 +46,9 @@ DISTAL = np.array([0.0, 0.0, -1.0])
 
 SKIN_TIP, RECEIVER_TIP = "_skin_tip", "_receiver_tip"
 """How the names of tips end that are not the end of a bone."""
+
+BLOCK_FRAMES = 4096
+"""Frames that a table is written of at a time."""
 
 MOVES_MM = 1e-5
 """A joint that leaves its rest offset by more than this moves against the bone before."""
@@ -110,7 +112,6 @@ class SkeletonMotion:
     position_mm : (T, J, 3), quaternion : (T, J, 4) unit (w, x, y, z) of bone frame to transmitter frame
     (or that which `shukotsu.stages.export.axes` turned to), signs continuous over time; NaN in gaps.
     notes : sentences, in order, on what is left out and what was done to the motion since it was read.
-    Positions and quaternions, the receivers' too, may be on the disk (`shukotsu.files.long_arrays`).
     """
 
     joints: tuple[SkeletonJoint, ...]
@@ -153,7 +154,7 @@ class SkeletonMotion:
         return np.asarray(self.known.all(1))
 
     def index(self, name: str) -> int:
-        """Place of the joint of that name; ValueError where there is none."""
+        """Return the place of the joint of that name; ValueError where there is none."""
         return self.names.index(name)
 
     def carrier(self, tip: int) -> tuple[int, Array]:
@@ -166,7 +167,7 @@ class SkeletonMotion:
     def mapped(
         self, place: Callable[[Array], Array], turn: Callable[[Array], Array], valid: Bools | None = None
     ) -> SkeletonMotion:
-        """Give the motion with other positions and rotations of joints and receivers, those valid (T, R)."""
+        """Return the motion with other positions and rotations of joints and receivers; valid : (T, R)."""
         there = self.receivers
         return replace(
             self,
@@ -181,12 +182,8 @@ class SkeletonMotion:
         )
 
     def take(self, rows: slice | Whole | Bools) -> SkeletonMotion:
-        """Give only some of the frames."""
-
-        def chosen(array: Array) -> Array:
-            return chosen_rows(array, rows)
-
-        taken = self.mapped(chosen, chosen, self.receivers.valid[rows])
+        """Return only some of the frames."""
+        taken = self.mapped(lambda array: array[rows], lambda array: array[rows], self.receivers.valid[rows])
         return replace(taken, frame=self.frame[rows], time_s=self.time_s[rows])
 
     def blocks(self, size: int = BLOCK_FRAMES) -> Iterator[SkeletonMotion]:
@@ -199,68 +196,46 @@ class SkeletonMotion:
         return replace(self, notes=(*self.notes, *sentences))
 
 
-@dataclass(frozen=True)
-class LocalMotion:
-    """Each joint in its parent's bone frame; the root in the world.
-
-    offset_mm : (T, J, 3), quaternion : (T, J, 4) with continuous signs; NaN in gaps of either bone.
-    """
-
-    offset_mm: Array
-    quaternion: Array
-
-
 def without_receivers(motion: SkeletonMotion) -> SkeletonMotion:
-    """The motion without any receiver."""
-    count = len(motion.frame)
-    places, turns = np.empty((count, 0, 3)), np.empty((count, 0, 4))
-    return replace(motion, receivers=Receivers((), places, turns, np.empty((count, 0), bool)))
+    """Return the motion without any receiver."""
+    return _with_receivers(motion, np.zeros(len(motion.receivers.segments), bool))
 
 
 def with_seen_receivers(motion: SkeletonMotion) -> tuple[SkeletonMotion, tuple[str, ...]]:
-    """The motion without receivers that have no pose in any frame, and a sentence where there are some.
+    """Return the motion without receivers that have no pose in any frame, and a sentence where it had some.
 
     A layout may name receivers that a recording was made without, a forearm's for one.
     """
-    own = motion.receivers
-    seen = np.asarray(own.valid.any(0))
+    seen = np.asarray(motion.receivers.valid.any(0))
     if seen.all():
         return motion, ()
-    segments, kept = np.array(own.segments, object), np.flatnonzero(seen).tolist()
-    receivers = Receivers(
-        tuple(segments[seen]),
-        chosen_points(own.position_mm, kept),
-        chosen_points(own.quaternion, kept),
-        own.valid[:, seen],
-    )
-    absent = ", ".join(segments[~seen])
-    return replace(motion, receivers=receivers), (f"receivers that have no pose in any frame: {absent}",)
+    absent = ", ".join(np.array(motion.receivers.segments, object)[~seen])
+    return _with_receivers(motion, seen), (f"receivers that have no pose in any frame: {absent}",)
 
 
-def local_motion(motion: SkeletonMotion) -> LocalMotion:
-    """Each joint's pose in its parent's bone frame: what a hierarchy of nodes needs.
+def _with_receivers(motion: SkeletonMotion, kept: Bools) -> SkeletonMotion:
+    there = motion.receivers
+    segments = tuple(np.array(there.segments, object)[kept])
+    arrays = (there.position_mm[:, kept], there.quaternion[:, kept], there.valid[:, kept])
+    return replace(motion, receivers=Receivers(segments, *arrays))
 
-    offset_mm is the rest offset plus the joint's own translation in that frame.
+
+def local_motion(motion: SkeletonMotion) -> tuple[Array, Array]:
+    """Return each joint's pose in its parent's bone frame, of the root in the world: (T, J, 3), (T, J, 4).
+
+    The offset is the rest offset plus the joint's own translation in that frame; signs of the quaternions are
+    continuous; NaN in gaps of either bone.
     """
-    count, joints = len(motion.frame), len(motion.joints)
-    offset, turn = empty(count, joints, 3), empty(count, joints, 4)
-    for index, joint in enumerate(motion.joints):
-        place, own = motion.position_mm[:, index], motion.quaternion[:, index]
-        if joint.parent >= 0:
-            back = conjugate(motion.quaternion[:, joint.parent])
-            place = rotate(back, place - motion.position_mm[:, joint.parent])
-            own = multiply(back, own)
-        offset[:, index], turn[:, index] = place, continuous_series(own)
-    return LocalMotion(offset, turn)
+    parents, position, turn = motion.parents, motion.position_mm, motion.quaternion
+    back = conjugate(turn[:, parents])
+    offset, local = rotate(back, position - position[:, parents]), multiply(back, turn)
+    offset[:, parents < 0], local[:, parents < 0] = position[:, parents < 0], turn[:, parents < 0]
+    return offset, continuous(local)
 
 
 def known_points(position_mm: Array, quaternion: Array) -> Bools:
     """Tell which points have a whole pose in which frames, (T, N)."""
-    known = np.empty((len(position_mm), position_mm.shape[1]), bool)
-    for index in range(known.shape[1]):
-        placed, turned = np.isfinite(position_mm[:, index]), np.isfinite(quaternion[:, index])
-        known[:, index] = placed.all(-1) & turned.all(-1)
-    return known
+    return np.asarray(np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1))
 
 
 def rest_pose(motion: SkeletonMotion) -> tuple[Array, Array]:
@@ -283,24 +258,23 @@ def stiffened(motion: SkeletonMotion) -> SkeletonMotion:
     position = rigid_positions(
         motion.parents.tolist(), motion.position_mm, motion.quaternion, motion.rest_offset_mm
     )
-    largest, squares = np.full(len(motion.joints), -1.0), np.zeros(2)
-    for index in range(len(motion.joints)):
-        moved = np.linalg.norm(position[:, index] - motion.position_mm[:, index], axis=-1)
-        moved = moved[np.isfinite(moved)]
-        largest[index] = moved.max(initial=-1.0)
-        squares += (moved @ moved, len(moved))
+    moved_mm = np.linalg.norm(position - motion.position_mm, axis=-1)
     note = "bones kept at their length"
-    if squares[1]:
+    if np.isfinite(moved_mm).any():
+        largest = np.nan_to_num(moved_mm, nan=-1.0).max(0)
         note += (
             f", which moves joints by up to {largest.max():.3f} mm ({motion.names[int(largest.argmax())]}), "
-            f"rms {np.sqrt(squares[0] / squares[1]):.3f} mm"
+            f"rms {np.sqrt(np.nanmean(moved_mm**2)):.3f} mm"
         )
     return replace(motion, position_mm=position).noting(note)
 
 
 def continuous(quaternion: Array) -> Array:
-    """Quaternions (T, N, 4) of every point as `continuous_series` has them."""
-    return by_point(continuous_series, quaternion)
+    """Return quaternions (T, N, 4) of every point as `continuous_series` has them."""
+    out = quaternion.copy()
+    for index in range(quaternion.shape[1]):
+        out[:, index] = continuous_series(quaternion[:, index])
+    return out
 
 
 def continuous_series(quaternion: Array) -> Array:
@@ -346,7 +320,7 @@ def require_times(motion: SkeletonMotion, times: npt.NDArray[np.floating], path:
         return
     if not np.isfinite(motion.time_s).all():
         raise InputError(
-            f"{path}: the recording has no device time, and {name} needs it; say its rate with --rate-hz"
+            f"{path}: the recording has no device time, and {name} needs it; give its rate_hz in a mapping"
         )
     still = np.flatnonzero(~(np.diff(times) > 0))
     if len(still):

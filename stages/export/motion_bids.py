@@ -27,7 +27,6 @@ from shukotsu.files.whole_files import replacing, write_text
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.export.axes import Target
 from shukotsu.stages.export.file_facts import BONE_FRAME, facts
 from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion, with_seen_receivers
 from shukotsu.stages.export.tidy_csv import bone_angles_deg
@@ -98,7 +97,7 @@ def recording_path(name: RecordingName, model: str = "") -> str:
     return f"{'/'.join(who)}/motion/{'_'.join(who)}_task-{label(name.task)}_tracksys-{system}{trial}"
 
 
-def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
+def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
     """Add a recording to the dataset whose description `path` is, or replace it; return what files lack.
 
     Raises InputError where there is no frame, no rate is known for several, or the folder is no dataset.
@@ -106,10 +105,12 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     if not len(motion.frame):
         raise InputError(f"{path}: Motion-BIDS holds no recording without a frame; widen --frames")
     if len(motion.frame) > 1 and not np.isfinite(motion.rate_hz):
-        raise InputError(f"{path}: the recording has no device time and BIDS needs a rate; give --rate-hz")
+        raise InputError(
+            f"{path}: the recording has no device time and BIDS needs a rate; give rate_hz in a mapping"
+        )
     motion, unseen = with_seen_receivers(motion)
     add_participant(path.parent, motion.origin.subject, motion.origin.licence)
-    all_facts = facts(motion, target)
+    all_facts = facts(motion, "m", "")
     receiver_facts = {key: value for key, value in all_facts.items() if key not in ("model", "bone_frame")}
     receiver_facts["inputs_sha256"] = {
         name: sha for name, sha in motion.origin.inputs.items() if name.rpartition("/")[2] == "poses.parquet"

@@ -20,7 +20,6 @@ import numpy as np
 
 from shukotsu.files.whole_files import write_text
 from shukotsu.skeleton.rotations import Array, conjugate, rotate
-from shukotsu.stages.export.axes import Target
 from shukotsu.stages.export.file_facts import facts_text
 from shukotsu.stages.export.kinematic_tree import JointForm, joint_forms
 from shukotsu.stages.export.motion import SkeletonMotion, require_whole
@@ -39,7 +38,7 @@ _STEEP_DEG = 85.0
 _NOTABLE_MM = 1e-3
 
 
-def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
+def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
     """Write `path` (.osim) and the other files with its stem; give what they do not hold.
 
     The motion has Y up and no gap; receivers may have some. Raises InputError where a pose is missing, there
@@ -52,7 +51,7 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
     held = _undetermined(forms, receivers)
     remarks = (NOMINAL, *unplaced, *_of_joints(forms, held), *_of_points(motion, receivers))
     title = plain_names([path.stem])[0]
-    credit = facts_text(motion, target, remarks)
+    credit = facts_text(motion, "m", "y", remarks)
     for file, locked in ((path, {}), (_beside(path, "_ik.osim"), held)):
         write_text(file, model_xml(motion, forms, receivers, title, credit, PUBLICATIONS, locked))
     write_mot(path.with_suffix(".mot"), title, motion.origin, time_s, forms)

@@ -13,12 +13,18 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from shukotsu.files.long_arrays import BLOCK_FRAMES
 from shukotsu.files.whole_files import replacing
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.export.kinematic_tree import JointForm
-from shukotsu.stages.export.motion import Bools, Origin, SkeletonMotion, known_points, require_times
+from shukotsu.stages.export.motion import (
+    BLOCK_FRAMES,
+    Bools,
+    Origin,
+    SkeletonMotion,
+    known_points,
+    require_times,
+)
 from shukotsu.stages.export.opensim_markers import Triad
 
 ALONE_HZ = 60.0

@@ -8,13 +8,12 @@ import numpy as np
 
 from shukotsu.anatomy.neutral_bones import neutral_rotations, to_nail_side, zeros_facing
 from shukotsu.errors import InputError
-from shukotsu.files.long_arrays import chosen_points, empty
 from shukotsu.files.whole_files import file_sha256
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.poses import Poses, joined_poses
 from shukotsu.skeleton.posed_recording import PosedRecording
-from shukotsu.skeleton.posing import PosedBones, axes_turned_about
-from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
+from shukotsu.skeleton.posing import PosedBones
+from shukotsu.skeleton.rotations import conjugate, multiply, rotate
 from shukotsu.stages.export.motion import (
     BONE_TO_WEBXR,
     RECEIVER_TIP,
@@ -22,72 +21,104 @@ from shukotsu.stages.export.motion import (
     Origin,
     Receivers,
     SkeletonMotion,
-    continuous_series,
+    Whole,
+    continuous,
     known_points,
     nominal_rate_hz,
 )
 
+MOST_FRAMES = 120_000
+"""That are exported of a recording, a little over eight minutes at 240 Hz: within 2 GB of memory."""
 
-def read_motion(posed: PosedRecording, licence: str = "") -> SkeletonMotion:
+Range = tuple[int | None, int | None]
+
+
+def read_motion(posed: PosedRecording, licence: str = "", frames: Range = (None, None)) -> SkeletonMotion:
     """Read one hand's skeleton under one model and its motion in one recording.
 
-    licence : the terms of use, to go into every file. Digits whose joints failed, or that have no pose in any
-    frame, are left out, and a note says so. Raises InputError where a table is absent or its making failed,
-    where no digit is left, or where the layout's digits do not hang together.
+    licence : the terms of use, to go into every file. frames : the first and the last to read by their
+    recorded numbers; None: to that end. Of more than MOST_FRAMES one in so many is read. Digits whose joints
+    failed, or that have no pose in any frame, are left out. Notes say so. Raises InputError where a table is
+    absent or its making failed, where no frame is in the range, where no digit is left, or where the layout's
+    digits do not hang together.
     """
-    poses, bones = _posed(posed)
+    poses, thinned = _poses(posed, frames)
+    bones = posed.bones(poses)
+    if not posed.is_fitted:
+        joints = (replace(j, name=f"{j.digit}{RECEIVER_TIP}") if j.tip else j for j in bones.joints)
+        bones = replace(bones, joints=tuple(joints))
     where = f"{posed.tables.joint_centres.parent}: {posed.part.hand} hand, model {posed.model.name}"
     if bones.root_failure:
         raise InputError(f"{where}: {bones.root_failure}, and it is the skeleton's root")
-    _check_tree(bones, posed.layout)
-    _check_lengths(bones, where)
-    bones, unseen = _seen_digits(_without_unknown_skin(bones))
-    left_out = {**bones.left_out, **unseen}
-    notes = tuple(f"{digit} left out: {reason}" for digit, reason in left_out.items())
+    for joint, offset in zip(bones.joints[1:], bones.rest_offset_mm[1:], strict=True):
+        if joint.parent < 0:
+            raise InputError(
+                f"digit {joint.digit} hangs from {posed.layout.digits[joint.digit].base}, which is no bone "
+                "of the skeleton; an export needs one tree, so give each part a layout of its own"
+            )
+        # of bones before a digit's first joint the motion tells the length
+        if joint.parent > 0 and not np.isnan(offset).all() and not offset[0] > 0:
+            raise InputError(
+                f"{where}: bone {bones.joints[joint.parent].segment} is {offset[0]} mm long in bone_lengths; "
+                "expected a length above 0, so look at its joints' status"
+            )
+    bones, unseen = _seen_digits(bones)
+    notes = [f"{digit} left out: {reason}" for digit, reason in {**bones.left_out, **unseen}.items()]
     if len(bones.joints) < 2:
         reasons = "; ".join(notes) or "the layout has none"
         raise InputError(f"{where}: no digit of {posed.recording.name} can be exported: {reasons}")
-    return motion_of(bones, poses, posed.layout, _origin(posed, licence), notes)
+    origin = _origin(posed, licence)
+    motion = motion_of(bones, poses, posed.layout, origin, (*notes, *thinned))
+    return motion if frames == (None, None) else _in_range(motion, frames)
 
 
-def _posed(posed: PosedRecording) -> tuple[Poses, PosedBones]:
-    """Receivers and bones over the recording, read in blocks; what is large of them is on the disk."""
-    count, segments = posed.n_frames, posed.layout.measured
-    frame, time_s, valid = np.empty(count, np.int64), np.empty(count), np.empty((count, len(segments)), bool)
-    receivers = [empty(count, len(segments), width) for width in (3, 4)]
-    start, placed = 0, receivers
-    for block, bones in posed.blocks():
-        rows = slice(start, start + len(block.frame))
-        if not start:
-            placed = [empty(count, len(bones.joints), width) for width in (3, 4)]
-        frame[rows], time_s[rows], valid[rows] = block.frame, block.time_s, block.valid
-        receivers[0][rows], receivers[1][rows] = block.position_mm, block.quaternion
-        placed[0][rows], placed[1][rows] = bones.position_mm, bones.quaternion
-        start = rows.stop
-    bones = replace(bones, position_mm=placed[0], quaternion=placed[1])
-    poses = Poses(segments, frame, time_s, receivers[0], receivers[1], valid)
-    if posed.is_fitted:
-        return poses, replace(bones, axis=axes_turned_about(bones))
-    joints = (replace(j, name=f"{j.digit}{RECEIVER_TIP}") if j.tip else j for j in bones.joints)
-    return poses, replace(bones, joints=tuple(joints))
+def _poses(posed: PosedRecording, frames: Range) -> tuple[Poses, list[str]]:
+    """Read receivers, of a long recording in that range and no more than MOST_FRAMES; and a note on these."""
+    if posed.n_frames <= MOST_FRAMES:
+        return posed.poses(), []
+    poses = joined_poses([block.take(_inside(block.frame, frames)) for block in posed.pose_blocks()])
+    every = -(-len(poses.frame) // MOST_FRAMES)
+    if every <= 1:
+        return poses, []
+    some = f"one frame in {every}, as no more than {MOST_FRAMES} are exported; --frames has all of a part"
+    return poses.take(slice(None, None, every)), [some]
+
+
+def _inside(frame: Whole, frames: Range) -> Whole:
+    """Return the rows of frames (T,) that are in the range."""
+    first, last = frames
+    low, high = -np.inf if first is None else first, np.inf if last is None else last
+    return np.flatnonzero((frame >= low) & (frame <= high))
+
+
+def _in_range(motion: SkeletonMotion, frames: Range) -> SkeletonMotion:
+    """Return the frames in the range, with a note; InputError where there is none."""
+    inside = _inside(motion.frame, frames)
+    if not len(inside):
+        first, last = ("" if end is None else end for end in frames)
+        whole = f"; it has {motion.frame[0]} to {motion.frame[-1]}" if len(motion.frame) else ""
+        raise InputError(f"--frames: no frame of the recording is in {first}:{last}{whole}")
+    out = motion.take(inside)
+    return out.noting(f"frames {out.frame[0]} to {out.frame[-1]} only, as asked")
 
 
 def motion_of(
     bones: PosedBones, poses: Poses, layout: Layout, origin: Origin, notes: tuple[str, ...] = ()
 ) -> SkeletonMotion:
-    """The motion of bones that were posed in a recording, in WebXR frames, a thumb's facing its nail.
+    """Return the motion of bones that were posed in a recording, in WebXR frames, a thumb's facing its nail.
 
-    bones : one tree, every digit with a pose in some frame. Numbers of bones and poses are written over.
+    bones : one tree, every digit with a pose in some frame.
     """
-    joints, quaternion, axis = bones.joints, bones.quaternion, bones.axis.copy()
+    joints, quaternion, axis = bones.joints, bones.quaternion.copy(), bones.axis.copy()
     facing = to_nail_side(layout, origin.hand, joints, quaternion)
     for index, change in facing.items():
         quaternion[:, index] = multiply(quaternion[:, index], change)
         axis[index] = rotate(conjugate(change), axis[index])
     joints = zeros_facing(joints, facing, origin.hand)
-    offset, rest = _rest(bones)
-    for index in range(len(joints)):
-        quaternion[:, index] = continuous_series(multiply(quaternion[:, index], BONE_TO_WEBXR))
+    unsaid = np.asarray(np.isnan(bones.rest_offset_mm).all(-1))  # of digits' first bones: as on average
+    offset, rest = replace(bones, quaternion=quaternion).constant_part()
+    rest[~unsaid] = (1.0, 0.0, 0.0, 0.0)
+    offset = np.where(unsaid[:, None], np.nan_to_num(offset), bones.rest_offset_mm)
     back = conjugate(BONE_TO_WEBXR)
     neutral = neutral_rotations(layout, origin.hand, joints)
     return SkeletonMotion(
@@ -100,75 +131,36 @@ def motion_of(
         poses.time_s,
         nominal_rate_hz(poses.frame, poses.time_s),
         bones.position_mm,
-        quaternion,
-        _receivers(poses),
+        continuous(multiply(quaternion, BONE_TO_WEBXR)),
+        Receivers(
+            poses.segments,
+            np.where(poses.valid[..., None], poses.position_mm, np.nan),
+            continuous(np.where(poses.valid[..., None], poses.quaternion, np.nan)),
+            poses.valid,
+        ),
         origin,
         notes,
     )
 
 
-def _check_tree(bones: PosedBones, layout: Layout) -> None:
-    for joint in bones.joints[1:]:
-        if joint.parent < 0:
-            raise InputError(
-                f"digit {joint.digit} hangs from {layout.digits[joint.digit].base}, which is no bone of the "
-                "skeleton; an export needs one tree, so give each part a layout of its own"
-            )
-
-
-def _check_lengths(bones: PosedBones, where: str) -> None:
-    """Refuse a bone without a length; of those before a digit's first joint the motion tells."""
-    for joint, offset in zip(bones.joints, bones.rest_offset_mm, strict=True):
-        known = joint.parent <= 0 or np.isnan(offset).all()
-        if not known and not offset[0] > 0:
-            raise InputError(
-                f"{where}: bone {bones.joints[joint.parent].segment} is {offset[0]} mm long in bone_lengths; "
-                "expected a length above 0, so look at its joints' status"
-            )
-
-
-def _without_unknown_skin(bones: PosedBones) -> PosedBones:
-    """The bones without ends of skin that are known in no frame: those of digits without known anatomy."""
-    kept = [
-        index
-        for index, joint in enumerate(bones.joints)
-        if not joint.name.endswith(SKIN_TIP) or np.isfinite(bones.position_mm[:, index]).any()
-    ]
-    return bones if len(kept) == len(bones.joints) else bones.only(kept, chosen_points)
-
-
 def _seen_digits(bones: PosedBones) -> tuple[PosedBones, dict[str, str]]:
-    """The bones without the digits of which a joint has no pose in any frame, and the reasons.
+    """Return the bones without the digits of which a joint has no pose in any frame, and the reasons.
 
-    What hangs from such a digit goes with it.
+    What hangs from such a digit goes with it. An end of the skin that is known in no frame, as of digits
+    without known anatomy, goes alone.
     """
-    known = known_points(bones.position_mm, bones.quaternion)
+    seen = known_points(bones.position_mm, bones.quaternion).any(0)
+    some = bool(len(bones.position_mm))
     unseen: dict[str, str] = {}
+    kept = [0]
     for index, joint in enumerate(bones.joints[1:], 1):
-        lost = bones.joints[joint.parent].digit in unseen
-        if len(known) and (lost or not known[:, index].any()):
+        if joint.name.endswith(SKIN_TIP) and not np.isfinite(bones.position_mm[:, index]).any():
+            continue
+        kept.append(index)
+        if some and (bones.joints[joint.parent].digit in unseen or not seen[index]):
             unseen.setdefault(joint.digit, f"{joint.name} has no pose in any frame")
-    if not unseen:
-        return bones, unseen
-    kept = [index for index, joint in enumerate(bones.joints) if joint.digit not in unseen]
-    return bones.only(kept, chosen_points), unseen
-
-
-def _rest(bones: PosedBones) -> tuple[Array, Array]:
-    """Rest offsets (J, 3) and rotations (J, 4) in our bone frames; of digits' first bones as on average."""
-    first = np.asarray(np.isnan(bones.rest_offset_mm).all(-1))
-    offset, rest = bones.constant_part()
-    rest[~first] = (1.0, 0.0, 0.0, 0.0)
-    return np.where(first[:, None], np.nan_to_num(offset), bones.rest_offset_mm), rest
-
-
-def _receivers(poses: Poses) -> Receivers:
-    position, turn = poses.position_mm, poses.quaternion
-    for index in range(len(poses.segments)):
-        valid = poses.valid[:, index, None]
-        position[:, index] = np.where(valid, position[:, index], np.nan)
-        turn[:, index] = continuous_series(np.where(valid, turn[:, index], np.nan))
-    return Receivers(poses.segments, position, turn, poses.valid)
+    kept = [index for index in kept if bones.joints[index].digit not in unseen]
+    return (bones if len(kept) == len(bones.joints) else bones.only(kept)), unseen
 
 
 def _origin(posed: PosedRecording, licence: str) -> Origin:

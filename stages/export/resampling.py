@@ -1,4 +1,4 @@
-"""Define which frames, and at which times: ranges of recorded frames, an even rate made from uneven times.
+"""An even rate made from uneven times.
 
 Between samples positions are linear, and rotations go by the shortest arc at constant angular velocity.
 """
@@ -10,56 +10,19 @@ from dataclasses import replace
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.files.long_arrays import by_point
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.export.motion import Bools, SkeletonMotion, Whole, continuous_series, known_points
+from shukotsu.stages.export.motion import Bools, SkeletonMotion, Whole, continuous, known_points
 
-FILLED_FRAMES = 1_000_000
-"""The most that are made where a recording has none: over an hour at 240 Hz."""
+FILLED_FRAMES = 100_000
+"""The most that are made where a recording has none: seven minutes at 240 Hz."""
 
 _SAME_S = 1e-9
 _WIDEST_STEPS = 1.5
 """Frames further apart than this many usual intervals have a gap between them."""
 
 
-def in_range(motion: SkeletonMotion, first: int | None, last: int | None) -> SkeletonMotion:
-    """The frames from `first` to `last` by their recorded numbers, both included; None: to that end.
-
-    Raises InputError where no frame is in the range.
-    """
-    if first is None and last is None:
-        return motion
-    kept = np.ones(len(motion.frame), bool)
-    if first is not None:
-        kept &= motion.frame >= first
-    if last is not None:
-        kept &= motion.frame <= last
-    if not kept.any():
-        whole = f"{motion.frame[0]} to {motion.frame[-1]}" if len(kept) else "none"
-        raise InputError(
-            f"--frames: no frame of the recording is in {'' if first is None else first}:"
-            f"{'' if last is None else last}; it has {whole}"
-        )
-    inside = np.flatnonzero(kept)
-    together = slice(int(inside[0]), int(inside[-1]) + 1)
-    out = motion.take(together if kept[together].all() else kept)
-    return out.noting(f"frames {out.frame[0]} to {out.frame[-1]} only, as asked")
-
-
-def with_rate(motion: SkeletonMotion, rate_hz: float) -> SkeletonMotion:
-    """Times from the frame numbers and a rate that the user gives, for a recording without device time.
-
-    Raises InputError where the recording has device times, which say better.
-    """
-    if np.isfinite(motion.time_s).any():
-        raise InputError("--rate-hz: the recording has device times of its own; leave --rate-hz out")
-    time_s = (motion.frame - (motion.frame[0] if len(motion.frame) else 0)) / rate_hz
-    out = replace(motion, time_s=time_s, rate_hz=rate_hz)
-    return out.noting(f"no device time: times from frame numbers at {rate_hz:g} Hz, as asked")
-
-
 def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> SkeletonMotion:
-    """The motion at an even rate from its first time on: positions linear, rotations by slerp.
+    """Return the motion at an even rate from its first time on: positions linear, rotations by slerp.
 
     Device times count, not frame numbers. A new frame in a gap that was kept, or between frames that are
     further apart than 1.5 usual intervals and than widest_s, has no pose (NaN). Nothing is filtered: a rate
@@ -68,7 +31,7 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
     """
     time_s = motion.time_s
     if not np.isfinite(time_s).all():
-        raise InputError("--fps: the recording has no device time; say its rate with --rate-hz")
+        raise InputError("--fps: the recording has no device time; give its rate_hz in a mapping")
     still = np.flatnonzero(np.diff(time_s) <= 0)
     if len(still):
         raise InputError(
@@ -90,8 +53,8 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
     apart = time_s[after] - time_s[before] > max(_WIDEST_STEPS / motion.rate_hz, widest_s)
     share = np.where(apart & (share > 0) & (share < 1), np.nan, share)
     out = motion.mapped(
-        lambda places: by_point(lambda own: blended(own[before], own[after], share), places),
-        lambda turns: by_point(lambda own: continuous_series(slerped(own[before], own[after], share)), turns),
+        lambda places: blended(places[before], places[after], share[:, None]),
+        lambda turns: continuous(slerped(turns[before], turns[after], share[:, None])),
     )
     valid = known_points(out.receivers.position_mm, out.receivers.quaternion)
     out = replace(

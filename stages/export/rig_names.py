@@ -1,9 +1,9 @@
 """Define what joints are called elsewhere: tables from a hand's joints to the names of other rigs.
 
-WebXR Hand Input has 25 names, OpenXR the same joints and a palm. VRM 1.0, Unity's HumanBodyBones and Mixamo
+WebXR Hand Input has 25 names. VRM 1.0, Unity's HumanBodyBones and Mixamo
 have no metacarpals for the fingers; Unreal's mannequin has (Unreal Engine 5). Where a rig names no tips,
-they are called after the last bone, with `_end`. The tips of WebXR and OpenXR are at the skin's surface,
-those of the others end the last bone.
+they are called after the last bone, with `_end`. The tips of WebXR are at the skin's surface, those of the
+others end the last bone.
 """
 
 from __future__ import annotations
@@ -23,17 +23,15 @@ class Rig:
 
     root, thumb (4), finger (5) : of the root and of the joints from a digit's base to its tip; empty where
     the rig has no such joint. In them {side} is right or left, {s} its first letter, {digit} a finger, or
-    {pinky} where the little one is called so; {Side}, {Digit}, {DIGIT}, {Pinky} in such letters. palm : what
-    the rig calls the middle of the palm, empty where it has no such joint. Finger metacarpals that it lacks
-    are folded into the bones after them (`stages.export.rigging`). skin_tips : whether its tips are on the
-    skin; else they are the ends of the last bones.
+    {pinky} where the little one is called so; {Side}, {Digit}, {Pinky} in such letters. Finger metacarpals
+    that it lacks are folded into the bones after them (`stages.export.rigging`). skin_tips : whether its tips
+    are on the skin; else they are the ends of the last bones.
     """
 
     description: str
     root: str
     thumb: Sequence[str]
     finger: Sequence[str]
-    palm: str = ""
     skin_tips: bool = False
 
     def names(self, hand: str) -> dict[str, str]:
@@ -48,15 +46,12 @@ class Rig:
         names = {}
         for joint, (digit, pattern) in patterns.items():
             pinky = "pinky" if digit == "little" else digit
-            capitals = {"Digit": digit.capitalize(), "DIGIT": digit.upper(), "Pinky": pinky.capitalize()}
+            capitals = {"Digit": digit.capitalize(), "Pinky": pinky.capitalize()}
             if pattern:
                 names[joint] = pattern.format(**side, **capitals, digit=digit, pinky=pinky)
         return names
 
 
-_XR = "XR_HAND_JOINT_{}_EXT".format
-_XR_FINGER = ("METACARPAL", "PROXIMAL", "INTERMEDIATE", "DISTAL", "TIP")
-_XR_THUMB = ("METACARPAL", "PROXIMAL", "DISTAL", "TIP")
 _WEB_FINGER = ("metacarpal", "phalanx-proximal", "phalanx-intermediate", "phalanx-distal", "tip")
 _VRM_THUMB = ("Metacarpal", "Proximal", "Distal", "Distal_end")
 _PHALANGES = ("Proximal", "Intermediate", "Distal", "Distal_end")
@@ -69,14 +64,6 @@ RIGS: Mapping[str, Rig] = {
         "wrist",
         ("thumb-metacarpal", "thumb-phalanx-proximal", "thumb-phalanx-distal", "thumb-tip"),
         [f"{{pinky}}-finger-{bone}" for bone in _WEB_FINGER],
-        skin_tips=True,
-    ),
-    "openxr": Rig(
-        "OpenXR XR_EXT_hand_tracking, 26 joints with the palm",
-        _XR("WRIST"),
-        [_XR(f"THUMB_{bone}") for bone in _XR_THUMB],
-        [_XR(f"{{DIGIT}}_{bone}") for bone in _XR_FINGER],
-        _XR("PALM"),
         skin_tips=True,
     ),
     "vrm": Rig(

@@ -1,4 +1,4 @@
-"""A hand on another rig: its names, without the bones that the rig lacks, with a palm where it has one."""
+"""A hand on another rig: its names, without the bones that the rig lacks."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.files.long_arrays import chosen_points
 from shukotsu.skeleton.posing import SkeletonJoint
 from shukotsu.skeleton.rotations import Array, multiply, rotate
-from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion, rest_pose
-from shukotsu.stages.export.rig_names import RIGS, Rig
+from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion
+from shukotsu.stages.export.rig_names import RIGS
 
 
 def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
@@ -23,51 +22,35 @@ def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
     if name not in RIGS:
         raise InputError(f"--rig: there is no rig {name!r}; expected one of {', '.join(RIGS)}")
     rig = RIGS[name]
-    names, tips = rig.names(motion.origin.hand), _named_tips(motion, rig)
+    names = rig.names(motion.origin.hand)
+    tips = {  # that on the skin comes after that of the bone
+        joint.digit: joint.name
+        for joint in motion.joints
+        if joint.tip and (rig.skin_tips or not joint.name.endswith(SKIN_TIP))
+    }
     strange = [j.name for j in motion.joints[1:] if not _is_named(j, names) and not j.name.endswith("_cmc")]
     if strange:
         raise InputError(
             f"--rig {name}: names the joints of a hand, and layout {motion.origin.layout} has "
             f"{strange[0]}; leave --rig out to keep the layout's own names"
         )
-    if rig.palm:
-        motion = _with_palm(motion, rig)
-    new = {motion.names[0]: names[""], rig.palm: rig.palm, **names}
+    new = {motion.names[0]: names[""], **names}
     new |= {tip: names[f"{digit}_tip"] for digit, tip in tips.items()}
     other_tips = {j.name for j in motion.joints if j.tip} - set(tips.values())
     lacking = {j.name for j in motion.joints if j.name not in new and not j.tip}
-    motion = folded(_without_tips(motion, other_tips), lacking)
+    # bones stay as they are without a tip, so that nothing is to be noted
+    motion = folded(replace(folded(motion, other_tips), notes=motion.notes), lacking)
     joints = tuple(replace(j, name=new[j.name]) for j in motion.joints)
-    return replace(motion, joints=joints).noting(
-        *_on_tips(tips.values()), f"joints named as by {rig.description}"
-    )
+    at = "at the ends of the last bones"
+    if any(tip.endswith(RECEIVER_TIP) for tip in tips.values()):
+        at = "the origins of the distal receivers, as this skeleton knows no other"
+    elif any(tip.endswith(SKIN_TIP) for tip in tips.values()):
+        at = "at the ends of the digits, skin and all, as the names' definition has them"
+    return replace(motion, joints=joints).noting(f"tips are {at}", f"joints named as by {rig.description}")
 
 
 def _is_named(joint: SkeletonJoint, names: Mapping[str, str]) -> bool:
     return (f"{joint.digit}_tip" if joint.tip else joint.name) in names
-
-
-def _named_tips(motion: SkeletonMotion, rig: Rig) -> dict[str, str]:
-    """Give of each digit the tip that the rig means: on the skin where it says so and there is one."""
-    tips: dict[str, str] = {}
-    for joint in motion.joints:
-        if joint.tip and (rig.skin_tips or not joint.name.endswith(SKIN_TIP)):
-            tips[joint.digit] = joint.name  # that on the skin comes after that of the bone
-    return tips
-
-
-def _on_tips(tips: Collection[str]) -> list[str]:
-    """A sentence on which tips these are."""
-    if any(tip.endswith(RECEIVER_TIP) for tip in tips):
-        return ["tips are the origins of the distal receivers, as this skeleton knows no other"]
-    if any(tip.endswith(SKIN_TIP) for tip in tips):
-        return ["tips are at the ends of the digits, skin and all, as the names' definition has them"]
-    return ["tips are at the ends of the last bones"]
-
-
-def _without_tips(motion: SkeletonMotion, tips: Collection[str]) -> SkeletonMotion:
-    """The motion without these tips, whose bones stay as they are."""
-    return replace(folded(motion, tips), notes=motion.notes)
 
 
 def with_webxr_names(motion: SkeletonMotion) -> SkeletonMotion:
@@ -103,8 +86,8 @@ def folded(motion: SkeletonMotion, lacking: Collection[str]) -> SkeletonMotion:
         rest_rotation=np.stack([rest for _, _, rest, _ in hung]),
         neutral=np.stack([neutral for _, _, _, neutral in hung]),
         axis=np.where(orphans[:, None], np.nan, motion.axis[kept]),
-        position_mm=chosen_points(motion.position_mm, kept),
-        quaternion=chosen_points(motion.quaternion, kept),
+        position_mm=motion.position_mm[:, kept],
+        quaternion=motion.quaternion[:, kept],
     ).noting(f"{names} folded into the bones after them")
 
 
@@ -122,31 +105,3 @@ def _hung(motion: SkeletonMotion, index: int, gone: Collection[int]) -> tuple[in
         neutral = multiply(own_neutral if np.isfinite(own_neutral).all() else own_rest, neutral)
         above = motion.joints[above].parent
     return above, offset, rest, neutral
-
-
-def _with_palm(motion: SkeletonMotion, rig: Rig) -> SkeletonMotion:
-    """The motion with a palm after the root: the middle of the middle metacarpal, turned as it is."""
-    try:
-        base, head = motion.index("middle_cmc"), motion.index("middle_mcp")
-    except ValueError as error:
-        raise InputError(
-            f"{rig.description}: its palm is the middle of the middle metacarpal, and layout "
-            f"{motion.origin.layout} has no middle metacarpal; "
-            "use --rig webxr"
-        ) from error
-    rest_mm, rest_turn = rest_pose(motion)
-    joint = SkeletonJoint(rig.palm, 0, motion.joints[base].segment, motion.joints[base].digit)
-    later = [replace(j, parent=j.parent + (j.parent > 0)) for j in motion.joints[1:]]
-    places = [0, base, *range(1, len(motion.joints))]
-    position_mm = chosen_points(motion.position_mm, places)
-    position_mm[:, 1] = (motion.position_mm[:, base] + motion.position_mm[:, head]) / 2
-    return replace(
-        motion,
-        joints=(motion.joints[0], joint, *later),
-        rest_offset_mm=np.insert(motion.rest_offset_mm, 1, (rest_mm[base] + rest_mm[head]) / 2, axis=0),
-        rest_rotation=np.insert(motion.rest_rotation, 1, rest_turn[base], axis=0),
-        neutral=np.insert(motion.neutral, 1, np.full(4, np.nan), axis=0),
-        axis=np.insert(motion.axis, 1, np.full(3, np.nan), axis=0),
-        position_mm=position_mm,
-        quaternion=chosen_points(motion.quaternion, places),
-    )

@@ -18,7 +18,6 @@ from shukotsu.anatomy.neutral_bones import angle_axes
 from shukotsu.files.whole_files import replacing, write_text
 from shukotsu.skeleton.joint_angles import joint_angles
 from shukotsu.skeleton.rotations import Array, conjugate, multiply
-from shukotsu.stages.export.axes import Target
 from shukotsu.stages.export.file_facts import facts
 from shukotsu.stages.export.motion import BONE_TO_WEBXR, SkeletonMotion
 
@@ -37,7 +36,7 @@ _MEANING = {
 }
 
 
-def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]:
+def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
     """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; give what they do not hold.
 
     Angles are those of the joint_angles table where the hand was fitted, made from the poses written; of
@@ -53,7 +52,7 @@ def write(motion: SkeletonMotion, target: Target, path: Path) -> tuple[str, ...]
         name: row.round(6).tolist() for name, row in zip(motion.names, motion.rest_offset_mm, strict=True)
     }
     described = {
-        **facts(motion, target),
+        **facts(motion, "mm", ""),
         "columns": _MEANING,
         "parent": tree,
         "rest_offset_mm": rest,

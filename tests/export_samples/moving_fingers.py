@@ -76,13 +76,6 @@ def random_fingers(n_frames: int, seed: int, slip_mm: float) -> SkeletonMotion:
     return replace(motion, quaternion=turn.reshape(motion.quaternion.shape))
 
 
-def both_hands(later_s: float, rate_hz: float = 100.0) -> list[SkeletonMotion]:
-    """A right hand, and a left one with other places that begins so much later."""
-    one, other = moving_fingers(40, slip_mm=0.5), moving_fingers(20, rate_hz=rate_hz, seed=2)
-    other = replace(other, time_s=other.time_s + later_s, origin=replace(other.origin, hand="left"))
-    return [one, replace(other, position_mm=other.position_mm + 30)]
-
-
 def blanked(motion: SkeletonMotion, joints: Any = None, receivers: Any = None) -> SkeletonMotion:
     """The motion without some poses: joints, receivers index (T, J) and (T, R), such as np.s_[3:5, 2]."""
     place, turn, there = motion.position_mm.copy(), motion.quaternion.copy(), motion.receivers

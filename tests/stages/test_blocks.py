@@ -12,7 +12,6 @@ from small_study import run_stages
 
 from shukotsu.anatomy import recorded_movement
 from shukotsu.checks import checked_recording, mirror_jumps, timeline
-from shukotsu.files import long_arrays
 from shukotsu.schemas import poses
 from shukotsu.skeleton import posed_recording
 from shukotsu.stages.check_recordings.__main__ import main as check_recordings
@@ -34,7 +33,6 @@ def test_blocks_leave_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     subject = planned_subject(tmp_path, [("right", "rom", "both")], ["paper-fig4", "rigid"], n_frames=120)
     out = tmp_path / "out"
     whole = tables(subject, out)
-    monkeypatch.setattr(long_arrays, "KEPT_BYTES", 0)
     monkeypatch.setattr(poses, "KEPT_BYTES", 0)
     monkeypatch.setattr(poses.pose_blocks, "__defaults__", (FEW,))
     for module in (posed_recording, recorded_movement):

@@ -1,4 +1,4 @@
-"""As the guide says: an hour of a hand fits in 1 GB, of exports in 2; of those a quarter of an hour here."""
+"""As the guide says: an hour of a hand fits in 1 GB."""
 
 import os
 import subprocess
@@ -6,18 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from export_samples.known_hands import FITTED, KnownHand
-from export_samples.long_hand import long_hand
 from long_poses import long_poses
-
-from shukotsu.stages.export.registry import FORMATS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 HOUR = 3600 * 240
 MOST_BYTES = 10**9
-MOST_BYTES_OF_EXPORTS = 2 * 1024**3
-FIXED_BYTES = 300 * 10**6
-"""Of a job: the program, and the pieces that tables are read by."""
 
 PEAK = (
     "from stages.{}.__main__ import main; import re, sys; assert main(sys.argv[1:]) == 0; "
@@ -27,12 +20,9 @@ PEAK = (
 
 def peak_bytes(stage: str, *argv: object) -> int:
     """Run a stage under paper-fig4 in a process of its own; the most memory that it held."""
-    return _peak_bytes(PEAK.format(stage), *argv, "--layout", "liberty16", "--model", "paper-fig4")
-
-
-def _peak_bytes(program: str, *argv: object) -> int:
+    words = [*map(str, argv), "--layout", "liberty16", "--model", "paper-fig4"]
     finished = subprocess.run(
-        [sys.executable, "-c", program, *map(str, argv)],
+        [sys.executable, "-c", PEAK.format(stage), *words],
         env=os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"},
         check=True,
         capture_output=True,
@@ -57,19 +47,3 @@ def test_metacarpals_and_tips_of_an_hour(tmp_path: Path) -> None:
     read = ["--joints", joints, "--bones", bones, "--metacarpals", metacarpals]
     written = ["--out", tips, "--out-errors", errors]
     assert peak_bytes("evaluate_tips", *read, *recordings, *written) < MOST_BYTES
-
-
-@pytest.fixture(scope="module")
-def quarter(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
-    """A fitted hand over a quarter of an hour."""
-    return long_hand(tmp_path_factory.mktemp("quarter"), HOUR // 4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in FORMATS if name != "c3d"])  # which refuses as many frames
-def test_an_export_of_a_quarter_of_an_hour(quarter: KnownHand, tmp_path: Path, name: str) -> None:
-    """With a quarter of the arrays that are else kept in memory, so that an hour takes four times as much."""
-    less = "from shukotsu.files import long_arrays; long_arrays.KEPT_BYTES //= 4; "
-    argv = ["--plan", quarter.plan_path, "--model", FITTED, "--formats", name, "--out", tmp_path]
-    peak = _peak_bytes(less + PEAK.format("export"), *argv)
-    assert peak < FIXED_BYTES + 1.1 * (MOST_BYTES_OF_EXPORTS - FIXED_BYTES) / 4  # pages of files count too

@@ -13,39 +13,34 @@ from export_samples.moving_fingers import moving_fingers, random_fingers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shukotsu.stages.export.axes import UNITS_PER_MM, Target
 from shukotsu.stages.export.bvh import AT_REST, write
 from shukotsu.stages.export.motion import SkeletonMotion, rest_pose, stiffened
 
-CM = Target("cm", "y")
 NEAR_MM = 1e-4
 """A tenth of a micrometre; asked for is 10."""
 
 
-def positions_mm(bvh: Bvh, motion: SkeletonMotion, unit: str = "cm") -> np.ndarray:
+def positions_mm(bvh: Bvh, motion: SkeletonMotion) -> np.ndarray:
     """Positions (T, J, 3) that the file has for the motion's joints, tips among them."""
     names = [node.name for node in bvh.nodes]
     series = [
         bvh.series(joint.name) if joint.name in names else bvh.end(motion.names[joint.parent])
         for joint in motion.joints
     ]
-    return np.stack(series, 1) / UNITS_PER_MM[unit]
+    return 10 * np.stack(series, 1)
 
 
-def written(motion: SkeletonMotion, folder: Path, target: Target = CM) -> Bvh:
-    write(motion, target, folder / "motion.bvh")
+def written(motion: SkeletonMotion, folder: Path) -> Bvh:
+    write(motion, folder / "motion.bvh")
     return read_bvh(folder / "motion.bvh")
 
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-@pytest.mark.parametrize("unit", ["m", "cm", "mm"])
-def test_every_joint_is_where_the_motion_has_it(
-    known: KnownHand, tmp_path: Path, model: str, unit: str
-) -> None:
+def test_every_joint_is_where_the_motion_has_it(known: KnownHand, tmp_path: Path, model: str) -> None:
     motion = known.motion(model)
     motion = motion.take(motion.whole)
-    bvh = written(motion, tmp_path, Target(unit, "y"))
-    np.testing.assert_allclose(positions_mm(bvh, motion, unit), motion.position_mm, atol=NEAR_MM)
+    bvh = written(motion, tmp_path)
+    np.testing.assert_allclose(positions_mm(bvh, motion), motion.position_mm, atol=NEAR_MM)
     assert bvh.frame_time_s == pytest.approx(1 / 240, abs=1e-9)
 
 

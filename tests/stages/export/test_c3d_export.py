@@ -21,11 +21,9 @@ from shukotsu.__main__ import main as capture
 from shukotsu.errors import InputError
 from shukotsu.schemas.poses import read_poses
 from shukotsu.skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply
-from shukotsu.stages.export.axes import Target
 from shukotsu.stages.export.c3d_file import point_labels, write
 from shukotsu.stages.export.motion import SkeletonMotion, with_seen_receivers
 
-MM = Target("mm", "z")
 NEAR_MM, NEAR_DEG = 1e-3, 1e-3
 
 
@@ -83,7 +81,7 @@ def test_another_reader_has_the_same_points(
     gap, _ = with_seen_receivers(right.motion(FITTED))
     gap.position_mm[3, 4] = np.nan
     for motion in (gap, moving_fingers(20_000, rate_hz=240)):
-        write(motion, MM, tmp_path / "a.c3d")
+        write(motion, tmp_path / "a.c3d")
         words = [str(python), "-W", "ignore", "-c", code, str(tmp_path / "a.c3d"), str(tmp_path / "a.npz")]
         subprocess.run(words, check=True, capture_output=True, timeout=120)
         found = np.load(tmp_path / "a.npz")
@@ -99,7 +97,7 @@ def test_our_import_gives_the_poses_back(known: KnownHand, tmp_path: Path, kind:
     """By a mapping file, from the receivers' points or from their rotations."""
     motion, _ = with_seen_receivers(known.motion(FITTED))
     motion = replace(motion, frame=motion.frame + 5)
-    write(motion, MM, tmp_path / "a.c3d")
+    write(motion, tmp_path / "a.c3d")
 
     def receiver(segment: str) -> dict[str, Any]:
         name = f"{segment}_receiver"
@@ -139,7 +137,7 @@ def test_any_motion_comes_back(
     kept = ~np.isin(np.arange(frames), list(lost))
     motion = replace(whole, frame=np.arange(frames) + first).take(kept)
     path = tmp_path_factory.mktemp("any") / "a.c3d"
-    dropped = write(motion, MM, path)
+    dropped = write(motion, path)
     expected, _ = with_seen_receivers(blanked(whole, ~kept, ~kept))
     check_numbers(numbers(path), expected)
     assert read(path)["header"]["points"]["first_frame"] + 1 == max(first, 1)
@@ -149,7 +147,7 @@ def test_any_motion_comes_back(
 def test_a_gap_is_a_residual_of_minus_one_and_no_nan(tmp_path: Path) -> None:
     motion = moving_fingers(4)
     motion.position_mm[1, 2] = np.nan
-    write(motion, MM, tmp_path / "a.c3d")
+    write(motion, tmp_path / "a.c3d")
     data = (tmp_path / "a.c3d").read_bytes()
     start, count = 512 * (struct.unpack_from("<H", data, 16)[0] - 1), len(point_labels(motion))
     points = np.frombuffer(data, "<f4", 4 * count * 4, start).reshape(4, count, 4)
@@ -173,5 +171,5 @@ def test_what_c3d_cannot_hold_is_refused(tmp_path: Path) -> None:
         ),
     ):
         with pytest.raises(InputError, match=words):
-            write(bad, MM, tmp_path / "a.c3d")
+            write(bad, tmp_path / "a.c3d")
     assert not list(tmp_path.iterdir())

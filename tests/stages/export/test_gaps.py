@@ -35,11 +35,9 @@ def test_a_gap_is_refused_with_its_place_and_the_choices() -> None:
 def test_a_hold_keeps_the_posture_while_the_hand_goes_on() -> None:
     motion = moving_fingers(50)
     held = closed(blanked(motion, np.s_[10:20, [MCP, TIP]]), "hold", 0.1)
-    local, before = local_motion(held), local_motion(motion)
-    assert turned_apart_deg(local.quaternion[9:20, MCP], before.quaternion[9:10, MCP]).max() < 1e-6
-    np.testing.assert_allclose(
-        local.offset_mm[9:20, MCP], before.offset_mm[9:10, MCP].repeat(11, 0), atol=1e-9
-    )
+    (local_mm, local), (before_mm, before) = local_motion(held), local_motion(motion)
+    assert turned_apart_deg(local[9:20, MCP], before[9:10, MCP]).max() < 1e-6
+    np.testing.assert_allclose(local_mm[9:20, MCP], before_mm[9:10, MCP].repeat(11, 0), atol=1e-9)
     assert np.linalg.norm(held.position_mm[19, MCP] - held.position_mm[9, MCP]) > 1, (
         "but in the world it moves"
     )

@@ -17,13 +17,14 @@ from typing import Any
 import numpy as np
 import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.minimal_glb import read_glb
 from export_samples.moving_fingers import moving_fingers
 from export_tools.web_page import page_under, served
+from guide_pages import blocks
 
-from shukotsu.stages.export.axes import Target
+from shukotsu.skeleton.rotations import conjugate, rotate
+from shukotsu.stages.export.bone_mesh import bone_mesh
 from shukotsu.stages.export.glb import write
-from shukotsu.stages.export.motion import SkeletonMotion
+from shukotsu.stages.export.motion import SkeletonMotion, rest_pose
 from shukotsu.stages.export.rigging import with_webxr_names
 
 pytestmark = pytest.mark.tools
@@ -31,7 +32,6 @@ pytestmark = pytest.mark.tools
 REPOSITORY = Path(__file__).resolve().parents[3]
 SCRIPTS = REPOSITORY / "tests" / "export_tools"
 ExportTool = Callable[[str], Path]
-METRES = Target("m", "y")
 NEAR_M = 3e-7
 """Asked for is 1e-6."""
 
@@ -64,11 +64,12 @@ def assert_joints(joints: Any, motion: SkeletonMotion, near_m: float, rows: slic
     np.testing.assert_allclose(found, motion.position_mm[rows] / 1000, atol=near_m)
 
 
-def last_body(file: Path, node: str) -> np.ndarray:
-    """Vertices (V, 3) of a body at the last key, by our own reader."""
-    glb = read_glb(file)
-    last = max(times[-1] for times, _ in glb.keys().values())
-    return glb.vertices(glb.posed(np.array([last])), glb.names.index(node))[0]
+def last_body(motion: SkeletonMotion) -> np.ndarray:
+    """Vertices (V, 3) in m of the body in the last frame: each rides rigidly on its joint."""
+    motion = with_webxr_names(motion)
+    mesh, (rest_mm, rest_turn) = bone_mesh(motion), rest_pose(motion)
+    on_bone = rotate(conjugate(rest_turn[mesh.joint]), mesh.position_mm - rest_mm[mesh.joint])
+    return (rotate(motion.quaternion[-1, mesh.joint], on_bone) + motion.position_mm[-1, mesh.joint]) / 1000
 
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
@@ -76,13 +77,13 @@ def test_three_has_every_joint_and_the_validator_no_word(
     known: KnownHand, tmp_path: Path, export_tool: ExportTool, model: str
 ) -> None:
     motion, file = known.ready(model), tmp_path / "hand.glb"
-    write(motion, METRES, file)
+    write(motion, file)
     found = read_in_node(export_tool, file)
     hand = f"{motion.origin.hand}-hand"
     clip = found["clips"][f"{hand} opposition"]
     np.testing.assert_allclose(clip["times"], motion.time_s - motion.time_s[0], atol=1e-5)
     assert_joints(clip["joints"][hand], motion, NEAR_M)
-    expected = last_body(file, f"{hand}-body")
+    expected = last_body(motion)
     for primitive in ("1", "2"):
         np.testing.assert_allclose(found["bodies"][f"{hand}-body_{primitive}"], expected, atol=2e-6)
 
@@ -90,10 +91,10 @@ def test_three_has_every_joint_and_the_validator_no_word(
 def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: ExportTool) -> None:
     """One frame, names in other scripts, a skeleton that is no hand."""
     file, made = tmp_path / "odd.glb", moving_fingers(20)
-    write(made.take(slice(0, 1)), METRES, file)
+    write(made.take(slice(0, 1)), file)
     assert len(read_in_node(export_tool, file)["clips"]["right-made wave"]["times"]) == 1
     joints = tuple(replace(joint, name=f"腕 {i}") for i, joint in enumerate(made.joints))
-    write(replace(made, joints=joints, origin=replace(made.origin, licence="© 手")), METRES, file)
+    write(replace(made, joints=joints, origin=replace(made.origin, licence="© 手")), file)
     found = read_in_node(export_tool, file)["clips"]["right-made wave"]["joints"]["right-made"]
     np.testing.assert_allclose(found["腕 3"], made.position_mm[:, 3] / 1000, atol=NEAR_M)
 
@@ -103,11 +104,11 @@ def test_blender_has_every_joint_and_the_body(
     known: KnownHand, tmp_path: Path, export_tool: ExportTool, model: str
 ) -> None:
     motion, file = known.ready(model), tmp_path / "hand.glb"
-    write(motion, METRES, file)
+    write(motion, file)
     hand = f"{motion.origin.hand}-hand"
     found = read_in_blender(export_tool, file, motion.rate_hz)
     assert_joints(found["joints"][hand], motion, NEAR_M)
-    body, expected = np.array(found["bodies"][hand]), last_body(file, f"{hand}-body")
+    body, expected = np.array(found["bodies"][hand]), last_body(motion)
     assert len(body) == len(expected)
     np.testing.assert_allclose(body.min(0), expected.min(0), atol=2e-6)
     np.testing.assert_allclose(body.max(0), expected.max(0), atol=2e-6)
@@ -115,14 +116,16 @@ def test_blender_has_every_joint_and_the_body(
 
 def test_fbx_by_blender_has_every_joint(known: KnownHand, tmp_path: Path, export_tool: ExportTool) -> None:
     motion, glb, fbx = known.ready(FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
-    write(motion, METRES, glb)
+    write(motion, glb)
     to_fbx(export_tool, glb, fbx)
     hand = f"{motion.origin.hand}-hand"
     assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][hand], motion, 1e-4)
 
 
 def to_fbx(export_tool: ExportTool, glb: Path, fbx: Path) -> None:
-    script = REPOSITORY / "stages" / "export" / "blender_to_fbx.py"
+    (block,) = blocks(REPOSITORY / "docs" / "blender.md", "python")
+    script = glb.with_name("fbx.py")
+    script.write_text(block.text)
     words = [str(export_tool("blender/bin/python")), str(script), str(glb), str(fbx)]
     done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
@@ -147,7 +150,7 @@ def test_the_page_of_the_guide_shows_the_hand_move(
     right: KnownHand, tmp_path: Path, export_tool: ExportTool, browser: Any
 ) -> None:
     motion, file = right.ready(FITTED), tmp_path / "motion.glb"
-    write(motion, METRES, file)
+    write(motion, file)
     modules = export_tool("node_modules/three").parent
     with served(page_under("With three.js"), file, modules, tmp_path) as address:
         page = browser.new_page(viewport={"width": 400, "height": 300})
@@ -175,7 +178,7 @@ def test_model_viewer_shows_the_hand(
     right: KnownHand, tmp_path: Path, export_tool: ExportTool, browser: Any
 ) -> None:
     motion, file = right.ready(FITTED), tmp_path / "motion.glb"
-    write(motion, METRES, file)
+    write(motion, file)
     modules = export_tool("node_modules/@google/model-viewer").parents[1]
     with served(page_under("With model-viewer"), file, modules, tmp_path) as address:
         page = browser.new_page(viewport={"width": 400, "height": 300})

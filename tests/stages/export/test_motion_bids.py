@@ -19,7 +19,6 @@ from hypothesis import strategies as st
 
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.skeleton.rotations import angle, conjugate, multiply
-from shukotsu.stages.export.axes import Target
 from shukotsu.stages.export.motion import SkeletonMotion
 from shukotsu.stages.export.motion_bids import (
     DESCRIPTION,
@@ -29,8 +28,6 @@ from shukotsu.stages.export.motion_bids import (
     write_dataset_files,
 )
 from shukotsu.stages.export.tidy_csv import bone_angles_deg
-
-PLAIN = Target("m", "")
 
 
 @given(st.text(), st.text())
@@ -52,7 +49,7 @@ def test_no_two_recordings_share_their_files() -> None:
 
 
 def add(motion: SkeletonMotion, folder: Path) -> tuple[str, ...]:
-    return write(motion, PLAIN, folder / DESCRIPTION)
+    return write(motion, folder / DESCRIPTION)
 
 
 def receivers_path(folder: Path, motion: SkeletonMotion) -> Path:

@@ -53,7 +53,7 @@ def test_a_program_has_every_joint_where_it_is(
 ) -> None:
     settings = Settings(stiff=stiff, gaps="cut", rig="webxr")
     motion = known.motion(model)
-    write_format([motion], settings, "bvh", tmp_path / "motion.bvh")
+    write_format(motion, settings, "bvh", tmp_path / "motion.bvh")
     expected = prepared(motion, settings, holds_gaps=False, up="y")
     found = read_with(program, export_tool, tmp_path / "motion.bvh")
     tips = ends_of(expected.joints)

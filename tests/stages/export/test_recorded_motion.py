@@ -11,14 +11,16 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import JOINT_CENTRES
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.posed_recording import posed_recording
 from shukotsu.skeleton.posing import PosedBones, SkeletonJoint
 from shukotsu.skeleton.rotations import angle, conjugate, multiply, rotate
+from shukotsu.stages.export import recorded_motion
 from shukotsu.stages.export.motion import (
     Origin,
     local_motion,
     rest_pose,
 )
-from shukotsu.stages.export.recorded_motion import motion_of
+from shukotsu.stages.export.recorded_motion import motion_of, read_motion
 from shukotsu.stages.simulate.random_hand import BONES
 
 
@@ -42,19 +44,19 @@ def test_a_rest_pose_has_straight_fingers_and_this_persons_fan(known: KnownHand)
         steps = np.diff(chain, axis=0)
         along = steps / np.linalg.norm(steps, axis=1)[:, None]
         np.testing.assert_allclose(along, along[:1].repeat(3, 0), atol=1e-9)
-    local = local_motion(motion)
+    _, local = local_motion(motion)
     base = motion.index("index_cmc")
-    off = multiply(conjugate(turn[base]), local.quaternion[:, base])
+    off = multiply(conjugate(turn[base]), local[:, base])
     assert np.degrees(angle(off)).max() < 15
 
 
 def test_a_fitted_hinge_turns_about_its_axis_only(known: KnownHand) -> None:
     motion = known.motion(FITTED)
-    local = local_motion(motion)
+    _, local = local_motion(motion)
     for name in ("index_pip", "middle_dip", "little_pip"):
         index = motion.index(name)
         axis = motion.axis[index]
-        seen = rotate(local.quaternion[:, index], axis)
+        seen = rotate(local[:, index], axis)
         apart = np.degrees(np.arccos(np.clip(seen @ seen[0], -1, 1)))
         assert apart.max() < 4, "fixed in the bone before, but for the rotation that goes with flexion"
         assert abs(axis[0]) > 0.9, "about across the bone"
@@ -85,7 +87,7 @@ def test_a_tree_that_is_no_hand() -> None:
     assert np.isnan(motion.neutral).all()
     np.testing.assert_allclose(motion.rest_offset_mm[1], [-2, 3, -1], atol=1e-12)
     assert motion.rate_hz == pytest.approx(100)
-    local = local_motion(motion).quaternion[:, 1]
+    local = local_motion(motion)[1][:, 1]
     assert angle(multiply(conjugate(local), motion.rest_rotation[1])).max() < 1e-7
 
 
@@ -115,3 +117,22 @@ def test_inputs_are_told_by_their_hashes(right: KnownHand) -> None:
         *(f"sub-01/fits/right/{FITTED}/{name}.parquet" for name in ("bone_poses", "posed_tips")),
     }
     assert all(len(digest) == 64 for digest in origin.inputs.values())
+
+
+def test_a_range_goes_by_recorded_frame_numbers_and_of_many_frames_some_are_read(
+    right: KnownHand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, posed = right.motion(FITTED), posed_recording(right.plan, right.recording, FITTED)
+    part = read_motion(posed, frames=(20, 30))
+    assert part.frame.tolist() == list(range(20, 31))
+    assert part.notes == ("frames 20 to 30 only, as asked",)
+    np.testing.assert_array_equal(part.quaternion, whole.quaternion[whole.frame.searchsorted(part.frame)])
+    with pytest.raises(InputError, match=r"no frame of the recording is in 900:; it has \d to 2\d\d"):
+        read_motion(posed, frames=(900, None))
+    monkeypatch.setattr(recorded_motion, "MOST_FRAMES", 100)
+    some = read_motion(posed)
+    assert some.frame.tolist() == whole.frame[::3].tolist()
+    assert some.rate_hz == pytest.approx(80)
+    assert some.notes == ("one frame in 3, as no more than 100 are exported; --frames has all of a part",)
+    np.testing.assert_array_equal(some.position_mm, whole.position_mm[::3])
+    assert read_motion(posed, frames=(20, 30)).frame.tolist() == list(range(20, 31))

@@ -24,7 +24,7 @@ def write(motion: SkeletonMotion, name: str, folder: Path) -> tuple[str, ...]:
     """Write a motion by its format's own writer, as it is."""
     chosen = FORMATS[name]
     path = folder / (chosen.shared or f"a{chosen.extensions[0]}")
-    return tuple(chosen.writers.write(motion, chosen.target("", ""), path))
+    return tuple(chosen.writers.write(motion, path))
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -39,7 +39,7 @@ def test_the_same_motion_is_the_same_files(name: str, tmp_path: Path) -> None:
     motion = moving_fingers(10, slip_mm=0.5)
     place, turn = motion.position_mm.copy(), motion.quaternion.copy()
     for folder in ("a", "b"):
-        write_format([motion], Settings(), name, tmp_path / folder / (FORMATS[name].shared or f"x.{name}"))
+        write_format(motion, Settings(), name, tmp_path / folder / (FORMATS[name].shared or f"x.{name}"))
     assert files(tmp_path / "a")
     assert files(tmp_path / "a") == files(tmp_path / "b")
     np.testing.assert_array_equal(motion.position_mm, place)
@@ -52,14 +52,13 @@ def test_provenance_is_in_a_file_or_beside_it(name: str, tmp_path: Path) -> None
     motion = moving_fingers(5)
     origin = replace(motion.origin, subject="Ö", licence="CC BY 4.0", inputs={"a.parquet": "ab" * 32})
     path = tmp_path / (FORMATS[name].shared or f"a{FORMATS[name].extensions[0]}")
-    remarks = write_format([replace(motion, origin=origin)], Settings(fps=50), name, path)
+    remarks = write_format(replace(motion, origin=origin), Settings(fps=50), name, path)
     assert remarks[0].startswith("resampled from 5 frames")
     assert f"not in the file: {FORMATS[name].drops}" in remarks
     whole = b"".join(files(tmp_path).values())
     assert b"CC BY 4.0" in whole
     assert b"ab" * 32 in whole
     assert "Ö".encode() in whole or rb"\xd6" in whole
-    assert (tmp_path / f"{path.name}.txt").exists() != FORMATS[name].embeds_facts
 
 
 @pytest.mark.parametrize("name", WITHOUT_GAPS)
@@ -82,7 +81,7 @@ def test_a_missing_pose_is_refused_and_no_file_left(name: str, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("times", "message"),
     [
-        (np.full(5, np.nan), "has no device time, and .* needs it; say its rate with --rate-hz"),
+        (np.full(5, np.nan), "has no device time, and .* needs it; give its rate_hz"),
         ([0.0, 0.1, 0.2, np.nan, 0.3], "has no device time"),
         ([0.0, 0.1, 0.2, 0.2, 0.3], "does not grow from frame 9 to the next"),
         ([0.0, 0.1, 0.2, 0.15, 0.3], "does not grow from frame 9 to the next"),

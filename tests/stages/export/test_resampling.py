@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from shukotsu.errors import InputError
 from shukotsu.skeleton.rotations import about_axis, angle, conjugate, multiply, unit
 from shukotsu.stages.export.motion import SkeletonMotion
-from shukotsu.stages.export.resampling import in_range, resampled, with_rate
+from shukotsu.stages.export.resampling import resampled
 
 
 def spinning(time_s: np.ndarray, axis: np.ndarray, speed: float, rate_hz: float) -> SkeletonMotion:
@@ -73,22 +73,9 @@ def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
 def test_times_that_do_not_tell_are_refused() -> None:
     motion = moving_fingers(10)
     timeless = replace(motion, time_s=np.full(10, np.nan), rate_hz=np.nan)
-    with pytest.raises(InputError, match="--rate-hz"):
+    with pytest.raises(InputError, match="rate_hz"):
         resampled(timeless, 60)
-    assert with_rate(timeless, 50.0).time_s[-1] == pytest.approx(9 / 50)
-    with pytest.raises(InputError, match="has device times of its own"):
-        with_rate(motion, 50.0)
     time_s = motion.time_s.copy()
     time_s[5] = time_s[4]
     with pytest.raises(InputError, match="does not grow from frame 11"):
         resampled(replace(motion, time_s=time_s), 60)
-
-
-def test_a_range_goes_by_recorded_frame_numbers() -> None:
-    motion = moving_fingers(50)
-    np.testing.assert_array_equal(in_range(motion, 20, 30).frame, np.arange(20, 31))
-    np.testing.assert_array_equal(in_range(motion, None, 9).frame, [7, 8, 9])
-    assert in_range(motion, None, None) is motion
-    assert len(in_range(motion, 20, 30).receivers.valid) == 11
-    with pytest.raises(InputError, match="it has 7 to 56"):
-        in_range(motion, 100, 900)

@@ -13,17 +13,14 @@ from export_samples.known_hands import FITTED, REPLAYED, KnownHand
 from shukotsu.anatomy.known_digits import rest_rotations
 from shukotsu.skeleton.joint_angles import joint_angles
 from shukotsu.skeleton.rotations import angle, conjugate, multiply
-from shukotsu.stages.export.axes import Target
 from shukotsu.stages.export.motion import rest_pose
 from shukotsu.stages.export.tidy_csv import bone_angles_deg, write
 from shukotsu.stages.simulate.random_hand import JOINTS, PARENT
 
-PLAIN = Target("mm", "")
-
 
 def test_every_pose_comes_back(known: KnownHand, tmp_path: Path) -> None:
     motion = known.motion(REPLAYED)
-    assert write(motion, PLAIN, tmp_path / "a.csv") == ()
+    assert write(motion, tmp_path / "a.csv") == ()
     rows = pd.read_csv(tmp_path / "a.csv")
     assert list(rows.columns) == ["frame", "time_s", "joint", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]
     np.testing.assert_array_equal(rows["frame"], motion.frame.repeat(25))
@@ -53,7 +50,7 @@ def test_angles_are_those_of_the_bones(known: KnownHand) -> None:
 def test_the_header_says_what_the_columns_mean(known: KnownHand, tmp_path: Path) -> None:
     motion = known.motion(FITTED)
     motion = replace(motion, origin=replace(motion.origin, licence="CC0", subject="山田 太郎"))
-    write(motion.noting("resampled"), PLAIN, tmp_path / "a.csv")
+    write(motion.noting("resampled"), tmp_path / "a.csv")
     header = json.loads((tmp_path / "a.json").read_text("utf-8"))
     columns = {*pd.read_csv(tmp_path / "a.csv").columns, *pd.read_csv(tmp_path / "a_angles.csv").columns}
     assert set(header["columns"]) == columns
