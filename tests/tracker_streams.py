@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shukotsu.trackers.liberty.items import TAGS
+from shukotsu.trackers.liberty.replies import TAGS
 from shukotsu.trackers.protocols.records import Decoded, PiecewiseDecoder, Reply, concatenated
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 

@@ -19,8 +19,9 @@ import numpy as np
 
 from shukotsu.skeleton import rotations
 from shukotsu.trackers.emulate.pose_sources import Motion
-from shukotsu.trackers.liberty.items import (
+from shukotsu.trackers.liberty.replies import (
     DEFAULT_LIST,
+    ERRORS,
     HEADER,
     HEADER_BYTES,
     ITEMS,
@@ -30,7 +31,6 @@ from shukotsu.trackers.liberty.items import (
     TAGS,
     record_type,
 )
-from shukotsu.trackers.liberty.replies import ERRORS
 from shukotsu.trackers.protocols.records import Array, Bools, Wholes
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT
 

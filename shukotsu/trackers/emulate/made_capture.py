@@ -17,7 +17,7 @@ from shukotsu.trackers.archive import ArchiveWriter
 from shukotsu.trackers.emulate.device import FOLLOWING, EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import Motion
 from shukotsu.trackers.emulate.server import SECOND_NS, Emulator
-from shukotsu.trackers.liberty.items import FULL_LIST
+from shukotsu.trackers.liberty.replies import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 BEGINNING_NS = SECOND_NS

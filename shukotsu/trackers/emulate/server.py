@@ -1,4 +1,4 @@
-"""The emulator on a line, in real time: a pseudo-terminal, or a TCP port of this machine."""
+"""The emulator on a line, in real time: a pseudo-terminal, or a TCP port of this machine; none ever waits."""
 
 from __future__ import annotations
 
@@ -73,9 +73,10 @@ class Emulator:
 
 
 class TcpPort:
-    """A TCP port of this machine for a client at a time; bytes are lost without one. Nothing here waits.
+    """A TCP port of this machine for a client at a time; without one, bytes are lost.
 
-    name : what a client is to open. Raises InputError where the port is taken.
+    name : what a client is to open. readable : descriptors that are so when there is something to do.
+    Raises InputError where the port is taken.
     """
 
     def __init__(self, host: str, number: int) -> None:
@@ -86,11 +87,7 @@ class TcpPort:
         self._listener.setblocking(False)
         self._client: socket.socket | None = None
         self.name = f"socket://{host}:{self._listener.getsockname()[1]}"
-
-    @property
-    def readable(self) -> list[int]:
-        """Descriptors that are readable when there is something to do."""
-        return [end.fileno() for end in (self._listener, self._client) if end is not None]
+        self.readable = [self._listener.fileno()]
 
     def read(self) -> bytes:
         """Read what the client has sent; a second client is turned away."""
@@ -102,6 +99,7 @@ class TcpPort:
                 client.setblocking(False)
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 self._client = client
+                self.readable.append(client.fileno())
         if self._client is None:
             return b""
         try:
@@ -133,14 +131,15 @@ class TcpPort:
 
     def _hang_up(self) -> None:
         if self._client is not None:
+            self.readable.pop()
             self._client.close()
             self._client = None
 
 
 class PtyPort:
-    """A pseudo-terminal; bytes stay in it while nobody reads, until it is full. Nothing here waits.
+    """A pseudo-terminal; bytes stay in it while nobody reads, until it is full.
 
-    name : what a client is to open. link : where to put a symbolic link to it. Raises InputError where the
+    name, readable : as of `TcpPort`. link : where to put a symbolic link to it. Raises InputError where the
     link cannot be made, or the system has no pseudo-terminals.
     """
 
@@ -152,7 +151,7 @@ class PtyPort:
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
-        self.name = os.ttyname(self._slave)
+        self.name, self.readable = os.ttyname(self._slave), [self._master]
         self._link = link
         if link is not None:
             try:
@@ -160,14 +159,8 @@ class PtyPort:
                     link.unlink()
                 link.symlink_to(self.name)
             except OSError as error:
-                raise InputError(
-                    f"{link}: cannot be made a link to {self.name} ({error.strerror})"
-                ) from error
-
-    @property
-    def readable(self) -> list[int]:
-        """Descriptors that are readable when there is something to do."""
-        return [self._master]
+                why = error.strerror
+                raise InputError(f"{link}: cannot be made a link to {self.name} ({why})") from error
 
     def read(self) -> bytes:
         """Read what the client has sent."""

@@ -14,10 +14,11 @@ from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.families import FAMILIES
-from shukotsu.trackers.liberty.items import ITEMS, TAGS
 from shukotsu.trackers.liberty.replies import (
     ERRORS,
     HALVES,
+    ITEMS,
+    TAGS,
     Setting,
     Value,
     answers,
@@ -112,16 +113,22 @@ class LibertyDriver(Driver):
         came, _ = self._conversation.drain(0.1)
         self._complaints = [ERRORS[r.error] for r in binary_answers(came) if r.error in ERRORS]
         after = self._ask_all()
-        if self._request.stations is None:
-            stations = self._switched_on(after["stations"], stations)
-        else:
-            active = None if after["stations"] is None else usable_stations(after["stations"])
-            self._require("active receivers", active, stations)
+        stations = self._active(after["stations"], stations)
         if after["echo"] is not None:
             wanted["echo"] = 0
         self._compare(after, wanted, stations)
         self._warn_of(after, stations)
-        return self._stream_settings(whoami, after, stations)
+        request, every = self._request, range(1, self._ports + 1)  # also of a receiver plugged in later
+        return StreamSettings(
+            request.family,
+            "binary",
+            "cm",
+            float(request.rate_hz),
+            stations,
+            dict.fromkeys(every, request.items),
+            dict.fromkeys(every, request.hemisphere),
+            {"whoami": whoami, "before": self._before, "after": after, "warnings": self.warnings},
+        )
 
     def start(self) -> Mapping[str, Any]:
         """Set the counters to 0 and have it stream; return the host's time before and after the first."""
@@ -151,8 +158,6 @@ class LibertyDriver(Driver):
         self._conversation.send(BINARY if self._was_binary else TEXT)
         self._conversation.drain(0.1)
 
-    # --- identifying it -------------------------------------------------------------------------------
-
     def _attempt(self) -> tuple[str | None, bytes]:
         """Stop a stream, have it say anything at all, and ask who it is, in binary."""
         # What a program that broke off has left of a command would swallow the first poll.
@@ -177,8 +182,6 @@ class LibertyDriver(Driver):
             self._ports = min(body[0], self._ports)
         return " ".join(body[WHOAMI_NUMBERS:].decode("ascii", "replace").split())
 
-    # --- asking ---------------------------------------------------------------------------------------
-
     def _ask_all(self) -> State:
         stations = range(1, self._ports + 1)
         return {
@@ -189,23 +192,18 @@ class LibertyDriver(Driver):
         }
 
     def _ask(self, setting: Setting, station: int = 0) -> Value | None:
-        answer = self._conversation.ask(
-            setting.question(station), lambda data: self._answer(data, setting, station), ANSWER_S
-        )
-        return None if answer is None else answer[0]
+        """Return the answer to a question; None where it is refused or does not come."""
 
-    def _answer(self, data: bytes, setting: Setting, station: int) -> tuple[Value | None] | None:
-        """Read the answer to a question: its value, or None in a tuple where it is refused."""
-        for reply in binary_answers(data, [TAGS[self._request.family]]):
-            if reply.error in ERRORS and reply.command not in b"PC":
-                return (None,)
-            if answers(reply, setting, station):
-                value = binary_value(setting, reply)
-                if value is not None:
+        def answer_in(data: bytes) -> tuple[Value | None] | None:
+            for reply in binary_answers(data, [TAGS[self._request.family]]):
+                if reply.error in ERRORS and reply.command not in b"PC":
+                    return (None,)
+                if answers(reply, setting, station) and (value := binary_value(setting, reply)) is not None:
                     return (value,)
-        return None
+            return None
 
-    # --- setting --------------------------------------------------------------------------------------
+        answer = self._conversation.ask(setting.question(station), answer_in, ANSWER_S)
+        return None if answer is None else answer[0]
 
     def _choose_stations(self) -> tuple[int, ...]:
         """Return the stations to record; without --stations all that are connected, switched off or not.
@@ -231,15 +229,15 @@ class LibertyDriver(Driver):
         self._switches = {station: station in wanted for station in range(1, self._ports + 1)}
         return wanted
 
-    def _switched_on(self, halves: tuple[int, ...] | None, stations: tuple[int, ...]) -> tuple[int, ...]:
-        """Return the connected stations that can send; warn of the others. InputError where there is none."""
-        usable = () if halves is None else usable_stations(halves)
-        off = [station for station in stations if station not in usable]
-        if len(off) == len(stations):
-            self._require("active receivers", None if halves is None else usable, stations)
-        if off:
+    def _active(self, halves: tuple[int, ...] | None, stations: tuple[int, ...]) -> tuple[int, ...]:
+        """Return those that can send; InputError where none can, or not just those of --stations."""
+        usable = None if halves is None else usable_stations(halves)
+        active = tuple(station for station in stations if station in (usable or ()))
+        if self._request.stations is not None or not active:
+            self._require("active receivers", usable, stations)
+        if off := [station for station in stations if station not in active]:
             self.warnings.append(f"receiver {listed(off)}: cannot be switched on; not recorded")
-        return tuple(station for station in stations if station in usable)
+        return active
 
     def _wanted(self) -> dict[str, Any]:
         """Return the settings that a recording needs, in the order in which they are sent."""
@@ -257,24 +255,20 @@ class LibertyDriver(Driver):
 
     def _compare(self, after: State, wanted: Mapping[str, Any], stations: tuple[int, ...]) -> None:
         """Raise InputError where a setting is not what was sent."""
-        for name, value in wanted.items():
+        for name, sent in wanted.items():
             title = "stylus mode" if name == "stylus" else name.replace("_", " ")
+            values = {title: after[name]}
             if SETTINGS[name].per_station:
-                for station in stations:
-                    self._compare_one(
-                        f"{title} of receiver {station}", name, after[name][str(station)], value
-                    )
-            else:
-                self._compare_one(title, name, after[name], value)
-
-    def _compare_one(self, what: str, name: str, reported: Any, sent: Any) -> None:
-        # While it follows the receiver it may well tell the present half instead of 0, 0, 0.
-        if name == "hemisphere" and (sent == TRACK or (reported and same_direction(reported, sent))):
-            return
-        # The manual gives the lowest and the highest in another order when it is asked for.
-        if name.endswith("filter") and reported and same_value(tuple(sorted(reported)), tuple(sorted(sent))):
-            return
-        self._require(what, reported, sent)
+                values = {f"{title} of receiver {station}": after[name][str(station)] for station in stations}
+            for what, reported in values.items():
+                # While it follows the receiver it may well tell the present half instead of 0, 0, 0.
+                direction = name == "hemisphere" and (
+                    sent == TRACK or (reported and same_direction(reported, sent))
+                )
+                # The manual gives the lowest and the highest in another order when it is asked for.
+                is_filter = name.endswith("filter") and reported
+                if not direction and not (is_filter and same_value(_sorted(reported), _sorted(sent))):
+                    self._require(what, reported, sent)
 
     def _warn_of(self, after: State, stations: tuple[int, ...]) -> None:
         """Warn of what an earlier program has left in force, and faults: not for a recorder to undo."""
@@ -292,19 +286,9 @@ class LibertyDriver(Driver):
         if after["usb_buffering"] == 0:
             self.warnings.append("USB buffering is off, so that frames may be left out, left as it is")
 
-    def _stream_settings(self, whoami: str, after: State, stations: tuple[int, ...]) -> StreamSettings:
-        request = self._request
-        every = range(1, self._ports + 1)  # a receiver that is plugged in later has the same list
-        return StreamSettings(
-            request.family,
-            "binary",
-            "cm",
-            float(request.rate_hz),
-            stations,
-            dict.fromkeys(every, request.items),
-            dict.fromkeys(every, request.hemisphere),
-            {"whoami": whoami, "before": self._before, "after": after, "warnings": self.warnings},
-        )
+
+def _sorted(numbers: Iterable[float]) -> tuple[float, ...]:
+    return tuple(sorted(numbers))
 
 
 def listed(stations: Iterable[int]) -> str:

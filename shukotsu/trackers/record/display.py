@@ -6,10 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from shukotsu.trackers.decode.losses import ABSENT_S
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.line_load import too_slow
-from shukotsu.trackers.record.statistics import Moment, Row
+from shukotsu.trackers.record.statistics import Statistics
 
 NEAR_EDGE = 0.1
 """A receiver whose direction is closer to the edge of its half of space may be taken for its mirror image."""
@@ -20,34 +19,31 @@ AT_THE_EDGE = 0.05
 MOST_STRETCHES = 3
 
 
-def state_line(moment: Moment, elapsed_s: float, archive_bytes: int) -> str:
-    """Return the state of a recording in a line."""
-    if moment.silent_s >= ABSENT_S:
-        return f"NO DATA for {moment.silent_s:.0f} s: is the tracker on, its cable in?"
-    rates = {row.station: row.rate_hz for row in moment.rows}
-    present = [row for row in moment.rows if row.rate_hz is not None]
-    absent = ",".join(str(station) for station, rate in rates.items() if rate is None)
-    worst = max(present, key=lambda row: row.distortion, default=None)
+def state_line(statistics: Statistics, now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
+    """Return the state of a recording in a line; now, before : its totals, and those of a while ago."""
+    span_s, absent = now["seconds"] - before["seconds"], statistics.absent()
+    present = {station: r for station, r in sorted(statistics.receivers.items()) if station not in absent}
+    rates, missing, troubles, nothing = list[float](), [0.0], list[str](), {"records": 0, "lost_frames": 0}
+    for station, receiver in present.items():
+        counts, earlier = now["receivers"][str(station)], before["receivers"].get(str(station), nothing)
+        came, lost = (counts[name] - earlier[name] for name in nothing)
+        rates.append(came / span_s)
+        missing.append(100 * lost / max(came + lost, 1))
+        trouble = f"error {chr(receiver.error)}" if receiver.error else ""
+        if not trouble and receiver.margin < NEAR_EDGE:
+            trouble = "in the other half" if receiver.margin < 0 else "near the edge"
+        distortion = f"distortion {receiver.distortion}" if receiver.distortion else ""
+        troubles += [f"{station} {text}" for text in (trouble, distortion) if text]
     parts = [
-        f"{elapsed_s:.1f} s",
-        f"{len(present)} of {len(rates)} receivers",
-        f"{min((rate for rate in rates.values() if rate is not None), default=0.0):.1f} Hz",
-        f"missing {max((row.missing_percent for row in present), default=0.0):.1f} %",
-        f"skipped {moment.skipped_bytes} B",
-        f"{archive_bytes / 1e6:.2f} MB",
-        f"absent {absent}" if absent else "",
-        *(f"{row.station} {trouble}" for row in present if (trouble := _trouble(row))),
-        f"distortion {worst.distortion} at {worst.station}" if worst and worst.distortion else "",
+        f"{now['seconds']:.1f} s",
+        f"{len(present)} of {len(statistics.receivers)} receivers",
+        f"{min(rates, default=0.0):.1f} Hz",
+        f"missing {max(missing):.1f} %",
+        f"skipped {now['skipped_bytes']} B",
+        f"{now['received_bytes'] / 1e6:.2f} MB",
+        *([f"absent {','.join(map(str, sorted(absent)))}"] if absent else []),
     ]
-    return "  ".join(filter(None, parts))
-
-
-def _trouble(row: Row) -> str:
-    if row.error:
-        return f"error {row.error}"
-    if row.margin < 0:
-        return "in the other half"
-    return "near the edge" if row.margin < NEAR_EDGE else ""
+    return "  ".join(parts + troubles)
 
 
 def summary(out: str, reason: str, totals: Mapping[str, Any], notices: Sequence[str] = ()) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.families import FAMILIES
-from shukotsu.trackers.liberty.items import SHORT_LIST, list_of_all, record_type
+from shukotsu.trackers.liberty.replies import SHORT_LIST, list_of_all, record_type
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 BITS_PER_BYTE = 10

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.families import FAMILIES, check_family
-from shukotsu.trackers.liberty.items import FULL_LIST, SHORT_LIST
+from shukotsu.trackers.liberty.replies import FULL_LIST, SHORT_LIST
 
 LARGEST_STATION = 16
 TRACK = (0.0, 0.0, 0.0)

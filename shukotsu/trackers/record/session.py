@@ -16,6 +16,7 @@ from typing import Any
 from shukotsu.errors import InputError
 from shukotsu.files.line_printer import LinePrinter
 from shukotsu.trackers.archive import ArchiveWriter
+from shukotsu.trackers.decode.losses import ABSENT_S
 from shukotsu.trackers.decode.stream import ChunkDecoder
 from shukotsu.trackers.liberty.liberty_driver import LibertyDriver
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
@@ -29,12 +30,12 @@ from shukotsu.trackers.record.stop_request import StopRequest
 from shukotsu.trackers.record.tracker_driver import Driver
 from shukotsu.trackers.viper.viper_driver import ViperDriver
 
-TICK_S = 0.05
-FLUSH_S = 0.25
-LOOK_S = 1.0
+DRIVERS: Mapping[str, type[Driver]]
+DRIVERS = {"liberty": LibertyDriver, "patriot": LibertyDriver, "viper": ViperDriver}
+
+TICK_S, FLUSH_S, LOOK_S = 0.05, 0.25, 1.0
 CLOCK_JUMP_NS = 100_000_000
-LAST_BYTES_S = 0.5
-SILENCE_S = 0.3
+LAST_BYTES_S, SILENCE_S = 0.5, 0.3
 MOST_WAITING_BYTES = 8 << 20
 """More is written and decoded before its time, so that memory has a bound whatever comes."""
 
@@ -43,10 +44,7 @@ PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """What to record and how long: duration_s None until it is stopped; notes go into the archive.
-
-    quiet : prints no state of the recording, only notes.
-    """
+    """What to record; duration_s None: until it is stopped. quiet : nothing is printed but notes."""
 
     out: Path
     request: RecordingRequest
@@ -57,11 +55,7 @@ class RecordingPlan:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a recording ended.
-
-    reason : in words; failed : whether it ended before it was asked to. totals : see `Statistics.totals`,
-    None where it ended before its first frame.
-    """
+    """How a recording ended; failed : before it was asked to. totals : None before the first frame."""
 
     reason: str
     failed: bool
@@ -85,18 +79,19 @@ def record(
     conversation = Conversation(port, archive, lambda: bool(stop))
     try:
         try:
+            printer.say(f"setting up the tracker at {port.name} ...")
             driver = DRIVERS[plan.request.family](conversation, plan.request)
-            settings = _set_up(driver, conversation, printer)
+            settings = driver.set_up()
+            check_line(settings, port.line_baud, port.name)
             archive.flush()
         except BaseException as error:  # no file stays where there is no frame
             archive.discard()
             if isinstance(error, StoppedError):
                 return Ending(stop.reason, False, None)
             if isinstance(error, PortGoneError):
-                raise InputError(
-                    f"{port.name}: the port is gone before the first frame ({error})"
-                    f"{perhaps_taken(port.name)}"
-                ) from error
+                taken = perhaps_taken(port.name)
+                message = f"{port.name}: the port is gone before the first frame ({error}){taken}"
+                raise InputError(message) from error
             if isinstance(error, OSError):
                 raise InputError(f"{plan.out}: cannot be written ({error.strerror})") from error
             raise
@@ -104,27 +99,14 @@ def record(
         try:
             return session.run()
         except BaseException as error:  # whatever ends the session, what was received is kept
-            session.rescue(error)
+            with suppress(Exception):
+                driver.stop()
+            with suppress(Exception):
+                conversation.keep()
+                archive.close({"reason": f"internal error ({error!r})"}, time.perf_counter_ns())
             raise
     finally:
         conversation.close()
-
-
-DRIVERS: Mapping[str, type[Driver]] = {
-    "liberty": LibertyDriver,
-    "patriot": LibertyDriver,
-    "viper": ViperDriver,
-}
-
-
-def _set_up(driver: Driver, conversation: Conversation, printer: LinePrinter) -> StreamSettings:
-    port = conversation.port
-    printer.say(f"setting up the tracker at {port.name} ...")
-    settings = driver.set_up()
-    check_line(settings, port.line_baud, port.name)
-    for warning in driver.warnings:
-        printer.say(f"note: {warning}")
-    return settings
 
 
 @dataclass
@@ -148,9 +130,15 @@ class _Session:
         self._absent: set[int] = set()
         self._offset_ns = self._utc_offset_ns()
         self._decoder = ChunkDecoder(self._settings)
-        self._notices = list(self._driver.warnings)
+        self._notices: list[str] = []
+        for warning in self._driver.warnings:
+            self._notice(warning)
+        self._begin()
+
+    def _begin(self) -> None:
         self._kept_ns = self._start_ns = time.perf_counter_ns()
         self._statistics = Statistics(self._settings, self._start_ns)
+        self._totals = self._statistics.totals(self._start_ns)
 
     def run(self) -> Ending:
         """Record; return how it ended."""
@@ -171,14 +159,6 @@ class _Session:
         self._printer.clear()
         return self._end()
 
-    def rescue(self, error: BaseException) -> None:
-        """Keep what there is when the program itself has failed: it must not cost what was recorded."""
-        with suppress(Exception):
-            self._driver.stop()
-        with suppress(Exception):
-            self._conversation.keep()
-            self._archive.close({"reason": f"internal error ({error!r})"}, time.perf_counter_ns())
-
     def _start(self) -> None:
         self._conversation.frames_began = True
         self._conversation.keep()
@@ -188,12 +168,10 @@ class _Session:
         self._archive.settings(self._settings.to_json(), now_ns)
         try:
             details = self._driver.start()
+            self._begin()
+            self._archive.event("started", self._start_ns, **details)
         except PortGoneError as error:
             self._fail(PORT_GONE, str(error))
-            return
-        self._kept_ns = self._start_ns = time.perf_counter_ns()
-        self._statistics = Statistics(self._settings, self._start_ns)
-        self._archive.event("started", self._start_ns, **details)
 
     def _over(self) -> bool:
         """Whether to end; the failure that made it so is kept."""
@@ -217,16 +195,14 @@ class _Session:
 
     def _watch_clock(self) -> None:
         """Note that somebody set the host's clock: the monotonic time of every row is not concerned."""
-        offset_ns = self._utc_offset_ns()
-        jump_ns = offset_ns - self._offset_ns
-        if abs(jump_ns) > CLOCK_JUMP_NS:
-            self._offset_ns = offset_ns
-            seconds = jump_ns * 1e-9
+        seconds = (self._utc_offset_ns() - self._offset_ns) * 1e-9
+        if abs(seconds) * 1e9 > CLOCK_JUMP_NS:
+            self._offset_ns += round(seconds * 1e9)
             self._archive.event("clock-jumped", time.perf_counter_ns(), seconds=seconds)
             self._notice(f"the host's clock was set by {seconds:+.1f} s; times of frames are not concerned")
 
     def _keep(self, wait_s: float = 0.0) -> list[Chunk]:
-        """Keep what came, and have it decoded for the eyes: the archive is decoded anew."""
+        """Keep what came, note what came faster than that, and have it decoded for the eyes."""
         chunks = self._conversation.keep(wait_s)
         if not self._view_failed:
             for chunk in chunks:
@@ -235,18 +211,12 @@ class _Session:
             self._flush()
         if self._decoder.waiting_bytes > MOST_WAITING_BYTES:
             self._guarded(self._look)
-        self._watch_dropped()
+        if dropped_bytes := self._conversation.dropped_bytes - self._dropped_bytes:
+            if not self._dropped_bytes:
+                self._notice("bytes come faster than they can be kept; some are lost")
+            self._dropped_bytes += dropped_bytes
+            self._archive.event("bytes-dropped", time.perf_counter_ns(), bytes=dropped_bytes)
         return chunks
-
-    def _watch_dropped(self) -> None:
-        """Note what came faster than it could be kept."""
-        dropped = self._conversation.dropped_bytes - self._dropped_bytes
-        if not dropped:
-            return
-        if not self._dropped_bytes:
-            self._notice("bytes come faster than they can be kept; some are lost")
-        self._dropped_bytes += dropped
-        self._archive.event("bytes-dropped", time.perf_counter_ns(), bytes=dropped)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Do something for the eyes: a fault in it is reported, ends the view, and never costs a byte."""
@@ -272,17 +242,21 @@ class _Session:
             name = "receiver-absent" if station in absent else "receiver-back"
             self._archive.event(name, time.perf_counter_ns(), receiver=station)
         self._absent = absent
-        if self._plan.quiet:
+        if not self._plan.quiet:
+            self._show(time.perf_counter_ns())
+
+    def _show(self, now_ns: int) -> None:
+        silent_s = (now_ns - self._statistics.heard_ns) * 1e-9
+        if silent_s > ABSENT_S:
+            self._printer.show(f"NO DATA for {silent_s:.0f} s: is the tracker on, its cable in?")
             return
-        with suppress(OSError):  # somebody may have moved the archive; it is written all the same
-            archive_bytes = self._plan.out.stat().st_size
-            moment = self._statistics.moment(time.perf_counter_ns())
-            self._printer.show(display.state_line(moment, self._elapsed_s(), archive_bytes))
+        totals = self._statistics.totals(now_ns)
+        self._printer.show(display.state_line(self._statistics, totals, self._totals))
+        self._totals = totals
 
     def _count(self, *, final: bool) -> None:
         received_bytes = self._decoder.waiting_bytes
-        block = self._decoder.decode(final=final)
-        self._statistics.add(block, received_bytes, time.perf_counter_ns())
+        self._statistics.add(self._decoder.decode(final=final), received_bytes, time.perf_counter_ns())
 
     def _notice(self, text: str) -> None:
         self._notices.append(text)
@@ -308,10 +282,9 @@ class _Session:
         if self._dropped_bytes:
             self._notices.append(f"{self._dropped_bytes} bytes came faster than they could be kept; lost")
         reason = self._failure or self._stop.reason
+        ending = {"reason": reason, "notices": self._notices, **totals}
         try:
-            self._archive.close(
-                {"reason": reason, "notices": self._notices, **totals}, time.perf_counter_ns()
-            )
+            self._archive.close(ending, time.perf_counter_ns())
         except OSError as error:
             self._failure = reason = self._failure or f"{DISK_FULL} ({error.strerror})"
         if self._failure.startswith(DISK_FULL):
@@ -320,14 +293,11 @@ class _Session:
 
     def _keep_last(self) -> None:
         """Keep what still comes until the tracker is silent; what comes in a flood is no last bytes."""
-        heard = start = time.perf_counter()
+        heard = start = now = time.perf_counter()
         dropped = self._conversation.dropped_bytes
-        while (
-            self._conversation.dropped_bytes == dropped
-            and time.perf_counter() - start < LAST_BYTES_S
-            and time.perf_counter() - heard < SILENCE_S
-        ):
-            if self._keep(TICK_S):
-                heard = time.perf_counter()
-            elif self._conversation.gone:
+        while now - start < LAST_BYTES_S and now - heard < SILENCE_S:
+            chunks = self._keep(TICK_S)
+            now = time.perf_counter()
+            heard = now if chunks else heard
+            if self._conversation.dropped_bytes != dropped or (self._conversation.gone and not chunks):
                 return

@@ -1,21 +1,16 @@
-"""Watch a recording while it is made: rates, what is lost, errors, distortion. No I/O here."""
+"""Counts of a recording while it is made: rates, what is lost, errors, distortion. No I/O here."""
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.trackers.decode.losses import ABSENT_S, JITTER_S, Heard, Losses
 from shukotsu.trackers.decode.stream import Block
 from shukotsu.trackers.protocols.records import Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
-
-WINDOW_S = 2.0
-"""Rates are over so long."""
 
 NEVER_HEARD = Heard(0, 0, 0)
 
@@ -37,87 +32,41 @@ class Receiver:
     last_host_ns: int = 0
 
 
-@dataclass(frozen=True)
-class Row:
-    """A receiver at a moment; rate_hz None where it is absent, missing_percent of the last WINDOW_S."""
-
-    station: int
-    rate_hz: float | None
-    missing_percent: float
-    error: str
-    distortion: int
-    margin: float
-
-
-@dataclass(frozen=True)
-class Moment:
-    """All receivers at a moment, and what concerns the stream as a whole."""
-
-    rows: tuple[Row, ...]
-    silent_s: float
-    skipped_bytes: int
-
-
 class Statistics:
     """Counts what comes; start_ns is the host's monotonic time at which the stream was started.
 
-    told : receiver, from and to [s since the start] of each time that it was absent; 0 where nothing came for
-    longer than jitter.
+    heard_ns : when the newest bytes were counted. told : receiver, from and to [s since the start] of each
+    time that it was absent; 0 where nothing came for longer than jitter.
     """
 
     def __init__(self, settings: StreamSettings, start_ns: int) -> None:
         self.receivers = {station: Receiver() for station in settings.stations}
-        self.skipped_bytes = 0
-        self.received_bytes = 0
+        self.skipped_bytes = self.received_bytes = 0
         self.told: list[tuple[int, float, float]] = []
         self._losses = Losses(settings)
         self._settings = settings
-        self._start_ns = start_ns
-        self._heard_ns = start_ns
-        self._past: deque[tuple[int, dict[int, tuple[int, int]]]] = deque()
-        self._remember(start_ns)
+        self._start_ns = self.heard_ns = start_ns
 
     def add(self, block: Block, received_bytes: int, now_ns: int) -> None:
         """Count what was decoded of the bytes that came since the last call."""
         self.received_bytes += received_bytes
         self.skipped_bytes += sum(skip.size for skip in block.skipped)
-        self._heard_ns = now_ns if received_bytes else self._heard_ns
-        good, records = block.good, block.records
-        for station in np.unique(records.station).tolist():
-            rows = np.flatnonzero(records.station == station)
+        self.heard_ns = now_ns if received_bytes else self.heard_ns
+        for station in np.unique(block.records.station).tolist():
             receiver = self.receivers.setdefault(station, Receiver())
-            self._count(receiver, station, block, rows[good[rows]])
+            self._count(
+                receiver, station, block, np.flatnonzero((block.records.station == station) & block.good)
+            )
         self.told += self._to_tell(self._losses.add(block)[0])
-        self._remember(now_ns)
 
     def absent(self) -> set[int]:
         """Receivers that are silent while others are heard."""
+        heard_ns = {s: receiver.last_host_ns or self._start_ns for s, receiver in self.receivers.items()}
         latest_ns = max((receiver.last_host_ns for receiver in self.receivers.values()), default=0)
-        return {
-            station
-            for station, receiver in self.receivers.items()
-            if latest_ns - (receiver.last_host_ns or self._start_ns) > ABSENT_S * 1e9
-        }
-
-    def moment(self, now_ns: int) -> Moment:
-        """Return the present state."""
-        then_ns, then = self._past[0]
-        span_s = max((self._past[-1][0] - then_ns) * 1e-9, 1e-9)
-        rows = []
-        for station, receiver in sorted(self.receivers.items()):
-            heard = self._losses.stations.get(station, NEVER_HEARD)
-            then_records, then_lost = then.get(station, (0, 0))
-            came, lost = heard.records - then_records, heard.lost - then_lost
-            present = now_ns - (receiver.last_host_ns or self._start_ns) <= ABSENT_S * 1e9
-            back_s = max((to_s for who, _, to_s in self.told if who == station), default=-np.inf)
-            heard_s = min(span_s, max(self._seconds(now_ns) - back_s, 1e-9))
-            rate_hz, missing = came / heard_s if present else None, 100 * lost / max(came + lost, 1)
-            error = chr(receiver.error) if receiver.error else ""
-            rows.append(Row(station, rate_hz, missing, error, receiver.distortion, receiver.margin))
-        return Moment(tuple(rows), (now_ns - self._heard_ns) * 1e-9, self.skipped_bytes)
+        return {station for station, last_ns in heard_ns.items() if latest_ns - last_ns > ABSENT_S * 1e9}
 
     def totals(self, now_ns: int) -> dict[str, Any]:
-        """Sum up the recording if nothing follows, as JSON types.
+        """Return the sums of the recording if nothing follows, as JSON types.
 
         lost_frames : lost records, in all and of each receiver; lost_cycles : lost frames (see `Losses`).
         silent_s, absent_s : from and to [s since the start], None for the end, when nothing came of any and
@@ -174,23 +123,15 @@ class Statistics:
         receiver.error = int(errors[np.flatnonzero(errors)[-1]]) if errors.any() else 0
         receiver.distortion = max(0, int(records.distortion[rows].max()))
         receiver.worst_distortion = max(receiver.worst_distortion, receiver.distortion)
-        self._measure_margin(receiver, station, records.position_mm[rows])
-
-    def _measure_margin(self, receiver: Receiver, station: int, position_mm: npt.NDArray[np.float64]) -> None:
         vector = np.array(self._settings.hemisphere.get(station, (0.0, 0.0, 0.0)))
-        length = np.linalg.norm(vector)
-        if not length:
-            return
-        with np.errstate(invalid="ignore", divide="ignore"):
-            margin = position_mm @ (vector / length) / np.linalg.norm(position_mm, axis=-1)
-        receiver.margin = float(margin[-1])
-        receiver.least_margin = float(np.fmin.reduce(margin, initial=receiver.least_margin))
-
-    def _remember(self, now_ns: int) -> None:
-        counts = {station: (heard.records, heard.lost) for station, heard in self._losses.stations.items()}
-        self._past.append((now_ns, counts))
-        while len(self._past) > 2 and now_ns - self._past[1][0] >= WINDOW_S * 1e9:
-            self._past.popleft()
+        if vector.any():
+            position_mm = records.position_mm[rows]
+            with np.errstate(invalid="ignore", divide="ignore"):
+                margin = (
+                    position_mm @ (vector / np.linalg.norm(vector)) / np.linalg.norm(position_mm, axis=-1)
+                )
+            receiver.margin = float(margin[-1])
+            receiver.least_margin = float(np.fmin.reduce(margin, initial=receiver.least_margin))
 
     def _seconds(self, host_ns: float) -> float:
         return (host_ns - self._start_ns) * 1e-9

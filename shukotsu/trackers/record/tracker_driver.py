@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.families import FAMILIES
@@ -16,20 +16,16 @@ from shukotsu.trackers.record.request import RecordingRequest
 OTHER_BAUDS = (115200, 57600, 38400, 19200, 9600)
 LEAST_COSINE = 0.9999
 
-Identity = TypeVar("Identity")
-
 
 class Driver(ABC):
-    """Sets up one family of trackers.
-
-    warnings : what the user should know of the tracker, after `set_up`.
-    """
+    """Sets up one family of trackers. warnings : what the user should know of it, after `set_up`."""
 
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
         self.warnings: list[str] = []
         self._complaints: list[str] = []  # of the tracker, while it was set up
         self._conversation = conversation
         self._request = request
+        self._port_name = conversation.port.name
 
     @abstractmethod
     def set_up(self) -> StreamSettings:
@@ -50,11 +46,7 @@ class Driver(ABC):
     def put_back(self) -> None:
         """Set what `set_up` changed to what it was before; a stream that was running stays off."""
 
-    @property
-    def _port_name(self) -> str:
-        return self._conversation.port.name
-
-    def _find(self, attempt: Callable[[], tuple[Identity | None, bytes]]) -> Identity:
+    def _find(self, attempt: Callable[[], tuple[str | None, bytes]]) -> str:
         """Identify the tracker at the rate of the port or, where there is a serial line, at another.
 
         attempt() : what identifies the tracker, and what was heard at all. Raises InputError where nothing
@@ -90,15 +82,12 @@ class Driver(ABC):
             "connected too (that ends RS-232), and --port"
         )
 
-    def _silence(self, *commands: bytes) -> bytes:
-        """Send what stops a stream until it is silent, at most three times; return what was heard.
-
-        commands : what is sent at each attempt, the last one from then on.
-        """
+    def _silence(self, first: bytes, again: bytes) -> bytes:
+        """Send what stops a stream until it is silent, at most three times; return what was heard."""
         heard = b""
-        for attempt in range(3):
-            self._conversation.send(commands[min(attempt, len(commands) - 1)])
-            piece, silent = self._conversation.drain(cap_s=2.0 if attempt else 5.0)
+        for command, cap_s in ((first, 5.0), (again, 2.0), (again, 2.0)):
+            self._conversation.send(command)
+            piece, silent = self._conversation.drain(cap_s=cap_s)
             heard += piece
             if silent:
                 break
@@ -118,10 +107,10 @@ class Driver(ABC):
 
 def same_value(reported: Any, sent: Any) -> bool:
     """Whether a value that was read is the one that was sent, numbers to 0.01."""
-    if isinstance(reported, tuple) and isinstance(sent, tuple):
-        pairs = zip(reported, sent, strict=False)
-        return len(reported) == len(sent) and all(abs(a - b) < 0.01 for a, b in pairs)
-    return bool(reported == sent)
+    if not (isinstance(reported, tuple) and isinstance(sent, tuple)):
+        return bool(reported == sent)
+    pairs = zip(reported, sent, strict=False)
+    return len(reported) == len(sent) and all(abs(a - b) < 0.01 for a, b in pairs)
 
 
 def shown(value: Any) -> str:

@@ -87,7 +87,7 @@ class ViperDriver(Driver):
             self._ask(SET, key, payload)
 
     def _attempt(self) -> tuple[str | None, bytes]:
-        heard = self._silence(command_frame(CONTINUOUS, RESET))
+        heard = self._silence(*[command_frame(CONTINUOUS, RESET)] * 2)
         self._conversation.send(command_frame(WHOAMI, GET))
         came, _ = self._conversation.drain()
         for reply in _replies(came):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from shukotsu.trackers.decode.counting import Counter
+from shukotsu.trackers.decode.stream import Counter
 from shukotsu.trackers.protocols.records import Records, empty_records
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 

@@ -15,7 +15,7 @@ from shukotsu.trackers.decode.stream import ChunkDecoder
 from shukotsu.trackers.decode.survey import Survey, flagged_records, survey_archive
 from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import built_in_motion
-from shukotsu.trackers.liberty.items import record_type
+from shukotsu.trackers.liberty.replies import record_type
 from shukotsu.trackers.protocols.records import Bools, Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.statistics import Statistics

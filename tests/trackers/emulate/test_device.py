@@ -8,7 +8,7 @@ import pytest
 from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import Motion, built_in_motion
 from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder
-from shukotsu.trackers.liberty.items import FULL_LIST
+from shukotsu.trackers.liberty.replies import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 ALL = frozenset(range(1, 17))

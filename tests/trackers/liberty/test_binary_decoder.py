@@ -8,7 +8,7 @@ from tracker_streams import decode, liberty_binary, pose, skipped_bytes
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder
-from shukotsu.trackers.liberty.items import list_of_all, record_type
+from shukotsu.trackers.liberty.replies import list_of_all, record_type
 from shukotsu.trackers.protocols.records import Records
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 

@@ -3,8 +3,9 @@
 import io
 
 from shukotsu.files.line_printer import LinePrinter
+from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record import display
-from shukotsu.trackers.record.statistics import Moment, Row
+from shukotsu.trackers.record.statistics import Statistics
 
 
 class Terminal(io.StringIO):
@@ -26,18 +27,21 @@ def test_a_line_is_written_over_the_one_before_and_one_that_stays_below() -> Non
     printer.say("a terminal that went away is no error")
 
 
-def row(station: int, rate_hz: float | None = 240.0, error: str = "", distortion: int = 0, margin=0.8) -> Row:
-    return Row(station, rate_hz, 0.5, error, distortion, margin)
-
-
 def test_the_line_says_what_there_is_to_see() -> None:
-    rows = (row(1), row(2, error="b"), row(3, margin=0.04, distortion=2), row(4, 239.0, margin=-0.5))
-    moment = Moment((*rows, row(5, None)), 0.0, 7)
-    assert display.state_line(moment, 12.44, 2_660_000) == (
-        "12.4 s  4 of 5 receivers  239.0 Hz  missing 0.5 %  skipped 7 B  2.66 MB  absent 5  "
-        "2 error b  3 near the edge  4 in the other half  distortion 2 at 3"
+    """Rates and losses since the line before, what is wrong with receivers, and which are absent."""
+    stations = (1, 2, 3, 4, 5)
+    statistics = Statistics(StreamSettings("liberty", "binary", "cm", 240.0, stations), 0)
+    before = statistics.totals(0)
+    now = {"seconds": 2.0, "skipped_bytes": 7, "received_bytes": 2_660_000}
+    now["receivers"] = {str(s): {"records": 480 - s, "lost_frames": s} for s in stations}
+    for station, receiver in statistics.receivers.items():
+        receiver.last_host_ns = 0 if station == 5 else 2_000_000_000
+    statistics.receivers[2].error, statistics.receivers[3].distortion = ord("b"), 2
+    statistics.receivers[3].margin, statistics.receivers[4].margin = 0.04, -0.5
+    assert display.state_line(statistics, now, before) == (
+        "2.0 s  4 of 5 receivers  238.0 Hz  missing 0.8 %  skipped 7 B  2.66 MB  absent 5  "
+        "2 error b  3 near the edge  3 distortion 2  4 in the other half"
     )
-    assert display.state_line(Moment(rows, 4.2, 0), 12.4, 0).startswith("NO DATA for 4 s: is the")
 
 
 WELL = {

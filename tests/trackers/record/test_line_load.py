@@ -3,7 +3,7 @@
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.liberty.items import FULL_LIST
+from shukotsu.trackers.liberty.replies import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record import line_load
 

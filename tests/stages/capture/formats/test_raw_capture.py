@@ -18,7 +18,7 @@ from shukotsu.stages.capture.formats.raw_capture import read_capture
 from shukotsu.stages.capture.import_recording import main
 from shukotsu.stages.capture.samples import joined
 from shukotsu.trackers.archive import ArchiveWriter
-from shukotsu.trackers.liberty.items import HEADER_BYTES, record_type
+from shukotsu.trackers.liberty.replies import HEADER_BYTES, record_type
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
 LIBERTY = read_layout("liberty16")
