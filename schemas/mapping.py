@@ -125,7 +125,7 @@ _RECEIVER_KEYS = {
 """The keys of a receiver that a format (of csv: its kind of rows) reads."""
 
 _LONG_KEYS = ("receiver", "position", "orientation")
-"""Of csv with long rows; of these "orientation" only where the file has some."""
+"""Of csv with long rows."""
 
 
 def _check_orientation(config: Mapping[str, Any], where: str) -> None:
@@ -192,8 +192,11 @@ def _check_csv(config: Mapping[str, Any], where: str) -> None:
 def _check_rows(config: Mapping[str, Any], where: str) -> None:
     """Refuse keys that long rows need or wide rows do not have, and two receivers of one value."""
     table, long = config["csv"], config["csv"]["rows"] == "long"
-    turned = "orientation" in config
-    missing = [key for key in _LONG_KEYS if key not in table and (turned or key != "orientation")]
+    if "orientation" not in config:
+        raise InputError(
+            f"{where}: the key 'orientation' is missing: a receiver has positions and turns; say where"
+        )
+    missing = [key for key in _LONG_KEYS if key not in table]
     if long and missing:
         raise InputError(f"{where}: csv: long rows need the key {', '.join(map(repr, missing))}")
     odd = [key for key in (*_LONG_KEYS, "quality") if key in table]
@@ -201,7 +204,7 @@ def _check_rows(config: Mapping[str, Any], where: str) -> None:
         raise InputError(f"{where}: csv.{odd[0]}: is for long rows; with wide rows give it to each receiver")
     seen: dict[str, str] = {}
     for segment, receiver in config["receivers"].items():
-        for key in ("value",) if long else ("position",):
+        for key in ("value",) if long else ("position", "orientation"):
             if key not in receiver:
                 raise InputError(f"{where}: receivers.{segment}: the key {key!r} is missing")
         other = seen.setdefault(str(receiver.get("value", segment)), segment)
@@ -213,13 +216,7 @@ def _check_rows(config: Mapping[str, Any], where: str) -> None:
 
 def _check_columns(group: Mapping[str, Any], place: str, config: Mapping[str, Any], where: str) -> None:
     """Refuse a wrong count of orientation columns, and column names where there is no header."""
-    columns = group.get("orientation", [])
-    if columns and "orientation" not in config:
-        raise InputError(
-            f"{where}: the key 'orientation' is missing, which says what the columns of {place}.orientation "
-            "are; leave both out where positions are all there is"
-        )
-    kind = config["orientation"]["kind"] if columns else ""
+    columns, kind = group.get("orientation", []), config["orientation"]["kind"]
     if columns and len(columns) != _NUMBERS[kind]:
         raise InputError(
             f"{where}: {place}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"

@@ -79,8 +79,9 @@ def check_recording(
     seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
     line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
     if len(seen) < len(poses.segments):
-        numbers = (own[:, seen] for own in (line.position_mm, line.quaternion, line.valid))
-        line = Timeline(poses.time_s, *numbers)
+        line = Timeline(
+            poses.time_s, poses.position_mm[:, seen], poses.quaternion[:, seen], poses.valid[:, seen]
+        )
     segments = tuple(poses.segments[place] for place in seen)
     body = expected_body(layout, segments)
     clock = true_clock(line)

@@ -149,7 +149,7 @@ def _seen_digits(bones: PosedBones) -> tuple[PosedBones, dict[str, str]]:
     What hangs from such a digit goes with it. An end of the skin that is known in no frame, as of digits
     without known anatomy, goes alone.
     """
-    seen = known_points(bones.position_mm, bones.quaternion).any(0)
+    seen = np.asarray(known_points(bones.position_mm, bones.quaternion).any(0))
     some = bool(len(bones.position_mm))
     unseen: dict[str, str] = {}
     kept = [0]

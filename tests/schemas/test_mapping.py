@@ -121,7 +121,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         (put(WIDE, "position_unit", None), "the key 'position_unit' is missing"),
         (
             put(WIDE, "orientation", None),
-            "the key 'orientation' is missing, which says what the columns of receivers.hand.orientation are",
+            "the key 'orientation' is missing: a receiver has positions and turns",
         ),
         (put(WIDE, "orientation.order", None), "orientation: quaternion needs the key 'order'"),
         (put(WIDE, "orientation.axes", "ZYX"), "orientation.axes: does not belong to quaternion"),

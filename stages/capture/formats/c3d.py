@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -190,10 +190,6 @@ def _of_cluster(
         raise InputError(
             f"{file.path}: marker {unseen[0]!r} is seen in no frame read; leave it out of {place}"
         )
-    if len(markers) == 1:
-        poses = np.concatenate([points_mm[:, 0], np.full((len(window), 4), np.nan)], -1)
-        marker = _track(file, window, mapping, poses, np.full(len(window), np.nan))
-        return replace(marker, oriented=False), ""
     cluster = cluster_poses(points_mm, f"{file.path}: cluster {segment}")
     poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
     return _track(file, window, mapping, poses, cluster.misfit_mm), _note(segment, cluster)

@@ -13,7 +13,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError, shortened
-from shukotsu.stages.capture.formats.decimals import NotANumberError, numbers_of
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
 """What people and programs write for "no value"."""
@@ -68,17 +67,6 @@ class Cells:
         numbers = (pc.replace_substring(pc.struct_field(parts, part), ",", ".") for part in "hms")
         hours, minutes, seconds = (text.cast(pa.float64()).to_numpy() for text in numbers)
         return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
-
-    def shifted_reals(self, name: str, shift: int) -> npt.NDArray[np.float64]:
-        """Numbers of a column of text times 10**shift, rounded once, shape (N,); NaN where it is empty."""
-        text = _trimmed(self._columns[name].combine_chunks(), self._empty or ())
-        try:
-            numbers = numbers_of(text, shift)
-        except NotANumberError as bad:
-            raise self._refusal(name, bad.index, "a number") from bad
-        if shift and self._missing:
-            return np.where(np.isnan(self._without_missing(numbers_of(text))), np.nan, numbers)
-        return self._without_missing(numbers)
 
     def wholes(self, name: str) -> npt.NDArray[np.int64]:
         """Whole numbers, shape (N,), 3.0 among them; an empty cell is refused."""

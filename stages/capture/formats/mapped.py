@@ -33,8 +33,7 @@ class Track:
     """One receiver's N samples.
 
     row : (N,) where each stands in the file; frame : (N,); time_s : (N,), NaN where there is none;
-    numbers : (N, 7) as in Samples; flags : flag -> (N,) bool. oriented : whether the file has a place for its
-    orientation at all.
+    numbers : (N, 7) as in Samples; flags : flag -> (N,) bool.
     """
 
     row: Integers
@@ -42,13 +41,12 @@ class Track:
     time_s: Array
     numbers: Array
     flags: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
-    oriented: bool = True
 
     def of(self, samples: npt.NDArray[Any]) -> Track:
         """Those samples alone, by index or by a boolean for each."""
         flags = {flag: marked[samples] for flag, marked in self.flags.items()}
         row, frame, time_s = self.row[samples], self.frame[samples], self.time_s[samples]
-        return Track(row, frame, time_s, self.numbers[samples], flags, self.oriented)
+        return Track(row, frame, time_s, self.numbers[samples], flags)
 
 
 def without_marks(values: Array) -> Array:
@@ -129,7 +127,6 @@ def samples_of_tracks(
     if marks:
         notes = [*notes, f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"]
         tracks = [replace(own, numbers=without_marks(own.numbers)) for own in tracks]
-    _check_turns(tracks, mapping)
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
@@ -154,16 +151,6 @@ def samples_of_tracks(
     return replace(
         joined(parts), place=lambda sample: place(int(rows[sample])), notes=(*notes, *lost), losses=lost
     )
-
-
-def _check_turns(tracks: Sequence[Track], mapping: FileMapping) -> None:
-    """Refuse positions alone: a joint is found from how receivers turn."""
-    for segment, track in zip(mapping.receivers, tracks, strict=True):
-        if not track.oriented:
-            raise InputError(
-                f"{mapping.where}: receivers.{segment}: has positions and no orientation, which a receiver "
-                "needs; say where it is"
-            )
 
 
 def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:

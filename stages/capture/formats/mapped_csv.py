@@ -13,6 +13,7 @@ import pyarrow as pa
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import FileMapping
+from shukotsu.schemas.units import SECONDS_PER_UNIT
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.formats.cells import Cells, unwrapped_s
 from shukotsu.stages.capture.formats.mapped import (
@@ -25,8 +26,6 @@ from shukotsu.stages.capture.formats.mapped import (
 from shukotsu.stages.capture.formats.orientation import quaternions
 from shukotsu.stages.capture.formats.text_table import TextTable, open_table_text
 from shukotsu.stages.capture.samples import Samples, did_you_mean
-
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 TIME_OF_DAY = "hh:mm:ss"
 
@@ -173,10 +172,8 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
     """A receiver's rows in the file's order, numbered from 0 in place of frames; every : row of the table."""
     rows = source.rows
     position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
-    turned, oriented = np.full((len(rows), 4), np.nan), bool(source.orientation)
-    if oriented and mapping.orientation is not None:
-        turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
-        turned = quaternions(turning, mapping.orientation, lambda index: cells.place(int(rows[index])))
+    turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
+    turned = quaternions(turning, mapping.orientation or {}, lambda index: cells.place(int(rows[index])))
     low = np.zeros(len(rows), bool)
     if source.quality is not None:
         quality = cells.reals(source.quality)[rows]
@@ -184,7 +181,7 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
         low |= quality < mapping.details.get("quality_below", -np.inf)
     numbers = np.concatenate([position * mapping.mm_per_unit, turned], -1)
     none = np.full(len(rows), np.nan)
-    return Track(rows, every[: len(rows)], none, numbers, {"low-quality": low}, oriented)
+    return Track(rows, every[: len(rows)], none, numbers, {"low-quality": low})
 
 
 def _times(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -> dict[str, Array]:
@@ -199,7 +196,9 @@ def _times(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -
             times_s[segment] = unwrapped_s(own_s, start_s)
             start_s = float(next(iter(own_s[np.isfinite(own_s)]), np.nan)) if np.isnan(start_s) else start_s
         else:
-            times_s[segment] = cells.reals(source.time)[source.rows] * _SECONDS[mapping.details["time_unit"]]
+            times_s[segment] = (
+                cells.reals(source.time)[source.rows] * SECONDS_PER_UNIT[mapping.details["time_unit"]]
+            )
     return times_s
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shukotsu.schemas.units import MM_PER_UNIT
+from shukotsu.schemas.units import MM_PER_UNIT, SECONDS_PER_UNIT
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.inspection.column_roles import Roles
 from shukotsu.stages.capture.inspection.column_titles import (
@@ -19,7 +19,6 @@ from shukotsu.stages.capture.inspection.column_titles import (
 from shukotsu.stages.capture.inspection.description import (
     CHECK,
     IMPOSSIBLE_EXTENTS,
-    SECONDS_PER_UNIT,
     extent,
     median_step,
     rate_line,

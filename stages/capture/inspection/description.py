@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.schemas.units import MM_PER_UNIT
+from shukotsu.schemas.units import MM_PER_UNIT, SECONDS_PER_UNIT
 from shukotsu.skeleton.rotations import Array
 
 CHECK = "CHECK"
@@ -28,9 +28,6 @@ _EXTENTS = (
 """Up to how many mm a motion spans what."""
 
 IMPOSSIBLE_EXTENTS = (NOTHING, TOO_FAR)
-
-SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Seconds of every unit that times may come in."""
 
 
 @dataclass(frozen=True)

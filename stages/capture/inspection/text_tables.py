@@ -12,7 +12,7 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.units import UNIT_NAMES
+from shukotsu.schemas.units import SECONDS_PER_UNIT, UNIT_NAMES
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.formats.cells import Cells, unwrapped_s
 from shukotsu.stages.capture.formats.mapped import snake_case, without_marks
@@ -28,7 +28,6 @@ from shukotsu.stages.capture.inspection.column_units import (
 )
 from shukotsu.stages.capture.inspection.description import (
     CHECK,
-    SECONDS_PER_UNIT,
     Description,
     draft,
     extent_line,
