@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage fit_hand",
         "Fit the whole hand at once to its calibration, and pose recordings with it.",
@@ -69,7 +69,7 @@ def fit(arguments: argparse.Namespace) -> None:
 
 
 def _plan(arguments: argparse.Namespace) -> SubjectPlan:
-    """Give the plan, with the reference where that is to be made, of the recordings that the fit reads."""
+    """Return the plan, with the reference where that is to be made, of the recordings that the fit reads."""
     from dataclasses import replace
 
     from shukotsu.schemas.config_files import REFERENCE

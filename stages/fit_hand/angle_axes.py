@@ -42,11 +42,7 @@ class AngleAxes:
 
 
 def angle_axes(evidence: Evidence, places: Mapping[str, Place]) -> dict[str, AngleAxes]:
-    """Give zero and axes of every joint of known anatomy that moves.
-
-    A thumb's metacarpal faces as its receiver does: the axis of its MCP joint tells the side of the nail,
-    about which CMC angles are.
-    """
+    """Zero and axes of known joints that move; a thumb's CMC by its nail's side, as the MCP axis tells it."""
     covariance = evidence.posterior.covariance
     found = {}
     for digit in known_digits(evidence.layout):
@@ -62,23 +58,15 @@ def angle_axes(evidence: Evidence, places: Mapping[str, Place]) -> dict[str, Ang
             by_x = (y * moved[2] - z * moved[1]) / (y * y + z * z)
             sd_deg = float(np.degrees(np.sqrt(by_x @ covariance @ by_x)))
             rest = from_matrix(parent.R.T @ seen.R)
-            found[joint] = AngleAxes(
-                bone_before(digit, k), child, rest, turned, float(np.arctan2(z, y)), by_x, sd_deg
-            )
+            above = digit.segments[k - 1] if k else digit.base
+            found[joint] = AngleAxes(above, child, rest, turned, float(np.arctan2(z, y)), by_x, sd_deg)
     return found
-
-
-def bone_before(digit: Digit, k: int) -> str:
-    """Name the bone from which bone k of a digit hangs."""
-    return digit.segments[k - 1] if k else digit.base
 
 
 def _rests(
     evidence: Evidence, places: Mapping[str, Place], digit: Digit
 ) -> Iterator[tuple[Place, Place, Array]]:
-    """Each joint's parent bone, its child bone as it is at zero, at the mean posture, and how that turns in
-    the parent's frame.
-    """
+    """Each joint's parent bone, its child bone at zero, and how that turns in the parent's frame."""
     still = np.zeros((3, len(evidence.posterior.x)))
     above = np.eye(3)
     for k, frame in enumerate(evidence.model.anatomy[digit.name].frames()):

@@ -41,7 +41,7 @@ from shukotsu.stages.fit_hand.loose_receivers import Displaced, displaced_in
 from shukotsu.stages.fit_hand.measurements import Measurement, measurable
 from shukotsu.stages.fit_hand.operations import Index
 from shukotsu.stages.fit_hand.shared_lengths import share_lengths
-from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, contact_in, touch_in, with_touches
+from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, touch_in, with_touches
 
 MOST_FRAMES = 60_000
 """Of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is looked at."""
@@ -55,9 +55,7 @@ repeats itself: 200 move the mean errors, which are millimetres, by 0.001 mm and
 
 @dataclass(frozen=True)
 class Calibration:
-    """A fitted hand, the recordings that it was fitted to, thinned and without what made it worse, and what
-    was displaced in them.
-    """
+    """A fitted hand, the recordings that it was fitted to, as thinned, and what was displaced in them."""
 
     fit: HandFit
     recordings: Mapping[RecordingName, Poses]
@@ -67,11 +65,10 @@ class Calibration:
 def calibrated_hand(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = ()
 ) -> tuple[Fingertips, Unsteady]:
-    """Fit a part's hand, and the person's other one where they share lengths of bones.
+    """Fit a part's hand, with its fingertips, and the person's other one where they share lengths of bones.
 
-    other_poses : calibration of the other hand (see `partner_poses`). Gives the hand with its fingertips and
-    what was displaced in its recordings. Raises InputError as `fit_calibration`; of the other hand it is only
-    a note on stderr.
+    other_poses : calibration of the other hand (`partner_poses`). Raises InputError as `fit_calibration`; of
+    the other hand it is only a note on stderr.
     """
     poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
     own = fit_calibration(plan, part, part.hand, poses)
@@ -88,10 +85,10 @@ def calibrated_hand(
 
 
 def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
-    """Give poses that calibrate the person's other hand under the part's model, or say why none may be used.
+    """Poses that calibrate the person's other hand under the part's model, or why none may be used.
 
-    Suspicion stays where it is: while a finding stands against a recording of either hand, or one of the
-    other cannot be read, they tell each other nothing, and each is as if the person had no other.
+    Suspicion stays where it is: while a finding stands against a recording of either hand, or one cannot be
+    read, they tell each other nothing.
     """
     layout = plan.layouts[part.hand]
     partner = next((hand for hand in plan.hands if hand != part.hand and plan.layouts[hand] == layout), "")
@@ -119,11 +116,10 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
 
 
 def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path]) -> Calibration:
-    """Fit a hand to its calibration recordings and to what a calliper measured on it.
+    """Fit one of the person's hands to its calibration recordings and to what a calliper measured on it.
 
-    hand : the part's own, or the person's other one, fitted with the part's layout and model. Frames in which
-    a receiver was displaced are left out where they make centres worse. Raises InputError where no recording
-    can be read or the sheet names what is not there, and as `fit_hand` does.
+    Frames in which a receiver was displaced are left out where they make centres worse. Raises InputError
+    where no recording can be read or the sheet names what is not there, and as `fit_hand` does.
     """
     layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
     usable, reasons = usable_poses(poses)
@@ -213,11 +209,11 @@ def _touch(tips: Fingertips, poses: Poses, rows: Index, row: Row, sd_mm: float) 
     """What a row of the sheet says of those frames: a point that was touched, or two digits that met."""
     if not row["meets"]:
         point_mm = np.array([row["x_mm"], row["y_mm"], row["z_mm"]])
-        return touch_in(tips, poses, rows, row["digit"], point_mm, sd_mm=sd_mm, part=row["part"] or TIP)
+        return touch_in(tips, poses, rows, (row["digit"],), sd_mm, row["part"] or TIP, point_mm)
     digits = (row["digit"], row["meets"])
     if digits[0] == digits[1]:
         raise InputError(f"column meets: is {digits[1]!r} as column digit is; expected another digit")
-    return contact_in(tips, poses, rows, digits, sd_mm=sd_mm, part=row["part"] or PAD)
+    return touch_in(tips, poses, rows, digits, sd_mm, row["part"] or PAD)
 
 
 def _place(plan: SubjectPlan, sheet: str, row: Row, column: str = "") -> str:

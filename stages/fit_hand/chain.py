@@ -10,7 +10,7 @@ import numpy as np
 from shukotsu.anatomy import average_hand as prior
 from shukotsu.anatomy.average_hand import DIGITS, DigitAnatomy
 from shukotsu.anatomy.known_digits import known_digits, root_of
-from shukotsu.schemas.layout import Digit, Layout
+from shukotsu.schemas.layout import Layout
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.chain_builder import (
     KINDS,
@@ -26,7 +26,7 @@ from shukotsu.stages.fit_hand.chain_builder import (
     receiver,
     tilted,
 )
-from shukotsu.stages.fit_hand.digits import digit_steps
+from shukotsu.stages.fit_hand.digits import DigitChain
 from shukotsu.stages.fit_hand.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
 from shukotsu.stages.fit_hand.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
 from shukotsu.stages.fit_hand.operations import Branch, Mark, Side, Step, Turn
@@ -39,10 +39,10 @@ _FINGER_JOINTS = 4
 class HandModel:
     """Everything that does not depend on a recording.
 
-    length : bone's segment to its length; mount : segment to its receiver's place (x, y, z) on the bone;
-    axes : joint to its flexion axis in the frame marked `axis_frame`, centres : joint to
-    the mark at its centre. centres_in_child : joint without anatomy to its centre in its child's receiver.
-    anatomy : of the average digits, with the thumb's metacarpal facing as its receiver does.
+    length, mount : of a bone, and its receiver's place (x, y, z) on it, by segment; axes : joint to its
+    flexion axis in the frame marked `axis_frame`, centres : to the mark at its centre, centres_in_child :
+    without anatomy, to its centre in its child's receiver. anatomy : of the average digits, the thumb facing
+    as its receiver does.
     """
 
     unknowns: Unknowns
@@ -69,17 +69,21 @@ def hand_model(
 ) -> HandModel:
     """Lay out all chains of a layout.
 
-    receivers : segments in the order in which frames hold them; seen : those that have valid poses, as skin
-    is not fitted to angles that nothing shows. wrist_mm : (3,) where the wrist centre is expected in the
-    root's receiver frame, average hand. free : joints without anatomy. scale : mean and sd of the hand's
-    size. anatomy : of the digits.
+    receivers : segments as frames hold them; seen : those with valid poses, as skin is not fitted to angles
+    that nothing shows. wrist_mm : (3,) expected in the root's receiver frame. free : joints without anatomy.
+    scale : mean and sd of the hand's size.
     """
     builder = Builder(layout, scale, frozenset(seen))
     root, digits = root_of(layout), known_digits(layout)
-    branches = [_base(builder, root, wrist_mm if digits else None)]
-    branches += [digit_steps(builder, digit, anatomy[digit.name]) for digit in digits]
-    for digit in digits:
-        _link_last_joints(builder.states, digit)
+    worn = [builder.scale.times(-float(v)) for v in wrist_mm]
+    branches = [builder.receiver_steps(root, worn) if digits else [Mark(receiver(root))]]
+    branches += [DigitChain(builder, digit, anatomy[digit.name]).steps() for digit in digits]
+    states = builder.states
+    for digit in digits:  # a finger's last two joints bend together, which tells them apart
+        *_, pip, dip = ((joint, KINDS[0]) for joint in digit.joints)
+        if len(digit.joints) == _FINGER_JOINTS and pip in states.names and dip in states.names:
+            places = states.names.index(dip), states.names.index(pip)
+            states.follow(*places, prior.DIP_PER_PIP, prior.DIP_BY_PIP_SD_DEG)
     branches += [_free(builder, joint, free, at_wrist=bool(digits)) for joint in free if joint.near == root]
     return HandModel(
         builder.unknowns,
@@ -94,22 +98,6 @@ def hand_model(
         builder.centres_in_child,
         anatomy,
     )
-
-
-def _link_last_joints(states: States, digit: Digit) -> None:
-    """Expect a finger's DIP joint to bend with its PIP joint: it tells them apart where no receiver does."""
-    *_, pip, dip = ((joint, KINDS[0]) for joint in digit.joints)
-    if len(digit.joints) == _FINGER_JOINTS and pip in states.names and dip in states.names:
-        places = states.names.index(dip), states.names.index(pip)
-        states.follow(*places, prior.DIP_PER_PIP, prior.DIP_BY_PIP_SD_DEG)
-
-
-def _base(builder: Builder, root: str, wrist_mm: Array | None) -> Sequence[Step]:
-    """The root's own receiver: somewhere on the hand, or (None) the root itself."""
-    if wrist_mm is None:
-        return [Mark(receiver(root))]
-    worn = [builder.scale.times(-float(v)) for v in wrist_mm]
-    return builder.receiver_steps(root, worn)
 
 
 def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at_wrist: bool) -> list[Step]:

@@ -28,11 +28,11 @@ class Amount:
     parts: tuple[tuple[float, int], ...]
 
     def times(self, factor: float) -> Amount:
-        """Give the amount, so many times."""
+        """The amount, so many times."""
         return Amount(self.constant * factor, tuple((c * factor, i) for c, i in self.parts))
 
     def plus(self, other: Amount) -> Amount:
-        """Give the sum of two amounts."""
+        """The sum of two amounts."""
         return Amount(self.constant + other.constant, self.parts + other.parts)
 
     def row(self, n_unknowns: int) -> Array:
@@ -45,13 +45,13 @@ class Amount:
 
 @dataclass
 class Unknowns:
-    """Hold what x holds: a name and a group (of common prior scale) for each."""
+    """What x holds: a name and a group (of common prior scale) for each."""
 
     names: list[str] = field(default_factory=list)
     groups: list[str] = field(default_factory=list)
 
     def add(self, group: str, name: str) -> int:
-        """Add an unknown; give its index."""
+        """Add an unknown; return its index."""
         self.names.append(f"{name} {group}")
         self.groups.append(group)
         return len(self.names) - 1
@@ -59,10 +59,7 @@ class Unknowns:
 
 @dataclass
 class States:
-    """Hold what y holds: joint, kind and prior (mean, sd) in rad of every joint angle.
-
-    follows : of a state that is expected at so many times another, that one and the ratio.
-    """
+    """Joint, kind and prior (mean, sd) in rad of each joint angle; follows : another angle, and the ratio."""
 
     names: list[tuple[str, str]] = field(default_factory=list)
     mean: list[float] = field(default_factory=list)
@@ -70,7 +67,7 @@ class States:
     follows: dict[int, tuple[int, float]] = field(default_factory=dict)
 
     def add(self, joint: str, kind: str, mean_deg: float, sd_deg: float) -> int:
-        """Add a state; give its index."""
+        """Add a state; return its index."""
         self.names.append((joint, kind))
         self.mean.append(float(np.radians(mean_deg)))
         self.sd.append(float(np.radians(sd_deg)))
@@ -82,9 +79,7 @@ class States:
         self.mean[state], self.sd[state] = ratio * self.mean[other], float(np.radians(sd_deg))
 
     def sd_over(self, samples: float) -> Array:
-        """Priors' sd (S,) in a recording of so many independent samples: how a joint follows another is one
-        fact of a person, however often it shows.
-        """
+        """Priors' sd (S,) over independent samples: that a joint follows another is one fact."""
         sd = np.array(self.sd)
         sd[list(self.follows)] *= np.sqrt(samples)
         return sd
@@ -99,10 +94,7 @@ class States:
 
 @dataclass(frozen=True)
 class FirstGuess:
-    """Hold how a joint's flexion follows from two receivers that sit as they should.
-
-    child rotation = parent rotation * before * (turn about axis) * after.
-    """
+    """How a flexion shows: child rotation = parent rotation * before * (turn about axis) * after."""
 
     state: int
     parent: str
@@ -150,10 +142,7 @@ def receiver(segment: str) -> str:
 
 
 class Builder:
-    """Collects what chains need while they are laid out; the attributes as in `HandModel`.
-
-    scale : mean and sd of the hand's size. seen : segments of which the recordings have poses.
-    """
+    """What chains need while they are laid out; attributes, `scale` and `seen` as in `hand_model`."""
 
     def __init__(self, layout: Layout, scale: tuple[float, float], seen: frozenset[str]) -> None:
         self.layout, self.seen = layout, seen
@@ -167,15 +156,15 @@ class Builder:
         self.centres_in_child: dict[str, tuple[Amount, Amount, Amount]] = {}
 
     def free(self, mean: float, sd: float, group: str, name: str) -> Amount:
-        """Give an amount of its own, with that mean and sd."""
+        """An amount of its own, with that mean and sd."""
         return Amount(mean, ((sd, self.unknowns.add(group, name)),))
 
     def place(self, mean: Amount, sd: float, group: str, name: str) -> Amount:
-        """Give an amount that differs from another by an unknown of that sd."""
+        """An amount that differs from another by an unknown of that sd."""
         return mean.plus(self.free(0.0, sd, group, name))
 
     def shared(self, sd: float, group: str, name: str) -> Amount:
-        """Give an amount with mean 0 and that sd which several parts of the hand have in common."""
+        """An amount with mean 0 and that sd which several parts of the hand have in common."""
         full = f"{name} {group}"
         if full in self.unknowns.names:
             return Amount(0.0, ((sd, self.unknowns.names.index(full)),))
@@ -193,9 +182,8 @@ class Builder:
     ) -> tuple[Step, ...]:
         """Place of a receiver on its bone, sliding and tilting with the drives.
 
-        kind : of the bone; None for the palm. People put receivers on by habit, one for the nails and one for
-        all other bones. lag : by how much less it turns than its place does. faces_anyhow : it may be put on
-        anywhere round its bone.
+        kind : of the bone; None for the palm. People have a habit for nails and one for other bones. lag : by
+        how much less it turns than its place does. faces_anyhow : it may sit anywhere round its bone.
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
         placed = [

@@ -17,9 +17,7 @@ LAYOUT = "liberty16"
 
 
 def compile_all() -> None:
-    """Call every compiled function on one frame; numba keeps what it compiles beside the code, or where
-    NUMBA_CACHE_DIR or the user's cache is.
-    """
+    """Call every compiled function on one frame; numba keeps them beside the code, or in NUMBA_CACHE_DIR."""
     problem, point = one_frame()
     compiled_equations.residuals(problem, point)
     compiled_equations.weighted_jacobians(problem, point)

@@ -30,11 +30,7 @@ _LEAST_GAIN = 1e-4
 
 @dataclass(frozen=True)
 class Steps:
-    """Normal equations with all states and roots eliminated, as in `Reduced`, but frames last.
-
-    root_inverse : (6, 6, F), root_by_x : (G, 6, F), root_rhs : (6, F); eliminated, unknowns : of
-    every branch.
-    """
+    """`Reduced`, frames last; of every branch what is eliminated, and the unknowns that move it."""
 
     matrix: Array
     gradient: Array
@@ -45,7 +41,7 @@ class Steps:
     unknowns: tuple[Index, ...]
 
     def frames_first(self) -> Reduced:
-        """Give them as the rest of the package reads them."""
+        """The same as the rest of the package reads them."""
         return Reduced(
             self.matrix,
             self.gradient,
@@ -200,9 +196,7 @@ def residuals(problem: Problem, point: Point) -> Residuals:
 
 
 class Jacobian(NamedTuple):
-    """A branch's residuals r (F, m) with robust weights and tempering in, and their derivatives by its states
-    (F, m, s), by the root (F, m, 6) and by its unknowns (F, m, g).
-    """
+    """A branch's weighted r (F, m), derivatives by its states, the root and its unknowns: (F, m, s), 6, g."""
 
     r: Array
     by_states: Array
@@ -211,7 +205,7 @@ class Jacobian(NamedTuple):
 
 
 def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
-    """Give every branch's."""
+    """Every branch's derivatives."""
     at, out, first = _Evaluated.of(problem, point), [], 0
     for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
         m, n = 6 * len(receivers), len(point.y)
@@ -229,9 +223,7 @@ def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
 
 
 def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
-    """Set up the normal equations and eliminate states and roots; damping : Marquardt's, of states and roots,
-    relative to the diagonal.
-    """
+    """Eliminate states and roots from the normal equations; damping : Marquardt's, over the diagonal."""
     at, G, n = _Evaluated.of(problem, point), len(point.x), len(point.y)
     rows = problem.observations.rows
     matrix = np.diag(problem.precision) + rows.T @ rows
@@ -275,9 +267,7 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
 
 
 def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
-    """Fit states and roots of every frame with x as it is: Levenberg-Marquardt, each frame on its own and
-    for no longer than it gains.
-    """
+    """Fit states and roots with x as it is: Levenberg-Marquardt, each frame for no longer than it gains."""
     chains, amounts, prior = _chains(problem), _amounts(_chains(problem), point.x), _prior(problem)
     plan = kernel.condensed(chains, amounts)
     y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()

@@ -9,7 +9,7 @@ from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.fingertips import PAD, Fingertips, seen_parts
 from shukotsu.stages.fit_hand.operations import Index
-from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, contact_in
+from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, touch_in
 
 THUMB = "thumb"
 
@@ -17,8 +17,8 @@ NEAR_SD = 3.37
 """Pads predicted closer than so many sd may be in contact: 99 % of three normal numbers (chi)."""
 
 SLOW_SHARE = 0.15
-"""Of the speed that thumb and finger reach towards each other (its 90th percentile): pads that meet are held
-for a moment, pads that pass each other are not."""
+"""Share of the speed that thumb and finger reach towards each other (its 90th percentile): pads that meet are
+held for a moment, pads that pass each other are not."""
 
 HELD_MM = 1.0
 """Frames so much farther apart than the closest one still belong to the contact."""
@@ -35,9 +35,8 @@ _Rows = npt.NDArray[np.bool_]
 def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
     """Find frames of a recording in which the thumb's pad is likely to rest on a finger's.
 
-    One finger's pad must be the nearest to the thumb's, come nearer than the hand's uncertainty allows, and
-    be held there. One person's way of putting pads together repeats itself, so that all
-    contacts of a finger share the weight of one: CONTACT_SD_MM is for their mean.
+    That pad must be the nearest, nearer than the hand's uncertainty allows, and be held there. One person's
+    way of putting pads together repeats itself: all contacts of a finger share the weight of one.
     """
     fingers = [name for name in tips.digits if name != THUMB]
     if THUMB not in tips.digits or not fingers:
@@ -47,22 +46,17 @@ def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
     apart = pads[:, own] - pads[:, [list(tips.digits).index(THUMB)]]
     distance = np.nan_to_num(np.linalg.norm(apart, axis=-1), nan=np.inf)
     nearest = distance.argmin(1)
+    seen = seen_parts(tips.fit.evidence, tips.fit.evidence.posterior.x, tips.offsets_mm)
     contacts = []
     for i, finger in enumerate(fingers):
-        near = (distance[:, i] < NEAR_SD * _apart_sd_mm(tips, finger)) & (nearest == i)
+        both = [seen[digit, PAD][1] for digit in (THUMB, finger)]
+        variance = sum(float(np.trace(rows @ tips.covariance @ rows.T)) / 3 for rows in both)
+        apart_sd_mm = float(np.sqrt(variance + CONTACT_SD_MM**2))  # per direction, averaged over directions
+        near = (distance[:, i] < NEAR_SD * apart_sd_mm) & (nearest == i)
         episodes = _held(distance[:, i], _speed(apart[:, i]), near)[:MOST_EACH]
         shared = CONTACT_SD_MM * len(episodes) ** 0.5
-        contacts += [contact_in(tips, poses, rows, (THUMB, finger), sd_mm=shared) for rows in episodes]
+        contacts += [touch_in(tips, poses, rows, (THUMB, finger), shared, PAD) for rows in episodes]
     return contacts
-
-
-def _apart_sd_mm(tips: Fingertips, finger: str) -> float:
-    """Sd per direction of the distance of two pads in contact, averaged over directions."""
-    evidence = tips.fit.evidence
-    seen = seen_parts(evidence, evidence.posterior.x, tips.offsets_mm)
-    both = [seen[digit, PAD][1] for digit in (THUMB, finger)]
-    variance = sum(float(np.trace(rows @ tips.covariance @ rows.T)) / 3 for rows in both)
-    return float(np.sqrt(variance + CONTACT_SD_MM**2))
 
 
 def _speed(apart_mm: Array) -> Array:

@@ -28,13 +28,8 @@ from shukotsu.stages.fit_hand.operations import Mark, Operation, Side, Step, Ter
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 
-def digit_steps(builder: Builder, digit: Digit, anatomy: DigitAnatomy) -> list[Step]:
-    """Lay out a digit from the base bone's frame."""
-    return _DigitChain(builder, digit, anatomy).steps()
-
-
-class _DigitChain:
-    """A digit while it is laid out; bone k is moved by joint k.
+class DigitChain:
+    """A digit while it is laid out from the base bone's frame; bone k is moved by joint k.
 
     above : from the hand's frame to that of the bone before bone k; axes : flexion axes in it, rests :
     rotations of bone k against it, digit straight. flexions : the state of every joint that flexes.
@@ -91,11 +86,7 @@ class _DigitChain:
         return flexions
 
     def _bone(self, k: int) -> list[Step]:
-        """Joint k, the bone that it moves, and that bone's receiver.
-
-        The receiver over a thumb's metacarpal does not follow its bone all the way: it sits on a side branch
-        of its own, in which the joint turns less, and turns less again.
-        """
+        """Joint k, its bone and receiver; a thumb's first sits on a side branch, which turns less."""
         builder, joint, segment = self.builder, self.digit.joints[k], self.digit.segments[k]
         skew = self.anatomy.second_axis if k == 0 else None
         second = None if skew is None else self.above[k] @ skew
@@ -152,11 +143,10 @@ class _Joint:
     """Operations of one joint, which a side branch may repeat with its receiver lagging behind.
 
     Flexion about an axis that may be tilted; abduction about the child's dorsal axis, carried by flexion, and
-    axial rotation about its long axis, carried by both; a hinge has these too, within a few degrees, since
-    its axis varies as it turns, and its bone may lean sideways at rest. The centre slides as it flexes. Skew
-    axes pass each other: the second, in the parent, carries the first, and the centre is half way between
-    them. CMC joints without a receiver pronate as they flex, and are held flexed a little by each person;
-    where the layout has them still, they move too little to be told from skin and are no joint of the tables,
+    axial rotation about its long axis, carried by both; a hinge has these within a few degrees, and its bone
+    may lean sideways at rest. The centre slides as it flexes. Skew axes pass each other: the second, in the
+    parent, carries the first, and the centre is half way between. CMC joints without a receiver pronate as
+    they flex and are held flexed a little; where the layout has them still, they are no joint of the tables,
     but their motion is not taken for that of another.
     """
 
@@ -222,7 +212,7 @@ class _Joint:
         )
 
     def steps(self, *, lagging: bool = False) -> list[Step]:
-        """Give the joint's operations from its parent's frame, at its centre, to its child's."""
+        """The joint's operations from its parent's frame, at its centre, to its child's."""
         rest: list[Step] = [Turn(self.rest)]
         if self.flexion is None:
             return rest

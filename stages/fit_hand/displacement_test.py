@@ -1,4 +1,4 @@
-"""Say whether a hand fits better if a receiver sits elsewhere on its bone: from a moment on, or ever farther
+"""Test whether a hand fits better if a receiver sits elsewhere on its bone: from a moment on, or ever farther
 off.
 
 To first order the answer needs no second fit (Rao's score test): the six numbers of such a displacement are
@@ -67,9 +67,7 @@ PRIOR = np.diag(np.repeat(DISPLACEMENT_SD, 3) ** -2.0)
 
 @dataclass(frozen=True)
 class Displacement:
-    """A receiver, by number, displaced by step (6,), mm and rad in its own frame: from frame `start` on, or
-    evenly farther between that and `end`.
-    """
+    """Receiver displaced by step (6,), mm and rad in its own frame, from `start`, or evenly up to `end`."""
 
     receiver: int
     start: int
@@ -78,7 +76,7 @@ class Displacement:
 
     @property
     def slides(self) -> bool:
-        """Say whether it went slowly."""
+        """Whether it went slowly."""
         return self.end > self.start
 
     @property
@@ -94,9 +92,7 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Courses:
-    """Ways in which a receiver may leave its place: share (P, I) of the way in each interval between moments,
-    the moments (P,) between which it goes, and whether it comes back (P,).
-    """
+    """Ways to leave a place: share (P, I) gone in each interval, moments (P,), whether it returns (P,)."""
 
     share: Array
     start: Index
@@ -106,10 +102,7 @@ class Courses:
 
 @cache
 def courses(n_intervals: int, *, from_start: bool = False) -> Courses:
-    """Give the steps, the slides and what comes back, in a recording of so many intervals.
-
-    from_start : whether a receiver may have sat elsewhere all along, as in another recording than its hand's.
-    """
+    """Steps, slides, what comes back; from_start : whether a receiver may sit elsewhere all along."""
     last, at = n_intervals - SHORTEST, np.arange(n_intervals)
     grid = range(0, n_intervals + 1, SLIDE_GRID)
     steps = [(k, k) for k in [0] * from_start + [*range(SHORTEST, last + 1)]]
@@ -127,11 +120,11 @@ def courses(n_intervals: int, *, from_start: bool = False) -> Courses:
 
 @dataclass(frozen=True)
 class ScoreTest:
-    """Slope (S, I, 6) and curvature (S, 6 I, 6 I) of the cost by a displacement of each receiver in each
-    interval, which begin at `cuts` (I,).
+    """Slope (S, I, 6) and curvature (S, 6 I, 6 I) of the cost by a receiver's displacement in each interval
+    from `cuts` (I,).
 
     gain : (S, P) log posterior that the best displacement, step (S, P, 6), adds on each course; abnormal :
-    (S, P) what of it a normal displacement, within radii (S, 6), does not. Both 0 for those not tested.
+    what of it a normal displacement does not. Both 0 for those not tested.
     """
 
     cuts: Index
@@ -152,9 +145,7 @@ class ScoreTest:
         *,
         from_start: bool = False,
     ) -> ScoreTest:
-        """Test some of the receivers; normal : (S, 2) mm and rad of a displacement that is none; from_start :
-        as in `courses`.
-        """
+        """Test some receivers; normal : (S, 2) mm and rad, of a displacement that is none."""
         cuts = np.unique(np.linspace(0, len(point.y), MOMENTS + 1).round().astype(int))[:-1]
         n_receivers, ways = len(problem.sd), courses(len(cuts), from_start=from_start)
         slope = np.zeros((n_receivers, len(cuts), 6))
@@ -171,7 +162,9 @@ class ScoreTest:
                     slope[s], curvature[s] = of_s, by_s
             for s in own:
                 on_courses = _on_courses(slope[s], curvature[s], ways.share)
-                step[s], gain[s] = best_step(*on_courses)
+                of_s, by_s = on_courses
+                step[s] = -np.linalg.solve(by_s + PRIOR, of_s[..., None])[..., 0]
+                gain[s] = -(of_s * step[s]).sum(-1) / 2
                 within = most_within(np.tile(radii[s], (len(ways.share), 1)), *on_courses)
                 abnormal[s] = gain[s] - within
         return cls(cuts, slope, curvature, step, gain, abnormal, ways)
@@ -193,9 +186,8 @@ class ScoreTest:
     def _odds(self, receiver: int | None) -> tuple[Index, Array]:
         """The likeliest receiver (P,) on each course, or the one given, and how abnormal (P,) it would be.
 
-        What one receiver's large displacement explains may be the small one of its neighbour: on each course
-        only the receiver whose displacement explains most is a candidate. Nor is one that comes back: what
-        returns is skin.
+        On each course only the receiver whose displacement explains most is a candidate: the rest may be its
+        neighbours' doing. Nor is one that comes back: what returns is skin.
         """
         ways = self.ways
         every = np.arange(len(ways.start))
@@ -211,11 +203,11 @@ class ScoreTest:
         return Displacement(receiver, int(start), int(end), self.step[receiver, course])
 
     def rivals(self) -> list[Displacement]:
-        """The likeliest displacement, the same receiver's if it came loose at once rather than slid or the
-        other way round, and those of other receivers on the same course that explain nearly as much.
+        """The likeliest displacement, the same receiver's in the other way (at once or slid), and others' on
+        the same course.
 
-        Which of them it is, only the fits with them can tell: to first order a turned receiver on the middle
-        of a finger is much like one on its tip that slid.
+        Which it is, only fits with them can tell: to first order a turned receiver on the middle of a finger
+        is much like one on its tip that slid.
         """
         first = self.likeliest()
         if first is None:
@@ -243,18 +235,12 @@ class ScoreTest:
         return replace(known, step=known.step - rest)
 
 
-def best_step(slope: Array, curvature: Array) -> tuple[Array, Array]:
-    """The likeliest displacement (P, 6) and the log posterior (P,) that it adds."""
-    step = np.asarray(-np.linalg.solve(curvature + PRIOR, slope[..., None])[..., 0], float)
-    return step, np.asarray(-(slope * step).sum(-1) / 2)
-
-
 def _skin(problem: Problem, point: Point, receivers: Sequence[int], sd: Array) -> Array:
-    """Ways (F, n, R, 6) in which skin may displace n receivers of one branch, each as likely as any other;
-    sd (S, 2) : mm and rad, of all of them together.
+    """Ways (F, n, R, 6) in which skin may displace n receivers of a branch, each as likely; sd (S, 2) of all
+    together.
 
-    Half of it belongs to the posture and returns with it, half fades. The posture is that of the digit; the
-    palm's is how all digits stand at their bases.
+    Half belongs to the posture and returns with it, half fades. The posture is the digit's; the palm's is how
+    all digits stand at their bases.
     """
     states = next(
         branch.states
@@ -274,9 +260,7 @@ def _skin(problem: Problem, point: Point, receivers: Sequence[int], sd: Array) -
 def _by_interval(
     left: Eliminated, branch: EliminatedBranch, skin: Array, cuts: Index
 ) -> dict[int, tuple[Array, Array]]:
-    """Slope (I, 6) and curvature (6 I, 6 I) by a displacement of each receiver of a branch in each interval,
-    when skin (F, n, R, 6) may take any part of it, and the hand's unknowns theirs.
-    """
+    """Slope (I, 6), curvature (6 I, 6 I) by receivers' displacements, less what skin and unknowns take."""
     n_frames, n, n_ways, _ = skin.shape
     by_x = branch.by_x.reshape(6 * n * n_frames, -1)
     slope = (branch.slope.ravel() - by_x @ (left.covariance @ left.gradient)).reshape(n_frames, n, 6)

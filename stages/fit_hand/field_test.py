@@ -1,4 +1,4 @@
-"""Say whether a hand fits better if the field is disturbed: an error that all receivers share at a place.
+"""Test whether a hand fits better if the field is disturbed: an error that all receivers share at a place.
 
 Beside a steel plate every receiver is off by what belongs to where it is in the room, whenever it is there,
 so that what one shows another must show as well. The error grows towards a source beside the hand, whose
@@ -50,16 +50,14 @@ _PRIOR = np.diag(np.repeat(DISTURBED_SD, 3) ** -2.0)
 
 @dataclass(frozen=True)
 class Field:
-    """An error of the tracker that grows towards a source (3,), beside the place `nearest` (3,) where a
-    receiver came nearest to it: there `error` (6,), mm and rad in the transmitter's axes.
-    """
+    """The tracker's error, growing towards a source (3,): `error` (6,), mm and rad, at `nearest` (3,)."""
 
     source: Array
     nearest: Array
     error: Array
 
     def at(self, position_mm: Array) -> Array:
-        """Give the error (..., 6) at places (..., 3)."""
+        """The error (..., 6) at places (..., 3)."""
         return np.asarray(self.share(position_mm)[..., None] * self.error)
 
     def share(self, position_mm: Array) -> Array:
@@ -83,8 +81,13 @@ def fields(places: Array) -> list[Field]:
 
 def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
     """The likeliest field, and the log likelihood that it explains beyond what any room has."""
-    problem = _without_gross(problem, point)
-    frames = problem.frames
+    valid = problem.frames.valid.copy()
+    for receivers, (r, _, _) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
+        for i, (_, s) in enumerate(receivers):
+            off = np.linalg.norm(r[i].reshape(-1, 2, 3), axis=-1) * problem.sd[s]
+            valid[:, s] &= (off <= GROSS).all(1)  # else from the wrong side, or a spike
+    frames = replace(problem.frames, valid=valid)
+    problem = replace(problem, frames=frames)
     tried = fields(frames.position_mm[frames.valid])
     share = np.stack([field.share(frames.position_mm) for field in tried], -1)
     slope, curvature = _by_amounts(problem, point, np.concatenate([share, _room(frames)], -1))
@@ -100,16 +103,6 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
     abnormal = gain - most_within(np.tile(np.repeat(USUAL, 3), (n, 1)), slopes, curvatures)
     best = int(np.argmax(abnormal))
     return replace(tried[best], error=error[best]), float(abnormal[best])
-
-
-def _without_gross(problem: Problem, point: Point) -> Problem:
-    """The problem without poses that are off by more than metal's doing: from the wrong side, or spikes."""
-    valid = problem.frames.valid.copy()
-    for receivers, (r, _, _) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
-        for i, (_, s) in enumerate(receivers):
-            off = np.linalg.norm(r[i].reshape(-1, 2, 3), axis=-1) * problem.sd[s]
-            valid[:, s] &= (off <= GROSS).all(1)
-    return replace(problem, frames=replace(problem.frames, valid=valid))
 
 
 def _room(frames: Frames) -> Array:
@@ -129,9 +122,7 @@ def _room(frames: Frames) -> Array:
 
 
 def _by_amounts(problem: Problem, point: Point, share: Array) -> tuple[Array, Array]:
-    """Slope (6 K,) and curvature (6 K, 6 K) of the cost by the amounts, mm and rad in the transmitter's axes,
-    of K errors of which each receiver has its share (F, S, K) in each frame.
-    """
+    """Slope (6 K,), curvature (6 K, 6 K) by K errors of which receivers have their share (F, S, K)."""
     left, frames = Eliminated.of(problem, point), problem.frames
     n_frames, n_own = len(share), 6 * share.shape[-1]
     slope, curvature = np.zeros(n_own), np.zeros((n_own, n_own))

@@ -31,28 +31,25 @@ BONE, TIP, PAD = "bone", "tip", "pad"
 SOFT_PARTS = (TIP, PAD)
 
 TIP_SD_MM = (0.6, 0.5, 0.5)
-"""Of the soft tip about the end of the bone, along, across and in height: Buryanov & Kotiuk 2010 have 0.59 to
-0.62 mm along; across, whoever touches with the end of a finger meets its middle line by eye (our choice)."""
+"""Sd of the soft tip about the end of the bone, along, across and in height: Buryanov & Kotiuk 2010 have 0.59
+to 0.62 mm along; across, whoever touches with the end of a finger meets its middle line by eye (our
+choice)."""
 
 PAD_DEPTH_MM: Mapping[str, float] = {"thumb": 7.5}
 OTHER_PAD_DEPTH_MM = 6.5
 """Of the pad's skin under the bone's long axis: half of a finger's end, which is 10 to 16 mm thick."""
 
 PAD_SHARE = 0.25
-"""Of the last bone's length that lies beyond the pad: pulps meet under the bone's broad end (our choice)."""
+"""Share of the last bone's length beyond the pad: pulps meet under the bone's broad end (our choice)."""
 
 PAD_SD_MM = (2.0, 1.0, 1.0)
-"""Of the pad's place along, across and in depth: 5 to 8 mm deep, and one pinches more with the end of the
+"""Sd of the pad's place along, across and in depth: 5 to 8 mm deep, and one pinches more with the end of the
 finger than another (our choice)."""
 
 
 @dataclass(frozen=True)
 class Fingertip:
-    """One fingertip in its distal receiver's own frame, mm.
-
-    point_mm : (3,) the end of the last bone, under the skin; soft_tip_mm : (3,) the end of the digit;
-    pad_mm : (3,) where its pulp touches. Each with its covariance (3, 3), mm2.
-    """
+    """The last bone's end, the digit's, its pad: (3,) mm in the receiver's frame, with covariances."""
 
     receiver: str
     point_mm: Array
@@ -67,9 +64,9 @@ class Fingertip:
 class Fingertips:
     """The fingertips of a hand, beside the fit that they were read off.
 
-    offsets_mm : (D, 2, 3) of soft tip and pad from the end of the bone, in the bone's frame of a right hand
-    (x distal, y towards the thumb, z dorsal). covariance : (G + 6 D, G + 6 D) of the fit's unknowns and of
-    the offsets. digits : by name, in the order of the offsets. refused : touches that were left out, and why.
+    offsets_mm : (D, 2, 3) of soft tip and pad from the bone's end, in the bone's frame of a right hand, in
+    the order of digits. covariance : (G + 6 D, G + 6 D) of unknowns and offsets. refused : touches left out,
+    and why.
     """
 
     fit: HandFit
@@ -90,10 +87,7 @@ class Fingertips:
         return self.digits[digit]
 
     def in_transmitter(self, poses: Poses, part: str = BONE) -> Array:
-        """Points (T, D, 3) of a recording, carried by the distal receivers as measured; NaN where not valid.
-
-        part : bone, tip or pad.
-        """
+        """Bone, tip or pad (T, D, 3) of a recording, carried by the distal receivers; NaN where not valid."""
         out = np.full((len(poses.frame), len(self.digits), 3), np.nan)
         for i, tip in enumerate(self.digits.values()):
             column = poses.index(tip.receiver)
@@ -110,7 +104,7 @@ def square_root(covariance: Array) -> Array:
 
 
 def fingertips(fit: HandFit) -> Fingertips:
-    """Give the fingertips as the fit and people in general have them, before anything was touched."""
+    """The fingertips as the fit and people in general have them, before anything was touched."""
     offsets, n_unknowns = _average_offsets_mm(fit), len(fit.evidence.posterior.x)
     covariance = np.zeros((n_unknowns + offsets.size,) * 2)
     covariance[:n_unknowns, :n_unknowns] = fit.evidence.posterior.covariance
@@ -140,9 +134,7 @@ def tipped_digits(evidence: Evidence) -> list[Digit]:
 
 
 def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[str, str], tuple[Array, Array]]:
-    """Every digit's bone, tip and pad in its distal receiver's own frame, as that rode at the mean posture:
-    the point (3,) and its derivative (3, G + 6 D) by the unknowns x and the offsets.
-    """
+    """Bones' ends, tips and pads (3,) in their receivers' frames, with derivatives (3, G + 6 D)."""
     model = evidence.model
     places = places_of(model, evidence.posterior.moved_to(x, evidence.posterior.covariance))
     seen = {}

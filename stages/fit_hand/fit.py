@@ -35,8 +35,9 @@ from shukotsu.stages.fit_hand.receiver_frames import (
 from shukotsu.stages.fit_hand.room_field import RoomField
 
 RESIDUAL_SD = (0.5, float(np.radians(0.6)))
-"""Of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin that its states
-do not follow (two LIBERTY sensors on a rigid bar already differ by 0.3 to 0.55 mm and 0.3 to 0.45 deg)."""
+"""Sd of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin that its
+states do not follow (two LIBERTY sensors on a rigid bar already differ by 0.3 to 0.55 mm and 0.3 to 0.45
+deg)."""
 
 INDEPENDENT_SAMPLES = 30.0
 """In a calibration of half a minute; skin wanders for about half a second."""
@@ -56,9 +57,7 @@ _POSING_STEPS = 4
 
 @dataclass(frozen=True)
 class Settings:
-    """Hold how hard to work: frames fitted, steps of each solution at most, rounds in which the scales of
-    priors and residuals are found (0: as published).
-    """
+    """Frames fitted, most steps of a solution, rounds that find priors' and residuals' scales."""
 
     n_frames: int = 100
     most_steps: int = 25
@@ -67,9 +66,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class HandFit:
-    """A fitted hand: its joints and bones (`summary`), the evidence that they were read off, and the root
-    mean square residual of every receiver, mm and deg per component.
-    """
+    """A fitted hand, its evidence, and every receiver's rms residual, mm and deg per component."""
 
     evidence: Evidence
     summary: HandSummary
@@ -87,16 +84,16 @@ class HandFit:
 
     @property
     def side(self) -> str:
-        """Say whether the fitted hand is right or left."""
+        """Whether the hand is right or left."""
         return "left" if self.evidence.convention.left else "right"
 
     @property
     def converged(self) -> bool:
-        """Say whether the last round ended because nothing moved any more."""
+        """Whether the last round ended because nothing moved any more."""
         return self.evidence.converged
 
     def moved_to(self, x: Array, covariance: Array) -> HandFit:
-        """Give the hand with other unknowns (G,) and covariance (G, G)."""
+        """The hand with other unknowns (G,) and covariance (G, G)."""
         evidence = replace(self.evidence, posterior=self.evidence.posterior.moved_to(x, covariance))
         return replace(self, evidence=evidence, summary=summarise(evidence))
 
@@ -113,11 +110,10 @@ def fit_hand(
 ) -> HandFit:
     """Fit a hand to its calibration recordings, all at once.
 
-    recordings : of one hand, all of the same receivers; each holds the poses (T, S) of receivers in the
-    transmitter frame, wherever that is. hand : right or left. hand_length_mm : wrist crease to the tip of the
-    middle finger; hand_breadth_mm : across the knuckles of digits 2 to 5. measurements : taken on the hand
-    itself. A receiver that is never valid is done without. Raises InputError where fewer than two frames have
-    half of the receivers, or a measurement names nothing known.
+    recordings : of the same receivers, each in its own transmitter frame. hand : right or left.
+    hand_length_mm : wrist crease to the middle finger's tip; hand_breadth_mm : across the knuckles.
+    measurements : taken on the hand itself. A receiver that is never valid is done without. Raises InputError
+    where fewer than two frames have half of the receivers, or a measurement names nothing known.
     """
     settings = settings or Settings()
     convention = Convention.of(layout, _receivers(layout, recordings), hand)
@@ -126,10 +122,13 @@ def fit_hand(
     scale = _scale(hand_length_mm, hand_breadth_mm)
     model = _model(layout, convention, everything, frames, scale)
     field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
-    measured = observations(model, measurements).and_also(planes(model, layout, convention, frames))
+    every = observations(model, measurements), planes(model, layout, convention, frames)
+    measured = Observations(*(np.concatenate([getattr(o, n) for o in every]) for n in ("rows", "values")))
     problem = _problem(model, frames, measured, field)
     problem, solution = _solved(problem, model, everything, settings)
-    if settings.rounds and not _shows_every_bone(model, layout, problem):
+    seen = {name for name, any_valid in zip(model.receivers, frames.valid.any(0), strict=True) if any_valid}
+    bones = {name for digit in known_digits(layout) for name in digit.segments}
+    if settings.rounds and any(name not in seen and layout.segments[name].measured for name in bones):
         point = without_noise_bias(problem, solution.point)
         solution = replace(solution, point=point, residuals=residuals(problem, point))
     posterior = Posterior.of(problem, solution.point, reduce(problem, solution.point).frames_first(), share)
@@ -149,8 +148,8 @@ def _model(
     """Lay out the chains that this layout and these recordings allow."""
     receivers, root = convention.receivers, root_of(layout)
     seen = [receivers[i] for i in np.flatnonzero(np.any(everything.valid, axis=0))]
-    known = [joint for digit in known_digits(layout) for joint in digit.joints]
-    free = free_joints(layout, root, known, frames, receivers)
+    of_digits = [joint for digit in known_digits(layout) for joint in digit.joints]
+    free = free_joints(layout, root, of_digits, frames, receivers)
     wrist_mm = np.zeros(3)
     if layout.wrist is not None:
         wrist_mm = convention.point_matrix(root).T @ (layout.wrist.point_mm or layout.wrist.nominal_mm)
@@ -191,25 +190,32 @@ def _problem(model: HandModel, frames: Frames, measured: Observations, field: Ro
 def _solved(
     problem: Problem, model: HandModel, everything: Frames, settings: Settings
 ) -> tuple[Problem, Solution]:
-    """Solve, find the scales that the hand shows, solve again; give the problem with these and the last
-    solution.
-    """
+    """Solve, find the scales that the hand shows, solve again; return the last problem and solution."""
     published_sd = problem.sd
     average = np.zeros(len(problem.precision))
     start = pose(problem, first_guess(problem, model, average), _POSING_STEPS)
     closeness = [NEARLY] * settings.rounds + [CLOSE]
     solution = solve(problem, start, settings.most_steps, closeness[0])
     if settings.rounds:
-        problem = replace(problem, temper=_temper(problem, model, solution, everything))
+        step = max(1, len(everything.valid) // EVEN_FRAMES)
+        even = replace(problem, frames=everything.take(slice(None, None, step)))
+        posed = pose(even, first_guess(even, model, solution.point.x), _POSING_STEPS)
+        samples = independent_samples(even, residuals(even, posed))  # from how residuals wander
+        problem = replace(problem, temper=min(1.0, samples / len(problem.frames.valid)))
     for close in closeness[1:]:
-        problem = _with_own_scales(problem, model, solution, published_sd)
-        solution = solve(problem, solution.point, settings.most_steps, close)
+        point, reduced = solution.point, reduce(problem, solution.point).frames_first()
+        covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
+        precision = prior_precision(model.unknowns.groups, point.x, covariance, problem.precision)
+        jacobians = weighted_jacobians(problem, point)
+        sd = residual_sd(problem, solution.residuals, jacobians, reduced, published_sd)
+        problem = replace(problem, sd=sd, precision=precision)
+        solution = solve(problem, point, settings.most_steps, close)
     return problem, solution
 
 
 def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, float]:
     """Mean and sd of the hand's size: the population's, or what was measured."""
-    known = [
+    measured = [
         (value / average, sd)
         for value, average, sd in (
             (length_mm, prior.AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH),
@@ -217,10 +223,10 @@ def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, fl
         )
         if value is not None
     ]
-    weight = np.array([1 / sd**2 for _, sd in known])
-    if not known:
+    weight = np.array([1 / sd**2 for _, sd in measured])
+    if not measured:
         return 1.0, prior.SCALE_SD
-    return float(weight @ [scale for scale, _ in known] / weight.sum()), float(weight.sum() ** -0.5)
+    return float(weight @ [scale for scale, _ in measured] / weight.sum()), float(weight.sum() ** -0.5)
 
 
 def _receivers(layout: Layout, recordings: Sequence[Poses]) -> list[str]:
@@ -252,40 +258,12 @@ def _chosen(frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: 
     return frames.take(usable[rows]), share
 
 
-def _shows_every_bone(model: HandModel, layout: Layout, problem: Problem) -> bool:
-    """Tell whether every bone of known digits that may carry a receiver is seen with its rotation."""
-    turned = problem.frames.valid.any(0) & problem.turns
-    seen = {name for name, own in zip(model.receivers, turned, strict=True) if own}
-    bones = {name for digit in known_digits(layout) for name in digit.segments}
-    return all(name in seen or not layout.segments[name].measured for name in bones)
-
-
-def _temper(problem: Problem, model: HandModel, solution: Solution, everything: Frames) -> float:
-    """Independent samples per fitted frame, from how the residuals wander over the whole recording."""
-    step = max(1, len(everything.valid) // EVEN_FRAMES)
-    even = replace(problem, frames=everything.take(slice(None, None, step)))
-    posed = pose(even, first_guess(even, model, solution.point.x), _POSING_STEPS)
-    samples = independent_samples(even, residuals(even, posed))
-    return min(1.0, samples / len(problem.frames.valid))
-
-
-def _with_own_scales(problem: Problem, model: HandModel, solution: Solution, published_sd: Array) -> Problem:
-    """The problem with the scales of priors and residuals that this hand shows."""
-    point, reduced = solution.point, reduce(problem, solution.point).frames_first()
-    covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
-    precision = prior_precision(model.unknowns.groups, point.x, covariance, problem.precision)
-    jacobians = weighted_jacobians(problem, point)
-    sd = residual_sd(problem, solution.residuals, jacobians, reduced, published_sd)
-    return replace(problem, sd=sd, precision=precision)
-
-
 def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dict[str, tuple[float, float]]:
     """Root mean square residual of every receiver, mm and deg, per component; NaN where it was not seen."""
-    rms: dict[str, tuple[float, float]] = {}
+    rms = {}
     for receivers, (r, _, _) in zip(problem.receivers, solution.residuals.branches, strict=True):
         for i, (_, s) in enumerate(receivers):
             seen = r[i, problem.frames.valid[:, s]].reshape(-1, 2, 3)
             off = np.sqrt((seen**2).mean((0, 2))) * problem.sd[s] if len(seen) else np.full(2, np.nan)
-            off[1] = off[1] if problem.turns[s] else np.nan
             rms[model.receivers[s]] = (float(off[0]), float(np.degrees(off[1])))
     return rms

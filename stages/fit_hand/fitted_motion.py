@@ -19,8 +19,8 @@ from shukotsu.stages.fit_hand.gauss_newton import first_guess
 from shukotsu.stages.fit_hand.normal_equations import Frames, Problem, Residuals
 
 CHUNK_FRAMES = 256
-LEAST_MEASURED = 3
-"""Of positions and rotations, to pose a frame: two receivers, one and a point, or three points."""
+LEAST_RECEIVERS = 2
+"""Valid in a frame, to pose it."""
 _UNSEEN = 1e9
 """Sd in units of a receiver's own, of what is to count for nothing."""
 
@@ -30,10 +30,9 @@ class PosedHand:
     """A recording as the fitted hand did it, T frames; NaN in frames that could not be posed.
 
     angle_names : (joint, kind) of the columns of angles_rad (T, A). bones : B names, the base bone (the hand,
-    at the wrist centre) first; bone_position_mm (T, B, 3) proximal joint's centre, bone_quaternion
-    (T, B, 4) bone (x distal, z dorsal) to transmitter.
-    receivers : S names; receiver_mm (T, S, 3) where the hand says that each receiver's origin is, which for
-    a distal one is the fingertip. posed : (T,) bool. residual_mm : (T,) rms over the receivers.
+    at the wrist centre) first; their proximal joints (T, B, 3) and rotations (T, B, 4), x distal, z dorsal.
+    receivers : S names; receiver_mm (T, S, 3) where the hand says that each is. residual_mm : (T,) rms over
+    the receivers.
     """
 
     angle_names: tuple[tuple[str, str], ...]
@@ -77,7 +76,7 @@ def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHan
     angles, position, quaternion, origins, rms = (
         np.concatenate(arrays) for arrays in zip(*parts, strict=True)
     )
-    posed = frames.valid @ np.where(problem.turns, 2, 1) >= LEAST_MEASURED
+    posed = frames.valid.sum(1) >= LEAST_RECEIVERS
     for array in (angles, position, quaternion, origins, rms):
         array[~posed] = np.nan
     return PosedHand(

@@ -45,6 +45,9 @@ def flat_chains(
     terms_from = _from(map(len, terms))
     x_column = _columns(of_branch, unknown, [branch.unknowns for branch in branches])
     y_column = _columns(of_branch, state, [branch.states for branch in branches])
+    by_unknown = np.pad(_touched(upstream, terms_from, x_column), ((0, 0), (0, len(shared))))
+    for row, (b, *_) in zip(by_unknown, measured, strict=True):
+        row[len(branches[b].unknowns) :][: len(shared)] = True
     return FlatChains(
         _plan(branches, first_operation, first_mark),
         1 + sum(kind == "leave" for branch in branches for kind, *_ in branch.plan),
@@ -62,7 +65,7 @@ def flat_chains(
         _from(map(len, upstream)),
         np.concatenate([np.zeros(0, int), *upstream]),
         _touched(upstream, terms_from, y_column),
-        _with_shared(_touched(upstream, terms_from, x_column), branches, receivers, len(shared)),
+        by_unknown,
         _from(map(len, receivers)),
         _from(len(branch.states) for branch in branches),
         np.concatenate([branch.states for branch in branches]).astype(int),
@@ -110,24 +113,10 @@ def _columns(of_branch: Index, index: Index, own: Sequence[Index]) -> Index:
 
 
 def _touched(upstream: Sequence[Index], terms_from: Index, column: Index) -> npt.NDArray[np.bool_]:
-    """Say whether each receiver (N, columns) is moved by what is in that column."""
+    """Whether each receiver (N, columns) is moved by what is in that column."""
     out = np.zeros((len(upstream), int(column.max(initial=-1)) + 1), bool)
     for own, operations in zip(out, upstream, strict=True):
         for o in operations:
             columns = column[terms_from[o] : terms_from[o + 1]]
             own[columns[columns >= 0]] = True
-    return out
-
-
-def _with_shared(
-    touched: npt.NDArray[np.bool_],
-    branches: Sequence[Branch],
-    receivers: Sequence[Sequence[tuple[int, int]]],
-    n_shared: int,
-) -> npt.NDArray[np.bool_]:
-    """Say whether each receiver (N, columns) is moved by what is in a column, shared unknowns last."""
-    out = np.pad(touched, ((0, 0), (0, n_shared)))
-    own = np.repeat([len(branch.unknowns) for branch in branches], [len(own) for own in receivers])
-    for row, first in zip(out, own, strict=True):
-        row[first : first + n_shared] = True
     return out

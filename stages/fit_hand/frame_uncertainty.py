@@ -41,17 +41,17 @@ _MOST_AT_ONCE = 32
 _NUDGE_RAD = 1e-5
 
 NEUTRAL_SD_DEG = np.array([1.5, 1.5, 0.0])
-"""Of flexion, abduction and rotation at zero of a CMC or MCP joint, which is where metacarpals stand in the
-flat hand: published hands (CT, X-ray, Buchholz 1992, MyoHand) have these 1.6 and 1.5 deg apart (1 sigma). It
-is the same in all frames and all people. Other joints' zero is bones in line, which the fit knows as well as
-it knows the bones; and none turns about its own bone at zero."""
+"""Sd of flexion, abduction and rotation at zero of a CMC or MCP joint, which is where metacarpals stand in
+the flat hand: published hands (CT, X-ray, Buchholz 1992, MyoHand) have these 1.6 and 1.5 deg apart (1 sigma).
+It is the same in all frames and all people. Other joints' zero is bones in line, which the fit knows as well
+as it knows the bones; and none turns about its own bone at zero."""
 
 PUT_ON = ("mount", "mount turn", "mount habit", "mount turn habit")
 """Groups of unknowns that are others when the receivers are put on anew."""
 
 _NEW_SHARE = 0.5
-"""Of what residuals leave open, that is another in the next session (our choice): noise and how skin wanders.
-The rest is how skin follows the posture, which repeats."""
+"""Share of what residuals leave open, that is another in the next session (our choice): noise and how skin
+wanders. The rest is how skin follows the posture, which repeats."""
 
 
 @dataclass(frozen=True)
@@ -70,19 +70,14 @@ class _Spread:
 
 @dataclass(frozen=True)
 class PosedErrors:
-    """1-sigma errors of posed frames; NaN where a frame was not posed.
+    """1-sigma errors of posed frames; NaN where a frame was not posed, and of an axis that a joint lacks.
 
-    centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`; angles_deg : joint to (F, 3), flexion,
-    abduction and rotation, NaN of an axis that the joint lacks.
-
-    tips_mm : (F, D, 2) in 3-D of the ends of bone and skin of known digits.
-
-    changes_deg : joint to (F, 3), of how far an angle is from the reference: what the hand's unknowns do to
-    both alike is no error of the change. reference_deg : joint to (3, H), what they do to the reference, as
-    maps of H standard normal numbers. by_hand_deg : joint to (F, 3, H), what they do to each frame.
-
-    session_deg, session_changes_deg : joint to (F, 3), of the hand's part alone, what differs when the same
-    hand puts the receivers on anew.
+    centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`. angles_deg : joint to (F, 3). tips_mm :
+    (F, D, 2) in 3-D of the ends of bone and skin of known digits. by_hand_deg, reference_deg : joint to (F,
+    3, H) and (3, H), what the hand's unknowns do to each frame and to the reference, as maps of H standard
+    normal numbers. changes_deg : joint to (F, 3), of how far an angle is from the reference: what the
+    unknowns do to both alike is no error. session_deg, session_changes_deg : of the hand's part, what differs
+    with the receivers put on anew.
     """
 
     centre_mm: Array
@@ -102,11 +97,7 @@ def posed_errors(
     frames: Frames,
     reference_deg: Mapping[str, Array] | None = None,
 ) -> PosedErrors:
-    """Errors of frames as `pose_hand` posed them, without what the hand's unknowns do to each.
-
-    frames : that they were posed from. reference_deg : from which angles change; the mean of these frames if
-    none is given.
-    """
+    """Errors of posed frames; reference_deg : from which angles change, else the mean of these."""
     chosen, nearest = _postures(posed, frames.valid)
     few = _joined(
         [
@@ -119,11 +110,15 @@ def posed_errors(
         share = np.bincount(nearest[posed.posed], minlength=len(chosen)) / max(1, posed.posed.sum())
         reference_deg = {joint: np.tensordot(share, own, 1) for joint, own in few.by_hand_deg.items()}
     neutral_deg = _neutral_sd_deg(tips)
-    changes_deg = {
-        joint: _change_errors_deg(few.angles_deg[joint], neutral_deg[joint], own, reference_deg[joint])
-        for joint, own in few.by_hand_deg.items()
-    }
-    anew = _new_in_a_session(tips)
+    changes_deg = {}  # of the frame's own part, and of the hand's what differs
+    for joint, by_hand in few.by_hand_deg.items():
+        of_frame = few.angles_deg[joint] ** 2 - neutral_deg[joint] ** 2 - (by_hand**2).sum(-1)
+        changed = ((by_hand - reference_deg[joint]) ** 2).sum(-1)
+        changes_deg[joint] = np.asarray(np.sqrt(np.maximum(of_frame, 0.0) + changed))
+    evidence = tips.fit.evidence
+    put_on = np.isin(evidence.model.unknowns.groups, PUT_ON)
+    root = tips.root[: len(evidence.posterior.x)]
+    anew = new_in_a_session(root, evidence.problem.precision, put_on, _NEW_SHARE)
     in_session = {joint: _times(own, anew) for joint, own in few.by_hand_deg.items()}
     session_deg = {joint: _norms(own) for joint, own in in_session.items()}
     session_changes_deg = {
@@ -158,11 +153,7 @@ def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
 
 
 def _wander_deg(postures: Postures, joint: str) -> Array:
-    """Errors (F, 3) of a joint that the fit lets turn about one axis alone, as its child has no receiver.
-
-    An axis varies by some degrees as the joint turns: the further from the mean, the more of flexion is
-    abduction and rotation.
-    """
+    """Errors (F, 3) of a joint of one axis, which varies by some degrees as it turns."""
     names, evidence = postures.posed.angle_names, postures.tips.fit.evidence
     out = np.zeros((len(postures.posed.posed), 3))
     if (joint, KINDS[0]) in names and (joint, KINDS[1]) not in names:
@@ -172,20 +163,12 @@ def _wander_deg(postures: Postures, joint: str) -> Array:
     return out
 
 
-def _new_in_a_session(tips: Fingertips) -> Array:
-    """Take maps of H standard normal numbers, of the hand, to what differs in another session, (H, H)."""
-    evidence = tips.fit.evidence
-    root = tips.root[: len(evidence.posterior.x)]
-    put_on = np.isin(evidence.model.unknowns.groups, PUT_ON)
-    return new_in_a_session(root, evidence.problem.precision, put_on, _NEW_SHARE)
-
-
 def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_], new_share: float) -> Array:
     """Square root (H, H) of what differs in another session, in the numbers that root (G, H) takes.
 
-    root : of the covariance C of G unknowns; precision : (G,) of their priors. An unknown's error is the pull
-    of the priors, C L C with their precisions L, and what residuals do, the rest of C. For the same hand in
-    another session the pull on what is put on anew is another, and new_share of the residuals' part.
+    root : of the covariance C of G unknowns, whose error is the pull of the priors, C L C with their
+    precisions L (G,), and what residuals do, the rest. In another session the pull on what is put on anew is
+    another, and new_share of the rest.
     """
     pulled, kept = ((root.T * (precision * of)) @ root for of in (put_on, ~put_on))
     return square_root(new_share * (np.eye(root.shape[1]) - kept) + (1.0 - new_share) * pulled)
@@ -194,16 +177,6 @@ def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_
 def _norms(maps: Array) -> Array:
     """1-sigma errors (...) of numbers given as maps (..., N)."""
     return np.asarray(np.sqrt(np.einsum("...n,...n->...", maps, maps)))
-
-
-def _change_errors_deg(
-    angles_deg: Array, neutral_deg: Array, by_hand_deg: Array, reference_deg: Array
-) -> Array:
-    """Errors (F, 3) of angles' changes from a reference: of the frame's own part, and of the hand's what
-    differs.
-    """
-    own = angles_deg**2 - neutral_deg**2 - (by_hand_deg**2).sum(-1)
-    return np.asarray(np.sqrt(np.maximum(own, 0.0) + ((by_hand_deg - reference_deg) ** 2).sum(-1)))
 
 
 def _joined(parts: Sequence[PosedErrors]) -> PosedErrors:
@@ -218,9 +191,7 @@ def _joined(parts: Sequence[PosedErrors]) -> PosedErrors:
 
 
 def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, Index]:
-    """Rows of the postures that stand for all, and for each frame which of them is the nearest with the same
-    valid receivers.
-    """
+    """Rows of postures that stand for all, and of each frame the nearest with the same receivers."""
     usable = np.flatnonzero(posed.posed)
     nearest: Index = np.zeros(len(posed.posed), int)
     if not len(usable):
@@ -268,9 +239,7 @@ def _norm(maps: Array) -> Array:
 
 @dataclass(frozen=True)
 class _BranchBones:
-    """Derivatives of the places and rotations of a branch's bones: by its unknowns (n, F, 6, g), and by its
-    states and the root (n, F, 6, s + 6); columns : which of all bones these are.
-    """
+    """Derivatives of `columns` of bones: by unknowns (n, F, 6, g), by states and root (n, F, 6, s + 6)."""
 
     columns: tuple[int, ...]
     by_unknowns: Array
@@ -281,9 +250,9 @@ class _BranchBones:
 class Postures:
     """Posed frames, and what of their errors does not depend on which receivers show them.
 
-    point : the frames as they were solved, of a right hand always. by_turn : joint to the columns of its
-    bones and the derivatives of its angles, deg: (F, 3, 3) by a turn of the second against the first, rad,
-    and (F, 3, G) by what the unknowns do to its zero and axes.
+    point : the frames as solved, of a right hand. by_turn : joint to the columns of its bones and the
+    derivatives of its angles, deg, by a turn of the second against the first (F, 3, 3) and by unknowns (F, 3,
+    G).
     """
 
     tips: Fingertips
@@ -295,10 +264,10 @@ class Postures:
     @classmethod
     def of(cls, tips: Fingertips, posed: PosedHand) -> Postures:
         """Differentiate posed frames."""
-        point = _point(tips, posed)
-        bones = tuple(
-            _branch_bones(branch, point, posed.bones) for branch in tips.fit.evidence.model.branches
-        )
+        evidence, turn = tips.fit.evidence, matrix(posed.bone_quaternion[:, 0])
+        root = evidence.convention.world(turn, posed.bone_position_mm[:, 0])
+        point = Point(evidence.posterior.x, posed.angles_rad, *root)
+        bones = tuple(_branch_bones(branch, point, posed.bones) for branch in evidence.model.branches)
         return cls(tips, posed, point, bones, dict(_by_turns(tips, posed, point)))
 
 
@@ -318,10 +287,7 @@ def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _Branch
 
 
 def _spread_of(postures: Postures, frames: Frames) -> _Spread:
-    """Compute how far posed frames may be off. frames : the receivers' poses, of which those valid count.
-
-    Its numbers are those of the hand, then six of the root and one of each state.
-    """
+    """How far posed frames may be off, in numbers of the hand, then six of the root and one a state."""
     evidence, point, root = postures.tips.fit.evidence, postures.point, postures.tips.root
     problem = replace(
         evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
@@ -358,15 +324,6 @@ def _spread_of(postures: Postures, frames: Frames) -> _Spread:
 def _times(values: Array, matrix: Array) -> Array:
     """Matrices (F, n, g), all of them at once, times one (g, N)."""
     return (values.reshape(-1, values.shape[-1]) @ matrix).reshape(*values.shape[:-1], matrix.shape[-1])
-
-
-def _point(tips: Fingertips, posed: PosedHand) -> Point:
-    """The frames as they were solved, of a right hand always."""
-    evidence = tips.fit.evidence
-    root, root_mm = evidence.convention.world(
-        matrix(posed.bone_quaternion[:, 0]), posed.bone_position_mm[:, 0]
-    )
-    return Point(evidence.posterior.x, posed.angles_rad, root, root_mm)
 
 
 def _by_root(point: Point, arm_mm: Array) -> Array:
@@ -427,9 +384,7 @@ def _by_turn(parent: Array, child: Array, hand: str, rest: Array, axes: Array) -
 
 
 def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array:
-    """Errors (F, D, 2) in 3-D of the ends of bone and skin: carried by the distal receiver where it is valid
-    (`Fingertip`), else by the posed bone.
-    """
+    """Errors (F, D, 2) in 3-D of bones' and skin's ends, by the receiver where valid, else the bone."""
     tips, posed = postures.tips, postures.posed
     model = tips.fit.evidence.model
     out = np.empty((len(posed.posed), len(tips.digits), 2))

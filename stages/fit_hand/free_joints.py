@@ -21,25 +21,25 @@ from shukotsu.skeleton.rotations import Array, nearest_rotation
 from shukotsu.stages.fit_hand.normal_equations import Frames, log_rotation
 
 REACH_SD_MM = 200.0
-"""Of a joint's centre about a receiver: segments of an arm are 250 to 350 mm long."""
+"""Sd of a joint's centre about a receiver: segments of an arm are 250 to 350 mm long."""
 
 WRIST_SD_MM = 2.0
-"""Of the wrist's centre about the origin of the hand's frame, in which the bases of the digits are given."""
+"""Sd of the wrist's centre about the origin of the hand's frame, in which digits' bases are given."""
 
 AXIS_SD_RAD = float(np.radians(30.0))
-"""Of a joint's axes about those that the recording shows at first sight."""
+"""Sd of a joint's axes about those that the recording shows at first sight."""
 
 ANGLE_SD_DEG = ((60.0, 4.0, 4.0), (60.0, 60.0, 5.0), (60.0, 60.0, 60.0))
-"""Of rotation about the first, second, third axis of a joint with one, two, three degrees of freedom. The
+"""Sd of rotation about the first, second, third axis of a joint with one, two, three degrees of freedom. The
 second and third of a hinge are skin's, about the receiver on the far side."""
 
 
 @dataclass(frozen=True)
 class FreeJoint:
-    """A joint walked from one receiver to another: outward as in the layout, or (a wrist) inward.
+    """A joint walked between receivers, outward as in the layout, or (a wrist) inward.
 
-    mean : (3, 3) mean rotation from the far receiver's frame to the near one's. axes : (3, 3) columns, in
-    the near frame, about which most, less and least was turned.
+    mean : (3, 3) rotation from the far receiver's frame to the near one's; axes : (3, 3) columns in the near
+    one, about which most, less, least was turned.
     """
 
     joint: Joint

@@ -20,20 +20,16 @@ from shukotsu.stages.fit_hand.posterior_summary import unshown_mm2
 from shukotsu.stages.fit_hand.touches import SKIN_SD_MM
 
 MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
-"""Of a calliper between two joints or a joint and a receiver; of a touch, per direction."""
+"""Sd of a calliper between two joints or a joint and a receiver; of a touch, per direction."""
 
 DEEP_SD_MM = 2.0
-"""Of a length from a CMC joint or the wrist, which lie deep and show no crease (our choice)."""
+"""Sd of a length from a CMC joint or the wrist, which lie deep and show no crease (our choice)."""
 
 TOUCH = "touch"
 
 
 def gains(tips: Fingertips) -> list[dict[str, Any]]:
-    """Give rows of gains: each bone's length, receiver's place and fingertip's touch, best first.
-
-    What starts at a CMC joint or the wrist counts as known to DEEP_SD_MM, what ends at the tip of a bone as
-    less certain by the soft tip. Empty for a hand whose anatomy is not known.
-    """
+    """Rows of gains: bones' lengths, receivers' places and fingertips' touches, best first."""
     names = list(tips.fit.joints)
     quantities, sds, rows = _candidates(tips)
     if not quantities or not names:

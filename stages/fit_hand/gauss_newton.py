@@ -9,12 +9,11 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.skeleton.rotations import Array, nearest_rotation
+from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.chain import HandModel
 from shukotsu.stages.fit_hand.chain_builder import KINDS
 from shukotsu.stages.fit_hand.compiled_equations import back_substitute, reduce, residuals
 from shukotsu.stages.fit_hand.normal_equations import Point, Problem, Residuals, axial_vector
-from shukotsu.stages.fit_hand.operations import Index
 
 CLOSE = 1e-3
 """Newton decrement, the drop in log posterior that a next step promises: statistically nothing is left."""
@@ -30,17 +29,12 @@ _LEAST_DAMPING, _MOST_DAMPING = 1e-8, 1e4
 _BENDS_RAD = tuple(np.radians([5.0, 40.0, 75.0]))
 """Flexions that are tried where no two receivers show one."""
 
-_STILL_MM = 5.0
-"""Points that move less than this with the joints all say as much of where the hand is."""
-
 _LEAST_BEND_SD_RAD = float(np.radians(12.0))
 """Sd of the prior of a flexion that may be any of them: of a digit's joints, not of the palm's."""
 
 
 def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
-    """Joint angles as receivers that sit straight on their bones would show them; roots where the first valid
-    receiver of each frame says.
-    """
+    """Joint angles as straight receivers would show them; roots by each frame's first valid one."""
     frames = problem.frames
     n_frames = len(frames.valid)
     y = np.tile(problem.state_mean, (n_frames, 1))
@@ -62,15 +56,12 @@ def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
             break
         reached = branch.reach(x, y[rows], np.tile(np.eye(3), (len(rows), 1, 1)), np.zeros((len(rows), 3)))
         for mark, s in receivers:
-            found = frames.valid[rows, s] & ~placed[rows] & problem.turns[s]
-            now = rows[found]
-            root[now] = frames.rotation[now, s] @ reached.rotation[mark, found].swapaxes(-1, -2)
-            arm = (root[now] @ reached.position_mm[mark, found, :, None])[..., 0]
+            seen = frames.valid[rows, s] & ~placed[rows]
+            now = rows[seen]
+            root[now] = frames.rotation[now, s] @ reached.rotation[mark, seen].swapaxes(-1, -2)
+            arm = (root[now] @ reached.position_mm[mark, seen, :, None])[..., 0]
             root_mm[now] = frames.position_mm[now, s] - arm
             placed[now] = True
-    if not placed.all():
-        rows = np.flatnonzero(~placed)
-        root[rows], root_mm[rows] = _roots_by_points(problem, x, y[rows], rows)
     bends = [
         state
         for state, (_, kind) in enumerate(model.states.names)
@@ -79,37 +70,14 @@ def first_guess(problem: Problem, model: HandModel, x: Array) -> Point:
     return _with_likeliest_bends(problem, Point(x, y, root, root_mm), shown, bends)
 
 
-def _roots_by_points(problem: Problem, x: Array, y: Array, rows: Index) -> tuple[Array, Array]:
-    """Roots (F, 3, 3), (F, 3) of frames in which no receiver shows one: the hand, its joints as guessed, laid
-    onto its points (Kabsch 1976), each the heavier the less it moves with the joints.
-    """
-    local, seen, weight = [], [], []
-    still = np.tile(np.eye(3), (len(y), 1, 1)), np.zeros((len(y), 3))
-    for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
-        straight, bent = (branch.reach(x, own, *still).position_mm for own in (y, y + _BENDS_RAD[1]))
-        for mark, s in receivers:
-            local.append(straight[mark])
-            seen.append(problem.frames.position_mm[rows, s])
-            moved_mm = np.linalg.norm(bent[mark] - straight[mark], axis=-1)
-            weight.append(problem.frames.valid[rows, s] / (_STILL_MM + moved_mm) ** 2)
-    places, points = np.stack(local, 1), np.stack(seen, 1)
-    share = np.stack(weight, 1)[..., None]
-    share = share / np.maximum(share.sum(1, keepdims=True), np.finfo(float).tiny)
-    middle, centre = (share * places).sum(1), (share * points).sum(1)
-    spread = np.swapaxes(share * (points - centre[:, None]), 1, 2) @ (places - middle[:, None])
-    root = nearest_rotation(spread)
-    return root, centre - (root @ middle[..., None])[..., 0]
-
-
 def _with_likeliest_bends(
     problem: Problem, point: Point, shown: npt.NDArray[np.bool_], may_bend: Sequence[int]
 ) -> Point:
     """The point with the joints that no two receivers show bent as fits the digit's receivers best.
 
-    A finger of which only the tip is seen can be bent two ways, knuckle up or knuckle down, and a solution
-    stays with the way that it begins with: so it begins with none that is bent backwards.
-
-    shown : (F, S) whether two receivers show a state; may_bend : states that are tried where none do.
+    A finger of which only the tip is seen can be bent two ways, and a solution stays with the way that it
+    begins with: with none bent backwards. shown : (F, S) whether two receivers show a state; may_bend :
+    states that are tried.
     """
     y = point.y.copy()
     for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
@@ -133,7 +101,7 @@ def _with_likeliest_bends(
 
 @dataclass(frozen=True)
 class Solution:
-    """Hold where the fit ended; converged : whether because nothing moved any more."""
+    """Where the fit ended; converged : whether because nothing moved any more."""
 
     point: Point
     residuals: Residuals

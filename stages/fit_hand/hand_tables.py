@@ -71,11 +71,7 @@ def open_tables(
 
 
 def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
-    """Give rows of joint_centres: joints between two receivers, those that lack one, those under the palm,
-    and fixed centres.
-
-    weighed : whether the data had a say.
-    """
+    """Rows of joint_centres, of receivers' joints first; weighed : whether the data had a say."""
     groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
     rows = [
         _joint_row(joint) | _zero_columns(fit, joint.name) for group in groups for joint in group.values()
@@ -120,7 +116,7 @@ def _zero_columns(fit: HandFit, joint: str) -> Row:
 
 
 def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
-    """Give rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
+    """Rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
     return [
         {
             "digit": digit.name,
@@ -175,8 +171,15 @@ def _loose_columns(unsteady: Unsteady) -> dict[str, Row]:
             "loose_turn_deg": receiver.turn_deg,
             "left_out_share": unsteady.left_out.get(receiver.segment, 0.0),
         }
-        sentence = _loose_sentence(row, receiver)
-        columns[receiver.segment] = row | {"status": "weak", "message": sentence}
+        when, until = map(_moment, (receiver.start, receiver.end))
+        did = f"slid in {row['loose_task']} between {when} and {until}"
+        if not receiver.slid:
+            did = f"came loose in {row['loose_task']} at {when}"
+        message = (
+            f"{did}: it moved {receiver.shift_mm:.1f} mm and turned {receiver.turn_deg:.0f} deg on its bone; "
+            f"{_left_out(row)}"
+        )
+        columns[receiver.segment] = row | {"status": "weak", "message": message}
     return columns
 
 
@@ -195,7 +198,12 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, Row]:
             "left_out_share": unsteady.left_out.get(segment, 0.0),
             **vector_columns("field_", place, "_mm"),
         }
-        columns[segment] = row | {"status": "weak", "message": _field_sentence(row)}
+        position = ", ".join(f"{coordinate:.0f}" for coordinate in place.tolist())
+        message = (
+            f"the field is disturbed near ({position}) mm, as by metal: there it is off by "
+            f"{row['loose_shift_mm']:.1f} mm and {row['loose_turn_deg']:.0f} deg; {_left_out(row)}"
+        )
+        columns[segment] = row | {"status": "weak", "message": message}
     return columns
 
 
@@ -247,28 +255,8 @@ def _title(name: RecordingName) -> str:
     return ", ".join(filter(None, (name.task, name.trial)))
 
 
-def _loose_sentence(row: Row, receiver: LooseReceiver) -> str:
-    """Describe, from its row, a receiver that came loose or slid."""
-    when, until = map(_moment, (receiver.start, receiver.end))
-    did = f"slid in {row['loose_task']} between {when} and {until}"
-    if not receiver.slid:
-        did = f"came loose in {row['loose_task']} at {when}"
-    mm, deg = row["loose_shift_mm"], row["loose_turn_deg"]
-    return f"{did}: it moved {mm:.1f} mm and turned {deg:.0f} deg on its bone; {_left_out(row)}"
-
-
 def _moment(moment: Moment) -> str:
     return f"{moment.time_s:.1f} s" if np.isfinite(moment.time_s) else f"frame {moment.frame}"
-
-
-def _field_sentence(row: Row) -> str:
-    """Describe a receiver in a disturbed field, from its row."""
-    place = ", ".join(f"{row[f'field_{axis}_mm']:.0f}" for axis in "xyz")
-    mm, deg = row["loose_shift_mm"], row["loose_turn_deg"]
-    return (
-        f"the field is disturbed near ({place}) mm, as by metal: there it is off by {mm:.1f} mm and "
-        f"{deg:.0f} deg; {_left_out(row)}"
-    )
 
 
 def _left_out(row: Row) -> str:

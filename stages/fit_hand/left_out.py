@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.schemas.poses import Poses, RecordingName
 from shukotsu.skeleton.rotations import Array
@@ -35,10 +34,7 @@ _REFERENCES = 60
 
 @dataclass(frozen=True)
 class Unsteady:
-    """Hold what was displaced in the calibration's recordings, by number; the largest error (6,), mm and rad,
-    of a disturbed field at each receiver in it; share of each receiver's frames that was left out, where any
-    was.
-    """
+    """What was displaced; a field's largest error (6,) and share of frames left out, by receiver."""
 
     recordings: Sequence[RecordingName]
     displaced: Displaced
@@ -47,14 +43,15 @@ class Unsteady:
 
 
 def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Displaced) -> list[Poses]:
-    """The recordings with each receiver valid only while it sat in one place, where it did longest, and only
-    where the field was not disturbed.
-    """
+    """The recordings, each receiver valid where it sat longest, and where the field was undisturbed."""
     recording, valid = recording_of_rows(recordings), concatenated(recordings).valid.copy()
-    for segment in {one.segment for one in displaced.loose}:
-        own = [one for one in displaced.loose if one.segment == segment]
+    for segment in {receiver.segment for receiver in displaced.loose}:
+        moves = [receiver for receiver in displaced.loose if receiver.segment == segment]
         column = valid[:, recordings[0].index(segment)]
-        column &= _in_one_place(_way(recordings, own), column)
+        way = _way(recordings, moves)
+        stops = way[np.linspace(0, len(way) - 1, min(_REFERENCES, len(way))).round().astype(int)]
+        near = [_size(way - stop, SAME_PLACE) <= 1.0 for stop in stops]
+        column &= near[int(np.argmax([(rows & column).sum() for rows in near]))]
     if displaced.field is not None:
         harmless = _size(_errors(fit, recordings, displaced.field), HARMFUL_ERROR) <= 1.0
         if ((valid & harmless).sum(0) >= (1.0 - MOST_LEFT_OUT) * valid.sum(0)).all():
@@ -73,7 +70,7 @@ def share_left_out(before: Sequence[Poses], after: Sequence[Poses]) -> dict[str,
 
 
 def is_elsewhere(before: HandFit, after: HandFit) -> bool:
-    """Say whether a joint's centre moved by more than its sd, in either receiver's frame."""
+    """Whether a joint's centre moved by more than its sd, in either receiver's frame."""
     for name, joint in before.joints.items():
         other = after.joints.get(name)
         if other is None:
@@ -122,13 +119,6 @@ def _way(recordings: Sequence[Poses], loose: Sequence[LooseReceiver]) -> Array:
 def _row(recordings: Sequence[Poses], first_row: Index, moment: Moment) -> int:
     frame = recordings[moment.recording].frame
     return int(first_row[moment.recording] + np.flatnonzero(frame == moment.frame)[0])
-
-
-def _in_one_place(way: Array, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Rows (T,) in which a receiver sat within SAME_PLACE of where it did in most of its valid rows."""
-    stops = way[np.linspace(0, len(way) - 1, min(_REFERENCES, len(way))).round().astype(int)]
-    near = [_size(way - stop, SAME_PLACE) <= 1.0 for stop in stops]
-    return near[int(np.argmax([(own & valid).sum() for own in near]))]
 
 
 def _size(error: Array, unit: tuple[float, float]) -> Array:

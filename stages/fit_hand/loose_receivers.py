@@ -65,9 +65,7 @@ _MEDIAN_OF_SQUARES = 2.366
 
 @dataclass(frozen=True)
 class Moment:
-    """A frame of one of several recordings: its number there, its time (NaN where it has none), and whether
-    it is the first.
-    """
+    """A frame of one of several recordings, by number; its time (or NaN), and whether it is the first."""
 
     recording: int
     frame: int
@@ -77,11 +75,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class LooseReceiver:
-    """A receiver that sits elsewhere on its bone, from `start` on or, where it slid, evenly farther up to
-    `end`.
-
-    step : (6,) by which in all, mm and rotation vector, in the frame in which it is fitted.
-    """
+    """A receiver displaced by step (6,), mm and rotation vector, from `start`, or evenly up to `end`."""
 
     segment: str
     start: Moment
@@ -90,7 +84,7 @@ class LooseReceiver:
 
     @property
     def slid(self) -> bool:
-        """Say whether it went slowly."""
+        """Whether it went slowly."""
         return (self.end.recording, self.end.frame) != (self.start.recording, self.start.frame)
 
     @property
@@ -113,12 +107,12 @@ class Displaced:
 
 
 def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
-    """Find what was displaced in the recordings that a hand was fitted to.
+    """Find what was displaced in the recordings that a hand was fitted to, in the order in which they were
+    made.
 
-    recordings : those given to `fit_hand`, in the order in which they were made. A receiver that was put back
-    elsewhere between two of them is found too, at the first frame of the second. Only receivers on bones of
-    known anatomy are tested: elsewhere the model has no skin, and what skin does would be called loose. Where
-    the field is disturbed none is called loose: what the field leaves over is not told from it.
+    Also one put back elsewhere between two of them, at the first frame of the second. Only receivers on bones
+    of known anatomy are tested: elsewhere skin would be called loose. Where the field is disturbed none is:
+    what it leaves over is not told from it.
     """
     poses = concatenated(recordings)
     n_even = min(EVEN_FRAMES, len(poses.frame))
@@ -128,16 +122,22 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
     field, gain = likeliest_field(problem, point)
     if gain > LEAST_FIELD_GAIN and gain > tested.scored(problem, point).most_abnormal():
         return Displaced(field=field)
-    found = _searched(fit.evidence.model, problem, point, tested)
-    return Displaced(_loose(fit, recordings, poses, rows, *found))
+    model, start = fit.evidence.model, list[Displacement]()
+    skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
+    if np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD:
+        problem = replace(problem, precision=np.ones(len(problem.precision)))
+        skinless = replace(problem, precision=np.where(skin, STIFF, 1.0))
+        point, start = _uncovered(problem, skinless, point, model, tested)
+    needed = _needed(problem, tested, *_search(problem, point, start, tested))
+    return Displaced(_loose(fit, recordings, poses, rows, problem, *needed))
 
 
 def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
-    """Find receivers that sit elsewhere in a recording than where the hand was fitted: all along, from a
-    frame on, or ever farther.
+    """Find receivers that sit elsewhere in a recording than where the hand was fitted: all along, or from a
+    frame on.
 
-    The fitted hand, as uncertain as it is, is what the recording is held against. Where what is left, with
-    them put back, is rather a disturbed field, none is named.
+    The recording is held against the fitted hand, as uncertain as it is. Where what is left, with them put
+    back, is rather a disturbed field, none is named.
     """
     if len(poses.frame) < MOMENTS:
         return []
@@ -156,19 +156,6 @@ def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
     if gain > max(LEAST_FIELD_GAIN, likeliest_field(problem, point)[1] / 2):
         return []
     return _loose(fit, [poses], poses, rows, problem, *_needed(problem, tested, put_back, displaced))
-
-
-def _searched(
-    model: HandModel, problem: Problem, point: Point, tested: Tested
-) -> tuple[Problem, list[Displacement], Array]:
-    """All displacements that there are, the problem that they were found in and x with them put back."""
-    start: list[Displacement] = []
-    skin = np.isin(model.unknowns.groups, [name for family in SKIN for name in FAMILIES[family]])
-    if np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD:
-        problem = replace(problem, precision=np.ones(len(problem.precision)))
-        skinless = replace(problem, precision=np.where(skin, STIFF, 1.0))
-        point, start = _uncovered(problem, skinless, point, model, tested)
-    return problem, *_needed(problem, tested, *_search(problem, point, start, tested))
 
 
 def _loose(
@@ -199,10 +186,10 @@ def _loose(
 
 @dataclass(frozen=True)
 class Tested:
-    """Receivers that are tested, and how far (S, 2), in mm and rad, each may go with nothing loose.
+    """Receivers that are tested, and how far (S, 2), mm and rad, each may go with nothing loose.
 
-    calibrated : whether the hand is known from other recordings: it is held, and a receiver may have sat
-    elsewhere all along.
+    calibrated : whether the hand is known from other recordings, and a receiver may have sat elsewhere all
+    along.
     """
 
     receivers: tuple[int, ...]
@@ -211,7 +198,7 @@ class Tested:
 
     @classmethod
     def of(cls, evidence: Evidence) -> Tested:
-        """Give those over bones of known anatomy."""
+        """Return those over bones of known anatomy."""
         names, metacarpals = evidence.model.receivers, {d.segments[0] for d in known_digits(evidence.layout)}
         kinds = ["metacarpal" if name in metacarpals else "phalanx" for name in names]
         kinds[names.index(root_of(evidence.layout))] = "palm"
@@ -225,16 +212,12 @@ class Tested:
 
 
 def recording_of_rows(recordings: Sequence[Poses]) -> Index:
-    """Say which recording each frame (T,) of all of them, one after the other, is of."""
+    """The recording of which each frame (T,) of all of them, one after the other, is."""
     return np.repeat(np.arange(len(recordings)), [len(poses.frame) for poses in recordings])
 
 
 def _posed(fit: HandFit, frames: Frames) -> tuple[Problem, Point]:
-    """The problem on these frames, with residuals weighed as they scatter from moment to moment.
-
-    A receiver that came loose made its residuals large, and the fit took that for their usual size; its
-    differences over a second or so do not know of it.
-    """
+    """The problem on these frames, residuals weighed as they scatter: a loose receiver made its own large."""
     evidence = fit.evidence
     samples = evidence.problem.temper * len(evidence.problem.frames.valid)
     temper = min(1.0, samples / len(frames.valid))
@@ -261,11 +244,10 @@ def _momentary_sd(problem: Problem, current: Residuals) -> Array:
 def _uncovered(
     problem: Problem, skinless: Problem, point: Point, model: HandModel, tested: Tested
 ) -> tuple[Point, list[Displacement]]:
-    """Choose where to begin and what is displaced there, if that is likelier than nothing being displaced.
+    """Where to begin and what is displaced there, if that is likelier than nothing being displaced.
 
-    skinless : the problem without skin, in which it is looked for. A fit can cover a loose receiver up: joint
-    angles jump with it, as far as they must for skin in proportion to them to make up for it, and no residual
-    is left to see. That takes a skin that nobody has.
+    skinless : the problem in which it is looked for. Joint angles that jump with a loose receiver let skin in
+    proportion to them make up for it, until no residual is left: a skin that nobody has.
     """
     start = pose(skinless, first_guess(skinless, model, np.zeros(len(point.x))), _POSING_STEPS)
     start = solve(skinless, start, _BARE_STEPS, NEARLY).point
@@ -319,10 +301,7 @@ def _refined(
     displaced: Sequence[Displacement],
     rivals: Sequence[Displacement] = (),
 ) -> tuple[Problem, Point, list[Displacement]]:
-    """Solve for the hand and for these displacements; give the problem with the receivers put back, and both.
-
-    rivals : displacements that are judged by the same frames.
-    """
+    """The problem with these put back, the hand and them, solved for; rivals : judged by the same frames."""
     refined = list(displaced)
     for is_last in [False] * _REFINEMENTS + [True]:
         frames = _certain(_put_back(problem.frames, refined), [*refined, *rivals])
@@ -368,15 +347,6 @@ def _certain(frames: Frames, displaced: Sequence[Displacement]) -> Frames:
     return replace(frames, valid=valid)
 
 
-def _among(displaced: Displacement, rows: Index, near: Index) -> Displacement:
-    """A displacement of the even frames `rows` among the frames `near`."""
-    begin, end = (
-        np.interp(moment, np.arange(len(rows)), rows) for moment in (displaced.start, displaced.end)
-    )
-    start, stop = np.searchsorted(near, [begin, end])
-    return replace(displaced, start=int(start), end=int(stop))
-
-
 def _exact_row(
     fit: HandFit,
     poses: Poses,
@@ -386,16 +356,16 @@ def _exact_row(
     displaced: Displacement,
     others: Sequence[Displacement],
 ) -> int:
-    """The first row of poses at which the receiver is rather displaced than not, all else being known.
-
-    rows : (F,) the even frames, in which `start` of displacements counts.
-    """
+    """The first row at which a receiver is rather displaced; rows : (F,) the even frames."""
     first = rows[max(0, displaced.start - _SAME_MOMENT)]
     last = rows[min(len(rows) - 1, displaced.start + _SAME_MOMENT)]
     near = np.unique(np.linspace(first, last, min(_DENSE_FRAMES, int(last - first) + 1)).round().astype(int))
     frames = fit.evidence.convention.frames(poses.take(near))
-    before = [_among(other, rows, near) for other in others]
-    costs = []
+    before, costs = [], []
+    for other in others:  # of the even frames, among the near ones
+        moments = (np.interp(moment, np.arange(len(rows)), rows) for moment in (other.start, other.end))
+        start, stop = np.searchsorted(near, [*moments])
+        before.append(replace(other, start=int(start), end=int(stop)))
     for put_back in (before, [*before, replace(displaced, start=0, end=0)]):
         dense = replace(problem, frames=_put_back(frames, put_back))
         point = pose(dense, first_guess(dense, fit.evidence.model, x), _POSING_STEPS)

@@ -17,7 +17,7 @@ from shukotsu.stages.fit_hand.normal_equations import Frames, Observations
 from shukotsu.stages.fit_hand.receiver_frames import Convention
 
 PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
-"""Of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
+"""Sd of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
 which counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
 
 MOUNT_PARTS = ("along", "lateral", "height")
@@ -29,11 +29,11 @@ _TURNS = 0.1
 
 @dataclass(frozen=True)
 class Measurement:
-    """One measured length in mm with its 1-sigma error.
+    """A measured length, mm, 1-sigma.
 
-    quantity : a segment for its bone's length, joint to joint; or `segment.along`, `.lateral`, `.height` for
-    the place of its receiver over the bone, from the centre of the bone's proximal joint: distally, towards
-    the thumb, dorsally; or `segment.distal` for how far its receiver sits from the next joint.
+    quantity : a segment for its bone, joint to joint; or `segment.along`, `.lateral`, `.height` for its
+    receiver's place from the bone's proximal joint: distally, towards the thumb, dorsally; or
+    `segment.distal`, to the next joint.
     """
 
     quantity: str
@@ -63,11 +63,7 @@ def observations(model: HandModel, measurements: Sequence[Measurement]) -> Obser
 
 
 def planes(model: HandModel, layout: Layout, convention: Convention, frames: Frames) -> Observations:
-    """Hinges without anatomy lie near the plane that the layout gives: nothing else says where on their axis.
-
-    A joint that turns about more than one axis needs no plane. Planes that the layout gives in the parent's
-    frame are left out: they are not a hinge's own.
-    """
+    """Hinges without anatomy lie near their plane in the child's frame: nothing else says where."""
     rows, values, n_unknowns = [], [], len(model.unknowns.names)
     for name, centre in model.centres_in_child.items():
         joint = layout.joints[name]
@@ -83,9 +79,7 @@ def planes(model: HandModel, layout: Layout, convention: Convention, frames: Fra
 
 
 def _distance_mm(model: HandModel, joint: Joint, frames: Frames) -> float:
-    """Give the distance of a hinge's axis from its child's receiver, at first sight: Eq. 4 with what is not
-    seen left out.
-    """
+    """Distance of a hinge's axis from its child's receiver, by Eq. 4 with what is not seen left out."""
     parent, child = (model.receivers.index(name) for name in (joint.parent_receiver, joint.child))
     both = frames.valid[:, parent] & frames.valid[:, child]
     back = frames.rotation[both, child].swapaxes(-1, -2)
@@ -96,7 +90,7 @@ def _distance_mm(model: HandModel, joint: Joint, frames: Frames) -> float:
 
 
 def _amount(model: HandModel, quantity: str) -> Amount:
-    """Give the length or offset that a quantity's name stands for."""
+    """The length or offset that a quantity's name stands for."""
     segment, _, part = quantity.partition(".")
     try:
         if not part:

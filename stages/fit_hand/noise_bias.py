@@ -1,11 +1,10 @@
 """The error that noise puts into all hands alike, found by fitting the fitted hand again, and taken off.
 
 The hand that is likeliest together with the angles of every frame is too large: what is noise looks like
-motion, and on longer bones smaller angles, which are likelier, reach as far (Neyman & Scott 1948). Receivers
-with orientation leave little room for that; of points it is millimetres. So the fitted hand is measured again
-as it stands, with the noise that it leaves and with that noise reversed, so that only what all noise has in
-common is left, and fitted again without any other expectation than itself (the parametric bootstrap, Efron
-1979).
+motion, and on longer bones smaller angles, which are likelier, reach as far (Neyman & Scott 1948). Bones
+without a receiver leave room for that. So the fitted hand is measured again as it stands, with the noise that
+it leaves and with that noise reversed, so that only what all noise has in common is left, and fitted again
+without any other expectation than itself (the parametric bootstrap, Efron 1979).
 """
 
 from __future__ import annotations
@@ -25,18 +24,20 @@ _NOTHING = 1e-9
 
 
 def without_noise_bias(problem: Problem, point: Point) -> Point:
-    """Give the hand less what noise makes of it, its frames posed with it."""
+    """Return the hand less what noise makes of it, its frames posed with it."""
     rng, shape = np.random.default_rng(0), (*problem.frames.valid.shape, 3)
     noise = rng.normal(size=(2, *shape))
-    own = np.sqrt(problem.precision)
+    root = np.sqrt(problem.precision)
     rows = problem.observations.rows
-    held = Observations(np.concatenate([rows, np.diag(own)]), np.concatenate([rows @ point.x, own * point.x]))
-    again = replace(problem, observations=held, precision=np.full(len(own), _NOTHING))
-    found = []
+    held = Observations(
+        np.concatenate([rows, np.diag(root)]), np.concatenate([rows @ point.x, root * point.x])
+    )
+    again = replace(problem, observations=held, precision=np.full(len(root), _NOTHING))
+    solved_x = []
     for sign in (1.0, -1.0):
         frames = _measured_again(problem, point, sign * noise)
-        found.append(solve(replace(again, frames=frames), point, _STEPS, NEARLY).point.x)
-    x = 2 * point.x - np.mean(found, axis=0)
+        solved_x.append(solve(replace(again, frames=frames), point, _STEPS, NEARLY).point.x)
+    x = 2 * point.x - np.mean(solved_x, axis=0)
     return pose(problem, replace(point, x=x))
 
 
@@ -45,7 +46,7 @@ def _measured_again(problem: Problem, point: Point, noise: Array) -> Frames:
     rotation, position = problem.frames.rotation.copy(), problem.frames.position_mm.copy()
     for receivers, (_, _, reached) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
         for mark, s in receivers:
-            turned = problem.sd[s, 1] * noise[1, :, s] if problem.turns[s] else np.zeros(3)
+            turned = problem.sd[s, 1] * noise[1, :, s]
             rotation[:, s] = reached.rotation[mark] @ exp_rotation(turned)
             position[:, s] = reached.position_mm[mark] + problem.sd[s, 0] * noise[0, :, s]
     if problem.field is not None:

@@ -26,10 +26,6 @@ HUBER = 3.55
 """Norm of a receiver's six residuals, over their sd, beyond which they count less: 95 % of normal ones."""
 
 
-UNTURNED_RAD = 1e9
-"""Sd of a point's rotation, of which nothing is measured: its three residuals weigh nothing."""
-
-
 @dataclass(frozen=True)
 class Frames:
     """Measured poses of S receivers: rotation (F, S, 3, 3), position_mm (F, S, 3), valid (F, S)."""
@@ -39,7 +35,7 @@ class Frames:
     valid: npt.NDArray[np.bool_]
 
     def take(self, rows: Rows) -> Frames:
-        """Give some of the frames."""
+        """Return some of the frames."""
         return Frames(self.rotation[rows], self.position_mm[rows], self.valid[rows])
 
 
@@ -53,7 +49,7 @@ class Point:
     root_mm: Array
 
     def take(self, rows: Rows) -> Point:
-        """Give some of the frames."""
+        """Return some of the frames."""
         return Point(self.x, self.y[rows], self.root[rows], self.root_mm[rows])
 
 
@@ -66,25 +62,18 @@ class Observations:
 
     @classmethod
     def of(cls, rows: Sequence[Array], values: Sequence[float], n_unknowns: int) -> Observations:
-        """Give observations of one row (G,) each."""
+        """Return observations of one row (G,) each."""
         return cls(np.array(rows).reshape(-1, n_unknowns), np.array(values))
-
-    def and_also(self, others: Observations) -> Observations:
-        """Give these observations and others."""
-        return Observations(
-            np.concatenate([self.rows, others.rows]), np.concatenate([self.values, others.values])
-        )
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Hold what is fitted to what.
+    """What is fitted to what.
 
-    receivers : per branch, pairs (mark in the branch, receiver in frames). sd : (S, 2) of a receiver's
-    position (mm) and rotation (rad) per component. temper : independent samples per frame.
-    state_mean, state_sd : (S,) in rad. precision : (G,) of the prior of x. state_link : (S, S) that takes
-    states less their means to what has that sd, where one is expected to follow another in its branch.
-    field : what turns receivers in the room, if that is fitted.
+    receivers : per branch, pairs (mark in the branch, receiver in frames). sd : (S, 2) of position (mm) and
+    rotation (rad) per component. temper : independent samples per frame. state_mean, state_sd : (S,) rad.
+    precision : (G,) of the prior of x. state_link : (S, S) from states less their means to what has that sd.
+    field : what turns receivers in the room.
     """
 
     branches: tuple[Branch, ...]
@@ -99,11 +88,6 @@ class Problem:
     state_link: Array | None = None
     field: RoomField | None = None
 
-    @property
-    def turns(self) -> npt.NDArray[np.bool_]:
-        """Tell of which receivers the rotation is measured, (S,)."""
-        return np.asarray(self.sd[:, 1] < UNTURNED_RAD / 1e3)
-
     def unknowns_of(self, index: int) -> Index:
         """Indices into x of what moves the receivers of a branch, or how they are measured."""
         own = self.branches[index].unknowns
@@ -115,10 +99,6 @@ class Problem:
             return self.frames.rotation
         return self.field.undone(self.frames.rotation, self.frames.position_mm, x)
 
-    def back_to(self, s: int, x: Array) -> Array:
-        """Rotations (F, 3, 3) from the transmitter's frame to a receiver's own, the field's turn undone."""
-        return np.swapaxes(self.rotation(x)[:, s], -1, -2)
-
     def state_prior(self, states: Index | slice = slice(None)) -> Array:
         """Square root (s, s) of the precision of those states' priors."""
         link = np.eye(len(self.state_sd)) if self.state_link is None else self.state_link
@@ -126,9 +106,7 @@ class Problem:
 
 
 class BranchResiduals(NamedTuple):
-    """One branch's residuals (receivers, F, 6) over their sd, position before rotation and zero where not
-    valid; their robust weights (receivers, F); and where the chain reached.
-    """
+    """Residuals (receivers, F, 6) over sd, robust weights (receivers, F), where the chain reached."""
 
     r: Array
     weight: Array
@@ -137,10 +115,7 @@ class BranchResiduals(NamedTuple):
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals at a point, by branch; the cost, and each frame's part (F,) of it.
-
-    Residuals are in the measured receiver's own frame, wherever the transmitter is.
-    """
+    """Residuals in the measured receivers' own frames, by branch; the cost, and each frame's (F,)."""
 
     branches: tuple[BranchResiduals, ...]
     cost: float
@@ -171,7 +146,7 @@ def log_rotation(rotation: Array) -> Array:
 
 @dataclass(frozen=True)
 class Elimination:
-    """One branch's states eliminated: y = -inverse_root^T (rhs + by_rest @ (root, x)).
+    """A branch's states eliminated: y = -inverse^T (rhs + by_rest @ (root, x)).
 
     inverse : (F, s, s) inverse Cholesky factor L^-1; by_rest : (F, s, 6 + g) L^-1 B; rhs : (F, s) L^-1 b;
     unknowns : (g,) indices into x.
@@ -185,10 +160,7 @@ class Elimination:
 
 @dataclass(frozen=True)
 class Reduced:
-    """Normal equations with all states and roots eliminated.
-
-    matrix : (G, G), gradient : (G,). root_inverse : (F, 6, 6), root_by_x : (F, 6, G), root_rhs : (F, 6).
-    """
+    """States and roots eliminated: (G, G), (G,), (F, 6, 6), (F, 6, G), (F, 6); and every branch's states."""
 
     matrix: Array
     gradient: Array

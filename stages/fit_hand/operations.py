@@ -31,10 +31,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Operation:
-    """A rotation about (rad) or a translation along (mm) a constant unit axis in the frame reached so far.
-
-    The amount is the constant and the terms.
-    """
+    """A rotation (rad) or translation (mm) along a unit axis in the frame reached so far, of all terms."""
 
     rotates: bool
     axis: Array
@@ -68,7 +65,7 @@ Step = Operation | Turn | Mark | Side
 
 @dataclass(frozen=True)
 class Reached:
-    """Marked poses and where every operation acts, over F frames, in the frame in which the root is given.
+    """Marked poses and where every operation acts, over F frames, in the root's frame.
 
     rotation : (M, F, 3, 3), position_mm : (M, F, 3) of the marks. axis, origin_mm : (O, F, 3).
     """
@@ -82,9 +79,9 @@ class Reached:
 class Branch:
     """A chain of steps from the root with its side branches, ready to be evaluated.
 
-    marks : names in order. unknowns : indices into x, states : indices into y, of those that occur.
-    plan : what is done in turn, with the number of the
-    operation or mark, and its constant. upstream : (M, O) which operations a mark follows.
+    marks : names. unknowns : indices into x, states : into y, of those that occur. plan : what is done in
+    turn, with the number of the operation or mark, and its constant. upstream : (M, O) which operations a
+    mark follows.
     """
 
     def __init__(self, steps: Sequence[Step]) -> None:
@@ -169,11 +166,7 @@ class Branch:
         return np.asarray(by_state)
 
     def reach(self, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
-        """Go through the chain.
-
-        x : (G,) unknowns; y : (F, S) states of the frames; root : (F, 3, 3), root_mm : (F, 3) pose of the
-        root.
-        """
+        """Go through the chain: x (G,), y (F, S), poses of the root (F, 3, 3) and (F, 3)."""
         own = y[:, self.states]
         steady = self._constant + self._by_unknown @ x[self.unknowns]
         amount = steady[:, None] + self.per_state(x) @ own.T
@@ -203,9 +196,7 @@ class Branch:
         return Reached(rotation, position, axis, origin)
 
     def _turning(self, steady: Array, amount: Array) -> list[Array]:
-        """Rotation matrices (Rodrigues) of every operation: (F, 3, 3) by its amounts (O, F), or (3, 3) by its
-        steady one (O,) where it does not move.
-        """
+        """Rotation matrices of operations: (F, 3, 3) by amounts (O, F), or (3, 3) by steady ones."""
         turning: list[Array] = [NOTHING] * len(amount)
         for moves, angles in ((False, steady), (True, amount)):
             which = np.flatnonzero(self._rotates & (self._moves == moves))

@@ -50,19 +50,22 @@ Columns = dict[str, Any]
 def posed_blocks(
     tips: Fingertips, path: Path, moved: Sequence[LooseReceiver] = (), *, calibrates: bool = False
 ) -> Iterator[dict[str, Columns]]:
-    """Pose a recording, a block of frames at a time; give columns of joint_angles, bone_poses and posed_tips.
+    """Pose a recording block by block; yield columns of joint_angles, bone_poses and posed_tips without the
+    part's keys.
 
-    path : its poses table. moved : receivers that sit elsewhere in it: from then on they are not used, and
-    angles and tips that hang on them are null. calibrates : whether the hand was fitted to it. Columns are
-    all but the part's keys.
+    moved : receivers that sit elsewhere in it: from then on they are not used, and what hangs on them is
+    null. calibrates : whether the hand was fitted to it.
     """
     fit, name = tips.fit, recording_name(path)
     step = max(1, -(-frame_count(path) // LEFT_OUT_FRAMES))
     first, reference_deg = 0, None
     for recorded in pose_blocks(path, fit.evidence.layout.measured, BLOCK_FRAMES):
-        poses = _without_moved(recorded, moved)
+        valid = recorded.valid.copy()
+        for receiver in moved:
+            valid[recorded.frame >= receiver.start.frame, recorded.index(receiver.segment)] = False
+        poses = replace(recorded, valid=valid)
         posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
-        ends_mm = {part: _carried_mm(tips, posed, poses, part) for part in ENDS}
+        ends_mm = _ends_mm(tips, posed, poses)
         frames = fit.evidence.convention.frames(poses)
         errors = posed_errors(tips, posed, frames, reference_deg)
         reference_deg = errors.reference_deg
@@ -83,14 +86,6 @@ def posed_blocks(
         first += len(poses.frame)
 
 
-def _without_moved(poses: Poses, moved: Sequence[LooseReceiver]) -> Poses:
-    """The poses, each receiver valid until it moved."""
-    valid = poses.valid.copy()
-    for receiver in moved:
-        valid[poses.frame >= receiver.start.frame, poses.index(receiver.segment)] = False
-    return replace(poses, valid=valid)
-
-
 def _forget(columns: Columns, key: str, names: Sequence[str], since: int) -> None:
     """Make the numbers of these joints or digits null from a frame on."""
     gone = np.isin(np.array(columns[key], object), names) & (columns["frame"] >= since)
@@ -100,15 +95,13 @@ def _forget(columns: Columns, key: str, names: Sequence[str], since: int) -> Non
 
 
 def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
-    """Pose a few frames of a recording with the hand that anatomy expects, which states no error; give
-    columns of bone_poses and posed_tips.
-    """
+    """Columns of bone_poses and posed_tips of a few frames, posed as anatomy expects the hand."""
     fit, name = tips.fit, recording_name(path)
     poses = read_thinned(path, fit.evidence.layout.measured, REFERENCE_FRAMES)
     posed, every = pose_hand(fit, poses), np.arange(len(poses.frame))
     return {
         "bone_poses": bone_columns(name, posed, poses),
-        "posed_tips": tip_columns(name, fit, posed, poses, every, posed_ends_mm(tips, posed)),
+        "posed_tips": tip_columns(name, fit, posed, poses, every, _ends_mm(tips, posed)),
     }
 
 
@@ -189,38 +182,28 @@ def tipped(fit: HandFit) -> list[Digit]:
     return [digit for digit in evidence.layout.digits.values() if digit.tip in evidence.model.receivers]
 
 
-def posed_ends_mm(tips: Fingertips, posed: PosedHand) -> dict[str, Array]:
-    """Ends (T, D, 3) of the posed last bones and of the skin beyond them, of the digits of `tipped`, by part
-    (`ENDS`); NaN without known anatomy.
+def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None = None) -> dict[str, Array]:
+    """Ends (T, D, 3) of last bones and of the skin beyond them, by part (`ENDS`); NaN without known anatomy.
+
+    Carried by the posed bone or, where poses have it, by the distal receiver, which follows its bone better.
     """
-    return {part: _posed_mm(tips, posed, part) for part in ENDS}
-
-
-def _posed_mm(tips: Fingertips, posed: PosedHand, part: str) -> Array:
-    """Ends (T, D, 3) of one part, carried by the posed last bones."""
     fit, digits = tips.fit, list(tips.digits)
     mirrored_y = MIRROR if fit.evidence.convention.left else np.ones(3)
-    out = np.full((len(posed.posed), len(tipped(fit)), 3), np.nan)
-    for index, digit in enumerate(tipped(fit)):
-        if digit.tip in posed.bones:
+    ends_mm = {part: np.full((len(posed.posed), len(tipped(fit)), 3), np.nan) for part in ENDS}
+    for part, out in ends_mm.items():
+        carried_mm = None if poses is None else tips.in_transmitter(poses, part)
+        for index, digit in enumerate(tipped(fit)):
+            if digit.name not in digits:
+                continue
             last, along = posed.bones.index(digit.tip), np.array([fit.bones[digit.tip].length_mm, 0.0, 0.0])
             if part == TIP:
                 along += tips.offsets_mm[digits.index(digit.name), 0] * mirrored_y
             turned = rotate(posed.bone_quaternion[:, last], along)
             out[:, index] = posed.bone_position_mm[:, last] + turned
-    return out
-
-
-def _carried_mm(tips: Fingertips, posed: PosedHand, poses: Poses, part: str) -> Array:
-    """Ends (T, D, 3) of one part, carried by the distal receiver, which follows its bone better than the
-    whole hand says; by the posed bone where that receiver is not valid.
-    """
-    out, carried = _posed_mm(tips, posed, part), tips.in_transmitter(poses, part)
-    for index, digit in enumerate(tipped(tips.fit)):
-        if digit.name in tips.digits:
-            own = carried[:, list(tips.digits).index(digit.name)]
-            out[:, index] = np.where(np.isfinite(own), own, out[:, index])
-    return out
+            if carried_mm is not None:
+                by_receiver = carried_mm[:, digits.index(digit.name)]
+                out[:, index] = np.where(np.isfinite(by_receiver), by_receiver, out[:, index])
+    return ends_mm
 
 
 def _keys(name: RecordingName, key: str, values: Sequence[str], poses: Poses) -> Columns:

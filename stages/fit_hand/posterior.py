@@ -23,9 +23,7 @@ from shukotsu.stages.fit_hand.receiver_frames import Convention
 
 @dataclass(frozen=True)
 class Posterior:
-    """Mean x (G,) and covariance (G, G) of the hand's unknowns; mean_states (S,) over the recording, rad,
-    and how they move with the unknowns (S, G).
-    """
+    """Mean (G,), covariance (G, G) of unknowns; mean states (S,), rad, and derivative (S, G) by them."""
 
     x: Array
     covariance: Array
@@ -43,7 +41,7 @@ class Posterior:
         )
 
     def moved_to(self, x: Array, covariance: Array) -> Posterior:
-        """Give the posterior with another mean and covariance; the mean joint angles go along."""
+        """The posterior with another mean and covariance; the mean joint angles go along."""
         states = self.mean_states + self.states_by_x @ (x - self.x)
         return Posterior(x, covariance, states, self.states_by_x)
 
@@ -55,9 +53,7 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Evidence:
-    """A solved fit: its posterior, the frames it was solved on (problem), their share (F,) of the recording
-    and joint angles (F, S) in rad.
-    """
+    """A solved fit: its problem's frames have a share (F,) of the recording and joint angles (F, S), rad."""
 
     layout: Layout
     model: HandModel
@@ -115,9 +111,7 @@ def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
 def centre_by_unknowns(
     joint: Joint, places: Mapping[str, Place], evidence: Evidence
 ) -> tuple[dict[str, Array], Array]:
-    """A joint's centre in the fitted frames of the parent's and the child's receiver, NaN where there is
-    none, and its derivative (6, G) in the receivers' own frames.
-    """
+    """A joint's centre in both receivers' fitted frames, or NaN; derivative (6, G) in their own."""
     centre = places[evidence.model.centres[joint.name]]
     points, by_x = {}, np.full((6, len(evidence.posterior.x)), np.nan)
     for side, segment in enumerate((joint.parent_receiver, joint.child)):

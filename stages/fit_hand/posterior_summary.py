@@ -25,14 +25,12 @@ STRANGE_SD = 5.0
 class FittedJoint:
     """One joint of a fitted hand.
 
-    parent_segment, child_segment : empty where one could be worn and is not.
-    parent_mm, child_mm : (3,) centre in the parent's and the child's receiver frame, NaN where that carries
-    no receiver; of a joint that does not move (dof 0), which has no axis and no range, in one of them alone:
-    the parent's, or the child's where the parent is empty (the wrist without a forearm receiver).
-    covariance_mm2 : (6, 6) of both. axis_parent, axis_child : (3,) unit flexion axis there; axis_sd_deg : its
-    1-sigma direction error. range_deg : of flexion over the frames
-    fitted. gap_rms_mm : of the centre in the recording. doubts : what is known against it beside its numbers
-    (shukotsu.schemas.verdict). message : why no receiver carries it; empty where one does.
+    parent_segment, child_segment : empty where one could be worn and is not. parent_mm, child_mm : (3,)
+    centre in each receiver's frame, NaN without one; of a joint that does not move, which has no axis and no
+    range, in the parent's alone, or the child's where the parent is empty. covariance_mm2 : (6, 6) of both.
+    axis_parent, axis_child : (3,) unit flexion axis; axis_sd_deg : of its direction. range_deg : of flexion
+    over the frames fitted. gap_rms_mm : of the centre in the recording. doubts : what is known against it
+    beside its numbers. message : why no receiver carries it.
     """
 
     name: str
@@ -52,9 +50,7 @@ class FittedJoint:
 
     @property
     def sd_mm(self) -> float:
-        """1-sigma three-dimensional error of the centre: the worse half's; NaN where no receiver is beside
-        the joint.
-        """
+        """1-sigma error in 3-D of the centre, the worse half's; NaN without a receiver."""
         variance = np.diag(self.covariance_mm2).reshape(2, 3).sum(1)
         return float(np.sqrt(np.fmax(*variance)))
 
@@ -69,10 +65,9 @@ class FittedBone:
 
 @dataclass(frozen=True)
 class HandSummary:
-    """Joints between two receivers, joints beside which a receiver could be worn and is not (lone), palm
-    joints that move but whose child carries no receiver, centres that do not move (the wrist among them where
-    it is no joint and anatomy says where it is), all by joint; bones by segment; zero and axes of the angles
-    of joints of known anatomy.
+    """Joints between two receivers; lone, beside which one could be worn and is not; palm, whose child
+    carries none; fixed centres, which do not move (the wrist, where it is no joint); bones by segment;
+    zero and axes of the angles.
     """
 
     joints: dict[str, FittedJoint]
@@ -84,7 +79,7 @@ class HandSummary:
 
 
 def summarise(evidence: Evidence) -> HandSummary:
-    """Give joints, bones and wrist of a solved fit."""
+    """Joints, bones and wrist of a solved fit."""
     places = places_of(evidence.model, evidence.posterior)
     joints: dict[str, FittedJoint] = {}
     lone: dict[str, FittedJoint] = {}
@@ -116,9 +111,8 @@ def summarise(evidence: Evidence) -> HandSummary:
 def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
     """Covariance (3, 3) that a point (3,) gains in a receiver's own frame as skin leaves no residual.
 
-    A receiver that slides by c mm per rad moves the centres in its frame by c mm and leaves no gap. The fit
-    has the linear slides of a digit's receivers with the joints beside them; of the rest, and of all that the
-    receiver on the back of the hand does, it knows only the size.
+    A receiver that slides by c mm per rad moves centres by c mm and leaves no gap. The fit has the linear
+    slides of a digit's receivers; of the rest, and of the back of the hand, it knows only the size.
     """
     turn = evidence.convention.point_matrix(segment)
     if segment == evidence.model.receivers[0] and segment in evidence.model.mount:
@@ -184,9 +178,7 @@ def _fixed(
     seen: tuple[Array, Array],
     evidence: Evidence,
 ) -> FittedJoint:
-    """A centre that anatomy and the palm's shape place, as the receiver on `segment` sees it, with its
-    derivative; ends : parent and child segment.
-    """
+    """A centre that anatomy places, `seen` by a receiver; ends : parent and child segment."""
     by_x = evidence.convention.point_matrix(segment) @ seen[1]
     side = 0 if ends[0] else 1
     half = slice(3 * side, 3 * side + 3)
@@ -219,9 +211,9 @@ def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -
     weight = evidence.share * (frames.valid[:, a] & frames.valid[:, b])
     if not weight.any():
         return float("nan")
-    x, back = evidence.posterior.x, evidence.problem.back_to
-    apart = back(a, x).swapaxes(-1, -2) @ points[joint.parent_receiver] + frames.position_mm[:, a]
-    apart -= back(b, x).swapaxes(-1, -2) @ points[joint.child] + frames.position_mm[:, b]
+    rotation = evidence.problem.rotation(evidence.posterior.x)
+    apart = rotation[:, a] @ points[joint.parent_receiver] + frames.position_mm[:, a]
+    apart -= rotation[:, b] @ points[joint.child] + frames.position_mm[:, b]
     return float(np.sqrt((weight * (apart**2).sum(-1)).sum() / weight.sum()))
 
 

@@ -24,10 +24,10 @@ MOST_CANDIDATES = 1500
 
 @dataclass(frozen=True)
 class Convention:
-    """Hold how receivers' own frames become x distal, z dorsal of a right hand, and back.
+    """How receivers' frames become x distal, z dorsal of a right hand, and back; left hands are fitted as
+    mirror images.
 
-    axes : (S, 3, 3) columns distal, lateral (z x x) and dorsal in the receiver's own frame; left : whether
-    the hand is a left one, which is fitted as its mirror image.
+    axes : (S, 3, 3) columns distal, lateral (z x x) and dorsal in the receiver's own frame.
     """
 
     receivers: tuple[str, ...]
@@ -36,7 +36,7 @@ class Convention:
 
     @classmethod
     def of(cls, layout: Layout, receivers: Sequence[str], hand: str) -> Convention:
-        """Give the convention of a layout's receivers."""
+        """The convention of a layout's receivers."""
         axes = []
         for name in receivers:
             distal, dorsal = np.array(layout.segments[name].distal), np.array(layout.segments[name].dorsal)
@@ -116,8 +116,8 @@ def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
 def spread_frames(postures: Array, n_frames: int) -> tuple[Index, Array]:
     """Choose frames by farthest point: each next one is the farthest from all before it (Gonzalez 1985).
 
-    postures : (T, D) features of a frame, equally scaled; begins with the one farthest from their mean.
-    Returns the rows in the order of time and (n,) the share of all frames that are nearest to each.
+    postures : (T, D) features; begins with the farthest from their mean. Returns rows in the order of time
+    and the share (n,) of all frames that are nearest to each.
     """
     step = max(1, len(postures) // MOST_CANDIDATES)
     candidates = postures[::step]

@@ -25,8 +25,8 @@ _FAR, _TIMES_WITHOUT_FAR = 2.5, 4
 class RoomField:
     """The unknowns (12,) of a room's field: a turn about three axes, and how it grows along three more each.
 
-    centre_mm : (3,) in the transmitter's frame, where the turn is that which all have in common; reach_mm :
-    how far from there it grows, which is where receivers were. Beyond, nothing is known of it.
+    centre_mm : (3,) where the turn is that which all have in common; reach_mm : how far from there it grows,
+    which is where receivers were.
     """
 
     unknowns: Index

@@ -13,12 +13,12 @@ from shukotsu.stages.fit_hand.fit import HandFit
 from shukotsu.stages.fit_hand.posterior import Evidence
 
 SIDE_SD = 0.0025
-"""Of the difference between left and right, relative: lengths differ by less than 0.5 %
+"""Sd of the difference between left and right, relative: lengths differ by less than 0.5 %
 (Buryanov & Kotiuk 2010)."""
 
 
 def share_lengths(one: HandFit, other: HandFit) -> tuple[HandFit, HandFit]:
-    """Give both fits of a person's hands, each with what the other says about its bones' lengths."""
+    """Both fits of a person's hands, each with what the other says about its bones' lengths."""
     bones = [name for name in one.bones if name in other.bones]
     first, second = _lengths(one.evidence, bones), _lengths(other.evidence, bones)
     difference = first[0] - second[0]

@@ -22,15 +22,12 @@ from shukotsu.skeleton.rotations import Array, matrix
 from shukotsu.stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips_of, seen_parts
 from shukotsu.stages.fit_hand.operations import Index
 
-TOUCH_SD_MM = 0.4
-"""Of a fingertip's end on a known point, per direction: a divot or a stylus, and skin that gives way."""
-
 CONTACT_SD_MM = 1.5
-"""Of two pads that meet, per direction: pulps give way by 1 to 2 mm and do not meet centre on centre."""
+"""Sd of two pads that meet, per direction: pulps give way by 1 to 2 mm and do not meet centre on centre."""
 
 SKIN_SD_MM = 0.3
-"""Of a nail's receiver over its bone, per direction: other skin slides by about a millimetre per rad of its
-joint, that of the nail by a third of it."""
+"""Sd of a nail's receiver over its bone, per direction: other skin slides by about a millimetre per rad of
+its joint, that of the nail by a third of it."""
 
 WORST = 16.27
 """Squared distance, in sd, of a touch from where all else puts it: exceeded by 1 in 1000 (chi-square, 3)."""
@@ -46,9 +43,9 @@ _ROUNDS = 5
 class Touch:
     """A fingertip on a known point, a stylus's tip on the fingertip, or two fingertips that meet.
 
-    receiver_mm : (N, D, 3), receiver_quaternion : (N, D, 4) poses of the D digits' distal receivers while it
-    lasted. part : tip or pad, or bone where somebody knows even that. sd_mm : of what meets, per direction.
-    point_mm : (3,) the point in the transmitter frame; None where two digits meet.
+    receiver_mm : (N, D, 3), receiver_quaternion : (N, D, 4) of the distal receivers while it lasted. part :
+    tip, pad or bone. sd_mm : per direction. point_mm : (3,) in the transmitter frame; None where two digits
+    meet.
     """
 
     digits: tuple[str, ...]
@@ -63,37 +60,19 @@ def touch_in(
     tips: Fingertips,
     poses: Poses,
     rows: Index,
-    digit: str,
-    point_mm: Array,
-    *,
-    sd_mm: float = TOUCH_SD_MM,
-    part: str = TIP,
+    digits: tuple[str, ...],
+    sd_mm: float,
+    part: str,
+    point_mm: Array | None = None,
 ) -> Touch:
-    """A touch that lasted for some frames of a recording; InputError where its receiver is in none valid."""
-    return Touch((digit,), *_held(tips, poses, rows, digit), part, sd_mm, point_mm)
-
-
-def contact_in(
-    tips: Fingertips,
-    poses: Poses,
-    rows: Index,
-    digits: tuple[str, str],
-    *,
-    sd_mm: float = CONTACT_SD_MM,
-    part: str = PAD,
-) -> Touch:
-    """Two digits on each other for some frames of a recording; InputError where none has both receivers."""
-    return Touch(digits, *_held(tips, poses, rows, *digits), part, sd_mm)
-
-
-def _held(tips: Fingertips, poses: Poses, rows: Index, *digits: str) -> tuple[Array, Array]:
-    """Poses (N, D, 3), (N, D, 4) of the digits' receivers in those rows in which all are valid."""
+    """A touch, or two digits that meet, in some frames; InputError where no receivers are valid in any."""
     receivers = [tips[digit].receiver for digit in digits]
     columns = [poses.index(name) for name in receivers]
     rows = rows[poses.valid[rows][:, columns].all(1)]
     if not len(rows):
         raise InputError(f"no frame of the touch has a valid pose of {' and '.join(receivers)}")
-    return poses.position_mm[rows][:, columns], poses.quaternion[rows][:, columns]
+    held = poses.position_mm[rows][:, columns], poses.quaternion[rows][:, columns]
+    return Touch(digits, *held, part, sd_mm, point_mm)
 
 
 @dataclass(frozen=True)
@@ -109,9 +88,8 @@ class _Equation:
 def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
     """Condition fingertips on touches; the result's `fit` has its joints, bones and their covariance then.
 
-    tips : of a fit, or conditioned on touches already. A touch farther from where the fit and the other
-    touches put it than 1 in 1000 would be is left out, with a sentence in `refused`. Raises InputError for a
-    digit without a fingertip or an unknown part.
+    A touch farther from where all else puts it than 1 in 1000 would be is left out, with a sentence in
+    `refused`. Raises InputError for a digit without a fingertip or an unknown part.
     """
     equations = [_equation(tips, number, touch) for number, touch in enumerate(touches, 1)]
     refused: list[str] = []
@@ -149,9 +127,7 @@ def _equation(tips: Fingertips, number: int, touch: Touch) -> _Equation:
 def _conditioned(
     tips: Fingertips, equations: Sequence[_Equation]
 ) -> tuple[Array, Array, list[tuple[float, float]]]:
-    """Unknowns and offsets (G + 6 D,) given the equations, their covariance, and of each equation how far it
-    is from what all others make of it: squared in sd, and in mm.
-    """
+    """Unknowns and offsets (G + 6 D,), their covariance, each equation's misfit, squared in sd, and mm."""
     evidence, shape = tips.fit.evidence, tips.offsets_mm.shape
     start, P = np.concatenate([evidence.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
     noise = np.repeat([equation.sd_mm**2 for equation in equations], 3)

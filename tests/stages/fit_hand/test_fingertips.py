@@ -13,7 +13,7 @@ from shukotsu.skeleton.rotations import Array, rotate
 from shukotsu.stages.fit_hand.contacts import MOST_EACH, find_contacts
 from shukotsu.stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, seen_parts
 from shukotsu.stages.fit_hand.fit import Settings, fit_hand
-from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, contact_in, touch_in, with_touches
+from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, touch_in, with_touches
 from shukotsu.stages.simulate.random_hand import DIGITS, TIP_BONES
 from shukotsu.stages.simulate.simulation import Simulated
 
@@ -46,7 +46,7 @@ class Person:
         for digit in digits:
             row = rng.integers(0, len(self.poses.frame), 1)
             point = self.true_mm(row, TIP)[0, DIGITS.index(digit)] + 0.4 * rng.normal(size=3)
-            touches.append(touch_in(self.tips, self.poses, row, digit, point))
+            touches.append(touch_in(self.tips, self.poses, row, (digit,), 0.4, TIP, point))
         return touches
 
     def off_mm(self, tips: Fingertips, part: str) -> Array:
@@ -156,7 +156,9 @@ def test_a_contact_of_pads_that_are_apart_is_left_out_however_far(
     frames = np.flatnonzero(apart_mm > 25.0)[:: max(1, int((apart_mm > 25.0).sum() / 12))]
     assert len(frames) > 3
     for frame in frames:
-        contact = contact_in(person.tips, person.poses, np.arange(frame, frame + 1), ("thumb", finger))
+        contact = touch_in(
+            person.tips, person.poses, np.arange(frame, frame + 1), ("thumb", finger), CONTACT_SD_MM, PAD
+        )
         tips = with_touches(person.tips, [contact])
         assert tips.fit is person.tips.fit
         assert "contact 1" in tips.refused[0]
@@ -186,7 +188,7 @@ def test_pads_that_meet_are_found_and_count(people: dict[str, Person]) -> None:
         assert np.trace(touched[digit].pad_covariance_mm2) < np.trace(person.tips[digit].pad_covariance_mm2)
     assert gap_mm(touched, contacts) < 0.6 * gap_mm(person.tips, contacts)
     assert len(find_contacts(person.tips, person.poses)) <= 2
-    apart = contact_in(person.tips, poses, np.arange(3), ("thumb", "ring"))
+    apart = touch_in(person.tips, poses, np.arange(3), ("thumb", "ring"), CONTACT_SD_MM, PAD)
     among = with_touches(person.tips, [apart, *contacts])
     assert len(among.refused) == 1
     assert "contact 1 (thumb and ring)" in among.refused[0]

@@ -18,7 +18,6 @@ from shukotsu.stages.fit_hand.frame_uncertainty import (
     PosedErrors,
     Postures,
     _angle_errors_deg,
-    _point,
     _spread_of,
     posed_errors,
     posed_frames,
@@ -69,7 +68,7 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
     def moved_hand(x: Array) -> tuple[Array, Array]:
         moved = replace(evidence, posterior=replace(evidence.posterior, x=x), problem=problem)
         again = replace(tips, fit=replace(tips.fit, evidence=moved))
-        point = replace(_point(again, posed), x=x)
+        point = replace(Postures.of(again, posed).point, x=x)
         solved = back_substitute(problem, point, reduce(problem, point), np.zeros(len(x)))
         places = {f"bone {posed.bones[0]}": (solved.root, solved.root_mm)}
         for branch in problem.branches:

@@ -88,7 +88,7 @@ def test_a_touch_gains_what_it_said(fitted: HandFit, found: dict[str, Row]) -> N
     middle = list(tips.digits).index("middle")
     point = tips.in_transmitter(poses, "tip")[40, middle] + [0.5, -0.5, 0.5]
     gain = found["middle.touch"]
-    touched = with_touches(tips, [touch_in(tips, poses, row, "middle", point, sd_mm=gain["sd_mm"])])
+    touched = with_touches(tips, [touch_in(tips, poses, row, ("middle",), gain["sd_mm"], "tip", point)])
     now = sds(touched.fit)
     assert gain["joint"] == "middle_dip"
     assert now[gain["joint"]] == pytest.approx(gain["joint_sd_after_mm"], rel=0.02)
