@@ -33,13 +33,11 @@ Vector = tuple[float, float, float]
 class DigitAnatomy:
     """A digit of the average hand, straight, from the joint at its base outward; B bones, hand's frame.
 
-    base_mm : (3,) first joint, the CMC. directions : (B, 3) unit vectors along the bones, distally.
-    flexion_axes : (B, 3) unit, of the joints at the bones' proximal ends. lengths_mm : (B,) between joint
-    centres, the last to the bone's tip. soft_tip_mm : skin and pulp beyond it. second_axis : (3,) of the
-    first joint, where that one is skew. bone_heights_mm : (B,) of the dorsal side of each bone, half way
-    along it, over the line between its ends. faces_nail : whether the frame of the first bone, a thumb's
-    metacarpal, faces as those of the phalanges do, y nearest the second joint's axis
-    (`shukotsu.skeleton.thumb_facing`).
+    base_mm : (3,) first joint, the CMC. directions : (B, 3) unit, distally. flexion_axes : (B, 3) unit, of
+    the bones' proximal joints. lengths_mm : (B,) between joint centres, the last to the bone's tip.
+    soft_tip_mm : skin and pulp beyond it. second_axis : (3,) of a skew first joint. bone_heights_mm : (B,) of
+    each bone's back half way along, over the line between its ends. faces_nail : whether a thumb's metacarpal
+    faces as the phalanges do (`shukotsu.skeleton.thumb_facing`).
     """
 
     base_mm: Array
@@ -65,7 +63,7 @@ class DigitAnatomy:
         return np.asarray(self.base_mm + np.cumsum(bones, axis=0) - bones)
 
     def mounts_mm(self) -> Array:
-        """Return receivers' places (B, 3), in the bones' frames: on the nail, and half way along others."""
+        """Receivers' places (B, 3), in the bones' frames: on the nail, and half way along others."""
         mounts = np.zeros((len(self.lengths_mm), 3))
         mounts[:, 0] = MOUNT_SHARE * self.lengths_mm
         mounts[-1, 0] = NAIL_SHARE * self.lengths_mm[-1]
@@ -74,7 +72,7 @@ class DigitAnatomy:
 
 
 MOUNT_SHARE, NAIL_SHARE = 0.5, 0.6
-"""Of a bone's length at which its receiver sits; on the last bone the nail draws it distally (ours)."""
+"""Share of a bone's length at which its receiver sits; on the last bone the nail draws it distally (ours)."""
 
 NAIL_SLOPE_DEG = 6.0
 """By which the back of a last phalanx falls towards its tip, and a receiver on it: 2.7 mm over the joint, 1.5
@@ -91,10 +89,7 @@ SOURCE_SCALE = 1.035
 
 
 def _thumb() -> DigitAnatomy:
-    """A straight thumb, its CMC centre half way between its two skew axes, a little proximal of the facet.
-
-    These lie as its saddle does: one along the back of the metacarpal's base, one across it.
-    """
+    """A straight thumb, its CMC centre half way between its two skew axes, which lie as its saddle does."""
     facet_mm, along = np.array([16.0, 21.0, -10.0]), unit(np.array([0.80, 0.39, -0.44]))
     ip, mcp = (
         unit(axis - (axis @ along) * along)
@@ -123,11 +118,8 @@ def _finger(
 ) -> DigitAnatomy:
     """A finger from its CMC, MCP and PIP joint, of which the palm is taken and the direction beyond it.
 
-    The middle phalanx lies in line with the proximal one, as all who set joints to neutral have it.
-
-    oblique_deg : by which the radial end of the PIP and the DIP axis lies distal of a right angle to the bone
-    that the joint moves. twist_deg : of the DIP axis after the PIP axis, about the bone between them.
-    lean_deg : of the distal phalanx towards the radial side.
+    oblique_deg : of the PIP and the DIP axis, distally at the radial end. twist_deg : of the DIP axis after
+    the PIP axis. lean_deg : of the distal phalanx towards the radial side.
     """
     cmc, mcp, pip = np.array(joints_mm)
     proximal = middle = unit(pip - mcp)
@@ -222,48 +214,45 @@ saddles of three hands)."""
 PRO_SUPINATION = 0.8
 """Pro-supination per flexion of CMC 4 and 5: ranges of 27 and 22 deg over 20 and 27 (El-shennawy)."""
 
-CMC_RANGE_DEG = {"index": 11.0, "middle": 7.0, "ring": 20.0, "little": 27.0}
-"""Range of flexion of the fingers' CMC joints (El-shennawy)."""
-
 # --- how hands differ ------------------------------------------------------------------------------------
 
 SCALE_SD = 0.08
-"""Of the hand's size among adults (Buryanov & Kotiuk: sd of the longest bones over their means)."""
+"""Sd of the hand's size among adults (Buryanov & Kotiuk: sd of the longest bones over their means)."""
 
 SCALE_SD_BY_LENGTH, SCALE_SD_BY_BREADTH = 0.04, 0.06
-"""Of the skeleton's scale when the hand's length or breadth is known: a crease is not a joint (ours)."""
+"""Sd of the skeleton's scale when the hand's length or breadth is known: a crease is not a joint (ours)."""
 
 LENGTH_SD_MM: Mapping[str, float] = {"metacarpal": 2.5, "proximal": 1.4, "middle": 1.2, "distal": 1.4}
-"""Of a bone's length between people, once the hand's size is known (CT, X-ray; by kind)."""
+"""Sd of a bone's length between people, once the hand's size is known (CT, X-ray; by kind)."""
 
 SOURCE_SD_MM: Mapping[str, float] = {"metacarpal": 3.5, "proximal": 1.3, "middle": 0.9, "distal": 1.3}
 """By how much all lengths of a kind may be off together: how far inside their heads centres lie, of which
 sources differ by 2 to 9 mm."""
 
 THUMB_METACARPAL_SD_MM = 3.5
-"""Of the thumb's first length: where along the bone its CMC axes lie is known to 4 mm."""
+"""Sd of the thumb's first length: where along the bone its CMC axes lie is known to 4 mm."""
 
 BASE_SD_MM = 2.0
-"""Of a metacarpal's base about that of the average palm (ours; three hands differ by as much)."""
+"""Sd of a metacarpal's base about that of the average palm (ours; three hands differ by as much)."""
 
 DIRECTION_SD_RAD = float(np.radians(3.0))
-"""Of a digit's direction in the flat hand, either way (ours: neighbours lie 5 to 8 deg apart)."""
+"""Sd of a digit's direction in the flat hand, either way (ours: neighbours lie 5 to 8 deg apart)."""
 
 ROLL_SD_RAD, THUMB_ROLL_SD_RAD = np.radians([3.0, 8.0]).tolist()
-"""Of a digit about its own length (ours); thumbs' nail side stands 65 to 85 deg from the back of the hand."""
+"""Sd of a digit about its own length (ours); a thumb's nail stands 65 to 85 deg from the hand's back."""
 
 AXIS_SD_RAD = float(np.radians(5.0))
-"""Of a joint's axis either way: that of a finger's hinge varies by about 5 deg even as it turns."""
+"""Sd of a joint's axis either way: that of a finger's hinge varies by about 5 deg even as it turns."""
 
 SKEW_SD_MM, SKEW_AXIS_SD_RAD = 2.0, float(np.radians(10.0))
-"""Of the distance of the thumb's CMC axes (Chang & Pollard), and of each: CT and models differ by 20 deg and
-more."""
+"""Sd of the distance of the thumb's CMC axes (Chang & Pollard), and of each: CT and models differ by 20 deg
+and more."""
 
 PRO_SUPINATION_SD = 0.35
-"""Of the pro-supination per flexion (ours)."""
+"""Sd of the pro-supination per flexion (ours)."""
 
 LEAN_SD_RAD = float(np.radians(1.5))
-"""Of a straight finger's bone beyond a hinge, sideways: joints are set to neutral by eye (ours)."""
+"""Sd of a straight finger's bone beyond a hinge, sideways: joints are set to neutral by eye (ours)."""
 
 JOINT_SLIDE_SD_MM, HINGE_SLIDE_SD_MM = 1.0, 0.4
 """Translation of a joint's centre per rad: an MCP joint's moves by 0.5 to 2 mm over 45 deg, a hinge's by 0.06
@@ -276,16 +265,16 @@ MOUNT_SD_MM = (3.5, 2.0, 2.0)
 receivers are of several heights)."""
 
 HABIT_SHARE = 0.5
-"""Of that variance, which all receivers of a hand have in common: one person puts them all on (ours)."""
+"""Share of that variance that all receivers of a hand have in common: one person puts them on (ours)."""
 
 MOUNT_TURN_SD_RAD = float(np.radians(6.0 / np.sqrt(3.0)))
 """6 deg away from the bone's axes in all, per component (our trials)."""
 
 FACING_SD_RAD = float(np.radians(20.0))
-"""Of the receiver over the thumb's metacarpal about its bone, from the nearer of its two sides (ours)."""
+"""Sd of the receiver over the thumb's metacarpal about its bone, from the nearer of its two sides (ours)."""
 
 HAND_MOUNT_SD_MM = (8.0, 5.0, 4.0)
-"""Of the receiver on the back of the hand about its nominal place (ours)."""
+"""Sd of the receiver on the back of the hand about its nominal place (ours)."""
 
 # --- how skin moves receivers ----------------------------------------------------------------------------
 # Markers on a finger keep their spacing to 5 % in a pinch (Yang), 2 mm along a proximal phalanx; excursions
@@ -294,14 +283,14 @@ HAND_MOUNT_SD_MM = (8.0, 5.0, 4.0)
 # JOINTWISE: assumed of joints that are solved one by one, whose skin has one looseness for the whole hand.
 
 SLIDE_SD_MM, JOINTWISE_SLIDE_SD_MM = (1.0, 0.3, 0.4), (1.0, 0.45, 0.45)
-"""Of a receiver per rad of an adjacent joint: along, across, in height (Zhang)."""
+"""Sd of a receiver per rad of an adjacent joint: along, across, in height (Zhang)."""
 
 TILT_SD, JOINTWISE_TILT_SD = (0.03, 0.05, 0.03), 0.05
 """Turn of a receiver in rad per rad of an adjacent joint, about x, y, z of its bone (Metcalf)."""
 
 DISTAL_TILT, DISTAL_TILT_SD = -0.01, 0.02
-"""Of a distal receiver with its own joint: markers on skin under-read DIP flexion by 11 % (Metcalf), of which
-half is the middle phalanx's; on a nail it is a third of that or less."""
+"""Tilt of a distal receiver with its own joint: markers on skin under-read DIP flexion by 11 % (Metcalf), of
+which half is the middle phalanx's; on a nail it is a third of that or less."""
 
 PLACE_LAG, PLACE_LAG_SD = -0.10, 0.12
 TURN_LAG, TURN_LAG_SD = -0.15, 0.12
@@ -350,7 +339,7 @@ finger, and over a last phalanx, whose nail holds its receiver (ours)."""
 
 
 def looseness(segment: str) -> float:
-    """Return how far skin moves over a segment's bone, 1 for a typical one."""
+    """How far skin moves over a segment's bone, 1 for a typical one."""
     if segment == "thumb_metacarpal":
         return THENAR
     return (LITTLE if segment.startswith("little") else 1.0) * (NAIL if segment.endswith("_distal") else 1.0)

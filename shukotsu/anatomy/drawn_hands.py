@@ -35,10 +35,9 @@ Vector = tuple[float, float, float]
 class DrawnDigit:
     """A digit from the joint at its base outward, straight, in the hand's frame; B bones.
 
-    base_mm : (3,) its first joint, the CMC. directions : (B, 3) unit vectors along the bones, distally.
-    lengths_mm : (B,) to the next joint, or to the last bone's tip; length_sd_mm : (B,) between people of one
-    size. flexion_axes : (B, 3) axes of the joints at the bones' proximal ends. soft_tip_mm : skin and pulp
-    beyond the last bone. second_axis : (3,) of the thumb's CMC, which is skew; None for a finger.
+    base_mm : (3,) the CMC. directions : (B, 3) unit, distally. lengths_mm : (B,) to the next joint, or the
+    last bone's tip; length_sd_mm : (B,) between people of one size. flexion_axes : (B, 3) of the bones'
+    proximal joints. soft_tip_mm : skin and pulp. second_axis : (3,) of the thumb's skew CMC.
     """
 
     base_mm: Array
@@ -90,10 +89,7 @@ def _digit(
 
 
 def _across(along: Array, roll_deg: float = 0.0, obliquity_deg: float = 0.0) -> Array:
-    """An axis through a bone, pointing radially: square to it, then rolled about it and made oblique.
-
-    A positive roll lifts the radial end dorsally, a positive obliquity moves it distally.
-    """
+    """A radial axis square to a bone, its radial end lifted by a roll and moved distally by an obliquity."""
     lateral = unit(np.array([0.0, 1.0, 0.0]) - along[1] * along)
     roll, oblique = np.radians([roll_deg, obliquity_deg])
     square = np.cos(roll) * lateral + np.sin(roll) * np.cross(along, lateral)
@@ -202,11 +198,7 @@ def _ct_finger(name: str) -> DrawnDigit:
 
 
 def _ct_thumb() -> DrawnDigit:
-    """A straight thumb, flexed about one direction; its CMC axes as its saddle lies, along z and y of it.
-
-    The first one is that of palmar abduction, inside the metacarpal's base, the second that of radial
-    abduction, inside the trapezium.
-    """
+    """A straight thumb; its CMC axes as its saddle lies: of palmar abduction, then of radial."""
     along = unit(np.array(_CT_THUMB_ALONG))
     across = unit(np.array(_CT_IP_AXIS) - (np.array(_CT_IP_AXIS) @ along) * along)
     return DrawnDigit(
@@ -362,11 +354,11 @@ ANATOMIES = (BLEND, *SOURCES, MIXED_TABLE)
 """What hands can be drawn from: a blend of the sources, another one for each person, or one hand alone."""
 
 BLEND_SHARES = (2.0, 1.0, 1.0, 1.0)
-"""Of the Dirichlet distribution of the sources' weights, in their order: the CT hand counts twice (ours)."""
+"""Dirichlet distribution of the sources' weights, in their order: the CT hand counts twice (ours)."""
 
 
 def blended(hands: Sequence[DrawnHand], weights: Sequence[float] | Array) -> DrawnHand:
-    """Give the weighted mean of whole hands: of places and lengths, and of directions and axes as vectors."""
+    """The weighted mean of whole hands: of places and lengths, and of directions and axes as vectors."""
     return {name: _blended_digit([hand[name] for hand in hands], np.array(weights)) for name in hands[0]}
 
 
@@ -405,12 +397,10 @@ PAD_DEPTH_MM = {"thumb": 8.0, "index": 6.5, "middle": 6.5, "ring": 6.5, "little"
 
 @dataclass(frozen=True)
 class Spread:
-    """Hold how people differ from the hand that they are drawn around; sds, of a scale and of directions in
-    rad.
+    """Sds of how people differ from the hand that they are drawn around, of a scale and of directions in rad.
 
-    scale : of all lengths, relative. base_mm : of a digit's first joint, distal, lateral, dorsal;
-    thumb_base_mm the same of the thumb's. direction : of a straight digit. axis : of a joint's axis.
-    centres_mm : how much deeper in the heads of the bones the centres lie than the source says, in all digits
+    scale : of all lengths, relative. base_mm : of a digit's first joint, distal, lateral, dorsal. direction :
+    of a straight digit. axis : of a joint's axis. centres_mm : how much deeper centres lie, in all digits
     alike.
     """
 
@@ -439,10 +429,10 @@ have 15.5 to 22; they glide by some tenths), of the lines of metacarpals, and of
 hand, whose skin touches at 14 and is pressed flat at 10 (ours)."""
 
 SIDE_SD, SIDE_LIMIT = 0.0012, 0.0024
-"""Of a bone's length, relative, between the two hands of a person, who differ by less than 0.5 %."""
+"""Sd of a bone's length, relative, between the two hands of a person, who differ by less than 0.5 %."""
 
 PRO_SUPINATION_SD = 0.15
-"""Of the pro-supination per flexion (ours)."""
+"""Sd of the pro-supination per flexion (ours)."""
 
 WOBBLE_SD_RAD = 0.05
 """Abduction and axial rotation of a hinge at 90 deg of flexion: its helical axis varies by about 5 deg."""
@@ -503,7 +493,7 @@ NAIL_TILT_DEG = 8.0
 """By which the nail slopes towards the pad (ours)."""
 
 MOUNT_SD_MM, MOUNT_SD_DEG = (3.2, 1.6, 1.1), (3.4, 2.9, 3.5)
-"""Of receivers' places along, across and in height, and of their turns about x, y, z: with the housings'
+"""Sd of receivers' places along, across and in height, and of their turns about x, y, z: with the housings'
 heights as spread as in trials, 3.2, 1.6 and 1.3 mm, 3 to 8 deg."""
 
 HABIT_SHARE = (-0.2, 0.6)
@@ -532,7 +522,7 @@ its bone's back 8 mm higher, skin and half a receiver), and how hands differ (ou
 # is crossed and slips; one lags altogether and pulls neighbours.
 
 SLIDE_SD_MM = (1.0, 0.25, 0.4)
-"""Of a receiver per rad of an adjacent joint: along, across, in height (Zhang)."""
+"""Sd of a receiver per rad of an adjacent joint: along, across, in height (Zhang)."""
 
 TILT_SD = (0.03, 0.04, 0.02)
 """Turn of a receiver in rad per rad of an adjacent joint, about x, y, z of its bone (Metcalf)."""
@@ -565,15 +555,16 @@ WANDER_MM, WANDER_DEG, WANDER_S = 0.3, 0.4, 0.4
 """Sd of a receiver's place and turn that follow no joint, and the time over which they last (ours)."""
 
 PHASE_LAG_S, PHASE_SHARE = 0.15, 0.8
-"""Of the law whose skin is late altogether: by how much, and how far it goes per rad of the usual slide and
+"""Lag of the law whose skin is late altogether, and how far it goes per rad of the usual slide and
 tilt, which saturate (ours)."""
 
 WEB_SHARE, PALM_SHARE = {"metacarpal": 0.4, "proximal": 0.4, "middle": 0.15}, 0.25
-"""Of the usual slide and tilt, with the MCP and PIP joints of neighbouring digits, by kind of bone, through
-the web; and of the receiver on the back of the hand, with each MCP joint and the thumb's CMC (ours)."""
+"""Share of the usual slide and tilt, with the MCP and PIP joints of neighbouring digits, by kind of bone,
+through the web; and of the receiver on the back of the hand, with each MCP joint and the thumb's CMC
+(ours)."""
 
 BENT_SHARES = (0.6, 0.55, 0.55)
-"""Of the law with a quadratic: shares of the usual slide and tilt in its linear, quadratic and crossed terms,
+"""Shares of the usual slide and tilt in the quadratic law's linear, quadratic and crossed terms,
 together about 1 at one radian (ours)."""
 
 HYSTERESIS, LOOP_RAD = 0.4, 0.33

@@ -30,11 +30,7 @@ def known_digits(layout: Layout) -> list[Digit]:
 
 
 def leading_model(models: Mapping[str, SkeletonModel], layouts: Iterable[Layout]) -> str:
-    """Name the model of a study that is recommended: one that fits the whole hand, else the last that nobody
-    corrected.
-
-    A study of corrected models alone has its last, and one without a hand none that fits a whole one.
-    """
+    """The recommended model of a study: one that fits the whole hand, else the last not corrected."""
     whole = [name for name, model in models.items() if model.fitting is not None]
     fitted = whole[:1] if any(map(known_digits, layouts)) else []
     uncorrected = [name for name, model in models.items() if not model.planes.corrections]
@@ -43,10 +39,10 @@ def leading_model(models: Mapping[str, SkeletonModel], layouts: Iterable[Layout]
 
 
 def no_whole_hand(layout: Layout, model: str) -> str:
-    """Say why a model that fits the whole hand cannot be taken for a layout; empty where it can.
+    """Why a model that fits the whole hand cannot be taken for a layout; empty where it can.
 
-    Without a digit of known anatomy nothing tells it where receivers sit on bones: on a real arm it stated
-    1 mm at a wrist whose receivers disagree by 5, and two lengths of one person's upper arms, 15 mm apart.
+    Without known anatomy nothing tells where receivers sit: on a real arm it stated 1 mm at a wrist whose
+    receivers disagree by 5.
     """
     if known_digits(layout):
         return ""
@@ -57,18 +53,14 @@ def no_whole_hand(layout: Layout, model: str) -> str:
 
 
 def refusal(layout: Layout, name: str, model: SkeletonModel) -> str:
-    """Say why a model cannot be taken for a layout; empty where it can."""
+    """Why a model cannot be taken for a layout; empty where it can."""
     return no_whole_hand(layout, name) if model.fitting is not None else ""
 
 
 def rest_rotations(
     layout: Layout, hand: str, anatomy: Mapping[str, DigitAnatomy] = DIGITS
 ) -> dict[str, Array]:
-    """Quaternion (4,) of every joint of known anatomy, child to parent bone, of a straight digit lying flat.
-
-    Of the average hand; for a left hand mirrored. anatomy : that of the fitted model, whose bones' frames
-    these are.
-    """
+    """Quaternion (4,) of joints of known anatomy, child to parent, straight and flat, by joint."""
     rests = {}
     for digit in known_digits(layout):
         above = np.eye(3)

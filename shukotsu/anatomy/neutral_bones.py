@@ -24,12 +24,7 @@ from shukotsu.skeleton.thumb_facing import faces_nail
 def to_nail_side(
     layout: Layout, hand: str, joints: Sequence[SkeletonJoint], quaternion: Array
 ) -> dict[int, Array]:
-    """By what rotation (4,) in its own frame a thumb's metacarpal is to be turned, by its index.
-
-    quaternion : (T, J, 4) of the bone frames of our tables. Nothing where the skeleton has no thumb of known
-    anatomy, or where it faces the nail's side already. It turns by the angle between the two backs of the
-    average thumb.
-    """
+    """Rotation (4,) that turns a thumb's metacarpal to its nail's side, by index; none where it faces it."""
     places = {(joint.digit, joint.segment): i for i, joint in enumerate(joints) if not joint.tip}
     thumbs = [d for d in known_digits(layout) if d.name == "thumb" and ("thumb", d.segments[0]) in places]
     if not thumbs:
@@ -47,10 +42,7 @@ def to_nail_side(
 def bone_angles_deg(
     layout: Layout, hand: str, bones: PosedBones, facing: Mapping[int, Array]
 ) -> dict[str, Array]:
-    """Flexion, deviation and axial rotation (T, 3) of the joints of known anatomy, by joint.
-
-    bones : in the bone frames of our tables. facing : what `to_nail_side` says of them.
-    """
+    """Flexion, deviation and axial rotation (T, 3) of known joints; facing : as of `to_nail_side`."""
     rests = neutral_rotations(layout, hand, bones.joints)
     turned = {
         index: multiply(bones.quaternion[:, index], facing[index])
@@ -91,11 +83,10 @@ def angle_axes(joint: SkeletonJoint, hand: str) -> Array:
 
 
 def neutral_rotations(layout: Layout, hand: str, joints: Sequence[SkeletonJoint]) -> Array:
-    """Rotations (J, 4) of each bone against its parent, in our bone frames, where its joint angles are zero.
+    """Rotations (J, 4) of bones against their parents where joint angles are zero (`docs/joint-angles.md`).
 
-    Those of `docs/joint-angles.md`, the thumb's metacarpal facing its nail's side: a fitted hand's own, else
-    the average hand's; NaN of the root, of tips,
-    of digits of which no anatomy is known and of joints to which the layout gives no degree of freedom.
+    The thumb's metacarpal faces its nail's side; a fitted hand's own, else the average hand's. NaN of the
+    root, of tips, of unknown digits and of joints without a degree of freedom.
     """
     nails = {name: replace(digit, faces_nail=digit.second_axis is not None) for name, digit in DIGITS.items()}
     rests = rest_rotations(layout, hand, nails)

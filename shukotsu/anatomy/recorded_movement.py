@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,11 +27,7 @@ _FACING_FRAMES = 512
 
 @dataclass(frozen=True)
 class AngleSeries:
-    """One angle of a joint over T frames: angle_deg (T,), NaN in gaps.
-
-    errors_deg : (T, E, 1) the errors in `ERRORS`; None where the model states none. status, message : of the
-    joint's centre.
-    """
+    """An angle of a joint over T frames, NaN in gaps; errors_deg : (T, E, 1) those in `ERRORS`, or None."""
 
     joint: str
     angle: str
@@ -43,11 +39,10 @@ class AngleSeries:
 
 @dataclass
 class FingertipPath:
-    """The end of a digit in the hand's frame, place_mm (T, 3, 1), and where its distal receiver points,
-    pointing (T, 3, 1).
+    """The end of a digit in the hand's frame, place_mm (T, 3, 1), and where its distal receiver points.
 
-    sd_mm : (T, 1, 1) 1-sigma error in 3-D, NaN where none is stated. skin : whether it is the skin's end.
-    message : why it is not believed in a part of the recording, or all of it; else empty.
+    sd_mm : (T, 1, 1) in 3-D, NaN where none is stated. skin : whether it is the skin's end. message : why it
+    is not believed, or empty.
     """
 
     place_mm: Array
@@ -59,11 +54,10 @@ class FingertipPath:
 
 @dataclass
 class RecordedMovement:
-    """Hold what one pass over a recording gives.
+    """What one pass over a recording gives.
 
-    frame, time_s : (T,) numbers and device times. fingertips : by digit. left_out : joints that the model
-    cannot pose, and why. bases : (T, 7, 1) by segment, the poses in the transmitter frame, mm then
-    quaternion, of what fingertips are placed in.
+    frame, time_s : (T,). fingertips : by digit. left_out : joints that the model cannot pose, and why. bases
+    : (T, 7, 1) by segment, the poses, mm then quaternion, of what fingertips are placed in.
     """
 
     posed: PosedRecording
@@ -122,7 +116,7 @@ def _reliability(posed: PosedRecording, digit: Digit, joint: str) -> tuple[str, 
 
 
 def unsolved(posed: PosedRecording) -> Mapping[str, str]:
-    """Say why each joint failed, where no joint of a digit was solved; else nothing."""
+    """Why each joint failed, where no joint of a digit was solved; else nothing."""
     in_digits = {joint for digit in posed.layout.digits.values() for joint in digit.joints}
     rows = {joint: row for joint, row in posed.skeleton.joints.items() if joint in in_digits}
     solved = any(row["status"] != "failed" for row in rows.values())
@@ -151,31 +145,32 @@ def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedM
         if posed.is_fitted and not with_tips:
             continue
         bones = posed.bones(poses)
-        own_tips = _fingertips(posed, poses, bones)
-        found = [(tips, own_tips), (bases, _bases(posed, poses, bones, own_tips))]
+        block_tips = _fingertips(posed, poses, bones)
+        by_base = {layout.digits[name].base: layout.digits[name] for name in block_tips}
+        block_bases = {
+            base: np.concatenate(_base(posed, digit, poses, bones), -1) for base, digit in by_base.items()
+        }
+        blocks = [(tips, block_tips), (bases, block_bases)]
         if not posed.is_fitted:
             left_out = bones.left_out
-            found.append((angles, bone_angles_deg(layout, hand, bones, facing)))
-        for series, own in found:
-            for name, values in own.items():
+            blocks.append((angles, bone_angles_deg(layout, hand, bones, facing)))
+        for series, block in blocks:
+            for name, values in block.items():
                 if name not in series:
                     series[name] = _columns(count, values.shape[-1])
                 series[name][rows] = values[..., None]
-    return RecordedMovement(
-        posed,
-        frame,
-        time_s,
-        {name: _fingertip_path(own, posed.unbelieved("digits", name)) for name, own in tips.items()},
-        {joint: left_out[name] for name in left_out for joint in layout.digits[name].joints},
-        bases,
-        angles,
-    )
+    paths = {}
+    for name, columns in tips.items():  # to the skin's end where any frame knows it, else to the bone's
+        skin = any(np.isfinite(columns[:, column]).any() for column in range(8, columns.shape[1]))
+        sd, first = (7, 8) if skin else (3, 4)
+        place_mm, pointing, sd_mm = columns[:, first : first + 3], columns[:, :3], columns[:, sd : sd + 1]
+        paths[name] = FingertipPath(place_mm, pointing, sd_mm, skin, posed.unbelieved("digits", name))
+    unposed = {joint: left_out[name] for name in left_out for joint in layout.digits[name].joints}
+    return RecordedMovement(posed, frame, time_s, paths, unposed, bases, angles)
 
 
 def _fingertips(posed: PosedRecording, poses: Poses, bones: PosedBones) -> dict[str, Array]:
-    """Ends of the digits in a block, (T, 7 or 11): where the receiver points, then of each end, the bone's
-    before the skin's, its sd_mm and place.
-    """
+    """Where receivers point, then sd_mm and place of each end in a block, (T, 7 or 11), by digit."""
     sd_mm: Mapping[str, Array] = {}
     if posed.is_fitted:
         sd_mm = posed.numbers(POSED_TIPS, ["tip_sd_mm", "skin_tip_sd_mm"], poses.frame)
@@ -195,23 +190,9 @@ def _fingertips(posed: PosedRecording, poses: Poses, bones: PosedBones) -> dict[
     return found
 
 
-def _bases(posed: PosedRecording, poses: Poses, bones: PosedBones, digits: Iterable[str]) -> dict[str, Array]:
-    """Poses (T, 7) of the bones that those digits hang from, in a block."""
-    by_base = {digit.base: digit for digit in map(posed.layout.digits.get, digits) if digit is not None}
-    return {base: np.concatenate(_base(posed, own, poses, bones), -1) for base, own in by_base.items()}
-
-
 def _columns(count: int, width: int) -> Array:
     """Return columns (T, C, 1) of no number, each in one piece of memory."""
     return np.full((width, count), np.nan).T[..., None]
-
-
-def _fingertip_path(columns: Array, message: str) -> FingertipPath:
-    """Return one digit's path, to the skin's end where any frame knows it, else to the bone's."""
-    skin = any(np.isfinite(columns[:, index]).any() for index in range(8, columns.shape[1]))
-    sd, first = (7, 8) if skin else (3, 4)
-    place_mm, pointing, sd_mm = columns[:, first : first + 3], columns[:, :3], columns[:, sd : sd + 1]
-    return FingertipPath(place_mm, pointing, sd_mm, skin, message)
 
 
 def _base(posed: PosedRecording, digit: Digit, poses: Poses, bones: PosedBones) -> tuple[Array, Array]:
@@ -228,10 +209,7 @@ def _turn(poses: Poses, segment: str) -> Array:
 
 
 def running_on(angle_deg: Array) -> Array:
-    """Give angles (T, K) within (-180, 180] degrees, those that pass 180 as they run on beyond it.
-
-    The circle is cut where an angle is not: in the widest arc between its values. NaN stays.
-    """
+    """Angles (T, K) within (-180, 180] degrees, cut in the widest arc between values instead; NaN stays."""
     out = angle_deg
     if not len(angle_deg):
         return out

@@ -12,11 +12,10 @@ from shukotsu.stages import command_line, subject_stage
 if TYPE_CHECKING:
     from shukotsu.schemas.parts import Part
     from shukotsu.schemas.plan import SubjectPlan
-    from shukotsu.skeleton.rotations import Array
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage project_planes",
         "Cut every joint's axis with its plane (end of the paper's section 4); apply manual corrections.",
@@ -48,11 +47,12 @@ def _placed_rows(joints_file: Path, plan: SubjectPlan, part: Part) -> list[dict[
     from shukotsu.errors import InputError
     from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
     from shukotsu.schemas.parts import read_part
-    from shukotsu.schemas.tables import rows_of
+    from shukotsu.schemas.tables import rows_of, vector_of
     from shukotsu.stages.project_planes.place import place_joint
 
     layout, model = plan.layouts[part.hand], plan.models[part.model]
-    corrections_mm = _corrections_mm(plan, part.hand) if model.planes.corrections else {}
+    rows_of_hand = [row for row in plan.corrections if row["hand"] == part.hand and model.planes.corrections]
+    corrections_mm = {row["joint"]: vector_of(row, "d", "_mm") for row in rows_of_hand}
     rows = []
     for solution in rows_of(read_part(joints_file, JOINT_SOLUTIONS, part)):
         joint = layout.joints.get(solution["joint"])
@@ -66,16 +66,6 @@ def _placed_rows(joints_file: Path, plan: SubjectPlan, part: Part) -> list[dict[
     return rows
 
 
-def _corrections_mm(plan: SubjectPlan, hand: str) -> dict[str, Array]:
-    import numpy as np
-
-    return {
-        row["joint"]: np.array([row["dx_mm"], row["dy_mm"], row["dz_mm"]])
-        for row in plan.corrections
-        if row["hand"] == hand
-    }
-
-
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why no joint was placed, of every part."""
     from shukotsu.schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
@@ -85,7 +75,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage; return its exit code."""
     return command_line.run(build_parser, argv, project_planes, record_bug=record_bug)
 
 

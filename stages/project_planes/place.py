@@ -9,6 +9,7 @@ import numpy as np
 
 from shukotsu.schemas.layout import Joint, Layout
 from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.tables import vector_columns, vector_of
 from shukotsu.schemas.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, noted
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.project_planes.plane import (
@@ -29,15 +30,16 @@ def place_joint(
     model: SkeletonModel,
     correction_mm: Array | None,
 ) -> dict[str, Any]:
-    """Give the joint's row of the joint_centres table (names of subject, hand and model left out).
+    """The joint's row of joint_centres (names of subject, hand and model left out).
 
-    solution : the joint's row of joint_solutions. correction_mm : (3,) in the child's frame, or None.
+    solution : its row of joint_solutions. correction_mm : (3,) in the child's frame, or None.
     """
+    dof = 3 if joint.plane.frame == "none" else 1
     row: dict[str, Any] = {
         "joint": joint.name,
         "parent_segment": joint.parent_receiver,
         "child_segment": joint.child,
-        "dof": _dof(joint, model),
+        "dof": dof if model.planes.cut else max(joint.dof, 1),
         "source": "fit",
         "n_frames": solution["n_frames"],
         **UNJUDGED,
@@ -47,9 +49,9 @@ def place_joint(
     if solution["status"] == "failed":
         return row
     row |= {name: solution[name] for name in ("gap_rms_free_mm", "range_deg", "axis_sd_deg", "n_effective")}
-    row |= _named("axis_parent_", _vector(solution, "null_parent_"))
-    row |= _named("axis_child_", _vector(solution, "null_child_"))
-    placed = _projection(joint, solution) if model.planes.cut else _as_solved(solution)
+    row |= vector_columns("axis_parent_", vector_of(solution, "null_parent_"))
+    row |= vector_columns("axis_child_", vector_of(solution, "null_child_"))
+    placed = _projection(joint, solution, cut=model.planes.cut)
     if placed is None:
         return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
     shift_mm = np.zeros(3) if correction_mm is None else correction_mm
@@ -64,27 +66,13 @@ def place_joint(
     return row | noted(doubts)
 
 
-def _dof(joint: Joint, model: SkeletonModel) -> int:
-    if not model.planes.cut:
-        return max(joint.dof, 1)
-    return 3 if joint.plane.frame == "none" else 1
-
-
-def _as_solved(solution: Mapping[str, Any]) -> Projection:
-    """The centre of the joint solve, for a model whose planes cut nothing."""
-    return Projection(
-        p_mm=_vector(solution, "parent_", "_mm"),
-        q_mm=_vector(solution, "child_", "_mm"),
-        slide_mm=0.0,
-        axis_plane_deg=None,
-        covariance_mm2=np.reshape(solution["covariance_mm2"], (6, 6)),
-    )
-
-
-def _projection(joint: Joint, solution: Mapping[str, Any]) -> Projection | None:
-    p_mm, q_mm = _vector(solution, "parent_", "_mm"), _vector(solution, "child_", "_mm")
-    axes = _vector(solution, "null_parent_"), _vector(solution, "null_child_")
+def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> Projection | None:
+    """The centre where the plane cuts its axis; as it was solved where planes cut nothing."""
+    p_mm, q_mm = vector_of(solution, "parent_", "_mm"), vector_of(solution, "child_", "_mm")
+    axes = vector_of(solution, "null_parent_"), vector_of(solution, "null_child_")
     covariance_mm2 = np.reshape(solution["covariance_mm2"], (6, 6))
+    if not cut:
+        return Projection(p_mm, q_mm, 0.0, None, covariance_mm2)
     if joint.plane.frame == "none":
         per_sample = solution["gap_rms_free_mm"] ** 2 / 3 / solution["n_effective"]
         along = per_sample / max(solution["singular_values"][5] ** 2, 1e-12)
@@ -104,22 +92,22 @@ def _projection(joint: Joint, solution: Mapping[str, Any]) -> Projection | None:
 def _centre(
     solution: Mapping[str, Any], placed: Projection, shift_mm: Array, model: SkeletonModel
 ) -> dict[str, Any]:
-    """Return the centre after the correction, the size of its gap and how far it can be trusted."""
+    """The centre after the correction, the size of its gap and how far it can be trusted."""
     mean_rotation = _mean_rotation(solution)
     p_mm, q_mm = correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
     gap = gap_rms_mm(
         solution["gap_rms_free_mm"],
         solution["singular_values"][5],
-        _vector(solution, "null_parent_"),
-        _vector(solution, "null_child_"),
+        vector_of(solution, "null_parent_"),
+        vector_of(solution, "null_child_"),
         placed.slide_mm - solution["slide_to_free_mm"],
         p_mm - placed.p_mm,
         q_mm - placed.q_mm,
         mean_rotation,
     )
     return {
-        **_named("parent_", p_mm, "_mm"),
-        **_named("child_", q_mm, "_mm"),
+        **vector_columns("parent_", p_mm, "_mm"),
+        **vector_columns("child_", q_mm, "_mm"),
         "gap_rms_mm": gap if model.planes.cut else solution["gap_rms_mm"],
         "covariance_mm2": placed.covariance_mm2.ravel(),
         "sd_mm": centre_sd_mm(placed.covariance_mm2),
@@ -136,7 +124,7 @@ def _whole_error(
         joint,
         layout,
         placed,
-        (_vector(solution, "null_parent_"), _vector(solution, "null_child_")),
+        (vector_of(solution, "null_parent_"), vector_of(solution, "null_child_")),
         _mean_rotation(solution),
         solution["gap_rms_free_mm"],
         solution["range_deg"],
@@ -162,11 +150,3 @@ def _doubts(joint: Joint, row: Mapping[str, Any], model: SkeletonModel) -> dict[
     if angle_deg is not None and angle_deg < model.planes.parallel_limit_deg:
         doubts[AXIS_IN_PLANE] = {"axis_plane_deg": angle_deg, "slide_mm": abs(row["slide_mm"])}
     return doubts
-
-
-def _vector(row: Mapping[str, Any], prefix: str, suffix: str = "") -> Array:
-    return np.array([row[f"{prefix}{axis}{suffix}"] for axis in "xyz"])
-
-
-def _named(prefix: str, vector: Array, suffix: str = "") -> dict[str, float]:
-    return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}

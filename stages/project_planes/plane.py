@@ -11,11 +11,10 @@ from shukotsu.skeleton.rotations import Array, nearest_rotation, unit
 
 @dataclass(frozen=True)
 class Projection:
-    """A joint centre on its plane.
+    """A joint centre on its plane: (3,) in both receivers' frames, and the covariance (6, 6) of both.
 
-    p_mm, q_mm : (3,) in the parent's and the child's receiver frame. slide_mm : along the axis, signed.
-    axis_plane_deg : angle between axis and plane, 0 to 90, None without a plane.
-    covariance_mm2 : (6, 6) of (p, q).
+    slide_mm : along the axis, signed. axis_plane_deg : angle between axis and plane, 0 to 90, None without a
+    plane.
     """
 
     p_mm: Array
@@ -39,9 +38,8 @@ def project(
 ) -> Projection | None:
     """Slide both halves of a centre along the axis by the same amount, until one lies in the plane.
 
-    The plane is given in one receiver's frame; two planes, one a half, would leave a constant gap along
-    the axis. Solutions with five and six singular values differ only along the axis, so they end in the
-    same point. None where the axis lies in the plane and never meets it.
+    Two planes, one a half, would leave a constant gap along the axis. Solutions with five and six singular
+    values differ only along it, so they end in the same point. None where the axis lies in the plane.
     """
     normal = unit(plane_normal)
     own_point, own_axis = (p_mm, axis_parent) if plane_in_parent else (q_mm, axis_child)
@@ -52,7 +50,9 @@ def project(
     null = np.concatenate([axis_parent, axis_child])
     cut = np.concatenate([normal, np.zeros(3)] if plane_in_parent else [np.zeros(3), normal])
     onto_plane = np.eye(6) - np.outer(null, cut) / sine
-    covariance = covariance_mm2 + _axis_covariance(axis_parent, axis_child, slide * axis_sd_rad)
+    covariance = covariance_mm2.copy()  # the axis turns: either half moves sideways by half the variance
+    for part, axis in ((slice(0, 3), axis_parent), (slice(3, 6), axis_child)):
+        covariance[part, part] += (np.eye(3) - np.outer(axis, axis)) * (slide * axis_sd_rad) ** 2 / 2
     return Projection(
         p_mm=p_mm + slide * axis_parent,
         q_mm=q_mm + slide * axis_child,
@@ -73,8 +73,8 @@ def leave_uncut(
 ) -> Projection:
     """The centre of the six-unknown fit, for a joint without a plane.
 
-    covariance_mm2 : (6, 6) of (p, q) without the axis direction; variance_along_mm2 : of the distance along
-    (axis_parent, axis_child) / sqrt(2).
+    covariance_mm2 : (6, 6) without the axis direction; variance_along_mm2 : along (axis_parent, axis_child) /
+    sqrt(2).
     """
     null = np.concatenate([axis_parent, axis_child]) / np.sqrt(2)
     across = np.eye(6) - np.outer(null, null)
@@ -87,22 +87,8 @@ def leave_uncut(
     )
 
 
-def _axis_covariance(axis_parent: Array, axis_child: Array, sideways_mm: float) -> Array:
-    """Propagate an error in the axis' direction to a point that slid along it: (6, 6) of (p, q).
-
-    The axis turns by sideways_mm / slide; either half moves sideways by half the variance per direction.
-    """
-    blocks = np.zeros((6, 6))
-    for part, axis in ((slice(0, 3), axis_parent), (slice(3, 6), axis_child)):
-        blocks[part, part] = (np.eye(3) - np.outer(axis, axis)) * sideways_mm**2 / 2
-    return blocks
-
-
 def correct(p_mm: Array, q_mm: Array, shift_mm: Array, mean_rotation: Array) -> tuple[Array, Array]:
-    """Move a centre by hand (section 6): shift_mm in the child's receiver frame.
-
-    The parent's half moves by the same shift, turned by the joint's mean posture (mean of R_a^T R_b).
-    """
+    """Move a centre by hand (section 6): shift_mm in the child's frame, the parent's half in mean posture."""
     return p_mm + nearest_rotation(mean_rotation) @ shift_mm, q_mm + shift_mm
 
 
@@ -124,10 +110,9 @@ def gap_rms_mm(
 ) -> float:
     """Rms gap of a centre that was slid along the axis and then, perhaps, shifted.
 
-    The mean square gap is a quadratic form about the unconstrained solution, with the normal matrix
-    [[I, -M], [-M^T, I]]; along (axis_parent, axis_child) it grows with the smallest singular value.
-    beyond_free_mm : distance along the axis from the unconstrained solution to the slid centre.
-    smallest_singular_value : of the stack over sqrt(frames).
+    The mean square gap is a quadratic form about the unconstrained solution, with the normal matrix [[I, -M],
+    [-M^T, I]]; along the axis it grows with the smallest singular value of the stack over sqrt(frames).
+    beyond_free_mm : along the axis from the unconstrained solution.
     """
     floor = smallest_singular_value**2
     along = 2 * floor * beyond_free_mm**2

@@ -15,7 +15,7 @@ REALISM_OPTIONS = ("anatomy", "mounts", "skin", "artefact", "faults")
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the command's argument parser."""
+    """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu stage simulate",
         "Simulate a hand recorded with 16 receivers at 240 Hz; write the exact truth beside it.",
@@ -107,7 +107,7 @@ def write_simulation(arguments: argparse.Namespace) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; give its exit code."""
+    """Run the command; return its exit code."""
     return command_line.run(build_parser, argv, write_simulation)
 
 

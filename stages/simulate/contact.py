@@ -27,10 +27,10 @@ _ANGLES = (
 
 
 def contact_postures(hand: Hand, starts_deg: Array, realism: Realism) -> Array:
-    """Bend thumb and finger until their pads meet, as nearly as the hand's joints allow.
+    """Bend thumb and finger until their pads meet, as nearly as the hand's joints allow; regularised
+    Gauss-Newton.
 
     starts_deg : (4, J, 2) one posture per finger, whose other joints stay as they are. Returns (4, J, 2).
-    Regularised Gauss-Newton: pad distance, pads facing each other, angles near their usual values.
     """
     joints, columns = _where()
     usual, spread, least, most = np.array([angle[2:] for angle in _ANGLES]).T
@@ -55,7 +55,7 @@ def contact_postures(hand: Hand, starts_deg: Array, realism: Realism) -> Array:
 
 
 def _where() -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Return the angles' places in a posture: joint (4, n) per finger, column (n,)."""
+    """The angles' places in a posture: joint (4, n) per finger, column (n,)."""
     joints = [
         [JOINTS.index(name if name in JOINTS else f"{digit}_{name}") for name, *_ in _ANGLES]
         for digit in FINGERS
@@ -64,7 +64,7 @@ def _where() -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
 
 
 def _misfit(hand: Hand, postures_deg: Array, realism: Realism) -> Array:
-    """Return residuals, zero at contact, (4, N, 6): pad distance and pads' normals, over their spreads."""
+    """Residuals, zero at contact, (4, N, 6): pad distance and pads' normals, over their spreads."""
     fingers, n = postures_deg.shape[:2]
     voluntary = np.radians(postures_deg.reshape(fingers * n, len(JOINTS), 2))
     padded = np.concatenate([voluntary, np.zeros((*voluntary.shape[:2], 1))], -1)

@@ -22,10 +22,7 @@ from shukotsu.stages.simulate.realism import Realism
 
 
 def coupled_angles(voluntary_rad: Array, hand: Hand, realism: Realism) -> Array:
-    """Give the joint angles that follow from the voluntary ones: couplings added, locked ones left out.
-
-    voluntary_rad : (T, J, 3); only flexion and abduction are read. Returns (T, J, 3).
-    """
+    """Joint angles (T, J, 3) that follow from the voluntary flexion and abduction, locked ones left out."""
     flexion, abduction = voluntary_rad[..., FLEXION], voluntary_rad[..., ABDUCTION]
     bent = 1.0 - np.cos(flexion)
     per_abduction, per_flexion, wobble_abduction, wobble_axial = hand.coupling.T
@@ -47,7 +44,7 @@ def coupled_angles(voluntary_rad: Array, hand: Hand, realism: Realism) -> Array:
 
 
 def relaxed_angles(hand: Hand, realism: Realism) -> Array:
-    """Give the joint angles (J, 3) of the relaxed hand."""
+    """The joint angles (J, 3) of the relaxed hand."""
     voluntary = np.zeros((1, len(JOINTS), 3))
     voluntary[0, :, FLEXION] = hand.relaxed_rad
     return np.asarray(coupled_angles(voluntary, hand, realism)[0])
@@ -56,11 +53,10 @@ def relaxed_angles(hand: Hand, realism: Realism) -> Array:
 def bone_poses(
     hand: Hand, angles_rad: Array, root_position_mm: Array, root_quaternion: Array
 ) -> tuple[Array, Array]:
-    """Pose every bone.
+    """Pose every bone: origins (T, B, 3) in mm and orientations (T, B, 4) in the transmitter frame.
 
     angles_rad : (T, J, 3) flexion, abduction, axial. root_position_mm (T, 3) : the wrist centre;
-    root_quaternion (T, 4) : the forearm; both in the transmitter frame. Returns the bones' origins (T, B, 3)
-    in mm and orientations (T, B, 4), bone to transmitter frame.
+    root_quaternion (T, 4) : the forearm.
     """
     n_frames = len(angles_rad)
     position = np.empty((n_frames, len(BONES), 3))
@@ -74,20 +70,15 @@ def bone_poses(
         carried = rotations.about_axis(axes[joints, second], angles[:, joints, second])
         turned = rotations.multiply(carrying, carried)
         turned = rotations.multiply(turned, rotations.about_axis(axes[:, AXIAL], angles[..., AXIAL]))
-        origin = hand.origin_mm[level] + _glided_mm(hand, level, angles[..., FLEXION])
+        bent = (angles[..., FLEXION] - hand.relaxed_rad[level])[..., None]
+        glide = hand.glide_mm[level]
+        origin = hand.origin_mm[level] + ((1.0 - np.cos(bent)) * glide[:, 0] + np.sin(bent) * glide[:, 1])
         if skew.any():  # the axes pass half the skew before and behind the centre
             origin = origin - skew / 2 + rotations.rotate(carrying, skew) - rotations.rotate(turned, skew / 2)
         above = quaternion[:, parents]
         position[:, bones] = position[:, parents] + rotations.rotate(above, origin)
         quaternion[:, bones] = rotations.multiply(rotations.multiply(above, turned), hand.rest[level])
     return position, quaternion
-
-
-def _glided_mm(hand: Hand, level: slice, flexion_rad: Array) -> Array:
-    """Return how far (T, n, 3) joints of a level have glided in their parents' frames, bent by (T, n)."""
-    bent = (flexion_rad - hand.relaxed_rad[level])[..., None]
-    across, along = hand.glide_mm[level, 0], hand.glide_mm[level, 1]
-    return np.asarray((1.0 - np.cos(bent)) * across + np.sin(bent) * along)
 
 
 def poses_in_hand(hand: Hand, angles_rad: Array) -> tuple[Array, Array]:

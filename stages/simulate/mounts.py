@@ -22,11 +22,7 @@ _RECEIVER_HALF_MM = float(np.mean(drawn.RECEIVER_HALF_MM))
 
 @dataclass(frozen=True)
 class Mounts:
-    """Receivers as they sit on the skin of the relaxed hand, in their bones' frames.
-
-    segments : S names; bone : (S,) index into BONES; position_mm : (S, 3) receiver origin; quaternion :
-    (S, 4) receiver to bone.
-    """
+    """S receivers on the skin of the relaxed hand: origin and rotation in the frames of bones of BONES."""
 
     segments: tuple[str, ...]
     bone: npt.NDArray[np.int64]
@@ -49,14 +45,11 @@ def mounts_of(
     realism: Realism,
     session: str = "",
 ) -> Mounts:
-    """Put the receivers on the bones' middles and on the nails, as far off as the realism says.
-
-    Where a person has the habit, part of what is off is the same on every bone; the rest is a receiver's own.
-    No receiver leaves the back of its bone for a crease.
-    """
+    """Put receivers on bones' middles and nails, as far off as the realism says, in part by habit."""
     nominal = np.array([_nominal_mm(bone, hand) for bone in BONES])
     rng = generator(seed, "mounts", subject, side, *[session] * bool(session))
-    place, turn = _off(rng, habit_share(subject, seed))
+    habit_share = max(0.0, float(generator(seed, "habit", subject).uniform(*drawn.HABIT_SHARE)))
+    place, turn = _off(rng, habit_share)
     receiver_half = generator(seed, "receivers", subject).uniform(*drawn.RECEIVER_HALF_MM)
     place[FIRST_WORN:, 2] += receiver_half - _RECEIVER_HALF_MM
     position = nominal + realism.mounts * place
@@ -67,11 +60,6 @@ def mounts_of(
     bone = np.array([BONES.index(segment) for segment in segments])
     quaternion = rotations.about_axis(rotations.unit(turn), np.linalg.norm(turn, axis=-1))
     return Mounts(segments, bone, position[bone], quaternion[bone])
-
-
-def habit_share(subject: str, seed: int) -> float:
-    """Give the share of a person's misplacement, as variance, that all receivers of a hand have alike."""
-    return max(0.0, float(generator(seed, "habit", subject).uniform(*drawn.HABIT_SHARE)))
 
 
 def _off(rng: np.random.Generator, habit: float) -> tuple[Array, Array]:

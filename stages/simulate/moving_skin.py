@@ -15,14 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.anatomy.drawn_hands import (
-    LITTLE,
-    NAIL,
-    THENAR,
-    THUMB_PLACE_LAG,
-    THUMB_TURN_FURTHER,
-    WANDER_S,
-)
+from shukotsu.anatomy import drawn_hands as drawn
 from shukotsu.skeleton import rotations
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.simulate.forward import bone_poses
@@ -35,12 +28,11 @@ from shukotsu.stages.simulate.tracker_errors import turned
 
 @dataclass(frozen=True)
 class Skin:
-    """Hold which joints move each of S receivers, and how loosely it sits.
+    """Which joints move each of S receivers, and how loosely it sits.
 
-    bone : (S,) index into BONES. joint : (S, 2) the bone's own (proximal) joint and the one after it; present
-    : (S, 2) whether there is one. looseness : (S,) 1 for a typical receiver; scale : of the whole skin, which
-    looseness holds. thumb_place_lag, thumb_turn_lag : shares of the CMC joint's motion by which the place and
-    the turn of the thumb metacarpal's receiver stay behind.
+    joint : (S, 2) the bone's own (proximal) joint and the one after it; present : whether there is one.
+    looseness : (S,) 1 for a typical one, scale in it. thumb_place_lag, thumb_turn_lag : shares of the CMC's
+    motion by which the thumb metacarpal's receiver stays behind.
     """
 
     bone: npt.NDArray[np.int64]
@@ -53,7 +45,7 @@ class Skin:
 
     @property
     def distal(self) -> npt.NDArray[np.bool_]:
-        """Say which receivers sit on a digit's last bone."""
+        """Which receivers sit on a digit's last bone."""
         return np.array([BONES[bone].endswith("_distal") for bone in self.bone])
 
 
@@ -64,38 +56,30 @@ SkinLaw = Callable[[Array, Skin, np.random.Generator, np.random.Generator], tupl
 def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale: float) -> Skin:
     """Draw a hand's skin; the same in each of the hand's recordings."""
     rng = generator(seed, "skin", subject, side)
-    place_lag = rng.uniform(*THUMB_PLACE_LAG)
-    lags = (min(0.9, scale * lag) for lag in (place_lag, place_lag + rng.uniform(*THUMB_TURN_FURTHER)))
+    place_lag = rng.uniform(*drawn.THUMB_PLACE_LAG)
+    turn_lag = place_lag + rng.uniform(*drawn.THUMB_TURN_FURTHER)
+    lags = (min(0.9, scale * lag) for lag in (place_lag, turn_lag))
     bone = np.array([BONES.index(segment) for segment in segments])
-    joint = np.array([_adjacent_joints(own) for own in bone])
+    # the palm carries many joints at its far end, none under its receiver: only the wrist moves its skin
+    after = [np.flatnonzero(carrying == PARENT) for carrying in bone]
+    joint = np.array(
+        [(b - 1, ends[0] if len(ends) == 1 else -1) for b, ends in zip(bone, after, strict=True)]
+    )
     looseness = scale * np.array([_looseness(segment) for segment in segments])
     return Skin(bone, np.maximum(joint, 0), joint >= 0, looseness, scale, *lags)
 
 
 def _looseness(bone: str) -> float:
-    loose = LITTLE if bone.startswith("little") else 1.0
+    loose = drawn.LITTLE if bone.startswith("little") else 1.0
     if bone == "thumb_metacarpal":
-        return THENAR
-    return loose * (NAIL if bone.endswith("_distal") else 1.0)
-
-
-def _adjacent_joints(bone: int) -> tuple[int, int]:
-    """The joint that moves the bone and the one that it carries; -1 for none.
-
-    The palm carries many joints at its far end, none under its receiver: only the wrist moves its skin.
-    """
-    after = [j for j, parent in enumerate(PARENT) if parent == bone]
-    return bone - 1, after[0] if len(after) == 1 else -1
+        return drawn.THENAR
+    return loose * (drawn.NAIL if bone.endswith("_distal") else 1.0)
 
 
 def on_skin(
     hand: Hand, mounts: Mounts, motion: Motion, relaxed_rad: Array, bones: tuple[Array, Array], skin: Skin
 ) -> tuple[Array, Array]:
-    """Give the receivers' poses (T, S, 3), (T, S, 4), all on their bones but the thumb metacarpal's.
-
-    Its receiver has the place that the skin would have if the CMC joint went less far from the relaxed
-    posture (angles (J, 3)), and the turn as if it went less far by another share.
-    """
+    """The receivers' poses; the thumb metacarpal's as if its CMC went less far from relaxed angles (J, 3)."""
     position, quaternion = mounts.poses(*bones)
     if "thumb_metacarpal" in mounts.segments:
         own, cmc = mounts.segments.index("thumb_metacarpal"), JOINTS.index("thumb_cmc")
@@ -113,7 +97,7 @@ def displaced(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: 
 
 
 def lagged(signal: Array, lag_s: float) -> Array:
-    """Give the exponential average over the past of a signal (T, N) that was 0 before, through the FFT."""
+    """The exponential average over the past of a signal (T, N) that was 0 before, through the FFT."""
     keep = np.exp(-1.0 / (lag_s * RATE_HZ))
     n = len(signal)
     kernel = (1.0 - keep) * keep ** np.arange(min(n, int(20 * lag_s * RATE_HZ)))
@@ -124,8 +108,8 @@ def lagged(signal: Array, lag_s: float) -> Array:
 
 def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
     """Stationary first-order autoregressive signals (2, T, S, 3) of sd 1, of place and of turn."""
-    settle = int(8 * WANDER_S * RATE_HZ)
-    keep = np.exp(-1.0 / (WANDER_S * RATE_HZ))
+    settle = int(8 * drawn.WANDER_S * RATE_HZ)
+    keep = np.exp(-1.0 / (drawn.WANDER_S * RATE_HZ))
     white = rng.standard_normal((settle + n_frames, n_receivers * 6))
-    smooth = lagged(white, WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep))
+    smooth = lagged(white, drawn.WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep))
     return np.moveaxis(smooth.reshape(n_frames, n_receivers, 2, 3), 2, 0)

@@ -58,21 +58,16 @@ OPEN_DEG = {"mcp": 12.0, "pip": 14.0, "dip": 6.0}
 
 @dataclass(frozen=True)
 class Hand:
-    """A hand: how each bone hangs from its parent, and about what it turns.
+    """How each bone hangs from its parent, and about what it turns, in the parent's frame at neutral.
 
-    Everything is given in the parent bone's frame at neutral (all joint angles 0). J = len(JOINTS),
-    B = len(BONES). origin_mm : (J, 3) the joint's centre. rest : (J, 4) child bone to parent bone.
-    axes : (J, 3, 3) unit axes of flexion, abduction and axial rotation. order : (J, 2) which of the first two
-    turns first, and carries the other; both carry the third. skew_mm : (J, 3) from the axis that turns first
-    to the other, zero but at the thumb's CMC. relaxed_rad : (J,) flexion of the relaxed hand. glide_mm :
-    (J, 2, 3) how the joint's centre glides with the flexion f from there: (1 - cos f) of the first, across
-    the axis, and sin f of the second, along it. In the relaxed posture the joint turns about its centre, and
-    the further from there the further beside it.
-    length_mm : (B,) to the next joint, or to the bone's tip; 0 for forearm and hand. soft_tip_mm : (5,) skin
-    and pulp beyond the last bone of each digit.
-    pad_mm : (5, 3) where each digit's pad touches, in its distal bone's frame.
-    coupling : (J, 4) involuntary motion: axial per abduction, axial per flexion, and the wobble of the hinge,
-    abduction and axial rotation in rad at 90 deg. scale : the hand's size, 1 for the drawn.
+    J = len(JOINTS), B = len(BONES). origin_mm : (J, 3) the joint's centre. rest : (J, 4) child bone to parent
+    bone. axes : (J, 3, 3) of flexion, abduction and axial rotation. order : (J, 2) which of the first two
+    turns first, and carries the other. skew_mm : (J, 3) from that axis to the other. relaxed_rad : (J,)
+    flexion of the relaxed hand. glide_mm : (J, 2, 3) how the centre glides with the flexion f from there: (1
+    - cos f) of the first, across the axis, sin f of the second, along it. length_mm : (B,), 0 for forearm and
+    hand. soft_tip_mm : (5,) skin and pulp. pad_mm : (5, 3) where a pad touches, in its distal bone's frame.
+    coupling : (J, 4) axial per abduction, axial per flexion, the hinge's wobble, abduction and axial in rad
+    at 90 deg. scale : 1 for the drawn hand.
     """
 
     side: str
@@ -94,9 +89,9 @@ class Hand:
 class _Straight:
     """A person's hand at neutral, in its own frame: shapes as in Hand.
 
-    centres_mm : (B, 2, 3) ends of every bone, proximal and distal. axes : (J, 3) of flexion; facing : (J, 3)
-    the same untilted, by which the bones' frames face. second_axis : (3,) of the thumb's CMC; carried_flexion
-    : whether the first one is carried by it. glide_mm, relaxed_rad : as in Hand.
+    centres_mm : (B, 2, 3) ends of every bone. facing : (J, 3) flexion axes untilted, by which the bones'
+    frames face. second_axis : (3,) of the thumb's CMC; carried_flexion : whether the first one is carried by
+    it.
     """
 
     centres_mm: Array
@@ -125,10 +120,7 @@ class _Straight:
 
 
 def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
-    """Return the hand of a subject; the two sides' bones differ by less than 0.5 % in length.
-
-    Each digit is drawn by itself: whoever's would run through each other is drawn again, as another person.
-    """
+    """The hand of a subject; a digit whose bones run through another's is drawn again, as another person."""
     people = itertools.chain([subject], (f"{subject}, drawn again {again}" for again in itertools.count(1)))
     person = next(person for person in people if _possible(_straight(person, "right", seed, realism)))
     straight = _straight(person, side, seed, realism)
@@ -136,13 +128,18 @@ def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
 
 
 def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight:
-    """Return the bones of a name's hand at neutral as they fall, not yet mirrored."""
-    average = _drawn_around(subject, seed, realism.anatomy)
+    """The bones of a name's hand at neutral as they fall, not yet mirrored."""
+    average = {**drawn.SOURCES, drawn.MIXED_TABLE: drawn.MIXED}.get(realism.anatomy)
+    if average is None:  # a blend that is the person's own
+        weights = generator(seed, "sources", subject).dirichlet(drawn.BLEND_SHARES)
+        average = drawn.blended(list(drawn.SOURCES.values()), weights)
     spread = drawn.SPREADS.get(realism.anatomy, drawn.PEOPLE)
     rng = generator(seed, "anatomy", subject)
     scale = float(np.exp(spread.scale * _clipped(rng, ())))
     depth_mm = spread.centres_mm * float(_clipped(generator(seed, "joint depth", subject), ()))
-    lengths = _lengths_mm(rng, average, scale, depth_mm) * _side_factors(subject, side, seed)
+    sides = drawn.SIDE_SD * generator(seed, "side", subject, side).standard_normal(len(BONES))
+    sides = 1.0 + np.clip(sides, -drawn.SIDE_LIMIT, drawn.SIDE_LIMIT)
+    lengths = _lengths_mm(rng, average, scale, depth_mm) * sides
     centres = _centres_mm(rng, average, spread, lengths, scale)
     axes, facing = _flexion_axes(rng, average, spread, centres, realism)
     soft_tip = scale * np.array([digit.soft_tip_mm for digit in average.values()])
@@ -184,14 +181,6 @@ def _possible(straight: _Straight) -> bool:
     )
 
 
-def _drawn_around(subject: str, seed: int, anatomy: str) -> drawn.DrawnHand:
-    """The hand that a person is drawn around: one source's, or a blend that is the person's own."""
-    if anatomy == drawn.BLEND:
-        weights = generator(seed, "sources", subject).dirichlet(drawn.BLEND_SHARES)
-        return drawn.blended(list(drawn.SOURCES.values()), weights)
-    return drawn.MIXED if anatomy == drawn.MIXED_TABLE else drawn.SOURCES[anatomy]
-
-
 def _clipped(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
     """Standard normal numbers, none beyond 2.2 sd: nobody's bone is half as long."""
     return np.clip(rng.standard_normal(shape), -2.2, 2.2)
@@ -203,21 +192,13 @@ def _chain(digit: str) -> list[int]:
 
 
 def _lengths_mm(rng: np.random.Generator, average: drawn.DrawnHand, scale: float, depth_mm: float) -> Array:
-    """Lengths (B,). Centres that lie deeper in the heads shorten the metacarpals and lengthen the last
-    bones.
-    """
+    """Lengths (B,); centres deeper in the heads shorten metacarpals and lengthen last bones."""
     lengths, sd = np.zeros(len(BONES)), np.zeros(len(BONES))
     for digit in DIGITS:
         own = np.array(_chain(digit)) + 1
         lengths[own], sd[own] = average[digit].lengths_mm, average[digit].length_sd_mm
         lengths[own[[0, -1]]] += depth_mm * np.array([-1.0, 1.0])
     return np.asarray(scale * (lengths + sd * _clipped(rng, (len(BONES),))))
-
-
-def _side_factors(subject: str, side: str, seed: int) -> Array:
-    numbers = generator(seed, "side", subject, side).standard_normal(len(BONES))
-    limit = drawn.SIDE_LIMIT
-    return np.asarray(1.0 + np.clip(drawn.SIDE_SD * numbers, -limit, limit))
 
 
 def _centres_mm(
@@ -244,11 +225,7 @@ def _flexion_axes(
     centres_mm: Array,
     realism: Realism,
 ) -> tuple[Array, Array]:
-    """Flexion axes at neutral, right hand, in the hand's frame, (J, 3), as they are and untilted.
-
-    Where the paper's assumptions hold, and of the table that was once the average, bones face as their axes
-    are.
-    """
+    """Flexion axes at neutral, right hand, in the hand's frame, (J, 3), as they are, and as bones face."""
     axes = np.zeros((len(JOINTS), 3))
     axes[WRIST] = drawn.WRIST_AXES[FLEXION]
     for digit, own in average.items():
@@ -301,10 +278,7 @@ def _relaxed_rad(rng: np.random.Generator) -> Array:
 
 
 def _glide_mm(rng: np.random.Generator, axes: Array) -> Array:
-    """Glides (J, 2, 3) of a right hand's centres about flexion axes (J, 3), in the hand's frame.
-
-    What a joint that glides by (1 - cos f) of a vector turns about goes round a circle of that radius, by f.
-    """
+    """Glides (J, 2, 3) of a right hand's centres about flexion axes (J, 3), on circles of their radius."""
     glide = np.zeros((len(JOINTS), 2, 3))
     for j, joint in enumerate(JOINTS):
         own = drawn.GLIDE_MM.get(joint) or drawn.GLIDE_MM.get(joint.partition("_")[2])
@@ -336,6 +310,9 @@ def _assembled(side: str, straight: _Straight, realism: Realism) -> Hand:
     if straight.carried_flexion:
         order[thumb] = ABDUCTION, FLEXION
     origin = centres[1:, 0] - centres[PARENT, 0]
+    pads = np.zeros((len(DIGITS), 3))  # under the distal third of the last bones
+    pads[:, 0] = 0.7 * straight.lengths_mm[TIP_BONES] + 0.3 * straight.soft_tip_mm
+    pads[:, 2] = [-drawn.PAD_DEPTH_MM[digit] * straight.scale for digit in DIGITS]
     return Hand(
         side=side,
         origin_mm=np.einsum("jab,jb->ja", to_parent, origin),
@@ -347,7 +324,7 @@ def _assembled(side: str, straight: _Straight, realism: Realism) -> Hand:
         glide_mm=np.einsum("jab,jkb->jka", to_parent, straight.glide_mm),
         length_mm=straight.lengths_mm,
         soft_tip_mm=straight.soft_tip_mm,
-        pad_mm=_pads_mm(straight),
+        pad_mm=pads,
         coupling=straight.coupling,
         scale=straight.scale,
     )
@@ -365,11 +342,3 @@ def _second_and_third_axes(side: str, frames: Array, straight: _Straight) -> tup
     skew = np.radians(drawn.SKEW_DEG)
     abduction[thumb] = np.cos(skew) * flexion + np.sin(skew) * across
     return abduction, axial
-
-
-def _pads_mm(straight: _Straight) -> Array:
-    """Return the digits' pads where they touch (5, 3): under the distal third of their last bones."""
-    pads = np.zeros((len(DIGITS), 3))
-    pads[:, 0] = 0.7 * straight.lengths_mm[TIP_BONES] + 0.3 * straight.soft_tip_mm
-    pads[:, 2] = [-drawn.PAD_DEPTH_MM[digit] * straight.scale for digit in DIGITS]
-    return pads

@@ -44,10 +44,10 @@ class Realism:
 
     @classmethod
     def full(cls) -> Realism:
-        """Give everything that a real recording has."""
+        """Everything that a real recording has."""
         return cls()
 
     @classmethod
     def exact(cls) -> Realism:
-        """Give every assumption of the paper, true to rounding."""
+        """Every assumption of the paper, true to rounding."""
         return cls(False, True, True, glide=0.0, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)

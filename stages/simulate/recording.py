@@ -25,7 +25,7 @@ def check_ending(path: Path) -> None:
 
 
 def tidy(recording: Simulated | Poses) -> pa.Table:
-    """Give the recording as a tidy table: one row per frame and segment, by frame, in the layout's order."""
+    """The recording as a tidy table: one row per frame and segment, by frame, in the layout's order."""
     n_frames, n_segments = recording.position_mm.shape[:2]
     columns = {
         "frame": pa.array(np.repeat(recording.frame, n_segments)),

@@ -1,4 +1,4 @@
-"""Hold a simulated recording's truth: bones, tips, and joints as the receivers see them.
+"""A simulated recording's truth: bones, tips, and joints as the receivers see them.
 
 A joint centre is stated where it was on average over the recording, in the receiver's frame as the receiver
 rode on the skin; axes and the bones' directions likewise. Tracker and field have no part in that.
@@ -22,10 +22,9 @@ from shukotsu.stages.simulate.realism import Realism
 
 @dataclass(frozen=True)
 class TrueJoint:
-    """A joint between two receivers.
+    """A joint between two receivers: its centre and flexion axis in their frames, in the mean; NaN without a
+    parent's.
 
-    parent_mm, child_mm : the centre in the parent's and the child's receiver frame, in the mean; axis_parent,
-    axis_child : the unit flexion axis there; parent values are NaN where the parent carries no receiver.
     range_deg : of flexion. gap_mm : (T,) distance between the two centres in the recording.
     """
 
@@ -45,10 +44,9 @@ class TrueJoint:
 class Truth:
     """Everything that the simulation knows.
 
-    hand, mounts : the hand and where its receivers sit. angles_rad : (T, J, 3). bone_position_mm (T, B, 3)
-    and bone_quaternion (T, B, 4) : bone frames in the transmitter frame. tip_mm, skin_tip_mm : (T, 5, 3) tips
-    of the bones and, skin and pulp beyond them, of the digits, in the order of DIGITS. joints : by name.
-    along : (S, 3) where the bone of each of the mounts' receivers points, in the receiver's frame.
+    angles_rad : (T, J, 3). bone_position_mm (T, B, 3), bone_quaternion (T, B, 4) : in the transmitter frame.
+    tip_mm, skin_tip_mm : (T, 5, 3) tips of the bones, and of the digits. along : (S, 3) where the bone of
+    each receiver points, in its frame.
     """
 
     hand: Hand
@@ -73,11 +71,7 @@ class Truth:
         recorded: tuple[Array, Array],
         realism: Realism,
     ) -> Truth:
-        """Give the truth of a recording.
-
-        bones; ridden, recorded : the receivers on the skin, and as the tracker has them; each positions in mm
-        and quaternions over time.
-        """
+        """The truth of a recording; ridden, recorded : receivers on the skin, and as the tracker has them."""
         joints = _joints(layout, hand, mounts, angles_rad, bones, ridden, recorded, realism)
         tip_mm = _ends_mm(hand.length_mm[TIP_BONES], *bones)
         skin_tip_mm = _ends_mm(hand.length_mm[TIP_BONES] + hand.soft_tip_mm, *bones)

@@ -15,13 +15,11 @@ from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.simulate.forward import bone_poses, relaxed_angles
 from shukotsu.stages.simulate.mounts import mounts_of
 from shukotsu.stages.simulate.moving_skin import SkinLaw, displaced, on_skin, skin_of
-from shukotsu.stages.simulate.phase_lag_skin import phase_lag
-from shukotsu.stages.simulate.polynomial_skin import polynomial
 from shukotsu.stages.simulate.random_hand import DIGITS, hand_of
 from shukotsu.stages.simulate.randomness import generator
 from shukotsu.stages.simulate.realism import PHASE_LAG, POLYNOMIAL, SATURATING, Realism
-from shukotsu.stages.simulate.saturating_skin import saturating
 from shukotsu.stages.simulate.simulated_truth import Truth
+from shukotsu.stages.simulate.skin_laws import phase_lag, polynomial, saturating
 from shukotsu.stages.simulate.task_motion import RATE_HZ, TASK_FRAMES, Motion, move
 from shukotsu.stages.simulate.tracker_errors import distorted, faulty, noisy
 
@@ -33,12 +31,7 @@ FIRST_FRAME = 1
 
 @dataclass(frozen=True)
 class Simulated:
-    """A recording and its truth.
-
-    frame : (T,); time_s : (T,) device time; segments : S names, in the layout's order; position_mm :
-    (T, S, 3); quaternion : (T, S, 4) unit (w, x, y, z), receiver to transmitter frame; NaN where the tracker
-    lost a pose.
-    """
+    """A recording of T frames and its truth; NaN where the tracker lost a pose."""
 
     subject: str
     hand: str
@@ -57,7 +50,7 @@ class Simulated:
         return self.position_mm[:, [self.segments.index(f"{digit}_distal") for digit in DIGITS]]
 
     def poses(self) -> Poses:
-        """Give the recording as the stages hold it; a pose that the tracker lost is not valid."""
+        """The recording as the stages hold it; a pose that the tracker lost is not valid."""
         valid = np.asarray(np.isfinite(self.position_mm).all(-1))
         return Poses(self.segments, self.frame, self.time_s, self.position_mm, self.quaternion, valid)
 
@@ -77,12 +70,10 @@ def simulate(
 ) -> Simulated:
     """Simulate one recording with 16 receivers, 17 with `forearm`, at 240 Hz.
 
-    hand : right or left. task : opposition or rom. The anatomy depends on seed and subject, the receivers'
-    places and the skin also on the hand, motion and noise also on the task: recordings of one hand share it.
-    In another session the person moves anew, with the receivers put on anew; in another trial noise and skin
-    wander anew. Another n_frames than the
-    task's own (None) is the same script, faster or slower, with fewer or more rounds of opposition. change :
-    of what the task makes the hand do. Raises InputError where an argument is not usable.
+    Anatomy depends on seed and subject, receivers' places and skin also on the hand, motion and noise also on
+    the task. In another session the person moves anew, with receivers put on anew; in another trial noise and
+    skin wander anew. Another n_frames than the task's own is the same script, faster or slower. change : of
+    what the task makes the hand do. Raises InputError where an argument is not usable.
     """
     n_frames = _checked(hand, task, seed, n_frames)
     layout, in_session = read_layout(LAYOUT), [*filter(None, (session, trial))]
@@ -116,7 +107,7 @@ def simulate(
 
 
 def _checked(hand: str, task: str, seed: int, n_frames: int | None) -> int:
-    """Give the number of frames; InputError where an argument is not usable."""
+    """The number of frames; InputError where an argument is not usable."""
     if hand not in ("right", "left"):
         raise InputError(f"hand {hand!r} is not known; expected right or left")
     if task not in TASK_FRAMES:

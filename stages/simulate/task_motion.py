@@ -69,15 +69,20 @@ def move(
     else:
         script, weights = _range_of_motion(generator(seed, "range", subject, side))
     script = script + _jitter_deg(rng, script, task)
-    times_s = _keyframe_times_s(rng, weights, n_frames)
-    postures = minimum_jerk(times_s, script, np.arange(n_frames) / RATE_HZ)
+    durations = weights * np.clip(1.0 + 0.15 * rng.standard_normal(len(weights)), 0.6, 1.4)
+    ends = np.concatenate([[0.0], np.cumsum(durations)])
+    times_s, at_s = ends / ends[-1] * (n_frames - 1) / RATE_HZ, np.arange(n_frames) / RATE_HZ
+    i = np.clip(np.searchsorted(times_s, at_s, side="right") - 1, 0, len(times_s) - 2)
+    u = np.clip((at_s - times_s[i]) / (times_s[i + 1] - times_s[i]), 0.0, 1.0)
+    share = (u**3 * (10 - 15 * u + 6 * u**2))[:, None, None]  # minimum jerk (Flash & Hogan 1985)
+    postures = script[i] + share * (script[i + 1] - script[i])
     voluntary = np.concatenate([np.radians(postures), np.zeros((*postures.shape[:2], 1))], -1)
     wrist, forearm = _arm(rng, n_frames)
     return Motion(coupled_angles(voluntary, hand, realism), wrist, forearm)
 
 
 def posture(**angles_deg: float | tuple[float, float]) -> Array:
-    """Give a posture by joint names: a flexion, or flexion and abduction."""
+    """A posture by joint names: a flexion, or flexion and abduction."""
     posture = np.zeros((len(JOINTS), 2))
     for joint, value in angles_deg.items():
         posture[JOINTS.index(joint)] = value if isinstance(value, tuple) else (value, 0.0)
@@ -89,7 +94,7 @@ def _fingers(joint: str, flexion_deg: float) -> Array:
 
 
 def rest_posture() -> Array:
-    """Give the open hand from which every movement starts."""
+    """The open hand from which every movement starts."""
     fingers = sum(_fingers(joint, flexion_deg) for joint, flexion_deg in OPEN_DEG.items())
     return np.asarray(fingers + posture(thumb_cmc=(2.0, 4.0), thumb_mcp=6.0, thumb_ip=6.0))
 
@@ -111,10 +116,17 @@ def _opposition(
     for i, digit in enumerate(FINGERS):
         starts[i, :, FLEXION] += _CUPPING[digit] * _cupped()[:, FLEXION]
     dips = [JOINTS.index(f"{digit}_dip") for digit in FINGERS]
-    ranges_deg = _dip_ranges_deg(stiffness, hand.side)
+    ranges_deg, stiff_deg = (stiffness.uniform(*limits, len(FINGERS)) for limits in ((4.0, 10.0), (2.0, 3.0)))
+    if hand.side == "left":
+        ranges_deg[2:] = stiff_deg[2:]  # ring and little fingers give way very little
     starts[:, dips, FLEXION] += np.diag(ranges_deg)
     contacts = contact_postures(hand, starts, realism)
-    _enslave(contacts, rest)
+    apart = contacts - rest
+    for i, finger in enumerate(FINGERS):  # the others go along with the one that meets the thumb
+        for k, other in enumerate(FINGERS):
+            if other != finger:
+                joints = [JOINTS.index(f"{other}_{kind}") for kind in ("mcp", "pip", "dip")]
+                contacts[i, joints] = rest[joints] + _ENSLAVING[abs(i - k)] * apart[k, joints]
     n_rounds = max(1, round(n_frames / RATE_HZ / _ROUND_S))
     keyframes, weights = [rest], []
     for _ in range(n_rounds):
@@ -125,79 +137,37 @@ def _opposition(
     return np.array(keyframes), np.array(weights)
 
 
-def _dip_ranges_deg(rng: np.random.Generator, side: str) -> Array:
-    """Draw how far each DIP gives way in opposition; the left ring and little fingers are very stiff."""
-    ranges = rng.uniform(4.0, 10.0, len(FINGERS))
-    stiff = rng.uniform(2.0, 3.0, len(FINGERS))
-    if side == "left":
-        ranges[2:] = stiff[2:]
-    return ranges
-
-
-def _enslave(contacts: Array, rest: Array) -> None:
-    """Let the other fingers go along with the one that meets the thumb (in place)."""
-    own = contacts - rest
-    for i, finger in enumerate(FINGERS):
-        for k, other in enumerate(FINGERS):
-            if other != finger:
-                joints = [JOINTS.index(f"{other}_{kind}") for kind in ("mcp", "pip", "dip")]
-                contacts[i, joints] = rest[joints] + _ENSLAVING[abs(i - k)] * own[k, joints]
-
-
 def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
     """Script of every joint through its range, one after another and together, as `_opposition`."""
     rest = rest_posture()
     keyframes = [rest]
-    for poses in range_postures().values():
-        for pose in poses:
-            keyframes += [rest + pose, rest]
+    for pose in _range_poses():
+        keyframes += [rest + pose, rest]
     factor = np.clip(1.0 + 0.07 * rng.standard_normal((len(JOINTS), 1)), 0.85, 1.12)
     script = rest + (np.array(keyframes) - rest) * factor
     return script, rng.uniform(0.85, 1.15, len(script) - 1)
 
 
-def range_postures() -> dict[str, list[Array]]:
-    """Movements of a range of motion by name: postures (J, 2) that are added to that of rest, in turn."""
-    return _finger_ranges() | _thumb_ranges() | _palm_and_wrist_ranges()
-
-
-def _finger_ranges() -> dict[str, list[Array]]:
+def _range_poses() -> list[Array]:
+    """Poses (J, 2) of a range of motion, in turn, that are added to that of rest."""
     hook = _fingers("pip", 72.0) + _fingers("dip", 50.0)
     fist = _fingers("mcp", 54.0) + _fingers("pip", 70.0) + _fingers("dip", 58.0)
     spread = posture(index_mcp=(0, 14), middle_mcp=(0, 4), ring_mcp=(0, -8), little_mcp=(0, -15))
     alone = [
         posture(**{f"{digit}_mcp": 50.0, f"{digit}_pip": 66.0, f"{digit}_dip": 52.0}) for digit in FINGERS
     ]
-    return {
-        "knuckles": [_fingers("mcp", 54.0)],
-        "hook": [hook],
-        "fist": [fist],
-        "spread": [spread, -spread],
-        "back": [_fingers("mcp", -25.0)],
-        "alone": alone,
-    }
-
-
-def _thumb_ranges() -> dict[str, list[Array]]:
     circle = [
         posture(thumb_cmc=(22 * np.cos(angle) + 8, 16 * np.sin(angle)), thumb_mcp=8 - 8 * np.cos(angle))
         for angle in np.linspace(0, 2 * np.pi, 6, endpoint=False)
     ]
     bent = [posture(thumb_mcp=(48.0, 6.0)), posture(thumb_ip=60.0), posture(thumb_mcp=(20.0, -8.0))]
     across = posture(thumb_cmc=(25.0, -8.0), thumb_mcp=35.0, thumb_ip=45.0)
-    return {"thumb-circle": circle, "thumb-bend": bent, "thumb-across": [across]}
-
-
-def _palm_and_wrist_ranges() -> dict[str, list[Array]]:
     grasp = _fingers("mcp", 40.0) + _fingers("pip", 45.0) + _fingers("dip", 32.0) + _cupped()
-    thumb = posture(thumb_cmc=(28.0, -10.0), thumb_mcp=25.0, thumb_ip=25.0)
-    return {
-        "cup": [_cupped()],
-        "grasp": [grasp + thumb],
-        "wrist-bend": [posture(wrist=(35.0, 0.0)), posture(wrist=(-35.0, 0.0))],
-        "wrist-sideways": [posture(wrist=(0.0, 14.0)), posture(wrist=(0.0, -18.0))],
-        "grasp-turned": [grasp + thumb + posture(wrist=(-20.0, 5.0))],
-    }
+    grasp = grasp + posture(thumb_cmc=(28.0, -10.0), thumb_mcp=25.0, thumb_ip=25.0)
+    wrist = [posture(wrist=bend) for bend in ((35.0, 0.0), (-35.0, 0.0), (0.0, 14.0), (0.0, -18.0))]
+    fingers = [_fingers("mcp", 54.0), hook, fist, spread, -spread, _fingers("mcp", -25.0), *alone]
+    turned = grasp + posture(wrist=(-20.0, 5.0))
+    return [*fingers, *circle, *bent, across, _cupped(), grasp, *wrist, turned]
 
 
 def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:
@@ -213,42 +183,19 @@ def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:
     return np.asarray(jitter)
 
 
-def _keyframe_times_s(rng: np.random.Generator, weights: Array, n_frames: int) -> Array:
-    """Times of the keyframes: the durations, varied by 15 %, fill the recording."""
-    durations = weights * np.clip(1.0 + 0.15 * rng.standard_normal(len(weights)), 0.6, 1.4)
-    ends = np.concatenate([[0.0], np.cumsum(durations)])
-    return np.asarray(ends / ends[-1] * (n_frames - 1) / RATE_HZ)
-
-
-def minimum_jerk(times_s: Array, postures: Array, at_s: Array) -> Array:
-    """Go from posture to posture (K, ...), at rest in each, with minimum jerk (Flash & Hogan 1985)."""
-    i = np.clip(np.searchsorted(times_s, at_s, side="right") - 1, 0, len(times_s) - 2)
-    u = np.clip((at_s - times_s[i]) / (times_s[i + 1] - times_s[i]), 0.0, 1.0)
-    share = (u**3 * (10 - 15 * u + 6 * u**2))[:, None, None]
-    return np.asarray(postures[i] + share * (postures[i + 1] - postures[i]))
-
-
 def _arm(rng: np.random.Generator, n_frames: int) -> tuple[Array, Array]:
-    """Wrist centre (T, 3) in mm and forearm orientation (T, 4): some cm and about 12 deg of sway.
-
-    The hand points 106 to 118 deg away from the transmitter's x axis, its back up (z).
-    """
+    """Wrist centre (T, 3) in mm and forearm (T, 4): some cm and 12 deg of sway, the hand's back up."""
     away, around, roll = np.radians(rng.uniform([106.0, -20.0, -15.0], [118.0, 20.0, 15.0]))
     distal = np.array([np.cos(away), np.sin(away) * np.cos(around), np.sin(away) * np.sin(around)])
     lateral = rotations.unit(np.cross([0.0, 0.0, 1.0], distal))
     base = rotations.from_matrix(np.stack([distal, lateral, np.cross(distal, lateral)], -1))
     base = rotations.multiply(base, rotations.about_axis(np.array([1.0, 0.0, 0.0]), roll))
     place_mm = np.array([260.0, 40.0, -120.0]) + rng.uniform(-30.0, 30.0, 3)
-    sway = _sway(rng, n_frames, 6)
+    time_s = np.arange(n_frames)[:, None, None] / RATE_HZ
+    rate_hz = rng.uniform([0.08, 0.15, 0.3], [0.15, 0.3, 0.5], (6, 3))  # three sinusoids a signal
+    phase = rng.uniform(0, 2 * np.pi, (6, 3))
+    waves = np.sin(2 * np.pi * rate_hz * time_s + phase) * np.array([1.0, 0.6, 0.3])
+    sway = waves.sum(-1) / np.sqrt((1.0 + 0.36 + 0.09) / 2)  # of sd 1
     turn = np.radians(4.0) * sway[:, 3:]
     turned = rotations.about_axis(rotations.unit(turn), np.linalg.norm(turn, axis=-1))
     return place_mm + 14.0 * sway[:, :3], rotations.multiply(base, turned)
-
-
-def _sway(rng: np.random.Generator, n_frames: int, n_signals: int) -> Array:
-    """Slow smooth signals (T, n) of sd 1: three sinusoids each, 0.08 to 0.5 Hz."""
-    time_s = np.arange(n_frames)[:, None, None] / RATE_HZ
-    rate_hz = rng.uniform([0.08, 0.15, 0.3], [0.15, 0.3, 0.5], (n_signals, 3))
-    phase = rng.uniform(0, 2 * np.pi, (n_signals, 3))
-    waves = np.sin(2 * np.pi * rate_hz * time_s + phase) * np.array([1.0, 0.6, 0.3])
-    return np.asarray(waves.sum(-1) / np.sqrt((1.0 + 0.36 + 0.09) / 2))

@@ -63,10 +63,7 @@ def noisy(
 def faulty(
     position_mm: Array, quaternion: Array, scale: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Let the tracker lose poses (NaN), name the wrong hemisphere, and jump; `scale` times as often as usual.
-
-    A quaternion also changes its sign now and then, which means the same rotation.
-    """
+    """Let the tracker lose poses (NaN), change quaternions' signs, name the wrong hemisphere, and jump."""
     shape = position_mm.shape[:2]
     position, turn = position_mm.copy(), quaternion.copy()
     spikes = rng.random(shape) < scale * SPIKE_SHARE
@@ -82,7 +79,7 @@ def faulty(
 def bursts(
     rng: np.random.Generator, shape: tuple[int, int], share: float, mean_s: float
 ) -> npt.NDArray[np.bool_]:
-    """Say which frames of each receiver (T, S): about that share, in bursts of random length."""
+    """Frames of each receiver (T, S): about that share, in bursts of random length."""
     n_frames, n_receivers = shape
     on = np.zeros(shape, bool)
     for receiver in range(n_receivers):

@@ -23,7 +23,7 @@ def test_no_estimator_reads_whom_the_simulator_draws() -> None:
     assert readers_of("drawn_hands") - {"anatomy"} == {"stages/simulate"}
 
 
-@pytest.mark.parametrize("module", ["average_hand", "known_digits", "anatomy.skin"])
+@pytest.mark.parametrize("module", ["average_hand", "known_digits"])
 def test_the_simulator_reads_nothing_that_estimators_expect(module: str) -> None:
     assert "stages/simulate" not in readers_of(module)
 

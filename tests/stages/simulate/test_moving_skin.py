@@ -21,11 +21,10 @@ from shukotsu.skeleton.rotations import Array, angle, conjugate, multiply, rotat
 from shukotsu.stages.simulate.forward import bone_poses, relaxed_angles
 from shukotsu.stages.simulate.mounts import mounts_of
 from shukotsu.stages.simulate.moving_skin import Skin, on_skin, skin_of
-from shukotsu.stages.simulate.phase_lag_skin import shares
-from shukotsu.stages.simulate.polynomial_skin import polynomial
 from shukotsu.stages.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS, hand_of
 from shukotsu.stages.simulate.realism import PHASE_LAG, POLYNOMIAL, SATURATING, SKIN_LAWS, Realism
 from shukotsu.stages.simulate.simulation import LAWS, simulate
+from shukotsu.stages.simulate.skin_laws import polynomial, shares
 from shukotsu.stages.simulate.task_motion import Motion
 
 MANY = 300
