@@ -38,10 +38,7 @@ EVERY = 0.8
 
 @dataclass(frozen=True)
 class Break:
-    """Receivers whose poses are of no use from `frame` on; where `until`, before it.
-
-    grown : how many times the distance to their neighbours grows there.
-    """
+    """Receivers of no use from `frame` on, or `until` it; grown : as the distance to neighbours does."""
 
     segments: tuple[str, ...]
     frame: int

@@ -16,10 +16,7 @@ from shukotsu.schemas.tables import read_metadata, read_row_groups
 
 
 def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> CheckedRecording:
-    """Check what was declared about the recording of a poses file; hand : in place of the file's own.
-
-    Raises InputError as reading does.
-    """
+    """Check what was declared about a poses file's recording; hand : in place of its own."""
     parameters = read_metadata(path)["parameters"]
     declared = Declared.of(parameters.get("mapping"), parameters.get("orientation", ""))
     side = hand or recording_name(path).hand
@@ -28,7 +25,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:
-    """By flag and segment, of those in LEFT_OUT that there are: how many poses have it."""
+    """How many poses have each flag in LEFT_OUT that there is, by segment."""
     flagged: dict[str, Counter[str]] = {flag: Counter() for flag in LEFT_OUT}
     for rows in read_row_groups(path, POSES, ["segment", "flags"]):
         for flag, counts in flagged.items():

@@ -9,27 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.checks import timeline
 from shukotsu.checks.declared import TIDY, Declared
 from shukotsu.checks.expected_body import ExpectedBody, expected_body
 from shukotsu.checks.explanation import Explanation
 from shukotsu.checks.hypotheses import Recorded, hypotheses
-from shukotsu.checks.mistake_effect import effect
-from shukotsu.checks.mistake_search import Mistake, Search, explained, find_mistakes
+from shukotsu.checks.mistake_search import Search, effect, explained, find_mistakes
 from shukotsu.checks.sampled_motion import motion_of, receiver_axes
-from shukotsu.checks.timeline import (
-    BLOCK_ROWS,
-    Timeline,
-    alike,
-    away,
-    jumping_share,
-    repeated_share,
-    sides,
-    spikes,
-    stuck,
-    true_clock,
-    turning_speed,
-    zeros,
-)
+from shukotsu.checks.timeline import BLOCK_ROWS, Timeline
 from shukotsu.schemas.device_clock import ClockBreak, device_clock
 from shukotsu.schemas.findings import NOTE, REFUSED, SUSPECT, Finding
 from shukotsu.schemas.layout import Layout
@@ -51,9 +38,7 @@ UNEXPLAINED = -25.0
 
 @dataclass(frozen=True)
 class CheckedRecording:
-    """findings : likeliest first. digest : of the poses, number by number. body, explanation : of the joints
-    with all mistakes undone; None where there was nothing to explain.
-    """
+    """Findings, likeliest first; a digest of the poses; joints with all mistakes undone, if any."""
 
     findings: tuple[Finding, ...]
     digest: str
@@ -71,9 +56,8 @@ def check_recording(
 ) -> CheckedRecording:
     """Test what was declared about a recording against its poses.
 
-    declared : of its numbers, by the mapping that it was read with.
-    left_out : by flag and segment, of those in LEFT_OUT: how many poses the import left out, or put back.
-    breaks : what the import says of moments from which on it left poses out.
+    left_out : by flag of LEFT_OUT and segment, how many poses the import left out, or put back. breaks : what
+    it says of moments from which on it left poses out.
     """
     broken = _breaks(breaks)
     seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
@@ -84,31 +68,44 @@ def check_recording(
         )
     segments = tuple(poses.segments[place] for place in seen)
     body = expected_body(layout, segments)
-    clock = true_clock(line)
+    clock = timeline.true_clock(line)
     duration_s, clock_breaks = (None, []) if clock else device_clock(line.time_s, poses.frame)
-    short = _too_short(line, duration_s)
-    if (short and short.severity == REFUSED) or not body.names:
-        return CheckedRecording((*broken, *([short] if short else ())), poses_digest(poses), None, None)
-    if angles := _angles(line, declared):
-        return CheckedRecording((*broken, *angles), poses_digest(poses), None, None)
+    frames = int(line.valid.any(1).sum()) if line.valid.size else 0
+    short: list[Finding] = []
+    if frames < SHORT_FRAMES or not (duration_s is None or duration_s >= SHORT_S):
+        length = {"frames": frames} | ({} if duration_s is None else {"duration_s": duration_s})
+        short = [Finding("too-short", REFUSED if frames < NO_FRAMES else SUSPECT, "", length)]
+    if frames < NO_FRAMES or not body.names:
+        return CheckedRecording((*broken, *short), poses_digest(poses), None, None)
+    # degrees read as radians turn a receiver some 57 times too fast
+    speed_rad_s = timeline.turning_speed(line, most_frames=1) if declared.angle_unit == "rad" else 0.0
+    if speed_rad_s > SPEED_LIMIT_RAD_S:
+        angles = Finding("units", SUSPECT, "degrees", {"speed_rad_s": speed_rad_s})
+        return CheckedRecording((*broken, angles), poses_digest(poses), None, None)
     findings, search = _explained(line, poses.frame, body, layout, segments, hand, declared)
     if "hemisphere-undecided" in (left_out or {}):  # a repair was tried, or would not help
         findings = [finding for finding in findings if finding.kind != "hemisphere"]
+    ends = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
+    dead = np.isfinite(ends).all((0, 2)) & (ends[0] == ends[-1]).all(-1) & ~poses.valid.any(0)
+    frozen = [  # the first receiver that the import leaves out as it never moves though its parent does
+        Finding("receiver-stuck", NOTE, "all-along", {"segment": poses.segments[place]})
+        for place in np.flatnonzero(dead)[:1]
+    ]
     late = [
         *_left_out(left_out or {}),
-        *_frozen(poses),
+        *frozen,
         *_zeros(line, segments),
         *_alike(line, segments, declared),
         *_stays(line, segments, declared),
         *_clock(line, clock, declared),
         *_clock_breaks(clock_breaks, poses.frame),
-        *([short] if short else []),
+        *short,
     ]
     return CheckedRecording((*broken, *findings, *late), poses_digest(poses), body, search.explanation)
 
 
 def poses_digest(poses: Poses) -> str:
-    """Give a digest of all poses, whatever their names, frames and times; empty where there is none."""
+    """A digest of all poses, whatever their names, frames and times; empty where there is none."""
     if not poses.valid.any():
         return ""
     digest = hashlib.sha256()
@@ -130,14 +127,14 @@ def _explained(
 ) -> tuple[list[Finding], Search]:
     """Findings of flips, spikes and all that a hypothesis undoes."""
     declared_mm = line.position_mm
-    jumping = jumping_share(line) > 0.5
-    sign = np.ones(line.valid.shape, np.int8) if jumping else sides(line)
+    jumping = timeline.jumping_share(line) > 0.5
+    sign = np.ones(line.valid.shape, np.int8) if jumping else timeline.sides(line)
     if (sign < 0).any():
         line = replace(line, position_mm=line.position_mm.copy(), valid=line.valid & (sign != 0))
         for place in np.flatnonzero((sign < 0).any(0)):
             line.position_mm[:, place] = line.position_mm[:, place] * sign[:, place, None]
-    odd = spikes(line)
-    usable = line.valid & ~odd & ~stuck(line) & ~zeros(line)
+    odd = timeline.spikes(line)
+    usable = line.valid & ~odd & ~timeline.stuck(line) & ~timeline.zeros(line)
     axes = receiver_axes(layout, segments)
     motion = motion_of(line.position_mm, line.quaternion, usable, axes, hand)
     recorded = Recorded(layout, segments, axes, hand, bool(body.known.any()), declared)
@@ -151,32 +148,29 @@ def _explained(
         matters = effect(body, explained(as_read, body), explained(motion, body), flipped)
         flips = [replace(flips[0], values={**flips[0].values, **matters})]
     mistakes = search.mistakes
-    if mistakes and _unexplained(body, search.explanation):  # guesses on guesses: the likeliest alone
-        mistakes = mistakes[:1]
-    named = [_finding(one) for one in mistakes if not (flips and one.hypothesis.kind == "hemisphere")]
+    if body.known.all() and search.explanation.total[0] < UNEXPLAINED * len(body.names):
+        mistakes = mistakes[:1]  # no hand even with all undone, guesses on guesses: the likeliest alone
+    named = [
+        Finding(mistake.hypothesis.kind, SUSPECT, mistake.hypothesis.variant, values)
+        for mistake in mistakes
+        if not (flips and mistake.hypothesis.kind == "hemisphere")
+        for values in [{**mistake.hypothesis.values, **mistake.evidence}]
+    ]
     # angles taken about the wrong axes jump near their poles
-    jumps = [] if "euler-order" in {one.kind for one in named} else _spikes(line, frame, odd, segments)
+    jumps = (
+        [] if "euler-order" in {finding.kind for finding in named} else _spikes(line, frame, odd, segments)
+    )
     return [*flips, *named, *jumps], search
 
 
-def _unexplained(body: ExpectedBody, explanation: Explanation) -> bool:
-    """Say whether even with all mistakes undone this is no hand."""
-    return bool(body.known.all() and explanation.total[0] < UNEXPLAINED * len(body.names))
-
-
-def _finding(mistake: Mistake) -> Finding:
-    one = mistake.hypothesis
-    return Finding(one.kind, SUSPECT, one.variant, {**one.values, **mistake.evidence})
-
-
 def _first(line: Timeline, row: int) -> Values:
-    """Say when something is first seen; of rows without a time, in which."""
+    """When something is first seen; of rows without a time, in which."""
     time_s = float(line.time_s[row])
     return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
 
 
 def _flips(line: Timeline, sign: npt.NDArray[np.int8], segments: Sequence[str]) -> list[Finding]:
-    changes = away(sign)
+    changes = timeline.away(sign)
     if not changes.any():
         return []
     most = int(np.argmax(changes))
@@ -209,11 +203,11 @@ def _spikes(line: Timeline, frame: np.ndarray, odd: np.ndarray, segments: Sequen
 
 
 def _stays(line: Timeline, segments: Sequence[str], declared: Declared) -> list[Finding]:
-    repeated = repeated_share(line)
+    repeated = timeline.repeated_share(line)
     if repeated > MANY_REPEATED:
         seen = {"percent": 100 * float(repeated), **declared.unmapped}
         return [Finding("receiver-stuck", NOTE, "repeated", seen)]
-    still = stuck(line)
+    still = timeline.stuck(line)
     share = still.sum(0) / np.maximum(line.valid.sum(0), 1)
     if not still.any():
         return []
@@ -225,7 +219,7 @@ def _stays(line: Timeline, segments: Sequence[str], declared: Declared) -> list[
 
 
 def _zeros(line: Timeline, segments: Sequence[str]) -> list[Finding]:
-    empty = zeros(line)
+    empty = timeline.zeros(line)
     if not empty.any():
         return []
     place = int(np.argmax(empty.sum(0)))
@@ -235,8 +229,8 @@ def _zeros(line: Timeline, segments: Sequence[str]) -> list[Finding]:
 
 
 def _alike(line: Timeline, segments: Sequence[str], declared: Declared) -> list[Finding]:
-    empty = zeros(line)
-    pairs = alike(replace(line, valid=line.valid & ~empty) if empty.any() else line)
+    empty = timeline.zeros(line)
+    pairs = timeline.alike(replace(line, valid=line.valid & ~empty) if empty.any() else line)
     if not pairs:
         return []
     (first, second), rows = max(pairs.items(), key=lambda pair: len(pair[1]))
@@ -277,14 +271,6 @@ def _breaks(breaks: Sequence[Values]) -> list[Finding]:
     return findings
 
 
-def _frozen(poses: Poses) -> list[Finding]:
-    """Receivers that the import leaves out because they never move though their parents do."""
-    numbers = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
-    there = np.isfinite(numbers).all((0, 2)) & (numbers[0] == numbers[-1]).all(-1)
-    names = [name for name, dead in zip(poses.segments, there & ~poses.valid.any(0), strict=True) if dead]
-    return [Finding("receiver-stuck", NOTE, "all-along", {"segment": name}) for name in names[:1]]
-
-
 _SECONDS = {
     "ns": (1e-9, "nanoseconds"),
     "us": (1e-6, "microseconds"),
@@ -318,19 +304,3 @@ def _clock_breaks(breaks: Sequence[ClockBreak], frame: np.ndarray) -> list[Findi
         seen = {**first, "by": f"{every[0].by_s:.10g}", "number": int(frame[every[0].row])}
         found.append(Finding("clock", NOTE, kind, {**seen, "steps": len(every)}))
     return found
-
-
-def _angles(line: Timeline, declared: Declared) -> list[Finding]:
-    """Degrees read as radians turn a receiver some 57 times too fast."""
-    speed_rad_s = turning_speed(line, most_frames=1)
-    if declared.angle_unit != "rad" or not speed_rad_s > SPEED_LIMIT_RAD_S:
-        return []
-    return [Finding("units", SUSPECT, "degrees", {"speed_rad_s": speed_rad_s})]
-
-
-def _too_short(line: Timeline, duration_s: float | None) -> Finding | None:
-    frames = int(line.valid.any(1).sum()) if line.valid.size else 0
-    if frames >= SHORT_FRAMES and (duration_s is None or duration_s >= SHORT_S):
-        return None
-    length = {"frames": frames} | ({} if duration_s is None else {"duration_s": duration_s})
-    return Finding("too-short", REFUSED if frames < NO_FRAMES else SUSPECT, "", length)

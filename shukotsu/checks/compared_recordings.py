@@ -11,7 +11,6 @@ from shukotsu.anatomy import average_hand as average
 from shukotsu.checks.checked_recording import CheckedRecording
 from shukotsu.schemas.findings import NOTE, SUSPECT, Finding, same_file
 from shukotsu.schemas.study import Recording
-from shukotsu.sentences.finding_sentences import Values
 from shukotsu.skeleton.rotations import Array
 
 FINGERS = tuple(name for name in average.DIGITS if name != "thumb")
@@ -38,12 +37,14 @@ class Measured:
 def compared(
     recordings: Sequence[tuple[str, str, CheckedRecording]],
 ) -> list[CheckedRecording]:
-    """Add to a subject's recordings what a comparison says: task, hand and findings each, as in the sheet.
+    """Add what a comparison says to a subject's recordings: task, hand and findings each, as in the sheet.
 
     Of one file named twice, that is the copy of which more is found: a right hand's under the name of a left.
     """
     first_of: dict[str, tuple[str, str]] = {}
-    for task, hand, own in sorted(recordings, key=lambda one: _accused(one[2])):
+    for task, hand, own in sorted(
+        recordings, key=lambda entry: any(f.severity != NOTE for f in entry[2].findings)
+    ):
         first_of.setdefault(own.digest, (hand, task))
     found = []
     for task, hand, own in recordings:
@@ -65,15 +66,8 @@ def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Record
             yield own, same_file(first.hand.hand, first.title, *first.hand.who).accept(own.accept)
 
 
-def _accused(checked: CheckedRecording) -> bool:
-    return any(finding.severity != NOTE for finding in checked.findings)
-
-
 def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> dict[int, Finding]:
-    """By their place, recordings whose receivers sit elsewhere than in the one with which most agree.
-
-    One that breaks within itself judges no other.
-    """
+    """Findings, by place, on recordings whose receivers sit elsewhere than in most others."""
     found: dict[int, Finding] = {}
     for hand in dict.fromkeys(hand for _, hand, _ in recordings):
         measured = {
@@ -91,7 +85,11 @@ def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> di
         for place, own in measured.items():
             if _worn_elsewhere(own, measured[usual]):
                 first = {"subject": "", "hand": hand, "task": recordings[usual][0]}
-                found[place] = _worn_by_another(first, measured[usual], own)
+                if _log_odds(own, measured[usual]) > OTHER_PERSON:
+                    scales = {"scale": own.scale, "usual": measured[usual].scale}
+                    found[place] = Finding("other-person", SUSPECT, "another", {**first, **scales})
+                else:
+                    found[place] = Finding("other-person", NOTE, "put-on-anew", first)
     return found
 
 
@@ -102,14 +100,6 @@ def _breaks(checked: CheckedRecording) -> bool:
 def _worn_elsewhere(one: Measured, other: Measured) -> bool:
     apart = np.abs(one.centre_mm - other.centre_mm) if one.joints == other.joints else np.zeros(1)
     return bool(np.median(apart) > WORN_AGAIN_MM)
-
-
-def _worn_by_another(first: Values, usual: Measured, own: Measured) -> Finding:
-    """Another person, or the same with receivers put on anew. first : names the usual recording."""
-    if _log_odds(own, usual) > OTHER_PERSON:
-        scales = {"scale": own.scale, "usual": usual.scale}
-        return Finding("other-person", SUSPECT, "another", {**first, **scales})
-    return Finding("other-person", NOTE, "put-on-anew", first)
 
 
 def measure(checked: CheckedRecording) -> Measured | None:

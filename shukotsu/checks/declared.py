@@ -1,4 +1,4 @@
-"""Hold what was declared of a recording's numbers: its mapping's units, orders and senses."""
+"""What was declared of a recording's numbers: its mapping's units, orders and senses."""
 
 from __future__ import annotations
 
@@ -8,22 +8,24 @@ from typing import Any
 
 from shukotsu.sentences.finding_sentences import Values
 
+SENSES = ("receiver-to-transmitter", "transmitter-to-receiver")
+"""Of rotations; those of the second are inverted as they are read."""
+
 
 @dataclass(frozen=True)
 class Declared:
-    """Hold what a mapping says; the defaults are what a tidy table says by its columns' names.
+    """What a mapping says; the defaults are what a tidy table says by its columns' names.
 
     format : of the mapping; empty without one. kind, order, rotates, axes, angle_unit : of its orientation;
-    the kind is `device` where a tracker's own protocol says all of it.
-    time_unit, rate_hz : empty and 0 where it says nothing of them. position_axes : what of the file's
-    positions was taken for x, y and z.
+    `device` where a tracker's protocol says all of it. position_axes : what of the file was taken for x, y
+    and z.
     """
 
     format: str = ""
     position_unit: str = "mm"
     kind: str = "quaternion"
     order: str = "wxyz"
-    rotates: str = "receiver-to-transmitter"
+    rotates: str = SENSES[0]
     axes: str = ""
     angle_unit: str = ""
     time_unit: str = ""
@@ -31,32 +33,13 @@ class Declared:
     position_axes: tuple[str, ...] = ("x", "y", "z")
 
     @property
-    def has_orientations(self) -> bool:
-        """Say whether the file has orientations, which could be inverse: clusters of markers have none."""
-        return self.format != "c3d"
-
-    @property
-    def is_inverted(self) -> bool:
-        """Say whether the file's rotations were inverted as they were read."""
-        return self.rotates == "transmitter-to-receiver"
-
-    @property
     def unmapped(self) -> Values:
-        """Return the value that tells a finding's sentence that there is no mapping to write a cure into."""
+        """The value that tells a finding's sentence that there is no mapping to write a cure into."""
         return {} if self.format else {"unmapped": True}
-
-    @property
-    def other_sense(self) -> str:
-        """The sense of the rotations that was not declared."""
-        senses = ("receiver-to-transmitter", "transmitter-to-receiver")
-        return senses[self.rotates == senses[0]]
 
     @classmethod
     def of(cls, mapping: Mapping[str, Any] | None, kind: str = "") -> Declared:
-        """Take it from the mapping's own keys; None where there is no mapping.
-
-        kind : of the orientations, where the file itself says it.
-        """
+        """Take it from a mapping's own keys, or None; kind : of orientations, where the file says it."""
         if mapping is None:
             return cls(kind=kind or cls.kind)
         orientation = mapping.get("orientation") or {}

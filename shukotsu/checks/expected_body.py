@@ -19,15 +19,15 @@ from shukotsu.skeleton.rotations import Array, cross_matrix
 SHARED = 7
 """What all joints of a hand share: its scale, and where the hand's receiver sits and how it is turned."""
 SCALE_SD, FREE_SCALE_SD = 0.13, 0.6
-"""Of the hand's scale: as hands differ, and as it is solved, so that a wrong unit is seen as one."""
+"""Sd of the hand's scale: as hands differ, and as it is solved, so that a wrong unit is seen as one."""
 ROOM = 1.6
 """That hands and receivers on them may differ more than healthy ones put on by experts do."""
 PHALANX_SD_MM, THUMB_SD_MM = (4.5, 2.5, 2.5), (6.0, 4.0, 4.0)
-"""Of a joint's centre in the frame of a receiver on the bone before or after it."""
+"""Sd of a joint's centre in the frame of a receiver on the bone before or after it."""
 HAND_MOUNT_MM, FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
 """Of receivers from the wrist, where the layout does not say where the wrist is (ours)."""
 ON_HAND_SD_MM = 4.0
-"""Of a knuckle in the hand's frame, what is shared apart."""
+"""Sd of a knuckle in the hand's frame, what is shared apart."""
 
 FACINGS, PAST_DEG = 9, 25.0
 """Of the receiver over a thumb's metacarpal: how many are tried, and how far past either side (ours)."""
@@ -36,7 +36,7 @@ FLEXION_DEG = {"mcp": (-45.0, 100.0), "pip": (-25.0, 120.0), "dip": (-30.0, 100.
 THUMB_FLEXION_DEG = {"cmc": (-45.0, 70.0), "mcp": (-35.0, 80.0), "ip": (-40.0, 100.0)}
 """What joints reach, given that the receivers are turned against the bones by some degrees."""
 HINGE_SD_DEG, MCP_SD_DEG, THUMB_SD_DEG = (10.0, 10.0), (14.0, 12.0), (18.0, 20.0)
-"""Of the middle of abduction and of axial rotation."""
+"""Sd of the middle of abduction and of axial rotation."""
 SWING_DEG = {"mcp": (45.0, 30.0), "cmc": (60.0, 50.0)}
 HINGE_SWING_DEG = (14.0, 14.0)
 """Of abduction and axial rotation, the range that needs no explanation."""
@@ -46,11 +46,10 @@ HINGE_SWING_DEG = (14.0, 14.0)
 class ExpectedBody:
     """J joints between receivers.
 
-    names : of the joints. ends : (J, 2) indices of the parent's and the child's receiver. centre_mm, sd_mm :
-    (J, 2, 3) the joint in the parent's and the child's frame. gain : (J, 2, 3, 7) how much it changes with
-    what is SHARED, of sd 1 each. rest : (J, F, 3, 3) child to parent when the hand is flat, for each of F
-    facings of the receiver over the thumb's metacarpal; faced : (J,) whether a joint's depends on it.
-    flexion_deg : (J, 2) least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial
+    ends : (J, 2) indices of the parent's and the child's receiver. centre_mm, sd_mm : (J, 2, 3) in either
+    frame. gain : (J, 2, 3, 7) by what is SHARED, of sd 1 each. rest : (J, F, 3, 3) child to parent in the
+    flat hand, for each of F facings of the thumb metacarpal's receiver; faced : (J,) whether it depends on
+    that. flexion_deg : (J, 2) least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial
     rotation. known : (J,) whether anatomy says all this. gap_mm : (J,) that skin explains.
     """
 
@@ -87,7 +86,13 @@ def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
     if layout.wrist is not None and body.known.any():
         for place, joint in enumerate(joints):
             if joint.name == layout.wrist.joint and joint.child == root_of(layout):
-                _expect_wrist(body, place, _hand_mount_mm(layout))
+                body.known[place] = True
+                body.centre_mm[place] = -np.array([FOREARM_MOUNT_MM, _hand_mount_mm(layout)])
+                body.sd_mm[place] = [[40.0, 12.0, 12.0], [4.0, 4.0, 4.0]]
+                body.flexion_deg[place] = (-95.0, 95.0)
+                body.sideways_sd_deg[place] = (20.0, 25.0)
+                body.swing_deg[place] = (70.0, 40.0)
+                _share_root(body, place, 1)
     return body
 
 
@@ -121,11 +126,7 @@ def _expect(body: ExpectedBody, place: int, joint: Joint, digit: Digit, layout: 
 
 
 def _frames(anatomy: average.DigitAnatomy) -> list[Array]:
-    """The digit's bones' frames (B, 3, 3) for every facing of its first bone.
-
-    Over a thumb's metacarpal a receiver sits anywhere from the back of the hand's side to the nail's, see
-    `shukotsu.skeleton.thumb_facing`, and somewhat past either.
-    """
+    """A digit's bones' frames (B, 3, 3) for every facing of its first bone, past either side of a thumb's."""
     frames = anatomy.frames()
     if anatomy.second_axis is None:
         return [frames] * FACINGS
@@ -140,23 +141,13 @@ def _frames(anatomy: average.DigitAnatomy) -> list[Array]:
 
 
 def _hand_mount_mm(layout: Layout) -> Array:
-    """Return the place of the hand's receiver from the wrist: distally, sideways, dorsally."""
+    """The place of the hand's receiver from the wrist: distally, sideways, dorsally."""
     if layout.wrist is None:
         return np.array(HAND_MOUNT_MM)
     worn = layout.segments[layout.wrist.segment]
     distal, dorsal = np.array(worn.distal), np.array(worn.dorsal)
     axes = np.stack([distal, np.cross(dorsal, distal), dorsal])
     return np.asarray(-axes @ np.array(layout.wrist.nominal_mm))
-
-
-def _expect_wrist(body: ExpectedBody, place: int, hand_mount_mm: Array) -> None:
-    body.known[place] = True
-    body.centre_mm[place] = -np.array([FOREARM_MOUNT_MM, hand_mount_mm])
-    body.sd_mm[place] = [[40.0, 12.0, 12.0], [4.0, 4.0, 4.0]]
-    body.flexion_deg[place] = (-95.0, 95.0)
-    body.sideways_sd_deg[place] = (20.0, 25.0)
-    body.swing_deg[place] = (70.0, 40.0)
-    _share_root(body, place, 1)
 
 
 def _share_root(body: ExpectedBody, place: int, end: int) -> None:

@@ -26,17 +26,16 @@ PLACE_TAIL, TURN_TAIL = 12.0, 30.0
 """Degrees of freedom of the t distributions."""
 FLEXION_SD_DEG, SWING_SD_DEG = 12.0, 8.0
 REACH_MM, REACH_LOG_SD = 120.0, 0.9
-"""Of a body that anatomy does not know: how far a joint's centre is from a receiver."""
+"""Sd of a body that anatomy does not know: how far a joint's centre is from a receiver."""
 
 
 @dataclass(frozen=True)
 class JointShares:
-    """Hold what P series of a joint's two receivers say.
+    """What P series of a joint's two receivers say.
 
     joint : (P,) which. normal : (P, 6, 6), slope : (P, 6), square : (P,) of the mean squared gap, a quadratic
-    form of the two centres. turning : (P, F) log likelihood of how the joint turns, for each facing of the
-    thumb's metacarpal. angles_deg : (P, F, 3, 3), 10th, 50th and 90th percentile of flexion, abduction and
-    axial rotation.
+    form of the centres. turning : (P, F) log likelihood of how it turns, by facing of the thumb's metacarpal.
+    angles_deg : (P, F, 3, 3), 10th, 50th and 90th percentile of three angles.
     """
 
     joint: npt.NDArray[np.int64]
@@ -49,10 +48,7 @@ class JointShares:
 
 @dataclass(frozen=True)
 class Explanation:
-    """H hypotheses: closing, placed, turning (H, J) log likelihoods of the joints, shared (H,) of what they
-    share; gap_mm (H, J), off_mm (H, J) from where the average hand has the joint, angles_deg
-    (H, J, 3, 3), see `JointShares`, centre_mm (H, J, 2, 3), scale (H,).
-    """
+    """H hypotheses: log likelihoods (H, J) and (H,), gaps, distances and angles of joints, scale (H,)."""
 
     closing: Array
     placed: Array
@@ -104,7 +100,12 @@ def _turned(
         own = body.faced[joint] | (facing == 0)
         rest = np.swapaxes(body.rest[joint[own], facing], 1, 2)[:, None]
         angles = np.where(seen[own][..., None], _angles_deg(rest @ turn[own]), np.nan)
-        low, middle, high = _quantiles(angles)
+        ordered = np.sort(angles, axis=1)  # (P, K, 3), NaN last
+        last = np.maximum(np.isfinite(ordered).sum(1, keepdims=True) - 1, 0)
+        low, middle, high = (
+            np.nan_to_num(np.take_along_axis(ordered, (share * last).round().astype(int), 1)[:, 0])
+            for share in (0.1, 0.5, 0.9)
+        )
         angles_deg[own, facing] = np.stack([low, middle, high], 1)
         turning[own, facing] = _turning(body, joint[own], low, middle, high)
     alike = ~body.faced[joint]
@@ -125,15 +126,6 @@ def _angles_deg(turn: Array) -> Array:
     flexion = np.arctan2(-turn[..., 2, 0], turn[..., 0, 0])
     axial = np.arctan2(-turn[..., 1, 2], turn[..., 1, 1])
     return np.asarray(np.degrees(np.stack([flexion, np.arctan2(turn[..., 1, 0], reach), axial], -1)))
-
-
-def _quantiles(angles: Array) -> tuple[Array, Array, Array]:
-    """The 10th, 50th and 90th percentiles (P, 3) over the frames (P, K, 3), NaN left out."""
-    ordered = np.sort(angles, axis=1)  # NaN last
-    last = np.maximum(np.isfinite(ordered).sum(1, keepdims=True) - 1, 0)
-    picked = [np.take_along_axis(ordered, (share * last).round().astype(int), 1) for share in (0.1, 0.5, 0.9)]
-    low, middle, high = (np.nan_to_num(one[:, 0]) for one in picked)
-    return low, middle, high
 
 
 def _turning(
@@ -157,10 +149,7 @@ def _tail(squared: Array, freedom: float = TURN_TAIL, dimensions: int = 1) -> Ar
 
 
 def explain(body: ExpectedBody, shares: JointShares, choice: npt.NDArray[np.int64]) -> Explanation:
-    """Explain hypotheses, each of which takes one of the shares for every joint.
-
-    choice : (H, J) indices into the shares. What joints share is solved from all joints of a hypothesis.
-    """
+    """Explain hypotheses, each of which takes one of the shares for every joint: choice (H, J), indices."""
     joint = shares.joint
     precision = 1.0 / body.sd_mm.reshape(-1, 6) ** 2
     gain = body.gain.reshape(-1, 6, SHARED)
@@ -191,9 +180,12 @@ def explain(body: ExpectedBody, shares: JointShares, choice: npt.NDArray[np.int6
     off = (centre - from_shared).reshape(*centre.shape[:2], 2, 3)
     centres = centre.reshape(off.shape)
     # of a hand twice as large all is twice as large, so that no size closes better
-    size = np.where(body.known, scale[:, None], _reach_mm(centres) / REACH_MM)
+    distance_mm = np.linalg.norm(centres, axis=-1).reshape(len(centres), -1)
+    reach = np.maximum(np.median(distance_mm, axis=-1, keepdims=True), 1e-3) / REACH_MM  # the median joint's
+    size = np.where(body.known, scale[:, None], reach)
     strange = (off**2 / body.sd_mm**2).sum(-1) / size[..., None] ** 2
-    placed = np.where(body.known, _tail(strange, PLACE_TAIL, 3).sum(-1), _reach(centres))
+    unknown = -0.5 * (np.log(reach) / REACH_LOG_SD) ** 2 / centres.shape[1]
+    placed = np.where(body.known, _tail(strange, PLACE_TAIL, 3).sum(-1), unknown)
     closing = -1.5 * INDEPENDENT_FRAMES * np.log1p((gap / (size * body.gap_mm)) ** 2)
     facing = np.argmax(shares.turning[choice].sum(1), axis=-1)[:, None]
     return Explanation(
@@ -207,16 +199,3 @@ def explain(body: ExpectedBody, shares: JointShares, choice: npt.NDArray[np.int6
         centres,
         scale,
     )
-
-
-def _reach_mm(centre_mm: Array) -> Array:
-    """Return the median joint's distance from its receivers, (H, 1)."""
-    distance = np.linalg.norm(centre_mm, axis=-1).reshape(len(centre_mm), -1)
-    return np.asarray(np.maximum(np.median(distance, axis=-1, keepdims=True), 1e-3))
-
-
-def _reach(centre_mm: Array) -> Array:
-    """Say of joints that anatomy does not know: how far the median joint is from its receivers."""
-    log = np.log(_reach_mm(centre_mm) / REACH_MM) / REACH_LOG_SD
-    joints = centre_mm.shape[1]
-    return np.asarray(np.broadcast_to(-0.5 * log**2 / joints, (len(centre_mm), joints)))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.checks.declared import TIDY, Declared
+from shukotsu.checks.declared import SENSES, TIDY, Declared
 from shukotsu.checks.sampled_motion import MIRROR, Motion
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.units import MM_PER_UNIT
@@ -20,9 +20,9 @@ from shukotsu.skeleton.rotations import Array, from_matrix, matrix
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One mistake. undo : gives the motion without it. variant, values : of its sentence, see
-    `finding_sentences`. places : the receivers concerned; None: all. penalty : how much less likely than none
-    it is before any pose is seen, in log units.
+    """One mistake, which `undo` takes out of a motion; variant, values : of its sentence.
+
+    places : the receivers concerned; None: all. penalty : its log odds before any pose is seen.
     """
 
     kind: str
@@ -35,7 +35,7 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Recorded:
-    """Hold what the hypotheses are about. axes : (S, 3, 3), see `receiver_axes`. hand : as declared."""
+    """What the hypotheses are about. axes : (S, 3, 3), see `receiver_axes`. hand : as declared."""
 
     layout: Layout
     segments: tuple[str, ...]
@@ -51,7 +51,7 @@ class Recorded:
 
 
 def hypotheses(recorded: Recorded, motion: Motion) -> list[Hypothesis]:
-    """Give every mistake that is looked for by explaining the poses of the motion otherwise."""
+    """Every mistake that is looked for by explaining the poses of the motion otherwise."""
     found = [*_orders(recorded), *_euler(recorded), *_units(recorded.declared), *_axes(recorded)]
     found += [*_hemispheres(recorded, motion), *_swaps(recorded)]
     if recorded.is_hand:
@@ -88,7 +88,7 @@ INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 
 def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Callable[[Motion], Motion]:
     """Undo a mistake of the file's own quaternions, which its mapping may have inverted."""
-    sense = INVERSE if recorded.declared.is_inverted else np.ones(4)
+    sense = INVERSE if recorded.declared.rotates == SENSES[1] else np.ones(4)
 
     def undo(motion: Motion) -> Motion:
         mirror = recorded.mirror
@@ -102,22 +102,18 @@ def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Cal
 def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
     """Quaternions in the other order, rotations the other way round; only where the file could have it so."""
     declared = recorded.declared
-    rotates = declared.other_sense
+    rotates = SENSES[declared.rotates == SENSES[0]]
     if declared.kind == "quaternion":
         order = {"wxyz": "xyzw", "xyzw": "wxyz"}[declared.order]
         read, true = ", ".join(declared.order), ", ".join(order)
         columns = [3, 0, 1, 2] if order == "xyzw" else [1, 2, 3, 0]
         values = {"read": read, "true": true, "order": order, "rotates": rotates}
         for variant, sign in (("order", np.ones(4)), ("inverse-too", INVERSE)):
-            change = _reordered_quaternion(columns, sign)
-            yield Hypothesis("quaternion-order", _requaternioned(recorded, change), variant, values)
-    if declared.has_orientations:
+            undo = _requaternioned(recorded, lambda q, sign=sign: q[..., columns] * sign)
+            yield Hypothesis("quaternion-order", undo, variant, values)
+    if declared.format != "c3d":  # clusters of markers have no orientations that could be inverse
         undo = _requaternioned(recorded, lambda q: q * INVERSE)
         yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})
-
-
-def _reordered_quaternion(columns: list[int], sign: Array) -> Callable[[Array], Array]:
-    return lambda quaternion: quaternion[..., columns] * sign
 
 
 def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
@@ -186,10 +182,7 @@ def _units(declared: Declared) -> Iterator[Hypothesis]:
 
 
 def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
-    """Positions whose axes are exchanged or negated while the rotations' are not.
-
-    Markers of a C3D file give rotations, so that there is nothing to write for it.
-    """
+    """Positions whose axes are exchanged or negated while the rotations' are not; none of C3D."""
     if recorded.declared.format == "c3d":
         return
     names, read = "xyz", recorded.declared.position_axes
@@ -259,9 +252,11 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         order = list(range(len(recorded.segments)))
         for one, other in zip(worn[first], worn[second], strict=True):
             order[one], order[other] = other, one
+        named = (second, first) if second == "thumb" else (first, second)  # the sentence's second is a finger
+        digits: dict[str, Any] = dict(zip(("digit", "digit_2"), named, strict=True))
         yield Hypothesis(
             "digits-swapped", _permuted(recorded, order),
-            "two", _thumb_first(first, second) | {"pairs": _pairs(recorded, worn[first], worn[second])},
+            "two", {**digits, "pairs": _pairs(recorded, worn[first], worn[second])},
             frozenset({*worn[first], *worn[second]}),
         )  # fmt: skip
     fingers = [own for name, own in worn.items() if name != "thumb"]
@@ -279,12 +274,6 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
 def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> list[list[str]]:
     """Names of two digits' segments, each with the one that stands for it."""
     return [[recorded.segments[i] for i in pair] for pair in zip(first, second, strict=True)]
-
-
-def _thumb_first(first: str, second: str) -> dict[str, Any]:
-    """Two digits as the sentence has them, in which the second is a finger."""
-    one, other = (second, first) if second == "thumb" else (first, second)
-    return {"digit": one, "digit_2": other}
 
 
 def _permuted(recorded: Recorded, order: Sequence[int]) -> Callable[[Motion], Motion]:

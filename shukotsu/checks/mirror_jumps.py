@@ -34,8 +34,8 @@ _BLOCK_ROWS = 1 << 15
 class OwnSides:
     """Pieces of a receiver's time, M in order: on one side each, or on the way.
 
-    first : (M,) frame in which each begins. sign : (M,) 1 or -1, the side, known up to one sign for all;
-    0 on the way. run : (M,) between pieces of a run it is sure which is on which side, between runs guessed.
+    first : (M,) frame in which each begins. sign : (M,) 1 or -1, up to one sign for all; 0 on the way. run :
+    (M,) between pieces of a run it is sure which is on which side.
     """
 
     first: Integers
@@ -44,19 +44,16 @@ class OwnSides:
 
     @property
     def changes(self) -> bool:
-        """Say whether it is on two sides."""
+        """Whether it is on two sides."""
         return bool((self.sign > 0).any() and (self.sign < 0).any())
 
     def piece_at(self, frame: Integers) -> Integers:
-        """Give the piece in which frames (N,) lie, (N,)."""
+        """The piece in which frames (N,) lie, (N,)."""
         return np.maximum(np.searchsorted(self.first, frame, side="right") - 1, 0)
 
 
 def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
-    """Give the sides of a receiver.
-
-    frame : (N,) ascending. time_s : (N,) NaN where unknown. position_mm : (N, 3) from the transmitter.
-    """
+    """The sides of a receiver in frames (N,), rising, at times (N,), NaN where unknown, and places (N, 3)."""
     sign, run = np.ones(len(frame), np.int64), np.zeros(len(frame), np.int64)
     if len(frame) > 1:
         lasts, frame_s = _lasts(np.diff(frame), np.diff(time_s))
@@ -85,7 +82,7 @@ def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
 
 
 def _lasts(frames: Integers, seconds: Array) -> tuple[Array, float]:
-    """Count the frames of each step, by frames and times, and say how long a frame is; NaN where unknown."""
+    """The frames of each step, by frames and times, and how long a frame is; NaN where unknown."""
     timed = seconds > 0  # False for NaN
     if not timed.any():
         return frames.astype(float), np.nan
@@ -94,9 +91,7 @@ def _lasts(frames: Integers, seconds: Array) -> tuple[Array, float]:
 
 
 def _steps(position_mm: Array) -> Array:
-    """Of the steps (3, N - 1) between positions their length, that to the mirror image, and the scalar
-    product; a block at a time.
-    """
+    """Lengths of steps, those to the mirror image, and scalar products, (3, N - 1); a block at a time."""
     parts = []
     for start in range(0, len(position_mm) - 1, _BLOCK_ROWS):
         here = position_mm[start : start + _BLOCK_ROWS + 1]
@@ -106,12 +101,12 @@ def _steps(position_mm: Array) -> Array:
 
 
 def _apart_mm(one: Array, other: Array) -> tuple[Array, Array]:
-    """Return positions' distances from each other, and from each other's mirror image."""
+    """Positions' distances from each other, and from each other's mirror image."""
     return np.linalg.norm(other - one, axis=-1), np.linalg.norm(other + one, axis=-1)
 
 
 def _within_mm(reach_mm: float, lasts: Array) -> Array:
-    """Return how far a receiver goes in so many frames: it does not keep its greatest speed."""
+    """How far a receiver goes in so many frames: it does not keep its greatest speed."""
     return np.asarray(reach_mm * np.minimum(lasts, 2 * np.sqrt(lasts)))
 
 

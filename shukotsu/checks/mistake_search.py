@@ -1,19 +1,17 @@
-"""Find mistakes that explain a recording: hypotheses against what was declared, the likeliest first."""
+"""Find mistakes that explain a recording, the likeliest first, and how much each matters to its joints."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.checks.expected_body import ExpectedBody
 from shukotsu.checks.explanation import Explanation, explain, joint_shares
 from shukotsu.checks.hypotheses import Hypothesis
-from shukotsu.checks.mistake_effect import Joints, effect
-from shukotsu.checks.sampled_motion import Motion
+from shukotsu.checks.sampled_motion import MIRROR, Motion
 from shukotsu.sentences.finding_sentences import Values
 from shukotsu.skeleton.rotations import Array
 
@@ -25,13 +23,15 @@ OPEN_MM, CLOSER, CLOSED_MM = 5.0, 0.33, 40.0
 put right, and how small."""
 AWAY_MM, AWAY_LOG_SD = 600.0, 0.8
 """From a tracker's transmitter to what is worn (ours)."""
+MOVED_MM = 2.0
+"""A joint whose centre moves farther on its bones is another joint."""
+BETTER = 0.95
+"""Share of the median gap below which joints close better."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A hypothesis that holds. evidence : values of what is seen of it and how much it matters, see
-    `finding_sentences`. gain : in log likelihood, less penalty.
-    """
+    """A hypothesis that holds, values of what is seen of it (`finding_sentences`), gain in log likelihood."""
 
     hypothesis: Hypothesis
     evidence: Values
@@ -40,7 +40,7 @@ class Mistake:
 
 @dataclass(frozen=True)
 class Search:
-    """Hold the mistakes found, likeliest first, and how well the motion is explained without them."""
+    """The mistakes found, likeliest first, and how well the motion is explained without them."""
 
     mistakes: tuple[Mistake, ...]
     motion: Motion
@@ -56,7 +56,10 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
         gains = explanation.total[1:] - explanation.total[0] - np.array([one.penalty for one in left])
         if not body.known.any():
             gains += _away(motion, left)
-            gains[~_closes(explanation, left)] = -np.inf
+            gap = np.sqrt((explanation.gap_mm**2).mean(-1))
+            closes = (gap[0] > OPEN_MM) & (gap[1:] < CLOSER * gap[0]) & (gap[1:] < CLOSED_MM)
+            unscaled = np.array([hypothesis.kind != "units" for hypothesis in left], bool)
+            gains[~closes & unscaled] = -np.inf
         best = int(np.argmax(gains)) if len(gains) else 0
         if len(found) == MOST or not len(gains) or gains[best] < DECISIVE:
             break
@@ -68,22 +71,16 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
         evidence = {**_evidence(body, explanation, best + 1, chosen), **matters}
         found.append(Mistake(chosen, evidence, float(gains[best])))
         motion = undone
-        left = [one for one in left if not _same_matter(one, chosen)]
+        left = [  # what has something to say once the chosen one is undone
+            other
+            for other in left
+            if (other.kind, other.places) != (chosen.kind, chosen.places) or chosen.kind == "digits-swapped"
+        ]
     return Search(tuple(found), motion, explanation)
 
 
-def _closes(explanation: Explanation, hypotheses: Sequence[Hypothesis]) -> npt.NDArray[np.bool_]:
-    """Say whether joints that anatomy does not know close, and much better than as declared."""
-    gap = np.sqrt((explanation.gap_mm**2).mean(-1))
-    scaled = np.array([one.kind == "units" for one in hypotheses], bool)
-    return np.asarray(scaled | ((gap[0] > OPEN_MM) & (gap[1:] < CLOSER * gap[0]) & (gap[1:] < CLOSED_MM)))
-
-
 def _away(motion: Motion, hypotheses: Sequence[Hypothesis]) -> Array:
-    """Compute how much likelier (H,) each hypothesis makes the receivers' distance from the transmitter.
-
-    Where a segment is at the origin all along the others are counted from it, and nothing is known.
-    """
+    """How much likelier (H,) hypotheses make the receivers' distance from the transmitter, if known."""
     distances_mm = [_distance_mm(own) for own in (motion, *(one.undo(motion) for one in hypotheses))]
     if not all(distances_mm):
         return np.zeros(len(hypotheses))
@@ -98,13 +95,8 @@ def _distance_mm(motion: Motion) -> float:
     return float(np.median(own)) if own and min(own) > 0 else 0.0
 
 
-def _same_matter(one: Hypothesis, chosen: Hypothesis) -> bool:
-    """Say whether a hypothesis has nothing to say once the chosen one is undone."""
-    return one.kind == chosen.kind and one.places == chosen.places and chosen.kind != "digits-swapped"
-
-
 def explained(motion: Motion, body: ExpectedBody) -> Joints:
-    """Give the joints of a motion as it is."""
+    """The joints of a motion as it is."""
     return Joints.of(motion, _explain(motion, body, []))
 
 
@@ -124,7 +116,7 @@ def _explain(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypothesis
 
 
 def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: Hypothesis) -> Values:
-    """Return the evidence of the joint and the measure that gain most."""
+    """The evidence of the joint and the measure that gain most."""
     if hypothesis.kind == "units" and hypothesis.variant.startswith("positions"):
         if body.known.any():
             return _seen("scale", explained.scale, row)
@@ -155,3 +147,60 @@ def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: 
 def _seen(what: str, of_rows: Array, row: int) -> dict[str, Any]:
     """A measure as declared and with a hypothesis undone."""
     return {"seen": what, "before": of_rows[0], "after": of_rows[row]}
+
+
+@dataclass(frozen=True)
+class Joints:
+    """A motion's J joints as they are explained. centre_mm : (J, 2, 3) in both receivers. gap_mm : (J,)."""
+
+    motion: Motion
+    centre_mm: Array
+    gap_mm: Array
+    scale: float
+
+    @classmethod
+    def of(cls, motion: Motion, explanation: Explanation, row: int = 0) -> Joints:
+        """Those of one hypothesis of an explanation."""
+        scale = float(explanation.scale[row])
+        return cls(motion, explanation.centre_mm[row], explanation.gap_mm[row], scale)
+
+
+def effect(
+    body: ExpectedBody,
+    before: Joints,
+    after: Joints,
+    places: Collection[int] | None = None,
+    *,
+    other_hand: bool = False,
+) -> Values:
+    """Compare joints without a mistake: the joints' median gap, how many of them move, the hand's scale.
+
+    places : receivers whose joints count; None: all. other_hand : whether undoing it mirrors the world.
+    """
+    own = np.isin(body.ends, list(places)).any(1) if places else np.ones(len(body.names), bool)
+    own = own if own.any() else ~own
+    gaps = [float(np.median(joints.gap_mm[own])) for joints in (before, after)]
+    moved = (_apart_mm(body, before, after, mirrored=other_hand)[own] > MOVED_MM).sum()
+    values: dict[str, float | int | str] = {
+        "effect": "closer" if gaps[1] < BETTER * gaps[0] else "no-closer" if moved else "none",
+        "gap_before_mm": gaps[0],
+        "gap_after_mm": gaps[1],
+        "moved": int(moved),
+        "joints": int(own.sum()),
+    }
+    if body.known.any():
+        values |= {"scale_before": before.scale, "scale_after": after.scale}
+    return values
+
+
+def _apart_mm(body: ExpectedBody, before: Joints, after: Joints, *, mirrored: bool) -> Array:
+    """How far (J,) joints move from their receivers, in the world's axes, of the one that sees more."""
+    signs = MIRROR if mirrored else np.ones(3)
+    one, other = (
+        np.einsum("kjeab,jeb->kjea", joints.motion.rotation[:, body.ends], joints.centre_mm)
+        for joints in (before, after)
+    )
+    apart = np.linalg.norm(one - signs * other, axis=-1)
+    apart[~before.motion.valid[:, body.ends]] = np.nan
+    seen = np.isfinite(apart).any(0)
+    return np.asarray(np.where(seen, np.nanmedian(np.where(seen, apart, 0.0), axis=0), 0.0).max(-1))

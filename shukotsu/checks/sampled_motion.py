@@ -18,11 +18,7 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class Motion:
-    """Poses of S receivers in K frames, receiver to transmitter.
-
-    position_mm : (K, S, 3). rotation : (K, S, 3, 3), columns distal, lateral and dorsal. valid : (K, S).
-    Where not valid, the numbers are finite and mean nothing.
-    """
+    """Poses (K, S, 3), (K, S, 3, 3) in K frames, columns distal, lateral, dorsal; valid (K, S)."""
 
     position_mm: Array
     rotation: Array
@@ -44,11 +40,7 @@ def receiver_axes(layout: Layout, segments: tuple[str, ...]) -> Array:
 def motion_of(
     position_mm: Array, quaternion: Array, valid: npt.NDArray[np.bool_], axes: Array, hand: str
 ) -> Motion:
-    """Take frames of a recording in which most receivers are seen, spread over it.
-
-    position_mm : (T, S, 3). quaternion : (T, S, 4). axes : (S, 3, 3), see `receiver_axes`. A left hand is
-    mirrored into a right one.
-    """
+    """Frames of a recording in which most receivers are seen, spread over it; a left hand is mirrored."""
     seen = valid.sum(1)
     rows = np.flatnonzero(seen >= 0.8 * seen.max()) if len(seen) and seen.max() else np.zeros(0, int)
     rows = rows[np.linspace(0, len(rows) - 1, min(FRAMES, len(rows))).round().astype(int)]

@@ -47,9 +47,7 @@ class Timeline:
 
 
 def _windows(rows: Rows, more: int, function: Callable[[Rows], npt.NDArray[Any]]) -> npt.NDArray[Any]:
-    """Apply a function to rows (N,) some at a time, each time to `more` beyond those that it gives (..., n)
-    of; give (..., N - more).
-    """
+    """Apply a function to rows (N,) some at a time, each time to `more` beyond; return (..., N - more)."""
     count = max(0, len(rows) - more)
     starts = range(0, max(count, 1), BLOCK_ROWS)
     parts = [function(rows[start : min(start + BLOCK_ROWS, count) + more]) for start in starts]
@@ -57,10 +55,7 @@ def _windows(rows: Rows, more: int, function: Callable[[Rows], npt.NDArray[Any]]
 
 
 def sides(line: Timeline) -> npt.NDArray[np.int8]:
-    """Give the side of the transmitter on which each pose (T, S) is, by its receiver's jumps.
-
-    1 where it mostly is, -1 on the other, 0 on the way; where a pose is not valid, the side of those before.
-    """
+    """Side of the transmitter of each pose (T, S): 1 mostly, -1 the other, 0 on the way; else as before."""
     sign = np.ones(line.valid.shape, np.int8)
     for place in range(line.valid.shape[1]):
         rows = np.flatnonzero(line.valid[:, place])
@@ -72,7 +67,7 @@ def sides(line: Timeline) -> npt.NDArray[np.int8]:
 
 
 def away(sign: npt.NDArray[Any]) -> Rows:
-    """Count how often each receiver (S,) is on the other side, of sides (T, S): there and back is once."""
+    """How often each receiver (S,) is on the other side, of sides (T, S): there and back is once."""
     other = sign < 0
     return np.asarray((other[1:] & ~other[:-1]).sum(0) + other[:1].sum(0))
 
@@ -109,10 +104,7 @@ def _between_deg(first: Array, second: Array) -> Array:
 
 
 def stuck(line: Timeline) -> Bools:
-    """Poses (T, S) that stay the same to the last bit for long while another receiver moves.
-
-    A receiver that never moves at all is none of these: it may be fixed to a bench.
-    """
+    """Poses (T, S) that stay the same to the last bit for long while another receiver moves."""
     interval = line.interval_s
     least = max(STUCK_FRAMES, int(STUCK_S / interval)) if interval > 0 else STUCK_FRAMES
     still = np.zeros(line.valid.shape, bool)
@@ -122,13 +114,19 @@ def stuck(line: Timeline) -> Bools:
             continue
         edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
         for start, end in zip(edges[::2], edges[1::2], strict=True):
-            if end - start >= least and _others_move(line, place, start, end):
+            if end - start < least:
+                continue
+            rows = np.linspace(start, end, 8).astype(int)
+            seen = line.valid[rows].all(0)
+            seen[place] = False
+            moved_mm = np.ptp(line.position_mm[rows][:, seen], axis=0).max(initial=0.0)
+            if moved_mm > MOVED_MM:
                 still[start : end + 1, place] = True
     return still
 
 
 def _same_as_before(line: Timeline, place: int) -> Bools:
-    """Say whether a receiver's poses (T - 1,) are to the last bit those of the frame before."""
+    """Whether a receiver's poses (T - 1,) are to the last bit those of the frame before."""
 
     def same(part: Rows) -> Bools:
         places, turns = (
@@ -140,19 +138,8 @@ def _same_as_before(line: Timeline, place: int) -> Bools:
     return _windows(np.arange(len(line.valid)), 1, same)
 
 
-def _others_move(line: Timeline, place: int, start: int, end: int) -> bool:
-    rows = np.linspace(start, end, 8).astype(int)
-    seen = line.valid[rows].all(0)
-    seen[place] = False
-    moved = np.ptp(line.position_mm[rows][:, seen], axis=0)
-    return bool(seen.any() and moved.max() > MOVED_MM)
-
-
 def zeros(line: Timeline) -> Bools:
-    """Poses (T, S) at the transmitter's own place and not turned, to the last bit, of receivers with others.
-
-    A receiver that is there all along may be what the others are measured against.
-    """
+    """Poses (T, S) at the transmitter's own place and not turned, to the last bit, if not all along."""
     empty = np.zeros(line.valid.shape, bool)
     for place, valid in enumerate(line.valid.T):
 
@@ -200,7 +187,7 @@ def repeated_share(line: Timeline) -> float:
 
 
 def true_clock(line: Timeline) -> float | None:
-    """Give the factor by which times are better seconds; None where they are right."""
+    """The factor by which times are better seconds; None where they are right."""
     interval, speed = line.interval_s, turning_speed(line)
     if not (np.isfinite(interval) and speed > 0):
         return None
@@ -215,10 +202,7 @@ def true_clock(line: Timeline) -> float | None:
 
 
 def turning_speed(line: Timeline, most_frames: int = 12) -> float:
-    """Return how fast receivers turn when they are fast, rad/s: the 90th percentile, median over them.
-
-    most_frames : from one to the next, over which turns are measured; beyond half a turn they fold back.
-    """
+    """How fast receivers turn when fast, rad/s: the 90th percentile over so many frames, median over them."""
     interval = line.interval_s
     stride = max(1, min(most_frames, len(line.valid) // 10))
     speeds = []
