@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage check_recordings",
         "Test what was declared about recordings against what their poses say: units, orders, sides, swaps.",
@@ -57,10 +57,7 @@ def check(arguments: argparse.Namespace) -> None:
 def check_subject(
     plan: SubjectPlan, arguments: argparse.Namespace
 ) -> list[tuple[Recording, CheckedRecording]]:
-    """Check a subject's recordings, each alone and all against each other.
-
-    With --record-failure a recording that cannot be checked has a note that says so, and no other finding.
-    """
+    """Check a subject's recordings, each alone and all against each other; one that cannot be has a note."""
     from shukotsu.checks.compared_recordings import compared
     from shukotsu.schemas.poses import usable_poses
 
@@ -111,7 +108,7 @@ def _rows(recording: Recording, checked: CheckedRecording) -> list[dict[str, Any
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage; return its exit code."""
     return command_line.run(build_parser, argv, check, record_bug=record_bug)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,13 +14,12 @@ if TYPE_CHECKING:
     from shukotsu.schemas.parts import Part, PartsWriter
     from shukotsu.schemas.plan import SubjectPlan
     from shukotsu.schemas.study import Recording
-    from shukotsu.schemas.tables import Table
     from shukotsu.skeleton.rotations import Array
     from shukotsu.stages.estimate_metacarpals.hand import BuiltHand, Index
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage estimate_metacarpals",
         "Locate the wrist, measure the bones and pose the metacarpals (Eq. 8-11 of the paper).",
@@ -49,9 +49,11 @@ def estimate(arguments: argparse.Namespace) -> None:
     from shukotsu.schemas.parts import parts_writer
 
     plan = subject_stage.plan_of(arguments, (arguments.joints, JOINT_CENTRES))
-    fits = _Fits(plan, arguments.fit)
+    fitted = [(hand, model) for hand in plan.hands for model in plan.fitted_models]
+    names = ("fitted_joints", "fitted_bones", "bone_poses")
+    fits = [_fit_file(plan, arguments.fit, *whose, name) for whose in fitted for name in names]
     files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
-    provenance = subject_stage.provenance_of(plan, [arguments.joints, *fits.files()], files)
+    provenance = subject_stage.provenance_of(plan, [arguments.joints, *fits], files)
     with (
         parts_writer(arguments.out_joints, JOINT_CENTRES, provenance) as joints,
         parts_writer(arguments.out_bones, BONE_LENGTHS, provenance) as bones,
@@ -59,14 +61,13 @@ def estimate(arguments: argparse.Namespace) -> None:
     ):
         for part in plan.parts():
             with subject_stage.recording_failure(arguments, part, joints, bones, metacarpals):
-                _estimate_part(arguments.joints, plan, part, fits, (joints, bones, metacarpals))
+                _estimate_part(arguments, plan, part, (joints, bones, metacarpals))
 
 
 def _estimate_part(
-    joints_file: Path,
+    arguments: argparse.Namespace,
     plan: SubjectPlan,
     part: Part,
-    fits: _Fits,
     tables: tuple[PartsWriter, PartsWriter, PartsWriter],
 ) -> None:
     from shukotsu.errors import InputError, TableError
@@ -79,15 +80,18 @@ def _estimate_part(
 
     joints, bones, metacarpals = tables
     layout, model = plan.layouts[part.hand], plan.models[part.model]
-    projected = list(rows_of(read_part(joints_file, JOINT_CENTRES, part)))
+    projected = list(rows_of(read_part(arguments.joints, JOINT_CENTRES, part)))
     calibration = plan.calibrating(part.hand, part.model, part.made_without)
     reader = poses_reader(usable_poses([plan.poses(r) for r in calibration])[0], layout.measured)
     if model.fitting is None:
         hand = build_hand(_by("joint", projected), layout, model, reader)
     else:
         try:
-            rows = merge_fitted(fits.rows(part, "fitted_joints", JOINT_CENTRES), projected)
-            fitted_bones = _by("bone", fits.rows(part, "fitted_bones", BONE_LENGTHS))
+            fit_file = partial(_fit_file, plan, arguments.fit, part.hand, part.model)
+            fitted = read_part(fit_file("fitted_joints"), JOINT_CENTRES, part)
+            rows = merge_fitted(list(rows_of(fitted)), projected)
+            bone_rows = rows_of(read_part(fit_file("fitted_bones"), BONE_LENGTHS, part))
+            fitted_bones = _by("bone", bone_rows)
         except TableError:
             raise
         except InputError as error:  # digits without numbers then say why
@@ -103,75 +107,46 @@ def _estimate_part(
     bones.rows(part, [{**row, **keys} for row in hand.bones], **parameters)
     metacarpals.rows(part, [], **parameters)
     for recording in plan.evaluated(part.hand, part.made_without):
-        _pose_recording(plan, part, hand, recording, fits, metacarpals)
+        _pose_recording(arguments, plan, part, hand, recording, metacarpals)
 
 
 def _pose_recording(
+    arguments: argparse.Namespace,
     plan: SubjectPlan,
     part: Part,
     hand: BuiltHand,
     recording: Recording,
-    fits: _Fits,
     metacarpals: PartsWriter,
 ) -> None:
-    from functools import partial
-
+    from shukotsu.schemas.catalogue import BONE_POSES
+    from shukotsu.schemas.parts import open_parts
     from shukotsu.schemas.poses import poses_reader, usable_poses
     from shukotsu.stages.estimate_metacarpals.hand import pose_metacarpals
 
     layout, model = plan.layouts[part.hand], plan.models[part.model]
+
+    def posed_by_fit(segment: str, frames: Index) -> Array | None:
+        keys = (part, recording.task, recording.trial, "segment", [f"q{name}" for name in "wxyz"])
+        file = _fit_file(plan, arguments.fit, part.hand, part.model, "bone_poses")
+        with open_parts(file, BONE_POSES) as parts:
+            return parts.recording(*keys, len(frames), frames, segment).get(segment)
+
     for path in usable_poses([plan.poses(recording)])[0]:
-        posed_by_fit = model.fitting is not None and hand.metacarpals  # none where the fit failed
-        fitted = partial(fits.posed, part, recording) if posed_by_fit else None
+        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # else it failed
         for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
             keys = {**plan.who._asdict(), "task": recording.task, "trial": recording.trial}
             metacarpals.columns(part, {**keys, **columns})
 
 
-class _Fits:
-    """Tables that fits of the whole hand wrote, of the subject or, from one folder, of a hand alone."""
+def _fit_file(plan: SubjectPlan, folder: Path | None, hand: str, model: str, name: str) -> Path:
+    """A table that a fit of the whole hand wrote, of the subject or, in one folder, of a hand alone."""
+    from shukotsu.errors import InputError
 
-    def __init__(self, plan: SubjectPlan, folder: Path | None) -> None:
-        self._plan, self._folder = plan, folder
-
-    def files(self) -> list[Path]:
-        """Every table that is read."""
-        names = ("fitted_joints", "fitted_bones", "bone_poses")
-        return [
-            self._file(hand, model, name)
-            for hand in self._plan.hands
-            for model in self._plan.fitted_models
-            for name in names
-        ]
-
-    def rows(self, part: Part, name: str, table: Table) -> list[dict[str, Any]]:
-        """Rows of a part of fitted_joints or fitted_bones."""
-        from shukotsu.schemas.parts import read_part
-        from shukotsu.schemas.tables import rows_of
-
-        return list(rows_of(read_part(self._file(part.hand, part.model, name), table, part)))
-
-    def posed(self, part: Part, recording: Recording, segment: str, frames: Index) -> Array | None:
-        """Quaternions (T, 4) of a bone at some frames of a recording; None of one that is not posed."""
-        from shukotsu.schemas.catalogue import BONE_POSES
-        from shukotsu.schemas.parts import open_parts
-
-        path = self._file(part.hand, part.model, "bone_poses")
-        columns = [f"q{name}" for name in "wxyz"]
-        keys = (recording.task, recording.trial, "segment")
-        with open_parts(path, BONE_POSES) as parts:
-            return parts.recording(part, *keys, columns, len(frames), frames, segment).get(segment)
-
-    def _file(self, hand: str, model: str, name: str) -> Path:
-        from shukotsu.errors import InputError
-
-        if self._plan.is_study:
-            return self._plan.fit_table(hand, model, name)
-        if self._folder is None:
-            raise InputError(
-                f"--fit: is missing; model {model} fits the whole hand (shukotsu.stages.fit_hand)"
-            )
-        return self._folder / f"{name}.parquet"
+    if plan.is_study:
+        return plan.fit_table(hand, model, name)
+    if folder is None:
+        raise InputError(f"--fit: is missing; model {model} fits the whole hand (shukotsu.stages.fit_hand)")
+    return folder / f"{name}.parquet"
 
 
 def _by(key: str, rows: Any) -> dict[str, dict[str, Any]]:
@@ -192,7 +167,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage; return its exit code."""
     return command_line.run(build_parser, argv, estimate, record_bug=record_bug)
 
 

@@ -6,7 +6,7 @@ receiver where no fit of the whole hand says where the bone ends.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,11 +25,10 @@ LENGTHS = ("starts_at", "ends_at", "length_mm", "sd_mm")
 
 @dataclass(frozen=True)
 class Bone:
-    """One bone.
+    """One bone from joint to joint, or to where a digit ends.
 
-    starts_at, ends_at : joints, or where a digit's last bone ends. vector_mm : (3,) proximal to distal end in
-    the frame of driven_by, as the replay has it, or None where the bone's direction is estimated frame by
-    frame. sd_over_frames_mm : of metacarpals.
+    vector_mm : (3,) in the frame of driven_by, as the replay has it; None where estimated frame by frame.
+    sd_over_frames_mm : of metacarpals.
     """
 
     segment: str
@@ -42,7 +41,7 @@ class Bone:
     driven_by: str
 
     def row(self) -> dict[str, Any]:
-        """Give the bone's row of the bone_lengths table (subject, hand, model and digit left out)."""
+        """The bone's row of the bone_lengths table (subject, hand, model and digit left out)."""
         vector = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
         return {
             "bone": self.segment,
@@ -67,10 +66,7 @@ class MetacarpalBone:
 
 
 def with_fitted_lengths(bone: Bone, fitted: Mapping[str, Any] | None) -> Bone:
-    """The bone as long as the fit of the whole hand says; fitted : its row of the fit's bone_lengths.
-
-    The replay keeps the vector between the joints, which a digit's last bone ends at the receiver.
-    """
+    """The bone as long as its row of the fit says; its vector stays the replay's."""
     if fitted is None:
         return bone
     return replace(bone, **{name: fitted[name] for name in LENGTHS})
@@ -85,10 +81,7 @@ def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> 
 
 
 def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
-    """v(k), (T, 3) mm from the metacarpal's base to the MCP joint, seen from the base receiver.
-
-    The MCP joint is taken from the proximal phalanx (its child half), else v would be rigid.
-    """
+    """v(k), (T, 3) mm from the metacarpal's base to the MCP's child half, seen from the base receiver."""
     own = chain.child_mm[1]
     assert own is not None, "a metacarpal is followed by a measured phalanx"
     return seen_from(poses, chain.digit.base, chain.digit.segments[1], own) - chain.base_point_mm
@@ -97,7 +90,7 @@ def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
 def digit_bones(
     chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader
 ) -> list[Bone]:
-    """Give the digit's bones from the base outward, lengths from the calibration recordings."""
+    """The digit's bones from the base outward, lengths from the calibration recordings."""
     bones = []
     joints = (*chain.digit.joints, DISTAL_RECEIVER)
     for index, segment in enumerate(chain.digit.segments):
@@ -110,15 +103,22 @@ def digit_bones(
         ends = [_half(rows, chain.digit.joints[index], "child")]
         if index + 1 < len(chain.digit.joints):
             ends.append(_half(rows, chain.digit.joints[index + 1], "parent"))
-        sd_mm = _sd_along(vector, ends)
         length_mm = float(np.linalg.norm(vector))
+        along = vector / length_mm if length_mm else vector
+        variance = sum(along @ end @ along if length_mm else np.trace(end) for end in ends)
+        sd_mm = float(np.sqrt(variance))
         bones.append(Bone(segment, joints[index], joints[index + 1], length_mm, sd_mm, None, vector, segment))
     return bones
 
 
 def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader) -> Bone:
     segment, mcp = chain.digit.segments[0], chain.digit.joints[1]
-    length, spread = _length_over_frames(chain, calibration)
+    both, lengths_mm = (chain.digit.base, chain.digit.segments[1]), [np.empty(0)]
+    for poses in calibration(*both):
+        length_mm = np.linalg.norm(metacarpal_vectors(chain, poses), axis=-1)
+        lengths_mm.append(length_mm[all_valid(poses, both)])
+    known_mm = np.concatenate(lengths_mm)
+    length, spread = (float(known_mm.mean()), float(known_mm.std())) if len(known_mm) else (np.nan, np.nan)
     base = layout.wrist.joint if chain.at_wrist and layout.wrist else chain.digit.joints[0]
     ends = [_half(rows, base, "child" if chain.at_wrist else "parent"), _half(rows, mcp, "child")]
     sd_mm = float(np.sqrt(sum(np.trace(end) for end in ends) / 3))
@@ -126,32 +126,17 @@ def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibr
     if mode == "rigid":
         vector, driver = chain.parent_mm[0] - chain.base_point_mm, chain.digit.base
     elif mode == "receiver":
-        own = chain.child_mm[0]
-        vector = chain.parent_mm[0] - (_base_seen_from(segment, chain, calibration) if own is None else own)
-        driver = segment
+        own, driver = chain.child_mm[0], segment
+        if own is None:  # the mean of the digit's base as the segment's receiver sees it
+            seen_mm = []
+            for poses in calibration(chain.digit.base, segment):
+                base_mm = seen_from(poses, segment, chain.digit.base, chain.base_point_mm)
+                seen_mm.append(base_mm[all_valid(poses, (chain.digit.base, segment))])
+            own = np.concatenate(seen_mm).mean(0)
+        vector = chain.parent_mm[0] - own
     if vector is not None:
         length = float(np.linalg.norm(vector))
     return Bone(segment, base, mcp, length, sd_mm, spread, vector, driver)
-
-
-def _length_over_frames(chain: DigitChain, calibration: PosesReader) -> tuple[float, float]:
-    """Mean and SD of |v(k)| over the calibration frames; NaN where there is none."""
-    ends = (chain.digit.base, chain.digit.segments[1])
-    lengths_mm = [np.empty(0)]
-    for poses in calibration(*ends):
-        length_mm = np.linalg.norm(metacarpal_vectors(chain, poses), axis=-1)
-        lengths_mm.append(length_mm[all_valid(poses, ends)])
-    length_mm = np.concatenate(lengths_mm)
-    return (float(length_mm.mean()), float(length_mm.std())) if len(length_mm) else (np.nan, np.nan)
-
-
-def _base_seen_from(segment: str, chain: DigitChain, calibration: PosesReader) -> Array:
-    """Mean position (3,) of the digit's base in a segment's receiver frame, mm."""
-    seen_mm = []
-    for poses in calibration(chain.digit.base, segment):
-        base_mm = seen_from(poses, segment, chain.digit.base, chain.base_point_mm)
-        seen_mm.append(base_mm[all_valid(poses, (chain.digit.base, segment))])
-    return np.asarray(np.concatenate(seen_mm).mean(0))
 
 
 def _half(rows: Rows, joint: str, side: str) -> Array:
@@ -161,11 +146,3 @@ def _half(rows: Rows, joint: str, side: str) -> Array:
         return np.zeros((3, 3))
     whole = np.reshape(covariance, (6, 6))
     return np.asarray(whole[:3, :3] if side == "parent" else whole[3:, 3:])
-
-
-def _sd_along(vector: Array, ends: Sequence[Array]) -> float:
-    length = np.linalg.norm(vector)
-    if not length:
-        return float(np.sqrt(sum(np.trace(end) for end in ends)))
-    along = vector / length
-    return float(np.sqrt(sum(along @ end @ along for end in ends)))

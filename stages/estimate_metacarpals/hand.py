@@ -25,7 +25,7 @@ from shukotsu.stages.estimate_metacarpals.bones import (
     with_fitted_lengths,
 )
 from shukotsu.stages.estimate_metacarpals.metacarpals import metacarpal_columns, neutral_posture
-from shukotsu.stages.estimate_metacarpals.wrist_row import wrist_row
+from shukotsu.stages.estimate_metacarpals.wrist import wrist_row
 
 Row = dict[str, Any]
 Index = npt.NDArray[np.int64]
@@ -54,9 +54,8 @@ def build_hand(
 ) -> BuiltHand:
     """Add the wrist point to a hand's joints and measure its bones.
 
-    rows : joint_centres of one hand and model, by joint. fitted_bones : rows of a whole-hand fit's
-    bone_lengths by segment, of a model that has one. A digit with a failed joint has bones without lengths
-    that say so, but for what the fit knows of them.
+    rows : joint_centres by joint. fitted_bones : rows of a whole-hand fit's bone_lengths by segment. A digit
+    with a failed joint has bones without lengths that say so, but for what the fit knows.
     """
     joints = {name: dict(row) for name, row in rows.items()}
     wrist = wrist_row(rows, layout, model, calibration)
@@ -90,11 +89,10 @@ def pose_metacarpals(
     recording: PosesReader,
     fitted: Callable[[str, Index], Array | None] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Give the columns of the metacarpals table of one recording from digit on, digit by digit, of a long one
-    block by block.
+    """Columns of the metacarpals table of one recording from digit on, digit by digit and block by block.
 
-    fitted : gives quaternions (T, 4) of a segment at some frames (T,) as the fit of the whole hand poses it,
-    where the model has one.
+    fitted : quaternions (T, 4) of a segment at frames (T,) as the fit of the whole hand poses it, where there
+    is one.
     """
     for metacarpal in hand.metacarpals:
         neutral = neutral_posture(metacarpal, layout, model, recording)
@@ -107,11 +105,7 @@ def pose_metacarpals(
 def merge_fitted(
     fitted_rows: Sequence[Mapping[str, Any]], projected_rows: Sequence[Mapping[str, Any]]
 ) -> list[Row]:
-    """Give rows of joint_centres: each projected joint as the fit has it, then the fit's others.
-
-    fitted_rows : of fitted_joints, projected_rows : of projected_joints, of the same part. A joint that the
-    fit does not reach keeps its projected row.
-    """
+    """Rows of joint_centres: each projected joint as the fit has it, where it does, then the fit's others."""
     fitted = {row["joint"]: dict(row) for row in fitted_rows}
     projected = {row["joint"]: dict(row) for row in projected_rows}
     merged = [
@@ -122,16 +116,13 @@ def merge_fitted(
 
 
 def failed_joints(projected_rows: Sequence[Mapping[str, Any]], message: str) -> list[Row]:
-    """Give rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
+    """Rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
     failed = {"source": "fit of the whole hand", **UNJUDGED, "status": "failed", "message": message}
     return [{name: row[name] for name in _KEPT_OF_FAILED} | failed for row in projected_rows]
 
 
 def judged(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
-    """Give the hand with the verdict on every joint and bone.
-
-    suspicion : the doubt of a hand with a suspect recording, which judges nothing; else empty.
-    """
+    """The hand with the verdict on every joint and bone; suspicion : of a suspect recording, or empty."""
     wanted_mm = layout.wanted_mm
     close = knuckles_too_close({row["joint"]: row for row in hand.joints}, layout)
     joints = {
@@ -143,10 +134,7 @@ def judged(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
 
 
 def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, Doubts]:
-    """The doubt, by joint, of neighbouring MCP centres that are nearer to each other than any hand has them.
-
-    Neighbours are digits that follow each other in the layout, both seen from one receiver.
-    """
+    """The doubt, by joint, of neighbouring MCP centres that are nearer to each other than any hand's."""
     knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
     found: dict[str, Doubts] = {}
     for pair in pairwise(joint for joint in knuckles if joint in joints):
@@ -161,6 +149,6 @@ def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, D
 
 
 def is_whole(bone: Mapping[str, Any], layout: Layout) -> bool:
-    """Say whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
+    """Whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
     own = {joint.child: name for name, joint in layout.joints.items()}
     return bool(bone["starts_at"] == own.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)

@@ -36,10 +36,9 @@ def metacarpal_columns(
     neutral: Neutral | None,
     fitted: Array | None,
 ) -> dict[str, Any]:
-    """Give frame, quaternion (qw..qz), swing_deg, twist_deg, length_mm and flags at some frames, (T,) each.
+    """Frame, quaternion (qw..qz), swing_deg, twist_deg, length_mm and flags at some frames, (T,) each.
 
-    neutral : of the recording (`neutral_posture`). fitted : (T, 4) the posture that the fit of the whole hand
-    gives, NaN in gaps, where that is the mode.
+    neutral : of the recording. fitted : (T, 4) the posture that the fit of the whole hand gives, NaN in gaps.
     """
     chain, mode = metacarpal.chain, metacarpal.mode
     vector_mm = metacarpal_vectors(chain, poses)
@@ -91,10 +90,7 @@ def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, p
 
 @dataclass(frozen=True)
 class Neutral:
-    """Hold where the postures of a metacarpal in a recording start from by Eq. 8-11.
-
-    bone : (4,) its posture there, at the recording's mean twist, seen from the hand.
-    """
+    """Where postures by Eq. 8-11 start; bone : (4,) posture at the mean twist, seen from the hand."""
 
     reference: Reference
     bone: Array
@@ -103,13 +99,13 @@ class Neutral:
 def neutral_posture(
     metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, recording: PosesReader
 ) -> Neutral | None:
-    """Give it of a metacarpal whose posture is estimated, else None.
-
-    Frame 1 is the first that shows all of the digit's receivers and its base; without one nothing is known.
-    """
+    """Where an estimated metacarpal starts, by the first frame that shows all of its receivers, else None."""
     chain = metacarpal.chain
     needed = (chain.digit.base, *chain.receivers)
-    frame = _first_frame(needed, recording) if metacarpal.mode == "estimated" else None
+    if metacarpal.mode != "estimated":
+        return None
+    starts = ((poses, np.flatnonzero(all_valid(poses, needed))[:1]) for poses in recording(*needed))
+    frame = next((poses.take(row) for poses, row in starts if len(row)), None)
     if frame is None:
         return None
     bone, proximal = chain.digit.segments[:2]
@@ -130,15 +126,6 @@ def neutral_posture(
     )
     mean_twist_rad = float(np.angle(np.mean(np.exp(1j * twist_rad))))
     return Neutral(reference, multiply(from_matrix(start), about_axis(np.eye(3)[0], -mean_twist_rad)))
-
-
-def _first_frame(segments: tuple[str, ...], recording: PosesReader) -> Poses | None:
-    """The first frame that shows all of those segments."""
-    for poses in recording(*segments):
-        whole = all_valid(poses, segments)
-        if whole.any():
-            return poses.take(slice(int(np.argmax(whole)), int(np.argmax(whole)) + 1))
-    return None
 
 
 def _posture(

@@ -26,8 +26,8 @@ TWIST_LIMIT_DEG = 75.0
 class Posture:
     """A metacarpal's change of posture since the reference frame, seen from the hand.
 
-    change : (T, 4) unit quaternions, q_meta * q_swing. swing_rad, twist_rad : (T,), twist after Eq. 11.
-    swing_singular, twist_singular : (T,) where the angle is not to be trusted.
+    change : (T, 4), q_meta * q_swing. swing_rad, twist_rad : (T,), twist after Eq. 11; singular : (T,) where
+    not to be trusted.
     """
 
     change: Array
@@ -41,8 +41,8 @@ class Posture:
 class Reference:
     """The frame that the paper calls 1, seen from the hand.
 
-    vector_mm : (3,) from the metacarpal's base to the MCP joint, not zero. normal : (3,) unit, the
-    metacarpal's, at right angles to it. twist_rad : from it to the proximal phalanx's normal (Fig. 6).
+    vector_mm : (3,) to the MCP joint. normal : (3,) unit, the metacarpal's, across it. twist_rad : from it to
+    the proximal phalanx's normal (Fig. 6).
     """
 
     vector_mm: Array
@@ -51,7 +51,7 @@ class Reference:
 
     @classmethod
     def of(cls, vector_mm: Array, normal: Array, normal_proximal: Array) -> Reference:
-        """Give the reference from the vector and the normals, (3,) unit, of metacarpal and phalanx."""
+        """The reference from the vector and the normals, (3,) unit, of metacarpal and phalanx."""
         angle, _ = twist(vector_mm[None], normal[None], normal_proximal[None])
         return cls(vector_mm, normal, float(angle[0]))
 
@@ -59,8 +59,8 @@ class Reference:
 def swing(start: Array, vector: Array) -> tuple[Array, Array]:
     """Eq. 8-10: the shortest rotation that takes `start` (3,) to each `vector` (T, 3).
 
-    Returns unit quaternions (T, 4) and angles (T,) in radians. The angle is atan2(|a|, v1 . vk): acos
-    loses half the digits of a small angle. Where both vectors are parallel the rotation is none.
+    Returns unit quaternions (T, 4) and angles (T,), rad: atan2(|a|, v1 . vk), as acos loses half the digits
+    of a small one.
     """
     axis = _cross(start, vector)
     angle = np.arctan2(np.sqrt(_dot(axis, axis)), _dot(vector, start))
@@ -68,11 +68,10 @@ def swing(start: Array, vector: Array) -> tuple[Array, Array]:
 
 
 def twist(vector: Array, normal_metacarpal: Array, normal_proximal: Array) -> tuple[Array, Array]:
-    """Fig. 6-8: the angle about the metacarpal from its normal to the proximal phalanx's.
+    """Fig. 6-8: the angle about the metacarpal (T, 3) from its normal to the proximal phalanx's, unit.
 
-    vector : (T, 3) along the metacarpal. normal_metacarpal : (T, 3) at right angles to it.
-    normal_proximal : (T, 3) unit. Returns signed angles (T,) in radians about `vector`, and the length
-    (T,) of the proximal normal's component across it: 1 at no MCP flexion, 0 where the angle is lost.
+    Returns signed angles (T,) in radians, and the length (T,) of the proximal normal's component across: 0
+    where the angle is lost.
     """
     along = unit(vector)
     across = normal_proximal - along * _dot(along, normal_proximal)[:, None]
@@ -86,8 +85,8 @@ def estimate_posture(
 ) -> Posture:
     """Swing first, then twist about the swung bone, both relative to the reference frame.
 
-    vector : (T, 3) mm from the metacarpal's base to the MCP joint, v(k). normal_proximal : (T, 3) unit.
-    twist_factor : Eq. 11's factor between the metacarpal's twist and the proximal phalanx's.
+    vector : (T, 3) mm, v(k). normal_proximal : (T, 3) unit. twist_factor : Eq. 11's, of the metacarpal's
+    twist.
     """
     swung, swing_rad = swing(reference.vector_mm, vector)
     carried = rotate(swung, reference.normal)

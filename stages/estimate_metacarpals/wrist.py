@@ -1,12 +1,20 @@
-"""The wrist point that digits start from: fitted, measured, or the point that keeps its distance."""
+"""The wrist that digits start from, and its row: fitted, measured, or what keeps its distance."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
+from shukotsu.schemas.layout import Layout, Wrist
+from shukotsu.schemas.model import SkeletonModel
+from shukotsu.schemas.poses import PosesReader
+from shukotsu.schemas.tables import vector_columns, vector_of
+from shukotsu.schemas.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, noted
+from shukotsu.skeleton.digit_chain import Rows, all_valid, seen_from
 from shukotsu.skeleton.rotations import Array
 
 DISTANCE_SD_MM = 1.0
@@ -30,13 +38,11 @@ class WristPoint:
 
 
 def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
-    """The point whose distance to every MCP joint varies least.
+    """The point whose distance to every MCP joint varies least, by Gauss-Newton steps.
 
-    mcp_mm : per digit (T, 3) positions of its MCP joint in the hand receiver's frame, gaps left out.
-    nominal_mm : (3,) the wrist of an average hand, which decides what the data leave open: in a palm that
-    does not move every point keeps its distance. Minimises
-    samples / sd^2 * sum over digits of var_k |MCP(k) - w| + |w - nominal|^2 / sd_nominal^2
-    by Gauss-Newton steps.
+    mcp_mm : per digit (T, 3) in the hand receiver's frame. nominal_mm : (3,) the average hand's, which
+    decides what the data leave open: in a palm that does not move every point keeps its distance. Minimises
+    samples / sd^2 * sum over digits of var_k |MCP(k) - w| + |w - nominal|^2 / sd_nominal^2.
     """
     digits = tuple(
         positions[:: max(1, len(positions) // MAX_FRAMES)].T.tobytes()
@@ -81,3 +87,87 @@ def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tupl
         hessian = hessian + weight * slope.T @ slope
         gradient = gradient + weight * slope.T @ (distance - distance.mean())
     return hessian, gradient
+
+
+def wrist_row(
+    rows: Rows, layout: Layout, model: SkeletonModel, calibration: PosesReader
+) -> dict[str, Any] | None:
+    """The wrist's row (subject, hand and model left out); None where no wrist is needed.
+
+    model.wrist chooses: the joint fitted against a forearm receiver, the layout's point_mm, or the point that
+    MCP joints keep their distance from; `auto` takes the first that there is.
+    """
+    wrist = layout.wrist
+    if wrist is None:
+        return None
+    fitted = rows.get(wrist.joint)
+    wanted = model.wrist
+    if wanted in ("functional", "auto") and fitted is not None and fitted["status"] != "failed":
+        return dict(fitted)
+    if wanted == "functional":
+        why = fitted["message"] if fitted is not None else "no receiver on the forearm"
+        return _point_row(wrist, None, "failed", f"the wrist joint was not fitted: {why}", "fit")
+    if wanted == "point" or (wanted == "auto" and wrist.point_mm is not None):
+        if wrist.point_mm is None:
+            why = f"layout {layout.name} has no wrist.point_mm"
+            return _point_row(wrist, None, "failed", why, "configured point")
+        given = WristPoint(np.array(wrist.point_mm), np.zeros((3, 3)))
+        return _point_row(wrist, given, "ok", "as configured in the layout", "configured point")
+    positions = _mcp_positions(rows, layout, wrist, calibration)
+    point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
+    how = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
+    if positions:
+        joints = f"{len(positions)} MCP joint{'s' if len(positions) > 1 else ''}"
+        how = f"the point that keeps its distance from {joints}"
+    doubtful = [j for j in positions if judged_joint(rows[j], layout.wanted_mm)["verdict"] == NO]
+    doubts: dict[str, Values] = {} if positions else {BY_ANATOMY: {}}
+    if len(doubtful) > len(positions) / 2:
+        doubts[FROM_DOUBTFUL] = {"joints": doubtful}
+    return _point_row(wrist, point, "ok", how, "estimated point", doubts)
+
+
+def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
+    """By MCP joint under a bare metacarpal: (N, 3) mm of it seen from the hand, in evenly spaced frames."""
+    found = {}
+    for digit in layout.digits.values():
+        if layout.segments[digit.segments[0]].measured or digit.base != wrist.segment:
+            continue
+        row = rows.get(digit.joints[1])
+        if row is None or row["status"] == "failed":
+            continue
+        own = vector_of(row, "child_", "_mm")
+        both = (digit.base, digit.segments[1])
+        seen_mm = [seen_from(poses, *both, own)[all_valid(poses, both)] for poses in calibration(*both)]
+        together = np.concatenate([np.empty((0, 3)), *seen_mm])
+        together = together[:: max(1, len(together) // MAX_FRAMES)]
+        if len(together):
+            found[digit.joints[1]] = together
+    return found
+
+
+def _point_row(
+    wrist: Wrist,
+    point: WristPoint | None,
+    status: str,
+    how: str,
+    source: str,
+    doubts: Mapping[str, Values] | None = None,
+) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "joint": wrist.joint,
+        "parent_segment": "",
+        "child_segment": wrist.segment,
+        "dof": 0,
+        "n_frames": 0,
+        "source": source,
+        **noted(doubts or {}),
+        "status": status,
+        "message": how,
+    }
+    if point is not None:
+        whole = np.zeros((6, 6))
+        whole[3:, 3:] = point.covariance_mm2
+        row |= vector_columns("child_", point.point_mm, "_mm")
+        row["covariance_mm2"] = whole.ravel()
+        row["sd_mm"] = float(np.sqrt(np.trace(point.covariance_mm2)))
+    return row

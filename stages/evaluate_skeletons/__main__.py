@@ -10,7 +10,7 @@ from shukotsu.stages import command_line, subject_stage
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage evaluate_skeletons",
         "Score every skeleton of a subject, beside references and, for simulated hands, against the truth.",
@@ -70,7 +70,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage; return its exit code."""
     return command_line.run(build_parser, argv, evaluate, record_bug=record_bug)
 
 

@@ -4,32 +4,27 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from functools import cache
 
+from shukotsu.schemas.parts import open_parts
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.study import Recording
 from shukotsu.stages.evaluate_skeletons.references import distal_receiver_row, true_skeleton_row
-from shukotsu.stages.evaluate_skeletons.scored_skeleton import (
-    OpenTables,
-    Row,
-    ScoredSkeleton,
-    read_prior,
-    read_skeleton,
-)
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import Row, ScoredSkeleton, read_prior, read_skeleton
 from shukotsu.stages.evaluate_skeletons.scores import EvaluatedRecording, evaluated_recording, score_skeleton
 from shukotsu.stages.evaluate_skeletons.truth import Truth, read_truth
 from shukotsu.stages.evaluate_skeletons.truth_errors import joint_errors, truth_for
 
 
 def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
-    """Give the rows of skeleton_scores and of joint_errors of one hand.
-
-    Raises TableError where a table is not what it should be, InputError where a truth is not.
-    """
+    """Rows of skeleton_scores and of joint_errors of a hand. Raises InputError for another's truth."""
     truths = _truths(plan, hand)
-    with OpenTables() as tables:
-        skeletons = [read_skeleton(tables, plan, part) for part in plan.parts() if part.hand == hand]
-        skeletons += filter(None, [read_prior(tables, plan, hand)])
+    with ExitStack() as stack:
+        opened = cache(lambda path, table: stack.enter_context(open_parts(path, table)))
+        skeletons = [read_skeleton(opened, plan, part) for part in plan.parts() if part.hand == hand]
+        skeletons += filter(None, [read_prior(opened, plan, hand)])
         scores = [
             row
             for recording in plan.evaluated(hand)
@@ -60,7 +55,7 @@ def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, Truth]:
 def _score_rows(recording: EvaluatedRecording, skeletons: Sequence[ScoredSkeleton]) -> Iterator[Row]:
     """Rows of skeleton_scores of one recording: skeletons first, then references without a skeleton."""
     for skeleton in skeletons:
-        if skeleton.evaluates(recording.name):
+        if skeleton.part.made_without in ("", recording.name.task):  # its tables are meant to hold it
             yield from score_skeleton(recording, skeleton)
     digits = recording.layout.digits.values()
     yield from (distal_receiver_row(recording, digit) for digit in digits)

@@ -39,8 +39,8 @@ def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Row:
 def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None:
     """The true skeleton replayed by the receivers as any other: skin and tracker are all that is off.
 
-    The metacarpal is the true one in every frame; the tip error is of the replay; the true tip is taken to
-    stay where it was on average in the distal receiver's frame. None where the truth knows no such digit.
+    The metacarpal is the true one in every frame; the true tip stays where it was on average in the distal
+    receiver's frame. None where the truth knows no such digit.
     """
     true, truth, poses = recording.truth.get(digit.name), recording.stated_truth, recording.poses
     if true is None or truth is None or poses is None or not digit.metacarpal:
@@ -72,9 +72,7 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None
 
 
 def _true_base(digit: Digit, joints: Rows, bone: Array, poses: Poses) -> Array:
-    """The digit's first joint (3,) in the base receiver's frame: where the truth has it, else (a finger's CMC
-    joint, which no receiver shows) where the true metacarpal (T, 3) ends at the true MCP joint in the mean.
-    """
+    """The digit's first joint (3,) in the base receiver's frame, or where the true bone starts in mean."""
     first = joints.get(digit.joints[0])
     if first is not None and first["parent_x_mm"] is not None:
         return vector_of(first, "parent_", "_mm")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,7 +19,7 @@ from shukotsu.schemas.catalogue import (
     TIPS,
 )
 from shukotsu.schemas.config_files import REFERENCE
-from shukotsu.schemas.parts import Part, PartsReader, open_parts
+from shukotsu.schemas.parts import Part, PartsReader
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.tables import Table
@@ -38,17 +37,14 @@ TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 
 @dataclass(frozen=True)
 class Stated:
-    """Hold what a skeleton states of itself: joint_centres by joint, bone_lengths by segment."""
+    """What a skeleton states of itself: joint_centres by joint, bone_lengths by segment."""
 
     joints: Rows
     bones: Rows
 
 
 def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
-    """Return the result of `read`; None, its message added to the reasons, where what it reads has failed.
-
-    Raises TableError where a table is not what it should be.
-    """
+    """The result of `read`, or None and its message among the reasons; a TableError is raised."""
     try:
         return read()
     except TableError:
@@ -58,53 +54,40 @@ def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
         return None
 
 
-class OpenTables(ExitStack):
-    """A subject's tables, shared by all skeletons: each opened when first read, and closed with this."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._readers: dict[Path, PartsReader] = {}
-
-    def reader(self, path: Path, table: Table) -> PartsReader:
-        """Give the table of that file. Raises InputError as `open_parts` does."""
-        if path not in self._readers:
-            self._readers[path] = self.enter_context(open_parts(path, table))
-        return self._readers[path]
+Opened = Callable[[Path, Table], PartsReader]
+"""Opens a subject's table, of which all skeletons have a part, or gives the one that is open."""
 
 
 @dataclass(frozen=True)
 class PartTable:
     """A table's file, and the part of it that is read; a part that failed is empty, its message a reason."""
 
-    tables: OpenTables
+    opened: Opened
     path: Path
     table: Table
     part: Part
 
     def rows(self, reasons: list[str]) -> list[Row]:
         """Rows of the part."""
-        return readable(lambda: self._reader().rows(self.part), reasons) or []
+        return readable(lambda: self.opened(self.path, self.table).rows(self.part), reasons) or []
 
     def columns(
         self, name: RecordingName, by: str, own: str, columns: Sequence[str], reasons: list[str]
     ) -> Array | None:
         """Numbers (T, columns) of one recording, of one digit or segment; None where there are none."""
         key = (self.part, name.task, name.trial, by, columns)
-        found = readable(lambda: self._reader().recording(*key, name=own), reasons)
-        return None if found is None else found.get(own)
-
-    def _reader(self) -> PartsReader:
-        return self.tables.reader(self.path, self.table)
+        read = readable(lambda: self.opened(self.path, self.table).recording(*key, name=own), reasons)
+        return None if read is None else read.get(own)
 
 
 @dataclass(frozen=True)
 class ScoredSkeleton:
     """A skeleton and where its tables are.
 
-    calibrated_on : tasks, or "task, trial", and tasks : tasks that it was made from. tips : of the replay,
-    posed_tips : of the whole hand as it was posed; None where the model has none. metacarpals : by digit, or
-    bone_poses by segment. tip_messages : by task, trial and digit. message : what could not be read.
-    reference : whether it is the hand that anatomy alone expects, scored in the frames that it was posed in.
+    calibrated_on : tasks, or "task, trial", and tasks : that it was made from. posed_tips : of the whole
+    hand; None where the model has none. metacarpals : by digit, or bone_poses by segment. tip_messages : by
+    task, trial and digit. message : what could not be read. reference : whether it is the hand that anatomy
+    alone expects, scored in the frames that it was posed in.
     """
 
     part: Part
@@ -118,23 +101,16 @@ class ScoredSkeleton:
     message: str
     reference: bool = False
 
-    def evaluates(self, name: RecordingName) -> bool:
-        """Tell whether the skeleton's tables are meant to hold this recording."""
-        return self.part.made_without in ("", name.task)
-
     def held_out(self, name: RecordingName) -> bool:
-        """Tell whether the skeleton was made without this recording's task."""
+        """Whether the skeleton was made without this recording's task."""
         return self.reference or name.task not in self.tasks
 
 
-def read_skeleton(tables: OpenTables, plan: SubjectPlan, part: Part) -> ScoredSkeleton:
-    """Read the short tables of a skeleton; `message` says which parts failed.
-
-    Raises TableError where a table is not what it should be.
-    """
+def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkeleton:
+    """Read the short tables of a skeleton; `message` says which parts failed. A TableError is raised."""
 
     def of(table: Table) -> PartTable:
-        return PartTable(tables, plan.table(table.name), table, part)
+        return PartTable(opened, plan.table(table.name), table, part)
 
     reasons: list[str] = []
     stated = _stated(of, reasons)
@@ -142,7 +118,7 @@ def read_skeleton(tables: OpenTables, plan: SubjectPlan, part: Part) -> ScoredSk
     posed_tips = None
     if plan.models[part.model].fitting is not None:
         file = plan.fit_table(part.hand, part.model, POSED_TIPS.name)
-        posed_tips = PartTable(tables, file, POSED_TIPS, part)
+        posed_tips = PartTable(opened, file, POSED_TIPS, part)
     calibrating = plan.calibrating(part.hand, part.model, part.made_without)
     return ScoredSkeleton(
         part=part,
@@ -157,11 +133,8 @@ def read_skeleton(tables: OpenTables, plan: SubjectPlan, part: Part) -> ScoredSk
     )
 
 
-def read_prior(tables: OpenTables, plan: SubjectPlan, hand: str) -> ScoredSkeleton | None:
-    """Read the hand that anatomy expects, a reference for all models.
-
-    None for a layout whose digits have no known anatomy; a hand that failed has no tables and a message.
-    """
+def read_prior(opened: Opened, plan: SubjectPlan, hand: str) -> ScoredSkeleton | None:
+    """Read the hand that anatomy expects, a reference for all models; None without known digits."""
     layout, part = plan.layouts[hand], plan.part(hand, REFERENCE)
     digits = {digit.name for digit in known_digits(layout)}
     if not digits:
@@ -169,7 +142,7 @@ def read_prior(tables: OpenTables, plan: SubjectPlan, hand: str) -> ScoredSkelet
 
     def of(table: Table) -> PartTable:
         path = plan.fit_table(hand, REFERENCE, _OF_A_FIT.get(table.name, table.name))
-        return PartTable(tables, path, table, part)
+        return PartTable(opened, path, table, part)
 
     reasons: list[str] = []
     stated = _stated(of, reasons)

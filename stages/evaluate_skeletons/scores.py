@@ -30,9 +30,8 @@ from shukotsu.stages.evaluate_skeletons.truth import TrueDigit, Truth, at_frames
 class EvaluatedRecording:
     """A recording that skeletons are scored in.
 
-    poses : of all receivers, as `read_poses` gives them; None where it has none, message : why. truth : by
-    digit, frames numbered as the recording's, of a simulated one; stated_truth : the joints and bones that
-    it goes with.
+    poses : as `read_poses` gives them; None where it has none, message : why. truth : by digit, frames
+    numbered as the recording's, of a simulated one; stated_truth : its joints and bones.
     """
 
     name: RecordingName
@@ -108,9 +107,8 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
 def tip_numbers(replayed: Array | None, own: Array | None) -> Row:
     """Tip errors of one digit in one recording, and n_frames.
 
-    replayed, own : (T, ...) of tips, and of posed_tips where the model poses the whole hand, of which the
-    first column is the error and the last the left-out one; None without a frame. The replay follows
-    receivers and never asks where the distal one is: of a model that does not pose the whole hand its error
+    replayed, own : (T, ...) of tips, and of posed_tips where the model poses the whole hand; first the error,
+    last the left-out one. The replay never asks where the distal receiver is: without a posed hand its error
     is the left-out one, too.
     """
     nothing = np.empty(0)
@@ -144,12 +142,10 @@ def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDig
 
 
 def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows) -> float | None:
-    """SD over the frames of the distance from the wrist to the digit's MCP joint, mm; a true skeleton's is 0
-    where the palm does not fold.
+    """SD over the frames of the distance from the wrist to the digit's MCP joint, mm; 0 in a palm that does
+    not fold.
 
-    joints : rows of joint_centres by joint. The wrist by its child half, on the hand's receiver, the MCP
-    joint by its child half, on the proximal phalanx's. None where there is no wrist, or no such joint, or no
-    two frames that show both.
+    Both by their child halves. None where there is no wrist, no such joint, or no two frames that show both.
     """
     if poses is None or layout.wrist is None or not digit.metacarpal or digit.base != layout.wrist.segment:
         return None

@@ -27,12 +27,7 @@ DISTAL = np.array([1.0, 0.0, 0.0])
 
 @dataclass(frozen=True)
 class TrueDigit:
-    """One digit over the T frames of a recording, in the transmitter's frame.
-
-    frame : (T,) in increasing order. tip_mm : (T, 3) end of the distal bone; to_receiver_mm : (T,) its
-    distance to the distal receiver as recorded. metacarpal : (T, 3) where the bone points, a unit vector;
-    metacarpal_mm : its length, CMC to MCP.
-    """
+    """A digit in T frames, transmitter's frame: bone's tip, distance to the receiver, metacarpal."""
 
     frame: npt.NDArray[np.int64]
     tip_mm: Array
@@ -50,11 +45,10 @@ class Truth:
     stated: Stated
 
     def digits(self, poses: Poses, tip_of: Mapping[str, str]) -> dict[str, TrueDigit]:
-        """Give the digits' truth, its frames numbered as the recording's.
+        """The digits' truth, its frames numbered as the recording's, which may count from another number.
 
-        poses : the recording, with every digit's distal receiver, whose segment `tip_of` names. A captured
-        recording may count its frames from another number than the simulation. Raises InputError where the
-        truth cannot be read or is not of this recording.
+        tip_of : digits' distal segments. Raises InputError where the truth cannot be read or is not of this
+        recording.
         """
         of_digit = _digits(self.folder)
         if not of_digit or not poses.valid.any():
@@ -73,10 +67,7 @@ class Truth:
 
 
 def read_truth(folder: Path, name: RecordingName) -> Truth:
-    """Read what a folder of truth tables says of the hand of a recording.
-
-    Raises InputError where its tables cannot be read or are of another recording.
-    """
+    """Read a folder's truth of a recording's hand. Raises InputError where it is another's."""
     joints, bones = _rows(folder, JOINT_CENTRES, name), _rows(folder, BONE_LENGTHS, name)
     stated = Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
     return Truth(folder, name, stated)
@@ -93,9 +84,7 @@ def _rows(folder: Path, table: Table, name: RecordingName) -> list[Row]:
 
 
 def at_frames(values: Array, known: npt.NDArray[np.int64], wanted: npt.NDArray[np.int64]) -> Array:
-    """Rows of `values` (T, ...), which are of the frames `known` (in increasing order), at the frames wanted;
-    NaN where one is not known.
-    """
+    """Rows of `values` (T, ...) of the frames `known`, rising, at the frames wanted; NaN where not known."""
     if np.array_equal(known, wanted):
         return values
     if not len(known):
@@ -107,7 +96,7 @@ def at_frames(values: Array, known: npt.NDArray[np.int64], wanted: npt.NDArray[n
 
 
 def directions(quaternion: Array) -> Array:
-    """Return the directions of bones (T, 4), (T, 3)."""
+    """The directions of bones (T, 4), (T, 3)."""
     return np.asarray(rotate(quaternion, DISTAL))
 
 
@@ -131,9 +120,7 @@ def _by_digit(folder: Path, table: Table, columns: Sequence[str]) -> dict[str, A
 
 
 def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str, str], shift: int) -> float:
-    """Median over frames and digits of how much the distance of tip and receiver differs from the truth's;
-    infinite where they share no frame.
-    """
+    """Median of how far tips' distances to receivers differ from the truth's; infinite without a frame."""
     off = [np.empty(0)]
     for digit, true in of_digit.items():
         if digit in tip_of:

@@ -12,15 +12,13 @@ from shukotsu.schemas.catalogue import DISTAL_RECEIVER
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.tables import vector_columns, vector_of
 from shukotsu.schemas.verdict import RADIUS_SD
-from shukotsu.skeleton.rotations import Array, unit
+from shukotsu.skeleton.rotations import unit
 from shukotsu.stages.evaluate_skeletons.scored_skeleton import Row, Stated
 from shukotsu.stages.evaluate_skeletons.truth import Truth
 
 
 def truth_for(tasks: Sequence[str], truths: Sequence[Truth]) -> Stated | None:
-    """Return a skeleton's reference: joints where they were on average over its calibration recordings
-    that have a truth, else over all that have one, each frame counted alike. None where none has one.
-    """
+    """A skeleton's reference: joints' means over its calibrations' truths, else over all, if any."""
     own = [truth.stated for truth in truths if truth.name.task in tasks]
     own = own or [truth.stated for truth in truths]
     if not own:
@@ -45,9 +43,7 @@ def _averaged(rows: Sequence[Mapping[str, Any]]) -> Row:
 
 
 def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
-    """Rows (subject, hand, model and calibrated_on left out) of every joint between two receivers of which
-    the truth is known; without numbers where the skeleton has none.
-    """
+    """Rows of every joint between two receivers of which the truth is known, without the skeleton's keys."""
     rows = []
     for joint in layout.solvable:
         true = truth.joints.get(joint.name)
@@ -57,24 +53,24 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
         estimated = stated.joints.get(joint.name)
         if estimated is not None and estimated["status"] != "failed":
             row |= centre_errors(estimated, true)
-        length_mm = stated_length_mm(stated, layout, joint.name)
-        length = truth.bones.get(joint.child, {}).get("length_mm")
-        if length_mm is not None and length is not None:
-            off_mm = length_mm - length
+        bone, length = stated.bones.get(joint.child), truth.bones.get(joint.child, {}).get("length_mm")
+        # a bone that starts at the wrist, or ends at the distal receiver, is not the bone itself
+        whole = bone and bone["starts_at"] == joint.name and bone["ends_at"] != DISTAL_RECEIVER
+        if bone and whole and None not in (bone["length_mm"], length):
+            off_mm = float(bone["length_mm"]) - length
             row |= {"bone": joint.child, "bone_error_mm": off_mm, "bone_error_percent": 100 * off_mm / length}
         rows.append(row)
     return rows
 
 
 def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Row:
-    """Errors of one joint; estimated, true : its rows of joint_centres.
-
-    within_95 asks for the worse of the two halves, as sd_mm is that half's.
-    """
+    """Errors of one joint by its rows of joint_centres; within_95 : of the worse half, as sd_mm is."""
     child, parent = (
         vector_of(estimated, side, "_mm") - vector_of(true, side, "_mm") for side in ("child_", "parent_")
     )
     axis, estimated_axis = (vector_of(row, "axis_child_") for row in (true, estimated))
+    turned = np.linalg.norm(np.cross(estimated_axis, axis)), abs(estimated_axis @ axis)
+    axis_deg = float(np.degrees(np.arctan2(*turned)))  # whichever way they point
     both = float(np.linalg.norm(child)), float(np.linalg.norm(parent))
     sd_mm = estimated["sd_mm"]
     within = None if sd_mm is None or np.isnan(both).all() else bool(np.nanmax(both) <= RADIUS_SD * sd_mm)
@@ -83,23 +79,7 @@ def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Row:
         "along_mm": float(abs(child @ axis)),
         "across_mm": float(np.linalg.norm(np.cross(child, axis))),
         "parent_error_mm": both[1],
-        "axis_deg": line_angle_deg(estimated_axis, axis) if true["dof"] == 1 else None,
+        "axis_deg": axis_deg if true["dof"] == 1 else None,
         "sd_mm": sd_mm,
         "within_95": within,
     }
-
-
-def stated_length_mm(stated: Stated, layout: Layout, joint: str) -> float | None:
-    """Length that a skeleton states for the bone that starts at a joint; None where it states something else.
-
-    A bone that starts at the wrist, or ends at the distal receiver, is not the bone itself.
-    """
-    bone = stated.bones.get(layout.joints[joint].child)
-    if bone is None or bone["starts_at"] != joint or bone["ends_at"] == DISTAL_RECEIVER:
-        return None
-    return None if bone["length_mm"] is None else float(bone["length_mm"])
-
-
-def line_angle_deg(first: Array, second: Array) -> float:
-    """Angle between two lines (3,), 0 to 90 deg, whichever way their vectors point."""
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(first, second)), abs(first @ second))))

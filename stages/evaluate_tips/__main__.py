@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage evaluate_tips",
         "Replay the skeleton and measure how far its tips are from the distal receivers (section 6).",
@@ -114,7 +114,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage; return its exit code."""
     return command_line.run(build_parser, argv, evaluate, record_bug=record_bug)
 
 

@@ -24,19 +24,13 @@ FirstFrame = tuple[Poses, Array | None]
 
 
 def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> npt.NDArray[np.bool_]:
-    """Frames, (T,), in which everything that the digit's replay needs is there.
-
-    metacarpal : (T, 4) its posture, NaN in gaps; None for a digit without one.
-    """
+    """Frames, (T,), in which all that the digit's replay needs is there; metacarpal : (T, 4), NaN in gaps."""
     usable = all_valid(poses, (chain.digit.base, *chain.receivers))
     return usable if metacarpal is None else usable & np.isfinite(metacarpal[:, 0])
 
 
 def tips_least_squares(bones: PosedBones) -> dict[str, Array]:
-    """Tip positions (T, 3) mm of every digit in the transmitter frame, bones constant; NaN in gaps.
-
-    bones : as the receivers carry them (`shukotsu.skeleton.posing.receiver_bones`).
-    """
+    """Tip positions (T, 3) mm of every digit in the transmitter frame, bones constant; NaN in gaps."""
     position_mm = rigid_positions(
         [joint.parent for joint in bones.joints], bones.position_mm, bones.quaternion, bones.rest_offset_mm
     )
@@ -57,9 +51,8 @@ def tip_first_frame(
 ) -> Array:
     """Tip positions (T, 3) mm in the transmitter frame, bones bound in the first frame; NaN in gaps.
 
-    first : of the recording (`first_frame`), which the poses may be some frames of. In that frame the joints
-    are where the child halves put them and the tip is the distal receiver, so the error there is zero; except
-    with a metacarpal `at_rest`, which was never bound to anything.
+    There joints are where the child halves put them and the tip is the distal receiver, so that the error is
+    zero; except with a metacarpal `at_rest`, which was never bound to anything.
     """
     usable = usable_frames(chain, poses, metacarpal)
     if first is None:

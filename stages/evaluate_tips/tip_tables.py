@@ -31,9 +31,7 @@ BINDINGS = ("first-frame", "least-squares")
 
 @dataclass(frozen=True)
 class DigitReplay:
-    """Hold columns of tips of one digit at some frames, or its rows of tip_errors (keys of the recording left
-    out).
-    """
+    """Columns of tips of one digit at some frames, or its rows of tip_errors, without keys."""
 
     columns: dict[str, Any] | None = None
     rows: Sequence[dict[str, Any]] = ()
@@ -44,8 +42,8 @@ def replay_recording(
 ) -> Iterator[DigitReplay]:
     """Replay every digit of the layout in a recording, block by block; its rows come after its columns.
 
-    metacarpals : gives, by a digit's name, its quaternions (T, 4) at some frames (T,), or nothing.
-    A digit at a time, for the bones of all take several times the memory of the recording.
+    metacarpals : quaternions (T, 4) by digit at some frames (T,), or nothing. A digit at a time, for the
+    bones of all take several times the memory of the recording.
     """
     for digit in skeleton.layout.digits.values():
         alone = replace(skeleton, layout=replace(skeleton.layout, digits={digit.name: digit}))
@@ -103,19 +101,19 @@ class _Replay:
         """Rows of tip_errors, all frames replayed."""
         found = {binding: np.concatenate(own) for binding, own in self._errors_mm.items()}
         least_squares_mm = found[BINDINGS[1]]
-        why = "" if np.isfinite(least_squares_mm).any() else self._why_unscored(chain)
+        why, needed = "", (chain.digit.base, *chain.receivers)
+        if not np.isfinite(least_squares_mm).any():  # receivers that were not worn, or never all at once
+            absent = [name for name in needed if name not in self._seen]
+            never = f"no frame in which all of {listed(needed)} are valid"
+            why = (
+                f"the recording has no pose of {listed(absent)}, which the replay rides on"
+                if absent
+                else never
+            )
         return [
             _row(chain.digit.name, binding, len(error_mm), why) | error_statistics(error_mm)
             for binding, error_mm in found.items()
         ]
-
-    def _why_unscored(self, chain: DigitChain) -> str:
-        """Say why no frame can be replayed: receivers that were not worn, or never all at once."""
-        needed = (chain.digit.base, *chain.receivers)
-        absent = [name for name in needed if name not in self._seen]
-        if absent:
-            return f"the recording has no pose of {listed(absent)}, which the replay rides on"
-        return f"no frame in which all of {listed(needed)} are valid"
 
 
 def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[dict[str, Any]]:
@@ -124,10 +122,5 @@ def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[dict[st
 
 
 def _row(digit: str, binding: str, n_frames: int, why: str) -> dict[str, Any]:
-    return {
-        "digit": digit,
-        "binding": binding,
-        "n_frames": 0,
-        "n_frames_total": n_frames,
-        "message": why,
-    }
+    keys = {"digit": digit, "binding": binding}
+    return keys | {"n_frames": 0, "n_frames_total": n_frames, "message": why}

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage solve_joints",
         "Find the centre and axis of every joint between two receivers (Eq. 1-7 of the paper).",
@@ -76,7 +76,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage; return its exit code."""
     return command_line.run(build_parser, argv, solve, record_bug=record_bug)
 
 

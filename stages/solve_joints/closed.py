@@ -24,11 +24,9 @@ _SINGULAR = 1e-12
 class JointSolution:
     """One joint as Eq. 1-7 give it, and how well the data fix it.
 
-    p_mm, q_mm : (3,) centre in the parent's and the child's receiver frame.
-    null_parent, null_child : (3,) unit; the direction in which (p, q) may slide together (SARA axis).
-    slide_to_free_mm : along it, from this centre to that of the unconstrained six-value fit.
-    mean_rotation : (3, 3) mean of R_a^T R_b.
-    singular_values : (6,) of the stack over sqrt(frames), largest first.
+    p_mm, q_mm : (3,) centre in both receivers' frames. null_parent, null_child : (3,) unit, along which (p,
+    q) may slide together (SARA axis); slide_to_free_mm : from this centre to that of the six-value fit.
+    mean_rotation : (3, 3) mean of R_a^T R_b. singular_values : (6,) of the stack over sqrt(frames).
     covariance_mm2 : (6, 6) of (p, q), without the null direction when five singular values are inverted.
     """
 
@@ -54,7 +52,7 @@ class NormalEquations:
     """Normal equations of one joint, in the frame of its first pose.
 
     M, u, w : means of R, d and R^T d (at the minimum p = M q + u). C_DD = I - M^T M, C_Dd, C_dd : covariances
-    of D and d, summed over their rows.
+    of D and d.
     """
 
     R0: Array
@@ -76,17 +74,14 @@ class NormalEquations:
 
 
 def is_solvable(moments: JointMoments, joint: int) -> bool:
-    """Say whether the joint moved at all: five of its six unknowns have an answer."""
+    """Whether the joint moved at all: five of its six unknowns have an answer."""
     if moments.count[joint] < 2:
         return False
     return bool(np.linalg.eigvalsh(moments.spread(joint)[0])[1] > _SINGULAR)
 
 
 def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> JointSolution:
-    """Solve one joint; equal to `stacked.solve_stacked` on the same frames.
-
-    n_singular_values : 6, or 5 to leave the point on a hinge's axis open. The joint must be solvable.
-    """
+    """Solve one solvable joint, as `stacked.solve_stacked`; n_singular_values : 5 leaves the axis open."""
     normal = normal_equations(moments, joint)
     one_minus_s2, V = np.linalg.eigh(normal.C_DD)
     one_minus_s2 = np.maximum(one_minus_s2, 0.0)
@@ -105,7 +100,10 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
     off_axis = effective_samples((2 * V[:, 1:].T @ turns[1:]).T, float(one_minus_s2[0]), n_frames)
     angle_deg = _angles_deg(turns, V[:, 0])
     small = one_minus_s2 / (1.0 + s)  # 1 - s without cancellation
-    covariance = gap**2 / 3 / n_effective * _inverse_normal(small, s, U, V, n_singular_values)
+    apart, together = np.concatenate([U, -V]), np.concatenate([U, V])
+    weights = np.where(np.arange(3) >= 6 - n_singular_values, 1.0 / np.maximum(small, _SINGULAR), 0.0)
+    inverse = np.asarray((apart / (1.0 + s)) @ apart.T + (together * weights) @ together.T) / 2
+    covariance = gap**2 / 3 / n_effective * inverse  # of [[I, -M], [-M^T, I]], zero where left out
     turn = np.eye(6)
     turn[:3, :3] = normal.R0
     return JointSolution(
@@ -128,7 +126,7 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
 
 
 def normal_equations(moments: JointMoments, joint: int) -> NormalEquations:
-    """Give the normal equations of a joint that has a frame."""
+    """The normal equations of a joint that has a frame."""
     mean = moments.mean(joint)
     C_DD, C_Dd, C_dd = moments.spread(joint)
     M, u = np.eye(3) + mean[:9].reshape(3, 3), moments.reference_mm[joint] + mean[9:]
@@ -155,8 +153,8 @@ def _centre(
 ) -> tuple[Array, Array]:
     """Least-squares p and q, singular pair by singular pair.
 
-    Pair 0 belongs to the axis. With six values it is solved like the others; with five only its part with
-    singular value 1 + s is, which is what leaving the smallest one out of Eq. 7 means.
+    Pair 0 belongs to the axis; with five values only its part with singular value 1 + s is solved, as without
+    the smallest in Eq. 7.
     """
     right = -(V.T @ normal.C_Dd)
     solved = np.arange(3) >= (6 - n_singular_values)
@@ -170,20 +168,12 @@ def _centre(
     return p, q
 
 
-def _inverse_normal(small: Array, s: Array, U: Array, V: Array, n_singular_values: int) -> Array:
-    """(6, 6) inverse of [[I, -M], [-M^T, I]], the left-out direction with zeros."""
-    apart, together = np.concatenate([U, -V]), np.concatenate([U, V])
-    kept = np.arange(3) >= 6 - n_singular_values
-    weights = np.where(kept, 1.0 / np.maximum(small, _SINGULAR), 0.0)
-    return np.asarray((apart / (1.0 + s)) @ apart.T + (together * weights) @ together.T) / 2
-
-
 def _axis_sd_deg(one_minus_s2: Array, n_effective: float) -> float:
     """1-sigma direction error of the axis, at most 90 deg.
 
-    To first order an eigenvector turns by covariance over difference of variance; the variances of the
-    rotation vector follow from 1 - s_i^2, which is the sum of the other two. n_effective counts the
-    rotation off the axis, which wanders with the skin however white the gap is.
+    To first order an eigenvector turns by covariance over difference of variance; 1 - s_i^2 is the sum of the
+    other two's. n_effective counts the rotation off the axis, which wanders with the skin however white the
+    gap is.
     """
     variance = one_minus_s2.sum() / 2 - one_minus_s2
     spread = np.maximum(variance[0] - variance[1:], 1e-30)

@@ -49,11 +49,7 @@ _D_OF_PRODUCTS = 2.0 * np.array(
 
 @dataclass(frozen=True)
 class RelativePoses:
-    """Child receivers seen from their parents, J joints over T frames.
-
-    quaternion : (T, J, 4) child to parent frame; position_mm : (T, J, 3) child's origin in the parent's
-    frame; valid : (T, J) whether both poses may be used. Where not valid, numbers may be NaN.
-    """
+    """J child receivers in their parents' frames over T frames: (T, J, 4) and (T, J, 3) mm."""
 
     quaternion: Array
     position_mm: Array
@@ -71,11 +67,7 @@ def relative_poses(
     parents: npt.NDArray[np.int64],
     children: npt.NDArray[np.int64],
 ) -> RelativePoses:
-    """Poses of child receivers relative to their parents.
-
-    quaternion : (T, S, 4), position_mm : (T, S, 3), valid : (T, S) of S receivers in the transmitter
-    frame; parents, children : (J,) indices into S.
-    """
+    """Poses of child receivers relative to their parents; parents, children : (J,) indices of S."""
     shape = len(valid), len(parents)
     turn, place_mm = np.empty((*shape, 4), order="F"), np.empty((*shape, 3), order="F")
     for joint, (parent, child) in enumerate(zip(parents, children, strict=True)):  # few enough for the cache
@@ -88,9 +80,9 @@ def relative_poses(
 class JointMoments:
     """First and second moments of J joints' relative poses, and their means over short batches.
 
-    Add blocks of frames in the order of time; then read. n_frames : how many frames there will be, which
-    sets the length of the batches; 0 where they are few. first_turn, reference_mm : a joint's first pose,
-    matrix (3, 3), child to parent frame, and d (3,) turned into the child's frame there.
+    Add blocks in the order of time; then read. n_frames : to come, which sets the length of batches; 0 where
+    few. first_turn, reference_mm : a joint's first pose, matrix (3, 3), child to parent, and d (3,) turned
+    into the child's frame.
     """
 
     def __init__(self, n_joints: int, n_frames: int = 0) -> None:

@@ -18,9 +18,7 @@ from shukotsu.stages.solve_joints.solve import solve_recordings, stream_recordin
 
 @dataclass(frozen=True)
 class PartRequest:
-    """Hold what one part of the table is made from: calibration recordings of a hand, and a solver's
-    settings.
-    """
+    """What a part of the table is made from: a hand's calibration recordings, a solver's settings."""
 
     part: Part
     poses: tuple[Path, ...]
@@ -29,10 +27,9 @@ class PartRequest:
 
 
 def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Exception]:
-    """Give the rows of every part, or why it failed, in the order of the requests.
+    """The rows of every part, or why it failed, in the order of the requests.
 
-    The requests are grouped by hand and recordings, each group of which is read once, and within a group by
-    settings, each of which is solved once. Raises TableError where a file is no poses table.
+    Every recording is read and every solver run once. Raises TableError where a file is no poses table.
     """
     groups: dict[tuple[str, tuple[Path, ...]], list[PartRequest]] = {}
     for request in requests:

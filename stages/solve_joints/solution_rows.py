@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from shukotsu.schemas.layout import Joint, Layout
-from shukotsu.skeleton.rotations import Array
+from shukotsu.schemas.tables import vector_columns
 from shukotsu.stages.solve_joints.closed import JointSolution
 
 Row = dict[str, Any]
@@ -24,10 +24,7 @@ _SCALARS = (
 
 
 def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) -> list[Row]:
-    """Give a row for every solvable joint of the layout, but not for an optional receiver that was not worn.
-
-    solutions : by joint, the reason where there is none. The keys of the part are left to the caller.
-    """
+    """A row for every solvable joint of the layout, but not for an optional receiver not worn."""
     rows = []
     for joint in layout.solvable:
         solution = solutions[joint.name]
@@ -38,19 +35,19 @@ def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) 
 
 
 def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
-    """Give the row of one joint, failed where `solution` is the reason why there is none."""
+    """The row of one joint, failed where `solution` is the reason why there is none."""
     names = {"joint": joint.name, "parent_segment": joint.parent_receiver, "child_segment": joint.child}
     if isinstance(solution, str):
         return {**names, "reason_values": "", "status": "failed", "message": solution, "n_frames": 0}
     return {
         **names,
-        **_by_axis("parent_", solution.p_mm, "_mm"),
-        **_by_axis("child_", solution.q_mm, "_mm"),
-        **_by_axis("null_parent_", solution.null_parent),
-        **_by_axis("null_child_", solution.null_child),
-        **_by_axis("mean_rotation_x", solution.mean_rotation[0]),
-        **_by_axis("mean_rotation_y", solution.mean_rotation[1]),
-        **_by_axis("mean_rotation_z", solution.mean_rotation[2]),
+        **vector_columns("parent_", solution.p_mm, "_mm"),
+        **vector_columns("child_", solution.q_mm, "_mm"),
+        **vector_columns("null_parent_", solution.null_parent),
+        **vector_columns("null_child_", solution.null_child),
+        **vector_columns("mean_rotation_x", solution.mean_rotation[0]),
+        **vector_columns("mean_rotation_y", solution.mean_rotation[1]),
+        **vector_columns("mean_rotation_z", solution.mean_rotation[2]),
         "singular_values": solution.singular_values,
         "covariance_mm2": solution.covariance_mm2.ravel(),
         **{name: getattr(solution, name) for name in _SCALARS},
@@ -58,7 +55,3 @@ def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
         "status": "ok",
         "message": "",
     }
-
-
-def _by_axis(prefix: str, vector: Array, suffix: str = "") -> Row:
-    return {f"{prefix}{axis}{suffix}": value for axis, value in zip("xyz", vector, strict=True)}

@@ -28,9 +28,7 @@ class StreamedRecordings:
 
 
 def stream_recordings(paths: Sequence[Path], layout: Layout) -> StreamedRecordings:
-    """Go through recordings once; only moments stay in memory. Raises InputError where a file is no poses
-    table.
-    """
+    """Go through recordings once; only moments stay in memory. Raises InputError for no poses table."""
     moments = JointMoments(len(layout.solvable), sum(map(frame_count, paths)))
     seen = dict.fromkeys(layout.measured, False)
     for path in paths:
@@ -45,21 +43,17 @@ def solve_recordings(
     recordings: StreamedRecordings, settings: JointSolving
 ) -> dict[str, JointSolution | str]:
     """Solve every joint between two receivers; a joint without an answer has the reason instead."""
-    return {
-        joint.name: _solve_joint(recordings, index, joint, settings)
-        if is_solvable(recordings.moments, index)
-        else _reason(joint, recordings.seen, int(recordings.moments.count[index]))
-        for index, joint in enumerate(recordings.layout.solvable)
-    }
-
-
-def _solve_joint(
-    recordings: StreamedRecordings, index: int, joint: Joint, settings: JointSolving
-) -> JointSolution:
-    solution = solve_closed(recordings.moments, index, settings.singular_values)
-    if settings.solver == "stacked-svd":
-        return _by_stack(solution, recordings.paths, joint, settings.singular_values)
-    return solution
+    solutions: dict[str, JointSolution | str] = {}
+    for index, joint in enumerate(recordings.layout.solvable):
+        if not is_solvable(recordings.moments, index):
+            n_frames = int(recordings.moments.count[index])
+            solutions[joint.name] = _reason(joint, recordings.seen, n_frames)
+            continue
+        solution = solve_closed(recordings.moments, index, settings.singular_values)
+        if settings.solver == "stacked-svd":
+            solution = _by_stack(solution, recordings.paths, joint, settings.singular_values)
+        solutions[joint.name] = solution
+    return solutions
 
 
 def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> None:

@@ -19,11 +19,7 @@ whose sixth unknown no inverse can find."""
 
 @dataclass(frozen=True)
 class StackedSolution:
-    """p, q : (3,) mm in the parent's and the child's receiver frame.
-
-    null_parent, null_child : (3,) halves of the last right singular vector, each scaled to length 1.
-    singular_values : (6,) divided by sqrt(frames), largest first.
-    """
+    """Centre (3,) mm in both frames, null vector's halves, and singular values (6,) over sqrt(frames)."""
 
     p_mm: Array
     q_mm: Array
