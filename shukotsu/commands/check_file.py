@@ -19,7 +19,7 @@ STUDY_ENDINGS = (".yaml", ".yml", ".json")
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the command's argument parser."""
+    """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu check",
         "Read a study file and all that it names as a run would, name what it reads outside its folder, and "
@@ -63,9 +63,7 @@ def check(arguments: argparse.Namespace) -> None:
 def check_recording(
     path: Path, hand: str | None, layout: str, mapping: Path | None, *, repair_hemisphere: bool = False
 ) -> None:
-    """Import a recording into a folder that is removed again; print its findings, or else what would make the
-    hand fitted to it better.
-    """
+    """Import a recording for the moment; print its findings, or else what would improve its hand."""
     from shukotsu.checks.checked_poses import checked_poses
     from shukotsu.schemas.findings import SUSPECT
     from shukotsu.schemas.layout import read_layout
@@ -98,7 +96,7 @@ def check_recording(
 
 
 def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
-    """Return what would make the hand fitted to these poses better; nothing of a layout of no hand."""
+    """What would make the hand fitted to these poses better; nothing of a layout of no hand."""
     from numpy.linalg import LinAlgError
 
     from shukotsu.anatomy.known_digits import no_whole_hand
@@ -135,5 +133,5 @@ def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:
 
 
 def main(argv: list[str]) -> int:
-    """Check; give the exit code."""
+    """Check; return the exit code."""
     return command_line.run(build_parser, argv, check)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,10 +25,7 @@ if TYPE_CHECKING:
 
 
 def check_study(path: Path) -> None:
-    """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict.
-
-    Raises InputError as a run would. Snakemake runs code in a file that asks for it; this runs none.
-    """
+    """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict."""
     from shukotsu.schemas.study import columns_handed_on, unmatched_rows
 
     files = read_files(path)
@@ -52,17 +50,15 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
     read += [recording.mapping for recording in files.study.recordings if recording.mapping is not None]
     real = {Path(os.path.realpath(each)) for each in read}  # of a link to itself, itself
     outside = [each for each in real if not (each.is_relative_to(folder) or each.is_relative_to(shipped))]
-    for parent, group in groupby(sorted(outside, key=lambda each: (each.parent, each.name)), _parent):
+    for parent, group in groupby(
+        sorted(outside, key=lambda each: (each.parent, each.name)), attrgetter("parent")
+    ):
         own = list(group)
         if len(own) == 1:
             yield f"reads {own[0]}, outside the study's folder"
         else:
             names = ", ".join(each.name for each in own)
             yield f"reads {len(own)} files in {parent}, outside the study's folder: {names}"
-
-
-def _parent(path: Path) -> Path:
-    return path.parent
 
 
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
@@ -103,10 +99,7 @@ def _import(recording: Recording, poses: Path) -> None:
 
 
 def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[tuple[str, str]]:
-    """List the findings on a subject's recordings: why one cannot be read, else what its poses contradict.
-
-    Digests of the poses join the others.
-    """
+    """Findings on a subject's recordings, or why one cannot be read; digests of the poses join the others."""
     from shukotsu.schemas.poses import usable_poses
     from shukotsu.stages.check_recordings.__main__ import build_parser, check_subject
 

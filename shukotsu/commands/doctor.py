@@ -21,7 +21,7 @@ LEAST_DISK_GB = 1.0
 
 
 class Check(NamedTuple):
-    """Hold one check. needed : whether studies cannot run without it; remedy : where it is not there."""
+    """One check. needed : whether studies cannot run without it; remedy : where it is not there."""
 
     name: str
     found: str
@@ -30,13 +30,13 @@ class Check(NamedTuple):
     needed: bool = False
 
     def line(self) -> str:
-        """Give the check as a line of text."""
+        """Return the check as a line of text."""
         state = "ok" if self.there else "MISSING" if self.needed else "-"
         return f"{state:8}{self.name:10}{self.found}{'' if self.there else f'; {self.remedy}'}"
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the command's argument parser."""
+    """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu doctor",
         "Say what is installed, what is missing and what for, and what this machine can do. Ends with 2 "
@@ -53,7 +53,11 @@ def build_parser() -> argparse.ArgumentParser:
 def checks() -> Iterator[Check]:
     """Look at everything, what studies need first."""
     yield _packages()
-    yield _disk()
+    free = shutil.disk_usage(Path.cwd()).free / 1e9
+    writable = os.access(Path.cwd(), os.W_OK)
+    found = f"{free:.0f} GB free in {Path.cwd()}" + ("" if writable else ", where this user may not write")
+    remedy = "results go into the folder that a study is run from; run it from another"
+    yield Check("disk", found, writable and free >= LEAST_DISK_GB, remedy, needed=True)
     yield _ports()
 
 
@@ -73,14 +77,6 @@ def _packages() -> Check:
         missing.append("shukotsu")
     remedy = f"not installed: {', '.join(missing)}; install this program again"
     return Check("packages", found, not missing, remedy, needed=True)
-
-
-def _disk() -> Check:
-    free = shutil.disk_usage(Path.cwd()).free / 1e9
-    writable = os.access(Path.cwd(), os.W_OK)
-    found = f"{free:.0f} GB free in {Path.cwd()}" + ("" if writable else ", where this user may not write")
-    remedy = "results go into the folder that a study is run from; run it from another"
-    return Check("disk", found, writable and free >= LEAST_DISK_GB, remedy, needed=True)
 
 
 def _ports() -> Check:
@@ -108,5 +104,5 @@ def doctor(options: argparse.Namespace) -> int:
 
 
 def main(argv: list[str]) -> int:
-    """Look at everything; give the exit code."""
+    """Look at everything; return the exit code."""
     return command_line.run(build_parser, argv, doctor)

@@ -16,11 +16,7 @@ from shukotsu.stages.capture.inspection.description import CHECK
 
 @dataclass(frozen=True)
 class Drafts:
-    """Mappings to edit.
-
-    texts : name of a mapping's file -> what stands in it. of : recording -> the name of its mapping, of
-    those that need one. refused : recording -> why nothing can be said of it.
-    """
+    """Mappings to edit: texts by file's name; of recordings, the name, or why one is refused."""
 
     texts: dict[str, str]
     of: dict[Path, str]
@@ -30,10 +26,9 @@ class Drafts:
 def draft_mappings(
     recordings: Sequence[Path], layout: Layout, inspected: Callable[[int], None] = lambda _: None
 ) -> Drafts:
-    """Draft a mapping for every recording that needs one, as `shukotsu inspect` does.
+    """Draft a mapping for every recording that needs one; inspected : told how many have been looked at.
 
-    inspected : told how many have been looked at. Files are alike where their drafts say the same; what one
-    leaves open may be settled in another, whose draft is then that of both.
+    Files are alike where their drafts say the same; what one leaves open may be settled in another.
     """
     groups: list[tuple[str, Any, list[Path]]] = []
     refused = {}
@@ -63,7 +58,7 @@ def _join(groups: list[tuple[str, Any, list[Path]]], text: str, recording: Path)
 
 
 def _alike(one: Any, other: Any) -> bool:
-    """Tell whether two drafts say the same, but for what either leaves open."""
+    """Whether two drafts say the same, but for what either leaves open."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return one.keys() == other.keys() and all(_alike(one[key], other[key]) for key in one)
     return one == other or CHECK in (one, other)

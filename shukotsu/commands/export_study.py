@@ -12,7 +12,7 @@ from shukotsu.stages.export import __main__ as export_stage
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the command's argument parser: the stage's options, and the study."""
+    """Return the command's argument parser: the stage's options, and the study."""
     parser = command_line.parser(
         "shukotsu export",
         export_stage.DESCRIPTION,
@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def plans(study: Path) -> list[Path]:
-    """Give the plans of a study's subjects. Raises InputError where it has not been run in this folder."""
+    """Return the plans of a study's subjects. Raises InputError where it has not been run in this folder."""
     files = read_files(study)
     found = [files.results.folder / f"sub-{who.token}" / "plan.json" for who in files.study.sessions]
     there = [path for path in found if path.is_file()]
@@ -41,5 +41,5 @@ def export_study(arguments: argparse.Namespace) -> None:
 
 
 def main(argv: list[str]) -> int:
-    """Export; give the exit code."""
+    """Export; return the exit code."""
     return command_line.run(build_parser, argv, export_study)

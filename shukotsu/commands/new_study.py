@@ -26,7 +26,7 @@ BESIDE = ("_channels.tsv", "_events.tsv", "_scans.tsv", "participants.tsv")
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the command's argument parser."""
+    """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu new",
         "Make a study folder: study.yaml with comments, recordings.tsv and participants.tsv to fill in. What "
@@ -54,10 +54,10 @@ def build_parser() -> argparse.ArgumentParser:
 def new_study(arguments: argparse.Namespace) -> None:
     """Write the three files, and mappings where recordings need them; say what to do with them.
 
-    Raises InputError where one of them is there, where no study can have the folder's name, where there is no
-    such layout, and where the folder of recordings holds none.
+    Raises InputError where one is there, for a name or layout that cannot be, and without a recording.
     """
     from shukotsu.files.whole_files import write_text
+    from shukotsu.schemas.config_files import config_path, shipped
 
     folder: Path = arguments.folder
     name = folder.resolve().name
@@ -65,11 +65,14 @@ def new_study(arguments: argparse.Namespace) -> None:
         raise InputError(f"{folder}: no study can have this name; use letters, digits, - and _")
     template = (TEMPLATES / STUDY[arguments.language]).read_text("utf-8")
     sheet, mappings, notes = _drafted(arguments)
+    subjects = filter(None, dict.fromkeys(row[0] for row in sheet[1:]))
+    shipped_layouts, path = shipped("layout"), config_path(arguments.layout, "layout", Path())
+    layout = arguments.layout if arguments.layout in shipped_layouts else _from(path, folder)
     texts = {
-        "study.yaml": template.replace("{name}", name).replace("{layout}", _layout(arguments.layout, folder)),
+        "study.yaml": template.replace("{name}", name).replace("{layout}", layout),
         "recordings.tsv": "".join("\t".join(row) + "\n" for row in sheet),
         "participants.tsv": "subject\thand_length_mm\thand_breadth_mm\n"
-        + "".join(f"{subject}\n" for subject in _subjects(sheet)),
+        + "".join(f"{subject}\n" for subject in subjects),
         **mappings,
     }
     folder.mkdir(parents=True, exist_ok=True)
@@ -80,14 +83,6 @@ def new_study(arguments: argparse.Namespace) -> None:
         print(folder / file)
     print("".join(f"note: {note}\n" for note in notes), end="")
     print(f"next: {_next(folder, sheet, list(mappings))}, then: cd {folder}; shukotsu check; shukotsu run")
-
-
-def _layout(name: str, folder: Path) -> str:
-    """The layout as the study file names it. Raises InputError where there is none."""
-    from shukotsu.schemas.config_files import config_path, shipped
-
-    path = config_path(name, "layout", Path())
-    return name if name in shipped("layout") else _from(path, folder)
 
 
 def _drafted(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:
@@ -112,13 +107,8 @@ def _drafted(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[s
     return [columns, *([row[name] for name in columns] for row in cells)], drafts.texts, notes
 
 
-def _subjects(sheet: Sequence[Sequence[str]]) -> list[str]:
-    """Every subject of the sheet that is named, once."""
-    return [name for name in dict.fromkeys(row[0] for row in sheet[1:]) if name]
-
-
 def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Sequence[str]) -> str:
-    """Say what to do with the files, the last of it after `and`."""
+    """What to do with the files, the last of it after `and`."""
     rows = sheet[1:]
     empty = sum(not all(row[:4]) for row in rows)
     if not rows:
@@ -132,7 +122,7 @@ def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Sequence[str])
 
 
 def recordings_in(captures: Path) -> list[Path]:
-    """Give the files of a folder that may be recordings, sorted. Raises InputError where it has none."""
+    """Return the files of a folder that may be recordings, sorted. Raises InputError where it has none."""
     if not captures.is_dir():
         raise InputError(f"--recordings: {captures}: no such folder; give the folder of your recordings")
     found = (path for path in captures.rglob("*") if path.suffix.lower() in RECORDINGS)
@@ -157,5 +147,5 @@ def _from(path: Path, folder: Path) -> str:
 
 
 def main(argv: list[str]) -> int:
-    """Make the folder; give the exit code."""
+    """Make the folder; return the exit code."""
     return command_line.run(build_parser, argv, new_study)

@@ -57,25 +57,21 @@ class NameParts:
 
 
 def parts_of_names(names: Iterable[Path]) -> list[NameParts]:
-    """Read names of files, each relative to the folder of recordings: its folders are parts of the name.
+    """Read names of files, whose folders below that of the recordings are parts of them.
 
-    The role is calibration where the name says so. Others of the same hand are then for evaluation; where it
-    has no calibration, they are for both.
+    Where a hand has a calibration by its name, others are for evaluation; else for both.
     """
     parts = [_parts(name) for name in names]
     calibrated = {_whose(each) for each in parts if each.role}
+    roles = ["evaluation" if _whose(each) in calibrated else "both" for each in parts]
     return [
-        each if each.role or not each.task else replace(each, role=_other_role(each, calibrated))
-        for each in parts
+        each if each.role or not each.task else replace(each, role=role)
+        for each, role in zip(parts, roles, strict=True)
     ]
 
 
 def _whose(parts: NameParts) -> tuple[str, str, str]:
     return parts.subject, parts.session, parts.hand
-
-
-def _other_role(parts: NameParts, calibrated: set[tuple[str, str, str]]) -> str:
-    return "evaluation" if _whose(parts) in calibrated else "both"
 
 
 def _parts(name: Path) -> NameParts:

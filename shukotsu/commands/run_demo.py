@@ -15,7 +15,7 @@ SHEETS = Path("data", "demo")
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the command's argument parser."""
+    """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu demo",
         f"Run the demo, a study of two simulated people, in this folder: {STUDY}, its sheets and recordings "
@@ -43,5 +43,5 @@ def run_demo(arguments: argparse.Namespace) -> int:
 
 
 def main(argv: list[str]) -> int:
-    """Write, run and show the study; give the exit code."""
+    """Write, run and show the study; return the exit code."""
     return command_line.run(build_parser, argv, run_demo)

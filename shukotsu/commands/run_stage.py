@@ -13,14 +13,14 @@ FURTHER = ("export.collect", "report.subject")
 
 
 def stages() -> dict[str, str]:
-    """Give every stage and further command of one, with the module whose `main` runs it."""
+    """Return every stage and further command of one, with the module whose `main` runs it."""
     names = [path.parent.name for path in STAGES.glob("*/__main__.py")]
     packages = {name: f"shukotsu.stages.{name}.__main__" for name in [*names, "report.print_figures"]}
     return dict(sorted((packages | {name: f"shukotsu.stages.{name}" for name in FURTHER}).items()))
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the parser of the stage's name; every stage parses its own options."""
+    """Return the parser of the stage's name; every stage parses its own options."""
     parser = argparse.ArgumentParser(
         prog="shukotsu stage",
         usage="shukotsu stage [-h] NAME ...",
@@ -35,6 +35,6 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str]) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage; return its exit code."""
     module = stages()[build_parser().parse_args(argv[:1]).name]
     return command_line.dispatched(module, argv[1:])

@@ -25,7 +25,7 @@ UNWANTED = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the command's argument parser."""
+    """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu run",
         "Run a study by Snakemake, whose command is printed; what is up to date is not made again. Results "
@@ -40,20 +40,8 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def snakemake_command(arguments: argparse.Namespace) -> list[str]:
-    """Give the command that runs a study: Snakemake of this Python, the Snakefile, the options."""
-    command = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
-    command += ["--configfile", str(arguments.study)]
-    command += ["--quiet", "rules"]  # takes any number of words, so it may not stand before the user's own
-    command += ["--cores", arguments.cores, *(["--dry-run"] if arguments.dry_run else [])]
-    return [*command, *arguments.more]
-
-
 def run_study(arguments: argparse.Namespace) -> int:
-    """Read the study, run it, and print its report's first sentences and where it is.
-
-    Gives Snakemake's exit code, which has said why. Raises InputError where the study cannot be read.
-    """
+    """Read the study, run it, print its report's first sentences; return Snakemake's exit code."""
     if not hasattr(os, "fork"):
         raise InputError(
             "a study runs on Linux or macOS (on Windows: in WSL); copy this folder there, with recordings, "
@@ -66,22 +54,27 @@ def run_study(arguments: argparse.Namespace) -> int:
         raise InputError(f"--cores: is {arguments.cores!r}; expected a number of jobs, or all")
     one_run.refuse_unwritable([one_run.FOLDER / "log"])
     lock = None if arguments.dry_run or arguments.more else one_run.hold(files.results.folder)
-    command = snakemake_command(arguments)
+    command = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
+    command += ["--configfile", str(arguments.study)]
+    command += ["--quiet", "rules"]  # takes any number of words, so it may not stand before the user's own
+    command += ["--cores", arguments.cores, *(["--dry-run"] if arguments.dry_run else []), *arguments.more]
     print(f"$ {shlex.join(command)}", file=sys.stderr, flush=True)
     status = _run(command, lock)
     report = files.results.folder / "report.html"
     if status:
         return status if status > 0 else 128 - status
     if not arguments.dry_run and not arguments.more and report.is_file():
-        print(_outcome(arguments.study, files.results.folder))
+        from shukotsu.stages.report.headline import opening, used_text
+        from shukotsu.stages.report.study_results import read_results
+
+        results = read_results(files.study, files.results.folder)
+        print(f"{used_text(results)} {opening(results)}")
         print(f"report: {report}")
     return 0
 
 
 def _run(command: list[str], lock: TextIO | None) -> int:
-    """Run a command to its end, whatever signal asks this process to end and whoever stops reading before;
-    give its exit code. The command holds the lock too, and ends where this process is killed.
-    """
+    """Run a command to its end, whatever signal comes and whoever stops reading; return its exit code."""
     interrupted: list[int] = []
     printed = None if sys.stdout.isatty() else subprocess.PIPE
     handed = {} if lock is None else {one_run.HANDED: lock.fileno()}
@@ -110,17 +103,12 @@ def _run(command: list[str], lock: TextIO | None) -> int:
 
 
 def _end_with_parent() -> None:
-    """Have the system end this process as soon as the one that started it has ended, however that did.
-
-    Its jobs end with it. Snakemake would not always come to an end of SIGTERM.
-    """
+    """Have the system end this process, and its jobs, as soon as its parent has ended, however."""
     ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment of Snakemake: without what changes what it runs, and with a folder for caches
-    in the study's where the person's own cannot be written.
-    """
+    """The environment of Snakemake, with caches in the study's folder where the person's cannot be."""
     from platformdirs import user_cache_dir
 
     environment = {name: value for name, value in os.environ.items() if name not in UNWANTED}
@@ -133,18 +121,8 @@ def _environment() -> dict[str, str]:
         return environment | {"XDG_CACHE_HOME": str(caches), "MPLCONFIGDIR": str(caches / "matplotlib")}
 
 
-def _outcome(study: Path, results: Path) -> str:
-    """Return the first sentences of the report."""
-    from shukotsu.schemas.study import read_study
-    from shukotsu.stages.report.headline import opening, used_text
-    from shukotsu.stages.report.study_results import read_results
-
-    found = read_results(read_study(study), results)
-    return f"{used_text(found)} {opening(found)}"
-
-
 def main(argv: list[str]) -> int:
-    """Run the study; give the exit code."""
+    """Run the study; return the exit code."""
     end = argv.index("--") if "--" in argv else len(argv)
 
     def with_more() -> argparse.ArgumentParser:

@@ -11,7 +11,7 @@ from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the command's argument parser."""
+    """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu report",
         "Name the report of a study that was run in this folder, print its tables, or open it in a browser.",
@@ -51,5 +51,5 @@ def show_report(arguments: argparse.Namespace) -> None:
 
 
 def main(argv: list[str]) -> int:
-    """Show the report; give the exit code."""
+    """Show the report; return the exit code."""
     return command_line.run(build_parser, argv, show_report)

@@ -18,10 +18,7 @@ FULL_BYTES = 1 << 16
 
 
 class FailedJobs(logging.Filter):
-    """A filter of Snakemake's messages that adds why a job failed and leaves out the command that did.
-
-    Ends the run with exit code 2 where its outputs may not be written.
-    """
+    """Adds to Snakemake's messages why a job failed; ends the run with 2 where outputs may not be written."""
 
     def __init__(self, workflow: Any, results: Path) -> None:
         super().__init__()
@@ -75,9 +72,7 @@ def reason(log: Path, outputs: list[str]) -> str:
 
 
 def refuse(workflow: Any, results: Path) -> None:
-    """End the run with one sentence and exit code 2 where another run holds the study with that results
-    folder, or an output or log of a job to do may not be written.
-    """
+    """End the run with 2 where another one holds the study, or an output or log to do may not be written."""
     try:
         one_run.hold(results)
         one_run.refuse_unwritable(

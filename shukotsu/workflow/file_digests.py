@@ -85,10 +85,7 @@ class FileDigests:
         return self.of(file.as_posix() for file in files if file.name != STAMP)
 
     def changes(self, study: str, contents: Mapping[str, str]) -> list[str]:
-        """Names whose content is another than when the study ran last, or is new or gone, in their order.
-
-        contents : digest of everything that the study is made from, by name. Empty before the first run.
-        """
+        """Names whose content is another than in the study's last run, or new or gone; none before."""
         before = self._last_run.get(study)
         if before is None:
             return []

@@ -17,10 +17,7 @@ from shukotsu.workflow.file_digests import STAMP
 
 
 def remove_former_results(results: Results, present: Collection[str]) -> list[str]:
-    """Remove them; give the names of the subjects' folders that they were in.
-
-    present : paths of the files and folders that the study's rules make now.
-    """
+    """Remove them; return the subjects' folders that they were in. present : paths that rules make now."""
     folders = []
     for path in sorted(results.folder.glob("sub-*/plan.json")):
         plan = None
@@ -32,13 +29,17 @@ def remove_former_results(results: Results, present: Collection[str]) -> list[st
         removed = [own for own in former if own.is_file()]
         for own in removed:
             own.unlink()
-            _remove_empty(own.parent, results.folder)
+            with suppress(OSError):  # the first folder that is not empty
+                for folder in own.parents:
+                    if folder == results.folder:
+                        break
+                    folder.rmdir()
         folders += [plan.folder.name] if removed else []
     return folders
 
 
 def _written(plan: SubjectPlan, results: Results, present: Collection[str]) -> Iterator[Path]:
-    """Give the paths of all that was written for a subject, by its plan."""
+    """The paths of all that was written for a subject, by its plan."""
     yield plan.folder / "plan.json"
     yield from plan.poses_files.values()
     yield from (plan.table(name) for name in SUBJECT_TABLES)
@@ -51,11 +52,3 @@ def _written(plan: SubjectPlan, results: Results, present: Collection[str]) -> I
     if exports.as_posix() not in present:
         yield from (own for own in exports.rglob("*") if own.relative_to(exports).parts[0].startswith("sub-"))
         yield exports / STAMP
-
-
-def _remove_empty(folder: Path, top: Path) -> None:
-    """Remove a folder and those above it, up to the top, as far as they are empty."""
-    with suppress(OSError):  # the first that is not
-        while folder != top:
-            folder.rmdir()
-            folder = folder.parent

@@ -22,16 +22,18 @@ KILLED = 137
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run a module's command line, argv[0] being its dotted name; give its exit code."""
+    """Run a module's command line, argv[0] being its dotted name; return its exit code."""
     status = run_in_fork(argv)
-    if status is None and _workflow_has_ended():
+    folder = os.path.dirname(os.environ.get(ADDRESS, ""))  # noqa: PTH120 - pathlib, see below
+    # the warm process has ended with its workflow, whose next run must find nobody at its files
+    if status is None and folder and not os.path.isdir(folder):  # noqa: PTH112
         print("error: the workflow that started this job was killed", file=sys.stderr)
         return KILLED
     return run(argv) if status is None else status
 
 
 def run_in_fork(argv: Sequence[str]) -> int | None:
-    """Have a fork of the warm process do the job; give its exit code, None where it was not started."""
+    """Have a fork of the warm process do the job; return its exit code, None where it was not started."""
     with socket.socket(socket.AF_UNIX) as connection:
         try:
             connection.connect(os.environ[ADDRESS])
@@ -50,12 +52,6 @@ def run_in_fork(argv: Sequence[str]) -> int | None:
         print("error: the job's process was killed before its end", file=sys.stderr)
         return KILLED
     return status[0]
-
-
-def _workflow_has_ended() -> bool:
-    """Whether the warm process has ended with its workflow, whose next run must find nobody at its files."""
-    folder = os.path.dirname(os.environ.get(ADDRESS, ""))  # noqa: PTH120 - pathlib, see above
-    return folder != "" and not os.path.isdir(folder)  # noqa: PTH112
 
 
 def run(argv: Sequence[str]) -> int:

@@ -38,10 +38,10 @@ SAME_TIME_S = 1e-5
 def recall(
     kept: Path, outputs: Collection[str], outdated: Collection[str], digests: FileDigests
 ) -> list[str]:
-    """Put lost notes and times of outputs back; return those outputs that are not as a run left them.
+    """Put lost notes and times of outputs back; return those that are not as a run left them.
 
-    kept : the file that `keep` wrote. outputs : what a run makes. outdated : outputs to be made anew
-    whatever is in them.
+    kept : the file that `keep` wrote. outputs : what a run makes. outdated : to be made anew whatever is in
+    them.
     """
     memory = FilePersistence()
     made = {path: (job, *entry) for job in _read(kept) for path, entry in job["outputs"].items()}
@@ -56,7 +56,11 @@ def recall(
             if note is None or is_marked or note.input != job["input"]:  # the installation moved
                 compared = {name: job[name] for name in COMPARED}
                 memory._write_record(path, MetadataRecord(**compared, endtime=time_s))
-            _set_time(Path(path), time_s)
+            stamp = Path(path, STAMP)  # a folder's time is that of Snakemake's file in it
+            carrier = stamp if stamp.exists() else Path(path)
+            if abs(carrier.stat().st_mtime - time_s) > SAME_TIME_S:
+                with suppress(OSError):  # somebody else's: it is made anew at most
+                    os.utime(carrier, (time_s, time_s))
             continue
         spoiled.append(path)
         if not is_marked:
@@ -100,11 +104,3 @@ def _read(kept: Path) -> list[dict[str, Any]]:
             text = text.replace(name, path)
         jobs = json.loads(text)
     return jobs
-
-
-def _set_time(output: Path, time_s: float) -> None:
-    """Set an output's time to the one that Snakemake noted; a folder's is that of Snakemake's file in it."""
-    carrier = output / STAMP if output.is_dir() and (output / STAMP).exists() else output
-    if abs(carrier.stat().st_mtime - time_s) > SAME_TIME_S:
-        with suppress(OSError):  # somebody else's: it is made anew at most
-            os.utime(carrier, (time_s, time_s))

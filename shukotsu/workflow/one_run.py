@@ -23,8 +23,8 @@ _held: dict[Path, TextIO] = {}
 def hold(results: Path) -> TextIO | None:
     """Hold the study with that results folder until this process ends; return the lock's file.
 
-    Raises InputError where another run holds it. Where there are no locks, or no file can be made, none does.
-    A process that is handed the file holds it too, and is the one that is named from then on.
+    Raises InputError where another run holds it. Where there are no locks, none does. A process that is
+    handed the file holds it too, and is the one that is named from then on.
     """
     import fcntl
 

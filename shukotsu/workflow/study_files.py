@@ -9,11 +9,13 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from shukotsu.anatomy.known_digits import known_digits, refusal
 from shukotsu.errors import InputError, listed
 from shukotsu.files.whole_files import write_text
+from shukotsu.schemas import results
 from shukotsu.schemas.config_files import (
     CONFIG_FOLDER,
     REFERENCE,
@@ -33,18 +35,6 @@ from shukotsu.schemas.plan import (
     recordings_part,
     truth_folder,
 )
-from shukotsu.schemas.results import (
-    FIGURE_KINDS,
-    FIT_TABLES,
-    GATHERED_TABLES,
-    MODEL_COMPARISONS,
-    MOVEMENT_COMPARISONS,
-    STUDY_FIGURES,
-    STUDY_TABLES,
-    SUBJECT_TABLES,
-    TRUTH_TABLES,
-    Results,
-)
 from shukotsu.schemas.study import Recording, Study, SubjectSession, path_token, read_study
 from shukotsu.workflow.file_digests import FileDigests
 from shukotsu.workflow.former_results import remove_former_results
@@ -62,7 +52,7 @@ class StudyFiles:
     def __init__(self, study_file: Path) -> None:
         self.file = _relative(study_file)
         self.study: Study = read_study(Path(self.file))
-        self.results = Results.of(self.study.name)
+        self.results = results.Results.of(self.study.name)
         self._digests = FileDigests()
         plans = StudyPlans(self.study, self.results.folder)
         self._contents = {who.token: plans.content(*who) for who in self.study.sessions}
@@ -84,10 +74,7 @@ class StudyFiles:
                 )
 
     def _check_models(self) -> None:
-        """Raise InputError where no model of the study can be taken for any hand of it.
-
-        With another model or layout, a hand that a model cannot be taken for is a problem of the study.
-        """
+        """Raise InputError where no model can be taken for any hand; one alone is a problem of the study."""
         reasons = [
             refusal(layout, name, model)
             for plan in self._plans.values()
@@ -98,10 +85,7 @@ class StudyFiles:
             raise InputError(f"{self.file}: models: {reasons[0]}")
 
     def what_changed(self) -> str:
-        """Say what changed since the study ran last and what is made again for it; empty where nothing did.
-
-        What is kept of what the study is made from is from now on that of the run that begins.
-        """
+        """What changed since the study ran last and is made again, or empty; kept for the next run."""
         files = {
             plan.who.token: [
                 *self._event_files(token),
@@ -122,16 +106,16 @@ class StudyFiles:
         return f"changed since the last run: {listed(named)}; results made again: {whose}the study's"
 
     def remove_former(self) -> str:
-        """Remove results that the study has no longer; say whose, empty where there are none."""
+        """Remove results that the study has no longer; return whose, empty where there are none."""
         present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders}
         former = remove_former_results(self.results, present)
         return f"removed results of what the study has no longer: {listed(former)}" if former else ""
 
     def what_is_not_as_made(self) -> str:
-        """Say which results are not as a run left them and are made anew; empty where there are none.
+        """Results that are not as a run left them and are made anew; empty where there are none.
 
         What Snakemake has lost of its notes is put back. A plan that is not as the study says is written as a
-        run begins, which takes a job: the study's tables, below which no job has an `ancient` input alone.
+        run begins, which takes a job: the study's tables.
         """
         from shukotsu.workflow.made_from import recall  # and Snakemake: who only reads a study has no need
 
@@ -147,10 +131,10 @@ class StudyFiles:
         return f"not as a run left them, and made anew: {listed(named)}" if named else ""
 
     def write_changed_plans(self) -> None:
-        """Write the plans anew that are there and say something else than the study.
+        """Write plans anew that say something else than the study.
 
-        Not a job does that: jobs that only an `ancient` input ties to one that runs are not asked by
-        Snakemake whether their own parameters changed.
+        Not a job does that: Snakemake does not ask jobs below one that runs whether their own parameters
+        changed.
         """
         for token, plan in self._plans.items():
             path, text = plan.folder / "plan.json", plan_text(self._contents[token])
@@ -182,9 +166,7 @@ class StudyFiles:
     def resources(
         self, minutes: int, minutes_a_gb: int, most_mb: int = 1200
     ) -> dict[str, Callable[[Wildcards], int]]:
-        """Give what a job of a subject asks for, by the size of its recordings' files; of recordings that are
-        not there yet, as simulated ones, the least. most_mb : of memory, for recordings of any length.
-        """
+        """What a subject's job asks for, by its recordings' size, where they are; most_mb : of memory."""
 
         def gb(wildcards: Wildcards) -> float:
             recordings = self._plans[wildcards.subject].recordings
@@ -210,10 +192,7 @@ class StudyFiles:
         return [path for path in [_relative(recording.file)] if path in self._made_for(recording)]
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
-        """The user's files that a recording is read from, those that are there and can be declared.
-
-        A missing one must not stop the others, nor a pipe, nor one whose name Snakemake cannot take.
-        """
+        """The user's files that a recording is read from, those that are there and can be declared."""
         recording = self._recording(wildcards)
         return _declarable(self._files_of(recording))
 
@@ -264,7 +243,7 @@ class StudyFiles:
     def subject_tables(self, wildcards: Wildcards) -> list[str]:
         """The subject's own tables, of both hands and all models."""
         plan = self._plans[wildcards.subject]
-        return [str(path) for table in SUBJECT_TABLES for path in plan.files_of(table)]
+        return [str(path) for table in results.SUBJECT_TABLES for path in plan.files_of(table)]
 
     def poses_of_fit(self, wildcards: Wildcards) -> list[str]:
         """Poses that a fit of a hand reads: of both hands, where the model shares lengths between them."""
@@ -285,13 +264,13 @@ class StudyFiles:
     def fits(self, wildcards: Wildcards) -> list[str]:
         """Tables of the subject's whole-hand fits."""
         plan = self._plans[wildcards.subject]
-        return [str(path) for table in FIT_TABLES for path in plan.files_of(table)]
+        return [str(path) for table in results.FIT_TABLES for path in plan.files_of(table)]
 
     def references(self, wildcards: Wildcards) -> list[str]:
         """Tables of the subject's hands as anatomy alone has them, where it knows any digit."""
         plan = self._plans[wildcards.subject]
         hands = [hand for hand, layout in plan.layouts.items() if known_digits(layout)]
-        return [str(plan.fit_table(hand, REFERENCE, table)) for hand in hands for table in FIT_TABLES]
+        return [str(plan.fit_table(hand, REFERENCE, table)) for hand in hands for table in results.FIT_TABLES]
 
     def fit_plan(self, wildcards: Wildcards) -> str:
         """Digest of the plan of a fit of the whole hand."""
@@ -302,7 +281,7 @@ class StudyFiles:
         """Tables of the truth beside the subject's simulated recordings."""
         plan = self._plans[wildcards.subject]
         folders = [plan.truth(recording) for recording in plan.recordings if not recording.exclude]
-        paths = [folder / f"{name}.parquet" for folder in folders if folder for name in TRUTH_TABLES]
+        paths = [folder / f"{name}.parquet" for folder in folders if folder for name in results.TRUTH_TABLES]
         return [_relative(path) for path in paths]
 
     def _recording(self, wildcards: Wildcards) -> Recording:
@@ -316,9 +295,7 @@ class StudyFiles:
     # --- simulation ---------------------------------------------------------------------------------------
 
     def _simulation_folder(self) -> Path:
-        """The folder that recordings are simulated into; InputError where it lies among other people's files,
-        which a simulated recording of the same name would replace.
-        """
+        """The folder of simulated recordings; InputError where it lies among other people's files."""
         assert self.study.simulation is not None
         folder = self.study.simulation.folder
         own = Path(self.file).parent, Path()
@@ -344,7 +321,7 @@ class StudyFiles:
     def simulated_truth(self) -> list[str]:
         """Paths of the truth tables of a simulated recording, with wildcards."""
         folder = truth_folder(Path(self.simulated))
-        return [(folder / f"{name}.parquet").as_posix() for name in TRUTH_TABLES]
+        return [(folder / f"{name}.parquet").as_posix() for name in results.TRUTH_TABLES]
 
     @property
     def seed(self) -> int:
@@ -365,13 +342,13 @@ class StudyFiles:
 
     def gathered(self, _: Wildcards = None) -> list[str]:
         """Tables of all subjects that the study's tables are gathered from."""
-        own = [
+        tables = [
             str(path)
             for plan in self._plans.values()
-            for table in ("findings", "joint_solutions", "projected_joints", *GATHERED_TABLES)
+            for table in ("findings", "joint_solutions", "projected_joints", *results.GATHERED_TABLES)
             for path in plan.files_of(table)
         ]
-        return own + self._of_all(self.references)
+        return tables + self._of_all(self.references)
 
     @property
     def tables(self) -> list[str]:
@@ -390,22 +367,22 @@ class StudyFiles:
         return [*self.all_poses(), *tables, *self._of_all(self.fits)]
 
     def _of_all(self, files: Callable[[Wildcards], list[str]]) -> list[str]:
-        return [path for subject in self._plans for path in files(_Subject(subject))]
+        return [path for token in self._plans for path in files(SimpleNamespace(subject=token))]
 
     @property
     def study_tables(self) -> list[str]:
         """The study-wide tables."""
-        return [str(self.results.study_table(table)) for table in STUDY_TABLES]
+        return [str(self.results.study_table(table)) for table in results.STUDY_TABLES]
 
     @property
     def model_comparisons(self) -> list[str]:
         """The study-wide tables that compare its models."""
-        return [str(self.results.study_table(table)) for table in MODEL_COMPARISONS]
+        return [str(self.results.study_table(table)) for table in results.MODEL_COMPARISONS]
 
     @property
     def movement_comparisons(self) -> list[str]:
         """The study-wide tables that compare its subjects' movement."""
-        return [str(self.results.study_table(table)) for table in MOVEMENT_COMPARISONS]
+        return [str(self.results.study_table(table)) for table in results.MOVEMENT_COMPARISONS]
 
     @property
     def _configuration(self) -> list[str]:
@@ -472,13 +449,15 @@ class StudyFiles:
         """The file of what Snakemake noted of the results."""
         return self.results.folder / "logs" / "made_from.json"
 
-    figure_names = STUDY_FIGURES
+    figure_names = results.STUDY_FIGURES
 
     @property
     def figures(self) -> list[str]:
         """The study's figures for print, and their captions."""
         return [
-            str(self.results.figures / f"{name}.{kind}") for name in STUDY_FIGURES for kind in FIGURE_KINDS
+            str(self.results.figures / f"{name}.{kind}")
+            for name in results.STUDY_FIGURES
+            for kind in results.FIGURE_KINDS
         ]
 
     @property
@@ -488,13 +467,11 @@ class StudyFiles:
 
 
 def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool) -> Path:
-    """Give the file that describes the study: Snakemake's --configfile, or the demo's in this folder.
+    """The file that describes the study: Snakemake's --configfile, or the demo's in this folder.
 
-    files, config : what Snakemake was given, and what it has read. is_module : of a module of another
-    workflow, whose keys are a study: that of one of the files, or else they are written to a file of this
-    folder, which their paths begin in. Raises InputError where there are several files, or where --config
-    would change what the file says: the stages read that file, and results that it does not explain would
-    be worse than none.
+    is_module : of a module of another workflow, whose keys are a study: that of one of the files, or written
+    to a file of this folder. Raises InputError where there are several files, or where --config would change
+    what the file says, which the stages read.
     """
     if is_module:
         for path in map(Path, files):
@@ -510,20 +487,13 @@ def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool
 
 
 def _written(config: Mapping[str, Any]) -> Path:
-    """Write a module's keys to a file, unless it says so already; give the file."""
+    """Write a module's keys to a file, unless it says so already; return the file."""
     content = json.loads(json.dumps(config))  # plain mappings and lists
     check_config(content, "study", "config")
     path = Path(f"{path_token(content['study'])}.module.yaml")
     if not path.is_file() or read_yaml(path, "study") != content:
         write_text(path, yaml_text(content))
     return path
-
-
-class _Subject:
-    """Wildcards of a subject alone."""
-
-    def __init__(self, subject: str) -> None:
-        self.subject = subject
 
 
 def import_options(recording: Recording) -> list[str]:
@@ -541,8 +511,7 @@ def import_options(recording: Recording) -> list[str]:
 
 def _declarable(paths: Sequence[str]) -> list[str]:
     """Those of some files that are there and that Snakemake takes."""
-    known = [path for path in paths if _can_be_declared(path)]
-    return [path for path in known if Path(path).is_file()]
+    return [path for path in paths if _can_be_declared(path) and Path(path).is_file()]
 
 
 def _can_be_declared(path: str) -> bool:

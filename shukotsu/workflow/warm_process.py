@@ -40,10 +40,9 @@ WAITING = 128
 
 
 def start() -> subprocess.Popen[bytes] | None:
-    """Start the process; it ends with this one. Jobs find it by their environment.
+    """Start the process, which ends with this one; jobs find it by their environment.
 
-    Where it cannot be had (another system, no place for its socket), and where the environment names an
-    address already, there is none, and jobs start by themselves.
+    Where it cannot be had, and where the environment names an address already, jobs start by themselves.
     """
     if sys.platform != "linux" or job.ADDRESS in os.environ:
         return None
@@ -68,7 +67,11 @@ def start() -> subprocess.Popen[bytes] | None:
 def serve(listener: socket.socket) -> None:
     """Fork for every job that connects, until standard input ends."""
     command_line.begin()
-    import_all()
+    for name in PACKAGES:
+        package: ModuleType = importlib.import_module(name)
+        if name == "shukotsu.stages":
+            for module in pkgutil.walk_packages(package.__path__, "shukotsu.stages."):
+                importlib.import_module(module.name)
     gc.freeze()  # what is here stays, and is shared with the forks
     forks: set[int] = set()
     while sys.stdin not in select.select([listener, sys.stdin], [], [])[0]:
@@ -91,15 +94,6 @@ def _wait_for_forks(forks: set[int], options: int) -> None:
     with suppress(ChildProcessError):
         while fork := os.waitpid(-1, options)[0]:
             forks.discard(fork)
-
-
-def import_all() -> None:
-    """Import what jobs need."""
-    for name in PACKAGES:
-        package: ModuleType = importlib.import_module(name)
-        if name == "shukotsu.stages":
-            for module in pkgutil.walk_packages(package.__path__, "shukotsu.stages."):
-                importlib.import_module(module.name)
 
 
 def _run_job(connection: socket.socket) -> None:

@@ -10,7 +10,7 @@ from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the argument parser."""
+    """Return the argument parser."""
     parser = command_line.parser(
         "python -m shukotsu.workflow.write_plan",
         "Write what the stages need to know of the study about one subject, everything resolved.",
@@ -37,7 +37,7 @@ def write_plan(arguments: argparse.Namespace) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Write the plan; give the exit code."""
+    """Write the plan; return the exit code."""
     return command_line.run(build_parser, argv, write_plan)
 
 

@@ -104,12 +104,9 @@ class _Replay:
         why, needed = "", (chain.digit.base, *chain.receivers)
         if not np.isfinite(least_squares_mm).any():  # receivers that were not worn, or never all at once
             absent = [name for name in needed if name not in self._seen]
-            never = f"no frame in which all of {listed(needed)} are valid"
-            why = (
-                f"the recording has no pose of {listed(absent)}, which the replay rides on"
-                if absent
-                else never
-            )
+            why = f"no frame in which all of {listed(needed)} are valid"
+            if absent:
+                why = f"the recording has no pose of {listed(absent)}, which the replay rides on"
         return [
             _row(chain.digit.name, binding, len(error_mm), why) | error_statistics(error_mm)
             for binding, error_mm in found.items()
