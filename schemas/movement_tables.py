@@ -82,7 +82,7 @@ CLOCKS = Table(
         Column("source", TEXT, "", "xdf, midi or tracker; empty where the file was not read"),
         real("scale_ppm", "how much faster the recording's clock runs than the device's"),
         real("offset_s", "the recording's time at the device's zero"),
-        real("residual_ms", "rms of the pulses about the line; null where there are none"),
+        real("residual_ms", "standard deviation of the pulses about the line; null where there are none"),
         real("clock_sd_ms", "largest 1-sigma error of the line between the first and last pulse"),
         _count("n_pulses", "pulses that both have"),
         _count("n_missing", "pulses that only the recording has, while both ran"),

@@ -9,7 +9,7 @@ import numpy as np
 
 from shukotsu.errors import InputError, listed
 from shukotsu.files.xdf_streams import NUMBERS, TEXT, Floats, Stream, load_stream, read_streams
-from shukotsu.stages.align_events.event_list import FARTHEST_S, Clock, Events
+from shukotsu.stages.align_events.event_list import FARTHEST_S, Events
 
 _WHOLE = tuple(name for name in NUMBERS if name.startswith("int"))
 
@@ -36,32 +36,29 @@ def read_markers(path: Path) -> Events:
                 raise
             notes.append(f"stream {stream.name} has no markers")
             continue
-        sd_s = offset_sd_s(samples.offsets)
         notes += [note for note in samples.notes if note not in notes]
-        if np.isnan(sd_s):
+        if not len(samples.offsets):
             notes.append(f"stream {stream.name} has no clock offsets: its clock is taken for the recorder's")
+        sd_s = _scatter_s(samples.offsets)
         for time, sample in zip(samples.time_s.tolist(), samples.values, strict=True):
             name, value = _marker(stream, sample)
-            rows.append((name, time, np.nan, value, 0.0 if np.isnan(sd_s) else sd_s))
+            rows.append((name, time, np.nan, value, sd_s))
     if len(markers) > 1:  # else a step back shows that the stream's clock was set
         rows.sort(key=lambda row: row[1])
-    return Events.of("xdf", Clock.OWN, rows, *notes)
+    return Events.of("xdf", True, rows, *notes)
 
 
-def offset_sd_s(offsets: Floats) -> float:
-    """Return the scatter (rms) of clock offsets (N, 2) about a straight line, NaN where there are none."""
-    offsets = offsets[(np.abs(offsets) < FARTHEST_S).all(-1)]
-    if not len(offsets):
-        return float("nan")
-    at = offsets[:, 0] - offsets[:, 0].mean()
-    error = offsets[:, 1] - offsets[:, 1].mean()
-    if at @ at > 0:  # of times that hardly differ the squares are nothing
-        error = error - at * (at @ error) / (at @ at)
-    return float(np.sqrt(np.mean(error**2)))
+def _scatter_s(offsets: Floats) -> float:
+    """Return the scatter (rms) of clock offsets (N, 2) about a straight line; 0 where there are too few."""
+    time_s, offset_s = offsets[(np.abs(offsets) < FARTHEST_S).all(-1)].T
+    if len(time_s) < 3 or not np.ptp(time_s) > 0:
+        return 0.0
+    at_s = (time_s - time_s.mean()) / np.ptp(time_s)
+    return float(np.std(offset_s - np.polyval(np.polyfit(at_s, offset_s, 1), at_s)))
 
 
 def _marker(stream: Stream, sample: Any) -> tuple[str, float]:
-    """Name and value of a sample."""
+    """Return name and value of a sample."""
     if stream.format != TEXT:
         return stream.name or "marker", float(sample[0])
     return "; ".join(filter(None, map(str, sample))) or "marker", np.nan

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,8 @@ from shukotsu.files.parquet_files import column_ends
 from shukotsu.files.whole_files import file_sha256
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.tables import open_table, read_metadata
-from shukotsu.stages.align_events.clock_fit import ClockFit, fit_clock
-from shukotsu.stages.align_events.event_list import FARTHEST_S, Array, Clock, Events, events_of_rows
+from shukotsu.stages.align_events.clock_fit import fit_clock
+from shukotsu.stages.align_events.event_list import FARTHEST_S, Array, Events
 
 READERS = {
     (".mid", ".midi", ".smf"): "shukotsu.stages.align_events.midi_file:read_midi",
@@ -48,37 +48,35 @@ class RecordingEvents:
     recording: Path | None = None
     file: Path | None = None
     pulses: str = ""
-    rows: Sequence[Mapping[str, Any]] = field(default=())
+    rows: Sequence[Mapping[str, Any]] = ()
 
     def aligned(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         """Return the rows of events, in order of time, and of clocks, both without what names the recording.
 
         Raises InputError where the file cannot be read or nothing says how its clock is to be brought over.
         """
-        sheet = events_of_rows(self.rows)
-        events, clocks = _event_rows(sheet, sheet.time_s, np.full(len(sheet), np.nan)), []
+        sheet_rows = (
+            (row.get("name") or "event", *(_or_nan(row.get(n)) for n in ("onset_s", "duration_s", "value")))
+            for row in self.rows
+        )
+        sheet = Events.of("sheet", False, sheet_rows)
+        rows, clocks = _event_rows(sheet, sheet.time_s, sheet.sd_s), []
         if self.file is not None:
-            more, clock = self._brought_over(read_events(self.file), sheet)
-            events, clocks = events + more, [clock]
-        events.sort(key=lambda row: row["onset_s"])
-        return [{**row, "event": number} for number, row in enumerate(events)], clocks
-
-    def _brought_over(self, events: Events, sheet: Events) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-        """Rows of the file's events and of its clock."""
-        span_s = _span_s(self.poses)
-        if events.clock is Clock.OWN and self.pulses != SAME_CLOCK and not self._is_the_recording():
-            return self._fitted(events, sheet, span_s)
-        offset_s = span_s[0] if events.clock is Clock.START else 0.0
-        if np.isnan(offset_s):
-            raise InputError(f"{self.poses}: has no times, so onsets from its start say nothing; give time_s")
-        declared = events.clock is Clock.OWN and self.pulses == SAME_CLOCK
-        clock = {"scale_ppm": 0.0, "offset_s": offset_s, "status": "ok"} | dict.fromkeys(_COUNTS, 0)
-        clock["message"] = "declared to be the recording's own clock" if declared else ""
-        if (events.sd_s > 0).any():
-            clock["clock_sd_ms"] = 1e3 * float(events.sd_s.max())
-        time_s = events.time_s + offset_s
-        rows = _event_rows(events, time_s, np.where(events.sd_s > 0, events.sd_s, np.nan))
-        return rows, _with_notes(clock, events, time_s, span_s)
+            events = read_events(self.file)
+            if events.own_clock and self.pulses != SAME_CLOCK and not self._is_the_recording():
+                time_s, sd_s, clock = self._fitted(events, sheet)
+            else:
+                time_s, sd_s = events.time_s, events.sd_s
+                declared = events.own_clock and self.pulses == SAME_CLOCK
+                clock = {"scale_ppm": 0.0, "offset_s": 0.0, "status": "ok"} | dict.fromkeys(_COUNTS, 0)
+                clock["message"] = "declared to be the recording's own clock" if declared else ""
+                clock["clock_sd_ms"] = 1e3 * float(sd_s.max()) if (sd_s > 0).any() else None
+            if clock["status"] != "failed":
+                rows += _event_rows(events, time_s, sd_s)
+                clock = self._with_notes(clock, events, time_s)
+            clocks = [{**clock, "source": events.source}]
+        rows.sort(key=lambda row: row["onset_s"])
+        return [{**row, "event": number} for number, row in enumerate(rows)], clocks
 
     def _is_the_recording(self) -> bool:
         """Whether the poses were imported from the very file of events: all its streams share one clock."""
@@ -86,9 +84,8 @@ class RecordingEvents:
         inputs = read_metadata(self.poses)["inputs"]
         return file_sha256(self.file) in [entry["sha256"] for entry in inputs]
 
-    def _fitted(
-        self, events: Events, sheet: Events, span_s: tuple[float, float]
-    ) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    def _fitted(self, events: Events, sheet: Events) -> tuple[Array, Array, dict[str, Any]]:
+        """Times of the events on the recording's clock, their 1-sigma errors, and the row of that clock."""
         if not self.pulses:
             raise InputError(
                 f"{self.file}: runs on a clock of its own; say which of its events the recording has as well "
@@ -97,19 +94,44 @@ class RecordingEvents:
         name, _, other = (part.strip() for part in self.pulses.partition("="))
         pulses = events.named(name)
         if not pulses.any():
-            known = list(dict.fromkeys(events.names))
-            raise InputError(f"{self.file}: has no event named {name!r}; it has {listed(known)}")
+            names = list(dict.fromkeys(events.names))
+            raise InputError(f"{self.file}: has no event named {name!r}; it has {listed(names)}")
         if pulses.sum() > MOST_PULSES:
             raise InputError(
                 f"{self.file}: has {pulses.sum()} events {name!r}; expected at most {MOST_PULSES} pulses"
             )
         fit = fit_clock(np.sort(self._reference_s(sheet, name, other)), events.time_s[pulses])
         if isinstance(fit, str):
-            failed = {"status": "failed", "message": f"{self.file}: {fit}", "source": events.source}
-            return [], failed | dict.fromkeys(_COUNTS, 0)
-        time_s, sd_s = fit.mapped(events.time_s)
-        rows = _event_rows(events, time_s, np.hypot(sd_s, fit.jitter_s))
-        return rows, _with_notes(_clock_row(fit), events, time_s, span_s)
+            failed = {"status": "failed", "message": f"{self.file}: {fit}"}
+            return events.time_s, events.sd_s, failed | dict.fromkeys(_COUNTS, 0)
+        return *fit.mapped(events.time_s), {
+            "scale_ppm": fit.line.rate * 1e6,
+            "offset_s": float(fit.line(np.zeros(1))[0]),
+            "residual_ms": 1e3 * fit.residual_s,
+            "clock_sd_ms": 1e3 * fit.clock_sd_s,
+            **{name: getattr(fit, name) for name in _COUNTS},
+            "status": "weak" if fit.message else "ok",
+            "message": fit.message,
+        }
+
+    def _with_notes(self, clock: dict[str, Any], events: Events, time_s: Array) -> dict[str, Any]:
+        """The row with the reader's notes; weak where every event lies outside the recording."""
+        with open_table(self.poses, POSES) as file:  # the table's footer has the ends
+            place = file.schema_arrow.get_field_index("time_s")
+            ends = [
+                end
+                for group in range(file.num_row_groups)
+                if (end := column_ends(self.poses, file, group, place, with_nulls=True)) is not None
+            ]
+        if len(time_s) and ends:
+            first_s, last_s = min(low for low, _ in ends) + 0.0, max(high for _, high in ends)
+            if not ((time_s >= first_s) & (time_s <= last_s)).any() and np.isfinite([first_s, last_s]).all():
+                clock["status"] = "weak"
+                clock["message"] = (
+                    f"no event lies within the recording ({first_s:.1f} to {last_s:.1f} s), but from "
+                    f"{time_s.min():.1f} to {time_s.max():.1f} s; is it of this recording?"
+                )
+        return {**clock, "message": "; ".join(filter(None, (clock["message"], *events.notes)))}
 
     def _reference_s(self, sheet: Events, name: str, other: str) -> Array:
         """Times of the pulses on the recording's clock: of the sheet's events, else of the tracker's own."""
@@ -151,7 +173,12 @@ def _checked(path: Path, events: Events) -> Events:
     return events
 
 
+def _or_nan(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
 def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[dict[str, Any]]:
+    """Rows of events; an sd of 0 is not known."""
     return [
         {
             "name": name,
@@ -160,44 +187,9 @@ def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[dict[str, An
             "value": float(value),
             "channel": int(channel) or None,
             "source": events.source,
-            "onset_sd_ms": 1e3 * float(sd),
+            "onset_sd_ms": 1e3 * float(sd) if sd > 0 else None,
         }
         for name, onset_s, duration_s, value, channel, sd in zip(
             events.names, time_s, events.duration_s, events.value, events.channel, sd_s, strict=True
         )
     ]
-
-
-def _clock_row(fit: ClockFit) -> dict[str, Any]:
-    return {
-        "scale_ppm": fit.line.rate * 1e6,
-        "offset_s": float(fit.line(np.zeros(1))[0]),
-        "residual_ms": 1e3 * fit.residual_s,
-        "clock_sd_ms": 1e3 * fit.clock_sd_s,
-        **{name: getattr(fit, name) for name in _COUNTS},
-        "status": "weak" if fit.message else "ok",
-        "message": fit.message,
-    }
-
-
-def _with_notes(
-    clock: dict[str, Any], events: Events, time_s: Array, span_s: tuple[float, float]
-) -> dict[str, Any]:
-    """The row with the reader's notes; weak where every event lies outside the recording."""
-    first_s, last_s = span_s
-    if len(events) and not ((time_s >= first_s) & (time_s <= last_s)).any() and not np.isnan(first_s):
-        clock["status"] = "weak"
-        outside = f"no event lies within the recording ({first_s:.1f} to {last_s:.1f} s), but from "
-        clock["message"] = f"{outside}{time_s.min():.1f} to {time_s.max():.1f} s; is it of this recording?"
-    message = "; ".join(filter(None, (clock["message"], *events.notes)))
-    return {**clock, "source": events.source, "message": message}
-
-
-def _span_s(poses: Path) -> tuple[float, float]:
-    """First and last time of a recording, as the table's footer has them; NaN where it has no times."""
-    with open_table(poses, POSES) as file:
-        place = file.schema_arrow.get_field_index("time_s")
-        known = (column_ends(poses, file, n, place, with_nulls=True) for n in range(file.num_row_groups))
-        ends = [own for own in known if own is not None]
-    low, high = ([end[side] for end in ends] or [np.nan] for side in (0, 1))
-    return min(low) + 0.0, max(high)  # Parquet's least zero is -0

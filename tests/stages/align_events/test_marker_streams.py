@@ -8,7 +8,7 @@ import pytest
 from event_files import marker_stream, xdf_of
 
 from shukotsu.errors import InputError
-from shukotsu.stages.align_events.event_list import Clock, Events
+from shukotsu.stages.align_events.event_list import Events
 from shukotsu.stages.align_events.marker_streams import read_markers
 
 
@@ -28,7 +28,7 @@ def test_texts_and_numbers_on_one_clock(tmp_path: Path) -> None:
     assert events.names == ("go", "trigger", "trigger", "Stöp")
     np.testing.assert_allclose(events.time_s, [98.0, 99.0, 99.5, 100.5], atol=1e-9)
     np.testing.assert_array_equal(events.value, [np.nan, 7, -1, np.nan])
-    assert (events.clock, events.notes) == (Clock.OWN, ())
+    assert (events.own_clock, events.notes) == (True, ())
 
 
 def test_a_file_that_is_cut_off_gives_what_is_whole(tmp_path: Path) -> None:

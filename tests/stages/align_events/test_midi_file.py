@@ -57,7 +57,7 @@ NOTE = st.tuples(st.integers(0, 5000), st.integers(0, 127), st.integers(1, 127),
 CHANGE = st.tuples(st.integers(0, 5000), st.integers(1, 2**24 - 1))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     notes=st.lists(NOTE, min_size=1, max_size=12, unique_by=lambda note: note[1]),
     changes=st.lists(CHANGE, max_size=6, unique_by=lambda change: change[0]),
@@ -104,13 +104,12 @@ WHOLE = midi(b"\x00" + tempo(400_000) + END, b"\x00\x90\x3c\x40\x60\x80\x3c\x00"
     [
         (b"", "cannot be read as a standard MIDI file"),
         (b"RIFF1234RMID", "MThd not found"),
-        (midi(END, kind=2), "format 2; expected 0 or 1"),
+        (midi(END, kind=2), "of format 2 with"),
         (WHOLE[:-1], "it is cut off"),
         (midi(b"\x00\x3c\x40" + END), "running status without last_status"),
         (midi(b"\x00\x90\x3c\x90\x00" + END), "data byte must be in range"),
         (midi(END, division=0), "0 ticks a quarter"),
-        (midi(END, division=0xE300), "29 frames a second"),
-        (midi(END, division=0x9028), "112 frames a second"),
+        (midi(END, division=0xE728), "expected format 0 or 1 and ticks of a quarter note, not time code"),
     ],
 )
 def test_other_files_are_refused(tmp_path: Path, data: bytes, message: str) -> None:

@@ -100,7 +100,7 @@ def test_every_ending_has_a_sample_and_its_place_in_the_guide() -> None:
 
 
 @pytest.mark.parametrize("name", SAMPLES)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(place=st.floats(0, 1), byte=st.integers(0, 255), cut=st.booleans())
 def test_a_spoilt_file_is_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, name: str, place: float, byte: int, cut: bool

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from event_files import flags_of
 
-from shukotsu.stages.align_events.event_list import Clock, Events
+from shukotsu.stages.align_events.event_list import Events
 from shukotsu.stages.align_events.tracker_events import read_tracker_events
 
 FRAMES = 10
@@ -33,7 +33,7 @@ def test_sync_rises_between_two_frames(tmp_path: Path) -> None:
     np.testing.assert_allclose(events.duration_s * RATE_HZ, [2, 3, 1])
     np.testing.assert_array_equal(events.value, [np.nan, 2, np.nan])
     np.testing.assert_allclose(events.sd_s * RATE_HZ, np.full(3, 12**-0.5))
-    assert events.clock is Clock.RECORDING
+    assert not events.own_clock
 
 
 def test_lost_frames_leave_the_time_less_sure(tmp_path: Path) -> None:
