@@ -25,7 +25,6 @@ from shukotsu.schemas.tables import Column, Table
 _OF_MODEL = (*OF_RECORDING, MODEL)
 ANGLE = Column("angle", TEXT, "", "flexion, abduction or rotation (docs/joint-angles.md)")
 EVENT = Column("event", TEXT, "", "name of the events that begin the cycles")
-PERCENT = Column("percent", WHOLE, "", "time within the cycle, of its duration: 0 to 100")
 QUANTITY = Column("quantity", TEXT, "", "what is compared, a column of a table of movement")
 OF = Column("of", TEXT, "", "whose: a joint and its angle, a digit, or two digits joined by '-'")
 UNIT = Column("unit", TEXT, "", "unit of the values; empty where they have none")
@@ -150,39 +149,21 @@ MOVEMENT_CYCLES = Table(
         _count("cycle", "number of the cycle among those of its event, from 0"),
         real("onset_s", "when it began, on the clock of the recording's time_s"),
         real("duration_s", "how long it lasted"),
-        Column("used", YES_NO, "", "whether curves are made of it, where the angle has no gap"),
+        Column("used", YES_NO, "", "whether it is a whole cycle whose ends are known"),
         MESSAGE,
     ),
     _key(*OF_RECORDING, EVENT, "cycle"),
 )
 
-MOVEMENT_CURVES = Table(
-    "movement_curves",
-    1,
-    "mean course of an angle over the cycles of a recording, at a percent of their duration",
-    (
-        *_OF_MODEL,
-        JOINT,
-        ANGLE,
-        EVENT,
-        PERCENT,
-        real("mean_deg", "mean over the cycles"),
-        real("sd_deg", "standard deviation between the cycles (n - 1); null of a single one"),
-        _count("n_cycles", "cycles used"),
-    ),
-    _key(*_OF_MODEL, JOINT, ANGLE, EVENT, PERCENT),
-)
-
 EVENT_STROKES = Table(
     "event_strokes",
-    2,
+    3,
     "an event that a fingertip made, e.g. a keystroke, from the posed hand (docs/keystrokes.md)",
     (
         *_OF_MODEL,
         _count("event", "number of the event in the recording, as in the events table"),
         Column("name", TEXT, "", "what happened, as in the events table"),
         Column("digit", TEXT, "", "the digit that struck; empty where that is not known"),
-        real("digit_probability", "that it was this digit: 1 where the event names it"),
         real("onset_s", "when the event began, on the clock of the recording's time_s"),
         real("onset_sd_ms", "1-sigma error of onset_s"),
         real("key_down_s", "when the fingertip stopped going down"),
@@ -275,7 +256,6 @@ MOVEMENT_TABLES = (
     RANGES_OF_MOTION,
     FINGERTIP_PATHS,
     MOVEMENT_CYCLES,
-    MOVEMENT_CURVES,
     EVENT_STROKES,
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,

@@ -11,7 +11,6 @@ MEASURED_TABLES = (
     "ranges_of_motion",
     "fingertip_paths",
     "movement_cycles",
-    "movement_curves",
     "event_strokes",
 )
 """Tables of a subject's movement."""

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from shukotsu.schemas.parts import Part, PartsWriter
     from shukotsu.schemas.plan import SubjectPlan
     from shukotsu.schemas.study import Recording
-    from shukotsu.stages.measure_movement.cycles import Cycle
     from shukotsu.stages.measure_movement.events import TimedEvent
 
 CYCLES = "movement_cycles"
@@ -48,16 +47,18 @@ def measure(arguments: argparse.Namespace) -> None:
         by_model = [table for name, table in tables.items() if name != CYCLES]
         for hand in plan.hands:
             events: Mapping[Recording, Sequence[TimedEvent]] = {}
-            cycles: dict[Recording, Sequence[Sequence[Cycle]]] = {}
             with subject_stage.recording_failure(arguments, plan.part(hand), tables[CYCLES]):
                 events = events_of(plan, hand, arguments.events, arguments.clocks)
-                cycles = {recording: cycles_of(plan, recording, rows) for recording, rows in events.items()}
-                rows = [recording.key | row for recording, own in cycles.items() for row in cycle_rows(own)]
+                rows = [
+                    recording.key | row
+                    for recording, of_recording in events.items()
+                    for row in cycle_rows(cycles_of(plan, recording, of_recording))
+                ]
                 tables[CYCLES].rows(plan.part(hand), rows)
             for part in plan.whole_parts:
                 if part.hand == hand:
                     with subject_stage.recording_failure(arguments, part, *by_model):
-                        _measure_part(plan, part, events, cycles, tables)
+                        _measure_part(plan, part, events, tables)
 
 
 @contextmanager
@@ -87,22 +88,17 @@ def _measure_part(
     plan: SubjectPlan,
     part: Part,
     events: Mapping[Recording, Sequence[TimedEvent]],
-    cycles: Mapping[Recording, Sequence[Sequence[Cycle]]],
     tables: Mapping[str, PartsWriter],
 ) -> None:
     """Write the rows of one model."""
     from shukotsu.schemas.poses import usable_poses
 
-    curves: list[dict[str, Any]] = []
     for name, table in tables.items():
         if name != CYCLES:
             table.rows(part, [])
     for recording in (*plan.evaluated(part.hand), *_calibrations(plan, part)):
         if usable_poses([plan.poses(recording)])[0]:  # else its import failed: the recordings table says why
-            of_recording = events.get(recording, ()), cycles.get(recording, ())
-            curves += _measure_recording(plan, part, recording, *of_recording, tables)
-    for columns in curves:  # only now, as what `columns` has written stays there where the part fails
-        tables["movement_curves"].columns(part, columns)
+            _measure_recording(plan, part, recording, events.get(recording, ()), tables)
 
 
 def _measure_recording(
@@ -110,12 +106,9 @@ def _measure_recording(
     part: Part,
     recording: Recording,
     events: Sequence[TimedEvent],
-    cycles: Sequence[Sequence[Cycle]],
     tables: Mapping[str, PartsWriter],
-) -> list[dict[str, Any]]:
-    """Write the rows of one recording, ranges alone where it only calibrates; return its curves."""
-    from itertools import groupby
-
+) -> None:
+    """Write the rows of one recording, ranges alone where it only calibrates."""
     from shukotsu.anatomy.recorded_movement import ANGLES, read_movement, unsolved
     from shukotsu.skeleton.posed_recording import posed_recording
     from shukotsu.stages.measure_movement import movement_rows
@@ -130,28 +123,18 @@ def _measure_recording(
 
     if reasons := unsolved(posed):
         write("ranges_of_motion", movement_rows.left_out_rows(reasons) if evaluated else ())
-        return []
+        return
     movement = read_movement(posed, with_tips=evaluated)
     grid = grid_of(movement.time_s)
-    ranges: list[dict[str, Any]] = []
-    curves: list[movement_rows.Curve] = []
-    for series in movement.joints():
-        ranges += movement_rows.range_rows(series, grid)
-        if cycles:
-            assert grid is not None  # without times there are no cycles
-            curves += movement_rows.joint_curves(series, grid, movement.time_s, cycles)
+    ranges = [row for series in movement.joints() for row in movement_rows.range_rows(series, grid)]
     ranges.sort(key=lambda row: ANGLES.index(row["angle"]))
     if not evaluated:
         write("ranges_of_motion", ranges)
-        return []
+        return
     write("ranges_of_motion", [*movement_rows.left_out_rows(movement.left_out), *ranges])
     write("fingertip_paths", movement_rows.path_rows(movement.fingertips, grid))
     if strokes := struck_events(recording, events, [*posed.layout.digits]):
         write("event_strokes", stroke_rows(movement, strokes))
-    names = [own[0].event for own in cycles]
-    curves.sort(key=lambda curve: (ANGLES.index(curve.angle), names.index(curve.event)))
-    together = groupby(curves, key=lambda curve: (curve.angle, curve.event))
-    return [{**recording.key, **movement_rows.curve_columns(list(own))} for _, own in together]
 
 
 def _calibrations(plan: SubjectPlan, part: Part) -> list[Recording]:

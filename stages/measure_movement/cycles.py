@@ -1,4 +1,4 @@
-"""Cycles of a movement, cut by events, and its mean course over them."""
+"""Cycles of a movement, cut by events."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from shukotsu.skeleton.rotations import Array
 
-PERCENT = np.arange(101)
 SHORTEST, LONGEST = 0.5, 2.0
 """Of the median duration of an event's cycles; a shorter or longer one is another movement."""
 
@@ -48,8 +47,7 @@ def cut_cycles(
     onset, duration, sd = onset[kept], duration[kept], sd[kept]
     usual = float(np.median(duration)) if len(duration) else np.nan
     cycles = []
-    found = zip(onset.tolist(), duration.tolist(), sd.tolist(), strict=True)
-    for number, (start, length, off) in enumerate(found):
+    for number, (start, length, off) in enumerate(zip(onset.tolist(), duration.tolist(), sd.tolist(), strict=True)):
         refusal = ""
         if np.isinf(off):
             refusal = "the clock of its events is weak"
@@ -71,34 +69,3 @@ def within_recording(cycles: Sequence[Cycle], time_s: Array) -> list[Cycle]:
         else one
         for one in cycles
     ]
-
-
-def normalised(values: Array, time_s: Array, cycle: Cycle) -> Array:
-    """Series (T, C) at 0 to 100 % of a cycle, (101, C), by straight lines between frames.
-
-    time_s : (T,) of the frames, rising. NaN in a column with a gap within the cycle.
-    """
-    at_s = cycle.onset_s + cycle.duration_s * PERCENT / 100.0
-    first = max(0, int(np.searchsorted(time_s, at_s[0], "right")) - 1)
-    last = min(len(time_s), int(np.searchsorted(time_s, at_s[-1], "left")) + 1)
-    time_s, values = time_s[first:last], values[first:last]
-    after = np.clip(np.searchsorted(time_s, at_s, "left"), 1, len(time_s) - 1)
-    share = ((at_s - time_s[after - 1]) / (time_s[after] - time_s[after - 1]))[:, None]
-    out = np.asarray(values[after - 1] + share * (values[after] - values[after - 1]))
-    out[:, np.isnan(values).any(0)] = np.nan
-    return out
-
-
-def mean_curves(curves: Array) -> tuple[Array, Array, Array]:
-    """Mean and SD (101, C) between cycles, and cycles used (C,), of curves (N, 101, C).
-
-    A cycle with a gap in a column is left out of it. NaN of a mean without cycles, an SD with fewer than two.
-    """
-    whole = np.asarray(~np.isnan(curves).any(1))
-    count = whole.sum(0)
-    kept = np.where(whole[:, None], curves, 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = kept.sum(0) / count
-        squared = np.where(whole[:, None], (curves - mean) ** 2, 0.0).sum(0)
-        sd = np.where(count > 1, np.sqrt(squared / (count - 1)), np.nan)
-    return mean, sd, count

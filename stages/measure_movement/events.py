@@ -22,7 +22,7 @@ from shukotsu.stages.measure_movement.sampling import grid_of
 MOST_ONSET_SD_MS = 10.0
 """Events that are known less well tell no stroke from the next."""
 
-_PITCH = re.compile(r"\bnote (\d{1,3})\b")
+_PITCH = re.compile(r"\bnote \d{1,3}\b")
 _SAME_CLOCK = "same clock"
 
 
@@ -36,17 +36,13 @@ class TimedEvent:
 
 @dataclass(frozen=True)
 class StruckEvent:
-    """An event that a fingertip made. pitch : MIDI number, NaN where it names none. digit : as it names it,
-    empty where it names none. refusal : why it cannot be used; empty where it can. row : of the events table.
+    """An event that a fingertip made. row : of the events table. digit : as it names it, empty where it names
+    none. refusal : why it cannot be used; empty where it can.
     """
 
-    number: int
-    onset_s: float
-    duration_s: float
-    pitch: float
+    row: Mapping[str, Any]
     digit: str
     refusal: str
-    row: Mapping[str, Any]
 
 
 def events_of(
@@ -98,17 +94,15 @@ def struck_events(
 ) -> list[StruckEvent]:
     """Events that name a pitch or a digit, but those that bring clocks together, in order of time."""
     pulses = {part.strip() for part in recording.pulses.split("=")} - {"", _SAME_CLOCK}
-    found = []
+    struck = []
     for row, doubt in ((event.row, event.doubt) for event in events):
-        pitch, words = _PITCH.search(row["name"]), row["name"].lower().split()
+        words = row["name"].lower().split()
         digit = next((name for name in digits if name.lower() in words), "")
-        if row["name"] in pulses or (not digit and pitch is None):
+        if row["name"] in pulses or not (digit or _PITCH.search(row["name"])):
             continue
         sd_ms = row["onset_sd_ms"]
         refusal = f"its clock is not sure: {doubt}" if doubt else ""
         if not refusal and sd_ms is not None and sd_ms > MOST_ONSET_SD_MS:
             refusal = f"its onset is known to {sd_ms:.0f} ms, more than {MOST_ONSET_SD_MS:.0f}"
-        duration_s = float("nan") if row["duration_s"] is None else row["duration_s"]
-        number = float(pitch[1]) if pitch else float("nan")
-        found.append(StruckEvent(row["event"], row["onset_s"], duration_s, number, digit, refusal, row))
-    return sorted(found, key=lambda event: event.onset_s)
+        struck.append(StruckEvent(row, digit, refusal))
+    return sorted(struck, key=lambda event: float(event.row["onset_s"]))

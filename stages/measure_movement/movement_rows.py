@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy.typing as npt
 from shukotsu.anatomy.recorded_movement import ERRORS, AngleSeries, FingertipPath
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
-from shukotsu.stages.measure_movement.cycles import PERCENT, Cycle, mean_curves, normalised
+from shukotsu.stages.measure_movement.cycles import Cycle
 from shukotsu.stages.measure_movement.differentiation import speed
 from shukotsu.stages.measure_movement.sampling import Grid, bridged
 
@@ -41,18 +40,6 @@ def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
         row |= _speed_columns(_speeds(series.angle_deg[:, None, None], grid), "deg_s")
     status = "weak" if series.status == "weak" or series.errors_deg is None else "ok"
     yield row | _judged(row, status, series.message, grid)
-
-
-@dataclass(frozen=True)
-class Curve:
-    """One angle's mean and SD between cycles, (101,) degrees, over the cycles of one event."""
-
-    joint: str
-    angle: str
-    event: str
-    mean_deg: Array
-    sd_deg: Array
-    n_cycles: int
 
 
 def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
@@ -87,35 +74,6 @@ def cycle_rows(cycles: Sequence[Sequence[Cycle]]) -> Iterator[Row]:
         row = {"event": cycle.event, "cycle": cycle.number, "used": not cycle.refusal}
         times = {"onset_s": cycle.onset_s, "duration_s": cycle.duration_s}
         yield row | times | {"message": cycle.refusal}
-
-
-def joint_curves(
-    series: AngleSeries, grid: Grid, time_s: Array, events: Sequence[Sequence[Cycle]]
-) -> Iterator[Curve]:
-    """An angle's mean curve over the cycles of each event; time_s : (T,) of the frames."""
-    values = bridged(grid.spread(series.angle_deg[:, None]), grid.step_s)
-    at_s = grid.times(time_s)
-    for cycles in events:
-        usable = [cycle for cycle in cycles if not cycle.refusal]
-        if usable:
-            mean, sd, count = mean_curves(np.stack([normalised(values, at_s, cycle) for cycle in usable]))
-            if count[0]:
-                numbers = mean[:, 0], sd[:, 0], int(count[0])
-                yield Curve(series.joint, series.angle, cycles[0].event, *numbers)
-
-
-def curve_columns(curves: Sequence[Curve]) -> dict[str, Any]:
-    """Give columns of movement_curves of some curves."""
-    rows = len(PERCENT)
-    return {
-        "joint": np.repeat([one.joint for one in curves], rows).tolist(),
-        "angle": np.repeat([one.angle for one in curves], rows).tolist(),
-        "event": np.repeat([one.event for one in curves], rows).tolist(),
-        "percent": np.tile(PERCENT, len(curves)),
-        "mean_deg": np.concatenate([one.mean_deg for one in curves]),
-        "sd_deg": np.concatenate([one.sd_deg for one in curves]),
-        "n_cycles": np.repeat([one.n_cycles for one in curves], rows),
-    }
 
 
 def _coverage(known: npt.NDArray[np.bool_]) -> Row:

@@ -39,11 +39,6 @@ class Grid:
         out[self.place] = values
         return out
 
-    def times(self, time_s: Array) -> Array:
-        """Times (count,) of all places, from those of the frames (T,), NaN where unknown."""
-        known = np.isfinite(time_s)
-        return np.interp(np.arange(self.count), self.place[known], time_s[known])
-
 
 def grid_of(time_s: Array) -> Grid | None:
     """The grid of the frames' device times (T,), NaN where unknown; None where they tell no rate.

@@ -93,7 +93,7 @@ def test_a_calibration_recording_has_its_ranges_of_motion(out: Path) -> None:
         assert row["full_range_deg"] == pytest.approx(true[f"{name}_pip"], abs=12)
         assert 0 < row["range_deg"] <= row["full_range_deg"]
         assert row["n_frames"] == N_FRAMES
-    for table in ("fingertip_paths", "movement_cycles", "movement_curves"):
+    for table in ("fingertip_paths", "movement_cycles"):
         assert not rows_in(out, table, task="rom")
 
 
@@ -186,22 +186,6 @@ def test_cycles_are_cut_and_refused(out: Path) -> None:
     assert [row["duration_s"] for row in cycles if row["event"] == "hold"] == [0.8, 0.8]
 
 
-def test_curves_are_the_mean_of_the_cycles(out: Path) -> None:
-    rows = rows_in(out, "movement_curves", model="quick", joint="index_pip", angle="flexion", event="tap")
-    assert [row["percent"] for row in rows] == list(range(101))
-    assert {row["n_cycles"] for row in rows} == {4}
-    truth = true_angles_deg("right")["index_pip"][:, 0]
-    time_s = recorded("right", "opposition", seed=SEED, n_frames=N_FRAMES)[0].time_s
-    share = np.linspace(0, 1, 101)
-    true = [
-        np.interp(start + share * (stop - start), time_s, truth)
-        for start, stop in ((0.5, 1.6), (1.6, 2.7), (2.7, 3.8), (4.0, 5.1))
-    ]
-    found, sd = (np.array([row[name] for row in rows]) for name in ("mean_deg", "sd_deg"))
-    assert np.corrcoef(found, np.mean(true, 0))[0, 1] > 0.99
-    np.testing.assert_allclose(sd, np.std(true, axis=0, ddof=1), atol=0.1 * np.ptp(truth))
-
-
 def test_a_weak_clock_cuts_nothing(subject: PlannedSubject, tmp_path: Path) -> None:
     events = subject.plan_file.with_name("events.parquet")
     own = {"subject": "01", "session": "", "hand": "right", "task": "opposition", "trial": ""}
@@ -212,7 +196,6 @@ def test_a_weak_clock_cuts_nothing(subject: PlannedSubject, tmp_path: Path) -> N
     assert run(subject, tmp_path, f"--events={events}", f"--clocks={clocks}") == 0
     cycles = rows_in(tmp_path, "movement_cycles")
     assert {(row["used"], row["message"]) for row in cycles} == {(False, "the clock of its events is weak")}
-    assert not rows_in(tmp_path, "movement_curves")
 
 
 def test_without_events_there_are_no_cycles_and_the_same_bytes_again(
@@ -224,7 +207,6 @@ def test_without_events_there_are_no_cycles_and_the_same_bytes_again(
         once, twice = ((tmp_path / folder / f"{name}.parquet").read_bytes() for folder in ("once", "twice"))
         assert once == twice
     assert rows_in(tmp_path / "once", "movement_cycles") == []
-    assert rows_in(tmp_path / "once", "movement_curves") == []
     assert len(rows_in(tmp_path / "once", "ranges_of_motion")) > 100
 
 
