@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.benchmark_table import Cell, TextTable, workers
-from shukotsu.statistics.difference_tests import group_test
+from shukotsu.statistics.group_statistics import group_difference
 from shukotsu.statistics.multiple_comparisons import LEVEL, holm
 from shukotsu.statistics.paired_statistics import sign_flip_p
 
@@ -98,7 +98,7 @@ def _family_of_groups(n: int, m: int, columns: int, studies: int) -> tuple[Cell,
     rng = np.random.default_rng((SEED, n, m, columns))
 
     def family(first: Array, second: Array) -> list[float]:
-        return [group_test(*pair)[0] for pair in zip(first.T, second.T, strict=True)]
+        return [group_difference(*pair).p for pair in zip(first.T, second.T, strict=True)]
 
     shares: list[Cell] = []
     for shape, ratio in MIXTURES.values():

@@ -65,7 +65,7 @@ MODEL_PAIRS = Table(
 
 MODEL_DIFFERENCES = Table(
     "model_differences",
-    1,
+    2,
     "how two skeleton models differ, subjects as the unit",
     (
         _METRIC,
@@ -82,8 +82,6 @@ MODEL_DIFFERENCES = Table(
         real("other_mean", "mean of the other"),
         real("mean_difference", "mean of model minus other"),
         real("median_difference", "median"),
-        real("lowest_difference", "the least"),
-        real("highest_difference", "the largest"),
         real("interval_95_low", "lower end of the mean difference's 95 % interval; null under 6 subjects"),
         real("interval_95_high", "upper end"),
         real("p", "two-sided p-value of the sign-flip test"),

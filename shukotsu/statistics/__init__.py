@@ -1,3 +1,1 @@
-"""Statistics with the subject as the unit: tests, intervals, effect sizes, curves, repeatability. Arrays
-only.
-"""
+"""Statistics with the subject as the unit: tests, intervals, effect sizes, repeatability. Arrays only."""

@@ -11,12 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from shukotsu.statistics.multiple_comparisons import LEVEL
-from shukotsu.statistics.paired_statistics import Array
-
-Interval = tuple[float, float]
+from shukotsu.statistics.paired_statistics import Array, Interval
 
 Z_95 = 1.959963984540054
 FEWEST_REPEATED = 3
@@ -50,6 +46,8 @@ class Reliability:
 
 def reliability(values: Array) -> Reliability:
     """Repeatability of values (n subjects, k sessions), all there; n and k at least 2."""
+    from scipy.special import chdtri
+
     n, k = values.shape
     of_subjects, of_sessions, rest = mean_squares(values)
     freedom = n * (k - 1)
@@ -60,7 +58,10 @@ def reliability(values: Array) -> Reliability:
         _agreement(n, k, of_subjects, of_sessions, rest),
         _consistency(n, k, of_subjects, rest),
         math.sqrt(within),
-        tuple_of(np.sqrt(within * freedom / _chi2([1 - LEVEL / 2, LEVEL / 2], freedom))),
+        (
+            math.sqrt(within * freedom / chdtri(freedom, LEVEL / 2)),
+            math.sqrt(within * freedom / chdtri(freedom, 1 - LEVEL / 2)),
+        ),
     )
 
 
@@ -116,18 +117,6 @@ def _undefined(of_subjects: float, rest: float) -> Icc:
     """Give, of sessions that repeat exactly 1, of values that are all the same nothing."""
     value = 1.0 if of_subjects > 0 and rest <= 0 else math.nan
     return Icc(value, (value, value))
-
-
-def tuple_of(pair: Array) -> Interval:
-    """The two numbers of an interval."""
-    return float(pair[0]), float(pair[1])
-
-
-def _chi2(shares: list[float], freedom: int) -> Array:
-    """Quantiles of chi-squared."""
-    from scipy.special import chdtri
-
-    return np.asarray(chdtri(freedom, 1.0 - np.array(shares)))
 
 
 def _f(share: float, freedom: float, other: float) -> float:

@@ -11,7 +11,8 @@ the study's first model. Fitted hands, where only they are asked, are compared w
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import math
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ import numpy as np
 from shukotsu.schemas.model import the_papers
 from shukotsu.stages.compare_models.observations import METRICS, PRIOR, Metric, ScoredStudy, observations
 from shukotsu.statistics.multiple_comparisons import holm
-from shukotsu.statistics.paired_statistics import Paired, paired
+from shukotsu.statistics.paired_statistics import EQUAL, Array, paired_difference, smallest_p
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,79 +79,74 @@ def _compare(
         expected = list(dict.fromkeys([*models, baseline]))
         for value in _values(places, study.subjects, expected, references):
             compared.values.append(row | {"reference": value["model"] in references} | value)
-    kind = {"table": metric.table, "held_out": held_out, "n_subjects": len(study.subjects)}
+    of_metric |= {"table": metric.table, "held_out": held_out, "n_subjects": len(study.subjects)}
     for other in others:
         for family in ([ALL_DIGITS], [digit for digit in scopes if digit != ALL_DIGITS]):
-            pairs = {
-                (model, digit): _shared(scopes[digit], model, other)
-                for model in models
-                if model != other
-                for digit in family
-            }
-            for (model, digit), own in pairs.items():
-                of_pair = of_metric | {"digit": digit, "model": model, "other": other}
-                compared.pairs += [of_pair | row for row in own]
-            for (model, digit), row in zip(pairs, _differences(list(pairs.values())), strict=True):
-                of_pair = of_metric | {"digit": digit, "model": model, "other": other}
-                compared.differences.append(of_pair | kind | {"baseline": other == baseline} | row)
+            rows = []
+            for model in models:
+                for digit in family if model != other else ():
+                    shared = _shared(scopes[digit], model, other)
+                    of_pair = of_metric | {"digit": digit, "model": model, "other": other}
+                    compared.pairs += [of_pair | pair for pair in shared]
+                    rows.append(of_pair | {"baseline": other == baseline} | _difference(shared))
+            n_comparisons = sum(row["p"] is not None for row in rows)
+            for name in ("p", "smallest_p"):
+                for row, p_holm in zip(rows, holm([row[name] for row in rows]), strict=True):
+                    row |= {f"{name}_holm": p_holm, "n_comparisons": n_comparisons}
+            compared.differences += rows
 
 
 def _scopes(study: ScoredStudy, seen: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Give value and reason of every model by subject, digit and place: of all digits, then of each.
+    """Value and reason of every model by subject, digit and place: of all digits, then of each.
 
     Digits stand as the layouts name them, then what else has numbers. Raises ValueError where a model was
     observed twice in a place.
     """
     places = seen.pivot(index=["subject", "digit", "place"], columns="model", values=["value", "reason"])
     yield ALL_DIGITS, places
-    present = set(seen["digit"])
-    of_layouts = [digit for layout in study.layouts.values() for digit in layout.digits]
     of_place = places.index.get_level_values("digit")
-    for digit in dict.fromkeys([*of_layouts, *sorted(present)]):
-        if digit in present:
+    of_layouts = [digit for layout in study.layouts.values() for digit in layout.digits]
+    for digit in dict.fromkeys([*of_layouts, *sorted(set(of_place))]):
+        if digit in of_place:
             yield digit, places[of_place == digit]
 
 
 def _values(
     places: pd.DataFrame, subjects: Sequence[str], models: Sequence[str], references: Sequence[str]
 ) -> Iterator[Row]:
-    """Give every subject's number under each model, with what is missing of it, and each reference."""
+    """Every subject's number under each model, with what is missing of it, and each reference.
+
+    Missing are the places, of those that any of `models` was seen in, without a number.
+    """
     names = list(dict.fromkeys([*models, *references]))
     values = places["value"].reindex(columns=names).astype(float)
-    of_subject = values.groupby(level="subject")
-    means, counts = of_subject.mean(), of_subject.count()
-    missing = {model: _missing(places, model, models) for model in models}
+    reasons = places["reason"].reindex(columns=names).astype(object)
+    means, counts = (getattr(values.groupby(level="subject"), what)() for what in ("mean", "count"))
+    is_seen = reasons[list(models)].notna().any(axis=1)
+    missing: dict[tuple[str, str], dict[str, int]] = {}
+    for model in models:
+        absent = reasons.loc[is_seen & values[model].isna(), model]
+        for (subject, *_), reason in absent.where(absent.notna(), NOT_SCORED).items():
+            own = missing.setdefault((subject, model), {})
+            own[reason.rstrip(".")] = own.get(reason.rstrip("."), 0) + 1
     for subject in subjects:
+        known = subject in means.index
         for name in names:
-            known = subject in means.index
-            if name in references and not (known and counts.at[subject, name]):
+            n_places = int(counts.at[subject, name]) if known else 0
+            if name in references and not n_places:
                 continue
-            absent = {} if known else {NOT_SCORED: 1}
-            reasons = missing.get(name, {}).get(subject, absent if name in models else {})
+            why = missing.get((subject, name), {NOT_SCORED: 1} if not known and name in models else {})
             yield {
                 "subject": subject,
                 "model": name,
-                "value": _known(means.at[subject, name]) if known else None,
-                "n_places": int(counts.at[subject, name]) if known else 0,
-                "missing": json.dumps(reasons, ensure_ascii=False) if reasons else "",
+                "value": float(means.at[subject, name]) if n_places else None,
+                "n_places": n_places,
+                "missing": json.dumps(why, ensure_ascii=False) if why else "",
             }
 
 
-def _missing(places: pd.DataFrame, model: str, models: Sequence[str]) -> Mapping[str, dict[str, int]]:
-    """Count by subject and reason the places, of those that any of `models` was seen in, without a number."""
-    reasons = places["reason"].reindex(columns=list(models)).astype(object)
-    values = places["value"].reindex(columns=list(models)).astype(float)
-    absent = reasons[model][reasons.notna().any(axis=1) & values[model].isna()]
-    absent = absent.where(absent.notna(), NOT_SCORED)
-    found: dict[str, dict[str, int]] = {}
-    for (subject, *_), reason in absent.items():
-        own = found.setdefault(subject, {})
-        own[reason.rstrip(".")] = own.get(reason.rstrip("."), 0) + 1
-    return found
-
-
 def _shared(places: pd.DataFrame, model: str, other: str) -> list[Row]:
-    """Give each subject's means of two models over the places in which both have a number."""
+    """Each subject's means of two models over the places in which both have a number."""
     values = places["value"].reindex(columns=[model, other]).astype(float).dropna().groupby(level="subject")
     counts = values.size()
     return [
@@ -165,43 +161,26 @@ def _shared(places: pd.DataFrame, model: str, other: str) -> list[Row]:
     ]
 
 
-def _differences(pairs: Sequence[Sequence[Row]]) -> Iterator[Row]:
-    """Test the subjects' differences between two models each, corrected for all of them together."""
-    found = [paired(np.array([row["difference"] for row in own])) if own else None for own in pairs]
-    corrected = holm([each.p if each else None for each in found])
-    smallest = holm([each.smallest_p if each else None for each in found])
-    n_comparisons = sum(each is not None for each in found)
-    for own, each, p_holm, smallest_p_holm in zip(pairs, found, corrected, smallest, strict=True):
-        means = {
-            name: float(sum(row[column] for row in own)) / len(own) if own else None
-            for name, column in (("mean", "value"), ("other_mean", "other_value"))
-        }
-        yield {
-            "n_compared_subjects": len(own),
-            **means,
-            **(_statistics(each) if each else {}),
-            "p_holm": p_holm,
-            "smallest_p_holm": smallest_p_holm,
-            "n_comparisons": n_comparisons,
-        }
-
-
-def _statistics(found: Paired) -> Row:
-    low, high = found.interval or (None, None)
-    return {
-        "mean_difference": found.mean,
-        "median_difference": found.median,
-        "lowest_difference": found.lowest,
-        "highest_difference": found.highest,
+def _difference(shared: Sequence[Row]) -> Row:
+    """What the subjects' differences between two models say, not corrected yet."""
+    n = len(shared)
+    row: Row = {"n_compared_subjects": n, "p": None, "smallest_p": None}
+    if not n:
+        return row
+    d: Array = np.array([pair["difference"] for pair in shared])
+    d = np.where(np.abs(d) <= EQUAL, 0.0, d)
+    tested = paired_difference(d)
+    low, high = tested.interval or (None, None)
+    return row | {
+        "mean": sum(pair["value"] for pair in shared) / n,
+        "other_mean": sum(pair["other_value"] for pair in shared) / n,
+        "mean_difference": math.fsum(d) / n,
+        "median_difference": float(np.median(d)),
         "interval_95_low": low,
         "interval_95_high": high,
-        "p": found.p,
-        "smallest_p": found.smallest_p,
-        "effect_size": found.effect,
-        "n_better": found.n_better,
-        "n_equal": found.n_equal,
+        "p": tested.p,
+        "smallest_p": smallest_p(n),
+        "effect_size": tested.effect,
+        "n_better": int((d < 0).sum()),
+        "n_equal": int((d == 0).sum()),
     }
-
-
-def _known(value: float) -> float | None:
-    return None if value != value else float(value)

@@ -9,113 +9,89 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from shukotsu.schemas.quantities import Quantity
 from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
 from shukotsu.stages.compare_movement.movement_values import Recorded, subject_means
-from shukotsu.statistics.difference_tests import (
-    FEWEST_IN_GROUP,
-    FEWEST_WITHIN,
-    NOT_SHOWN,
-    SHOWN,
-    group_test,
-    paired_test,
-)
-from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
+from shukotsu.statistics.group_statistics import FEWEST_IN_GROUP, group_difference
 from shukotsu.statistics.multiple_comparisons import LEVEL, holm
-from shukotsu.statistics.paired_statistics import Array
+from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS, Difference, paired_difference
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Row = dict[str, Any]
 
-VALUES = "values"
-"""Of a row that is not judged yet: its subjects' numbers at the level, and at the other."""
+SHOWN, NOT_SHOWN = "shown", "not-shown"
 
 
 def difference_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
-    """Rows of movement_differences for one quantity, over every factor; and VALUES, which `judge` takes off.
+    """Rows of movement_differences for one quantity, over every factor, but for what `judge` adds.
 
     numbers : as `numbers_of` gives them.
     """
     for factor in everything.factors:
         columns = [column for column in ("hand", "task") if column != factor]
-        cell = [*columns, "model", "of"]
-        wide = subject_means(numbers, factor, cell).unstack("level", sort=False)
+        wide = subject_means(numbers, factor, [*columns, "model", "of"]).unstack("level", sort=False)
         families = dict(list(wide.groupby([*columns, "model"], sort=False))) if len(wide) else {}
         for place in places(everything, factor):
             for pair in level_pairs(everything, factor, place):
+                where = {"hand": "", "task": "", **place, "factor": factor, "quantity": quantity.name}
+                where |= {"level": pair.level, "other_level": pair.other, "design": pair.design}
                 for key, family in families.items():
-                    if key[:-1] == tuple(place.values()):
-                        where = {**place, "model": key[-1], "quantity": quantity.name}
-                        yield from _family(family, pair, where | {"unit": quantity.unit})
+                    if key[:-1] != tuple(place.values()):
+                        continue
+                    for of, rows in family.reindex(columns=[pair.level, pair.other]).groupby(
+                        "of", sort=False
+                    ):
+                        values = rows.droplevel([name for name in rows.index.names if name != "subject"])
+                        row = where | {"model": key[-1], "of": of, "unit": quantity.unit}
+                        yield row | _row(values, pair)
 
 
 def judge(rows: Sequence[Row]) -> None:
-    """Test every row, corrected by Holm over all of its pair of levels and model."""
+    """Correct every row's p by Holm over all of its pair of levels and model, and say what is shown."""
     families: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         key = tuple(row[name] for name in ("factor", "level", "other_level", "model"))
         families.setdefault(key, []).append(row)
     for family in families.values():
-        for row in family:
-            first, other = (np.asarray(numbers, float) for numbers in row.pop(VALUES))
-            row |= {"p": None, "test": "", "verdict": ""}
-            if not row["message"]:
-                is_within = row["design"] == WITHIN
-                p, low, high = paired_test(first - other) if is_within else group_test(first, other)
-                test = "signs flipped" if is_within else "Welch's t, Cochran's p"
-                row |= {"p": p, "low": low, "high": high, "test": test}
         for row, p_holm in zip(family, holm([row["p"] for row in family]), strict=True):
             row["p_holm"] = p_holm
-            if p_holm is not None:
-                row["verdict"] = SHOWN if p_holm <= LEVEL else NOT_SHOWN
-
-
-def _family(family: pd.DataFrame, pair: LevelPair, where: Row) -> Iterator[Row]:
-    shared = {
-        "hand": "", "task": "", **where,
-        "factor": pair.factor, "level": pair.level, "other_level": pair.other, "design": pair.design,
-    }  # fmt: skip
-    for of, own in family.reindex(columns=[pair.level, pair.other]).groupby("of", sort=False):
-        by_subject = own.droplevel([name for name in own.index.names if name != "subject"])
-        yield shared | _row(by_subject, pair) | {"of": of}
+            row["verdict"] = "" if p_holm is None else SHOWN if p_holm <= LEVEL else NOT_SHOWN
 
 
 def _row(values: pd.DataFrame, pair: LevelPair) -> Row:
-    """One comparison, not judged yet. values : a row a subject, a column a level, NaN where there is none."""
+    """One comparison. values : a row a subject, a column a level, NaN where there is none."""
     first = values.loc[values.index.isin(pair.candidates(pair.level)), pair.level].dropna()
     other = values.loc[values.index.isin(pair.candidates(pair.other)), pair.other].dropna()
-    if pair.design == WITHIN:
+    is_within = pair.design == WITHIN
+    if is_within:
         both = first.index.intersection(other.index, sort=False)
         first, other = first[both], other[both]
+    n, m = len(first), len(other)
     n_left_out, reason = pair.left_out({*first.index, *other.index})
-    row: Row = {"n": len(first), "n_other": len(other), "left_out": n_left_out, "left_out_reason": reason}
-    if len(first) and len(other):
+    row: Row = {"n": n, "n_other": m, "left_out": n_left_out, "left_out_reason": reason, "message": ""}
+    if n and m:
         row |= {"mean": float(first.mean()), "other_mean": float(other.mean())}
         row["difference"] = row["mean"] - row["other_mean"]
-    row |= _effect_columns(pair.design, first.to_numpy(), other.to_numpy())
-    return row | {"message": _untested_reason(pair.design, len(first), len(other)), VALUES: (first, other)}
-
-
-def _untested_reason(design: str, n: int, n_other: int) -> str:
-    """Say why there is no test; empty where there is one."""
-    if min(n, n_other) == 0:
-        return f"no subject has a value at {'both levels' if design == WITHIN else 'one of the levels'}"
-    if design == WITHIN:
-        why = f"not tested: {n} with both levels, a test needs {FEWEST_WITHIN} subjects"
-        return "" if n >= FEWEST_WITHIN else why
-    why = f"not tested: groups of {n} and {n_other} subjects, a test needs {FEWEST_IN_GROUP} in each"
-    return why if min(n, n_other) < FEWEST_IN_GROUP else ""
-
-
-def _effect_columns(design: str, first: Array, other: Array) -> Row:
-    """Standardised difference of numbers at two levels, of the same subjects or of groups."""
-    name, effect = ("d_z", paired_effect) if design == WITHIN else ("hedges_g", two_group_effect)
-    found = effect(first, other)
-    if found is None:
-        return {"effect_size_name": ""}
-    size, (low, high) = found
-    return {"effect_size": size, "effect_size_name": name, "effect_low": low, "effect_high": high}
+    found: Difference | None = None
+    if is_within and n:
+        found = paired_difference((first - other).to_numpy())
+    elif not is_within and min(n, m) >= 2:
+        found = group_difference(first.to_numpy(), other.to_numpy())
+    row |= {"p": None, "test": "", "effect_size_name": ""}
+    if found is not None and found.effect is not None and found.effect_interval is not None:
+        low, high = found.effect_interval
+        name = "d_z" if is_within else "hedges_g"
+        row |= {"effect_size": found.effect, "effect_size_name": name, "effect_low": low, "effect_high": high}
+    if min(n, m) == 0:
+        row["message"] = f"no subject has a value at {'both levels' if is_within else 'one of the levels'}"
+    elif is_within and n < FEWEST_SUBJECTS:
+        row["message"] = f"not tested: {n} with both levels, a test needs {FEWEST_SUBJECTS} subjects"
+    elif not is_within and min(n, m) < FEWEST_IN_GROUP:
+        row["message"] = f"not tested: groups of {n} and {m} subjects, a test needs {FEWEST_IN_GROUP} in each"
+    elif found is not None:
+        low, high = found.interval or (None, None)
+        test = "signs flipped" if is_within else "Welch's t, Cochran's p"
+        row |= {"p": found.p, "low": low, "high": high, "test": test}
+    return row

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 from shukotsu.errors import listed
-from shukotsu.stages.compare_movement.movement_values import Recorded, in_order, level_column
+from shukotsu.stages.compare_movement.movement_values import SUSPECT, Recorded, in_order, level_column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,8 +22,8 @@ class LevelPair:
 
     design : within where at least as many of the study's subjects have both levels as have one, else between.
     levels_of : each subject's levels among the two, recordings that count or not; between groups those that
-    they have in any place. in_part : subjects of whom some recordings do not count, by the reason. wholly :
-    those of whom none does. without : subjects who were recorded there and have no level.
+    they have in any place. suspect : subjects of whom some recordings do not count, or none does, in these
+    words. without : subjects who were recorded there and have no level.
     """
 
     factor: str
@@ -32,9 +31,8 @@ class LevelPair:
     other: str
     design: str
     levels_of: Mapping[str, frozenset[str]]
-    in_part: Mapping[str, str]
-    wholly: Mapping[str, str]
-    without: Sequence[str] = ()
+    suspect: Mapping[str, str]
+    without: Sequence[str]
 
     def candidates(self, level: str) -> frozenset[str]:
         """Subjects that may stand for the level: within those with both, between those with it alone."""
@@ -43,61 +41,40 @@ class LevelPair:
 
     def left_out(self, used: Collection[str]) -> tuple[int, str]:
         """Count the subjects not in `used`, and say why they, or some recordings of others, are not."""
-        missing = [subject for subject in self.levels_of if subject not in used]
-        reasons: dict[str, list[str]] = defaultdict(list)
-        for subject in missing:
-            reasons[self._reason(subject)].append(subject)
-        for subject, reason in self.in_part.items():
-            if subject in used:
-                reasons[f"{reason} in part"].append(subject)
+        reasons: dict[str, list[str]] = {}
+        for subject in sorted(self.levels_of, key=lambda name: name in used):
+            levels, reason = self.levels_of[subject], self.suspect.get(subject, "")
+            if subject not in used and reason != SUSPECT:
+                if self.design == WITHIN and len(levels) == 1:
+                    reason = f"only at {next(iter(levels))}"
+                elif self.design == BETWEEN and len(levels) == 2:
+                    reason = "at both levels"
+                reason = reason or "no value"
+            if reason:
+                reasons.setdefault(reason, []).append(subject)
         if self.without:
-            reasons[f"no level of {self.factor}"] += self.without
+            reasons[f"no level of {self.factor}"] = list(self.without)
         text = "; ".join(f"{reason}: {listed(subjects)}" for reason, subjects in reasons.items())
-        return len(missing) + len(self.without), text
-
-    def _reason(self, subject: str) -> str:
-        levels = self.levels_of[subject]
-        if subject in self.wholly:
-            return self.wholly[subject]
-        if self.design == WITHIN and len(levels) == 1:
-            return f"only at {next(iter(levels))}"
-        if self.design == BETWEEN and len(levels) == 2:
-            return "at both levels"
-        return f"{self.in_part[subject]} in part" if subject in self.in_part else "no value"
+        return sum(name not in used for name in self.levels_of) + len(self.without), text
 
 
 def level_pairs(everything: Recorded, factor: str, place: Mapping[str, str]) -> Iterator[LevelPair]:
     """Pairs of the factor's levels in a place, in the sheet's order, which is one for all places."""
-    column, study = level_column(factor), everything.rows
-    in_place = study
+    column, in_place = level_column(factor), everything.rows
     for name, value in place.items():
         in_place = in_place[in_place[name] == value]
-    here, study = in_place[in_place[column] != ""], study[study[column] != ""]
-    missing = dict.fromkeys(in_place["subject"])
-    without = [subject for subject in missing if subject not in set(here["subject"])]
-    present = set(here[column])
-    for levels in combinations([level for level in in_order(study, column) if level in present], 2):
+    study = everything.rows[everything.rows[column] != ""]
+    here = in_place[in_place[column] != ""]
+    without = list(dict.fromkeys(in_place.loc[~in_place["subject"].isin(here["subject"]), "subject"]))
+    for levels in combinations([level for level in in_order(study, column) if level in {*here[column]}], 2):
         rows = here[here[column].isin(levels)]
-        yield _level_pair(factor, levels, rows, study[study[column].isin(levels)], without)
-
-
-def _level_pair(
-    factor: str, levels: tuple[str, str], rows: pd.DataFrame, study: pd.DataFrame, without: Sequence[str]
-) -> LevelPair:
-    """Two levels, of the recordings in a place and in the whole study that have either."""
-    column = level_column(factor)
-    anywhere, levels_of = _levels_of(study, column), _levels_of(rows, column)
-    n_both = sum(len(own) == 2 for own in anywhere.values())
-    design = WITHIN if 2 * n_both >= len(anywhere) else BETWEEN
-    if design == BETWEEN:
-        levels_of = {subject: anywhere[subject] for subject in levels_of}
-    in_part: dict[str, str] = {}
-    wholly: dict[str, str] = {}
-    for subject, reasons in rows.groupby("subject", sort=False)["left_out"]:
-        dropped = [reason for reason in reasons if reason]
-        if dropped:
-            (wholly if len(dropped) == len(reasons) else in_part)[str(subject)] = dropped[0]
-    return LevelPair(factor, *levels, design, levels_of, in_part, wholly, without)
+        anywhere, levels_of = (_levels_of(own[own[column].isin(levels)], column) for own in (study, rows))
+        design = WITHIN if 2 * sum(len(own) == 2 for own in anywhere.values()) >= len(anywhere) else BETWEEN
+        if design == BETWEEN:
+            levels_of = {subject: anywhere[subject] for subject in levels_of}
+        share = (rows["left_out"] != "").groupby(rows["subject"], sort=False).mean()
+        suspect = {str(name): SUSPECT + " in part" * (of < 1) for name, of in share.items() if of > 0}
+        yield LevelPair(factor, *levels, design, levels_of, suspect, without)
 
 
 def _levels_of(rows: pd.DataFrame, column: str) -> dict[str, frozenset[str]]:

@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu.schemas.quantities import Quantity
 from shukotsu.schemas.study import OWN_FACTORS
-from shukotsu.schemas.tables import Table, open_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,18 +44,18 @@ class Recorded:
 
         What such a factor does is in the numbers' change, which then is no measurement error alone.
         """
-        prefix = level_column("")
-        session = {prefix + SESSION: self.rows[SESSION]} if SESSION in self.factors else {}
-        recordings = self.rows.assign(**session)
-        names = [name for name in recordings if name.startswith(prefix)]
-        found: dict[str, dict[tuple[str, str], str]] = {SESSION: {}, TRIAL: {}}
+        recordings = self.rows
+        if SESSION in self.factors:
+            recordings = recordings.assign(**{level_column("") + SESSION: recordings[SESSION]})
+        names = [name for name in recordings if name.startswith(level_column(""))]
+        changing: dict[str, dict[tuple[str, str], str]] = {SESSION: {}, TRIAL: {}}
         for across, whose in ((SESSION, ["subject"]), (TRIAL, ["subject", SESSION])) if names else ():
             for (hand, task), rows in recordings.groupby(["hand", "task"], sort=False):
                 levels = rows.groupby([*whose, across], sort=False)[names].agg(frozenset)
                 n = levels.groupby(whose, sort=False).nunique()
-                changed = n.columns[(n > 1).any()].str.removeprefix(prefix)
-                found[across][str(hand), str(task)] = ";".join(changed)
-        return found
+                changed = n.columns[(n > 1).any()].str.removeprefix(level_column(""))
+                changing[across][str(hand), str(task)] = ";".join(changed)
+        return changing
 
 
 def level_column(factor: str) -> str:
@@ -81,13 +79,6 @@ def recorded(rows: Sequence[Mapping[str, str]], factors: Collection[str], proble
     return Recorded(levels.assign(left_out=reasons), tuple(factors))
 
 
-def read_frame(path: Path, table: Table, columns: Sequence[str]) -> pd.DataFrame:
-    """Read columns of a table."""
-    with open_table(path, table) as file:
-        frame: pd.DataFrame = file.read(columns=list(columns)).replace_schema_metadata().to_pandas()
-    return frame
-
-
 def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -> pd.DataFrame:
     """A quantity's numbers in the recordings that count: those' columns, model, of and value.
 
@@ -97,11 +88,11 @@ def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -
     first, *others = quantity.of
     of = whole[first].str.cat([whole[name] for name in others], sep=" ") if others else whole[first]
     numbers = whole[[*RECORDING, "model"]].assign(of=of, value=whole[quantity.name].astype(float))
-    found = numbers.dropna(subset="value").merge(counted, on=RECORDING)
+    numbers = numbers.dropna(subset="value").merge(counted, on=RECORDING)
     for column in ("trial", "session"):
         order = {name: place for place, name in enumerate(in_order(counted, column))}
-        found = found.sort_values(column, key=lambda names, order=order: names.map(order), kind="stable")
-    return found.reset_index(drop=True)
+        numbers = numbers.sort_values(column, key=lambda names, order=order: names.map(order), kind="stable")
+    return numbers.reset_index(drop=True)
 
 
 def in_order(rows: pd.DataFrame, column: str) -> list[str]:

@@ -11,10 +11,7 @@ from typing import TYPE_CHECKING, Any
 from shukotsu.errors import listed
 from shukotsu.schemas.quantities import Quantity
 from shukotsu.stages.compare_movement.movement_values import SESSION, TRIAL, Recorded
-from shukotsu.statistics.reliability_statistics import (
-    FEWEST_REPEATED,
-    reliability,
-)
+from shukotsu.statistics.reliability_statistics import FEWEST_REPEATED, reliability
 
 if TYPE_CHECKING:
     import pandas as pd

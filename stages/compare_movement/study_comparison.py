@@ -8,19 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shukotsu.schemas.catalogue import PROBLEMS
-from shukotsu.schemas.movement_tables import (
-    MOVEMENT_DIFFERENCES,
-    MOVEMENT_RELIABILITY,
-)
+from shukotsu.schemas.movement_tables import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY
 from shukotsu.schemas.quantities import QUANTITIES, Quantity
 from shukotsu.schemas.results import Results
-from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table
+from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, read_table, write_table
 from shukotsu.stages.compare_movement.level_differences import difference_rows, judge
 from shukotsu.stages.compare_movement.movement_values import (
     RECORDING,
     Recorded,
     numbers_of,
-    read_frame,
     recorded,
 )
 from shukotsu.stages.compare_movement.repeatability import reliability_rows
@@ -43,8 +39,7 @@ def compare_study(
     levels : as `schemas.factors.factor_levels` gives them. factors : those that are compared pair by pair.
     sheets : where they are from, for the tables' metadata. Raises TableError where a table is damaged.
     """
-    columns = ["subject", "session", "hand", "severity"]
-    problems = read_frame(results.study_table(PROBLEMS.name), PROBLEMS, columns)
+    problems = _read(results, PROBLEMS, ["subject", "session", "hand", "severity"])
     everything = recorded(levels, factors, problems)
     inputs = [results.study_table(name) for name in (PROBLEMS.name, *TABLES)]
     provenance = Provenance.of([*sheets, *inputs], factors=list(factors))
@@ -54,10 +49,7 @@ def compare_study(
         differences += difference_rows(quantity, numbers, everything)
         reliabilities += reliability_rows(quantity, numbers, everything)
     judge(differences)
-    for table, rows in (
-        (MOVEMENT_DIFFERENCES, differences),
-        (MOVEMENT_RELIABILITY, reliabilities),
-    ):
+    for table, rows in ((MOVEMENT_DIFFERENCES, differences), (MOVEMENT_RELIABILITY, reliabilities)):
         write_table(results.study_table(table.name), table, columns_from_rows(table, rows), provenance)
 
 
@@ -67,6 +59,11 @@ def _numbers(results: Results, everything: Recorded) -> Iterator[tuple[Quantity,
     for name, quantities in groupby(QUANTITIES, key=lambda quantity: quantity.table.name):
         own = list(quantities)
         columns = dict.fromkeys([*own[0].of, *(quantity.name for quantity in own)])
-        whole = read_frame(results.study_table(name), TABLES[name], [*RECORDING, "model", *columns])
+        whole = _read(results, TABLES[name], [*RECORDING, "model", *columns])
         for quantity in own:
             yield quantity, numbers_of(quantity, whole, counted)
+
+
+def _read(results: Results, table: Table, columns: Sequence[str]) -> pd.DataFrame:
+    frame: pd.DataFrame = read_table(results.study_table(table.name), table, list(columns)).to_pandas()
+    return frame

@@ -47,7 +47,9 @@ def cut_cycles(
     onset, duration, sd = onset[kept], duration[kept], sd[kept]
     usual = float(np.median(duration)) if len(duration) else np.nan
     cycles = []
-    for number, (start, length, off) in enumerate(zip(onset.tolist(), duration.tolist(), sd.tolist(), strict=True)):
+    for number, (start, length, off) in enumerate(
+        zip(onset.tolist(), duration.tolist(), sd.tolist(), strict=True)
+    ):
         refusal = ""
         if np.isinf(off):
             refusal = "the clock of its events is weak"

@@ -87,7 +87,9 @@ def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> It
     else:
         time_s = np.interp(np.arange(len(movement.time_s)), timed, movement.time_s[timed])
         windows = [None if event.refusal else _window(movement, time_s, event) for event in events]
-    losses = [None if own is None else _losses(own, event) for own, event in zip(windows, events, strict=True)]
+    losses = [
+        None if own is None else _losses(own, event) for own, event in zip(windows, events, strict=True)
+    ]
     down = _way_down([loss for loss in losses if loss is not None])
     for event, window, loss in zip(events, windows, losses, strict=True):
         row: Row = {name: event.row[name] for name in ("event", "name", "onset_s", "onset_sd_ms")}
@@ -133,7 +135,14 @@ def _losses(window: _Window, event: StruckEvent) -> tuple[Array, Array, Array]:
     half = max(1, round(SLOPE_S / step_s / 2))
     wide = [(half, half), (0, 0), (0, 0)]
     slopes = savgol_filter(
-        np.pad(window.tips_mm, wide, constant_values=np.nan), 2 * half + 1, 1, 1, step_s, 0, "constant", np.nan
+        np.pad(window.tips_mm, wide, constant_values=np.nan),
+        2 * half + 1,
+        1,
+        1,
+        step_s,
+        0,
+        "constant",
+        np.nan,
     )
     near = np.flatnonzero(np.abs(window.time_s - event.row["onset_s"]) <= max(SEARCH_S, step_s))
     return window.time_s[near], slopes[near], slopes[near + 2 * half]
@@ -151,7 +160,11 @@ def _way_down(losses: Sequence[tuple[Array, Array, Array]]) -> Array:
 
 
 def _stroke(
-    event: StruckEvent, window: _Window, losses: tuple[Array, Array, Array], digits: Sequence[str], down: Array
+    event: StruckEvent,
+    window: _Window,
+    losses: tuple[Array, Array, Array],
+    digits: Sequence[str],
+    down: Array,
 ) -> Row:
     """Measure an event by the digit that made it."""
     time_s, before, after = losses
@@ -199,7 +212,9 @@ def _measured(window: _Window, digit: int, about_s: float, down: Array) -> Row |
     width = max(3, 1 + 2 * round(_PEAK_S / step_s / 2))
     peak = speed
     if len(falling) >= width:
-        peak = max(speed, float(np.linalg.norm(savgol_filter(falling, width, 1, 1, step_s, 0), axis=-1).max()))
+        peak = max(
+            speed, float(np.linalg.norm(savgol_filter(falling, width, 1, 1, step_s, 0), axis=-1).max())
+        )
     return {
         "key_down_s": corner.time_s,
         "key_down_sd_ms": 1e3 * float(np.hypot(corner.sd_s, SOFT_S)),

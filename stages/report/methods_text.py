@@ -18,7 +18,7 @@ from shukotsu.stages.report.movement_page.movement_results import Movement
 from shukotsu.stages.report.movement_page.movement_text import why_nothing
 from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.stages.report.table_cells import number
-from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS, N_RESAMPLES
+from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS
 
 REFERENCES = (
     (
@@ -40,10 +40,6 @@ REFERENCES = (
         "(2005) 981–992."
     ),
     "R. A. Fisher: The Design of Experiments. Oliver and Boyd, 1935.",
-    (
-        "T. C. Hesterberg: What Teachers Should Know About the Bootstrap. The American "
-        "Statistician 69 (2015) 371–386."
-    ),
     (
         "S. Holm: A Simple Sequentially Rejective Multiple Test Procedure. Scandinavian Journal "
         "of Statistics 6 (1979) 65–70."
@@ -181,11 +177,9 @@ def _judged(results: StudyResults) -> str:
     return tr(
         "{seen} The subject was the unit of comparison: each gave one difference between two "
         "models, the mean over its hands, recordings and digits. Differences were tested by "
-        "flipping their signs [5]; 95 % intervals are expanded percentile bootstrap intervals "
-        "over subjects [6] ({N_RESAMPLES} resamples, from {FEWEST_SUBJECTS} subjects on); Holm's "
-        "procedure corrected p [7]; effect sizes are Cohen's d_z with Hedges' correction [8].",
+        "flipping their signs [5]; 95 % intervals are Student's (from {FEWEST_SUBJECTS} subjects on); Holm's "
+        "procedure corrected p [6]; effect sizes are Cohen's d_z with Hedges' correction [7].",
         seen=seen,
-        N_RESAMPLES=N_RESAMPLES,
         FEWEST_SUBJECTS=FEWEST_SUBJECTS,
     )
 

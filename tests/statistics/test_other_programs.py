@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shukotsu.statistics.difference_tests import group_test
-from shukotsu.statistics.effect_sizes import paired_effect, two_group_effect
-from shukotsu.statistics.paired_statistics import small_sample_correction
+from shukotsu.statistics.group_statistics import group_difference
+from shukotsu.statistics.paired_statistics import paired_difference, small_sample_correction
 from shukotsu.statistics.reliability_statistics import reliability
 
 TESTS = Path(__file__).resolve().parents[1]
@@ -50,12 +49,11 @@ def test_pingouin_has_the_same_iccs_and_sizes(n: int, k: int, shift: float) -> N
     ours = reliability(values)
     for name, icc in (("ICC(A,1)", ours.agreement), ("ICC(C,1)", ours.consistency)):
         assert [icc.value, *icc.interval] == pytest.approx(theirs["icc"][name], abs=ROUNDING)
-    two = two_group_effect(first, other)
-    assert two is not None
-    assert two[0] / small_sample_correction(2 * n + 1) == pytest.approx(theirs["cohen"], abs=ROUNDING)
-    p, low, high = group_test(first, other)
-    assert [low, high] == pytest.approx(theirs["welch"][:2], abs=ROUNDING)
-    assert p == pytest.approx(theirs["welch"][2], abs=0.1)
-    paired = paired_effect(first, other[:n])
-    assert paired is not None
-    assert paired[0] / small_sample_correction(n - 1) == pytest.approx(theirs["d_z"], abs=ROUNDING)
+    two = group_difference(first, other)
+    assert two.effect is not None
+    assert two.effect / small_sample_correction(2 * n + 1) == pytest.approx(theirs["cohen"], abs=ROUNDING)
+    assert two.interval == pytest.approx(theirs["welch"][:2], abs=ROUNDING)
+    assert two.p == pytest.approx(theirs["welch"][2], abs=0.1)
+    size = paired_difference(first - other[:n]).effect
+    assert size is not None
+    assert size / small_sample_correction(n - 1) == pytest.approx(theirs["d_z"], abs=ROUNDING)

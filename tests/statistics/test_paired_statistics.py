@@ -9,14 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from shukotsu.statistics.paired_statistics import (
-    N_FLIPS,
-    bootstrap_tail,
-    effect_interval,
-    effect_size,
-    interval_95,
-    sign_flip_p,
-)
+from shukotsu.statistics.paired_statistics import N_FLIPS, effect_of, paired_difference, sign_flip_p
 
 SKEWED = np.array([-0.9, -0.5, -0.45, -0.3, -0.2, -0.15, -0.1, 0.02, 0.3])
 
@@ -55,39 +48,29 @@ def test_random_flips_are_near_the_exact_p(n: int) -> None:
     assert sign_flip_p(d) == pytest.approx(exact, abs=error + 1e-12)
 
 
-def test_interval_is_scipys_percentile_bootstrap_with_wider_tails() -> None:
-    """Ends within Monte Carlo error of scipy's at the widened level."""
-    tail = bootstrap_tail(len(SKEWED))
-    expected = stats.bootstrap(
-        (SKEWED,),
-        np.mean,
-        n_resamples=20_000,
-        confidence_level=1 - 2 * tail,
-        method="percentile",
-        random_state=np.random.default_rng(2),
-    ).confidence_interval
-    low, high = interval_95(SKEWED)
-    assert low == pytest.approx(expected.low, abs=0.03)
-    assert high == pytest.approx(expected.high, abs=0.03)
-    assert high - low == pytest.approx(expected.high - expected.low, rel=0.035)
-    plain = np.ptp(stats.bootstrap((SKEWED,), np.mean, method="percentile", rng=1).confidence_interval)
-    assert high - low > 1.1 * plain
-
-
 def test_effect_size_by_hand() -> None:
     """Mean 3, SD sqrt(2.5), and the correction for 4 degrees of freedom, gamma(2) / (sqrt(2) gamma(1.5))."""
     d = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
     correction = 1.0 / (math.sqrt(2.0) * math.sqrt(math.pi) / 2)
-    assert effect_size(d) == pytest.approx(3.0 / math.sqrt(2.5) * correction)
-    assert effect_size(-d) == pytest.approx(-3.0 / math.sqrt(2.5) * correction)
-    assert effect_size(d[:2]) is None
-    assert effect_size(np.full(9, 0.7)) is None
+    assert paired_difference(d).effect == pytest.approx(3.0 / math.sqrt(2.5) * correction)
+    assert paired_difference(-d).effect == pytest.approx(-3.0 / math.sqrt(2.5) * correction)
+    assert paired_difference(d[:2]).effect is None
+    assert paired_difference(np.full(9, 0.7)).effect is None
 
 
-@pytest.mark.parametrize(("t", "freedom", "n_effective"), [(2.0, 5, 6.0), (-3.1, 18, 5.0), (0.0, 11, 12.0)])
+def test_an_interval_is_students_and_needs_six_subjects() -> None:
+    expected = stats.ttest_1samp(SKEWED, 0.0).confidence_interval(0.95)
+    assert paired_difference(SKEWED).interval == pytest.approx((expected.low, expected.high))
+    assert paired_difference(SKEWED[:5]).interval is None
+
+
+@pytest.mark.parametrize(
+    ("size", "freedom", "n_effective"), [(0.8, 5, 6.0), (-1.4, 18, 5.0), (0.0, 11, 12.0)]
+)
 def test_effect_interval_is_where_scipys_noncentral_t_has_its_tails(
-    t: float, freedom: int, n_effective: float
+    size: float, freedom: int, n_effective: float
 ) -> None:
-    low, high = (end * math.sqrt(n_effective) for end in effect_interval(t, freedom, n_effective))
+    t = size * math.sqrt(n_effective)
+    low, high = (end * math.sqrt(n_effective) for end in effect_of(size, freedom, n_effective)[1])
     assert stats.nct.sf(t, freedom, low) == pytest.approx(0.025, abs=1e-5)
     assert stats.nct.cdf(t, freedom, high) == pytest.approx(0.025, abs=1e-5)

@@ -201,7 +201,7 @@ def _comparison_table(own: Answer, comparisons: Sequence[Comparison]) -> DataTab
             tr(
                 "Differences are the model's number less that of {baseline}: below 0 the model is "
                 "better. A subject counts once, by its mean over the places in which both have a number. "
-                "Interval: expanded percentile bootstrap over subjects, from {FEWEST_SUBJECTS} subjects "
+                "Interval: Student's, from {FEWEST_SUBJECTS} subjects "
                 "on, for one comparison. p: sign-flip test; corrected by Holm over {comparisons}. Effect "
                 "size: Cohen's d_z with Hedges' correction.",
                 baseline=own.baseline,

@@ -122,7 +122,7 @@ def _differences_caption(results: StudyResults, panels: list[Answer]) -> str:
         tr(
             "A dot is a subject: the mean over the places (a digit in a recording, or a joint) in "
             "which both models have a number. Below 0 the model named at the left does better. Mark: "
-            "mean; bar: 95 % interval of the mean, expanded percentile bootstrap over subjects"
+            "mean; bar: Student's 95 % interval of the mean"
         )
         + (
             tr(" (none is drawn of fewer than {FEWEST_SUBJECTS} subjects).", FEWEST_SUBJECTS=FEWEST_SUBJECTS)

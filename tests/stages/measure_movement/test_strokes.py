@@ -91,7 +91,9 @@ def test_strokes_are_those_that_were_played(measured: Measured) -> None:
 
 
 def test_what_is_given_is_believed_and_what_is_not_known_is_not_used(measured: Measured) -> None:
-    given, late, other = sorted(measured.rows("event_strokes", model="quick"), key=lambda row: row["event"])[3:6]
+    given, late, other = sorted(measured.rows("event_strokes", model="quick"), key=lambda row: row["event"])[
+        3:6
+    ]
     assert (given["digit"], given["used"]) == (measured.played.strokes[3].digit, True)
     assert (late["used"], late["digit"]) == (False, "")
     assert late["message"] == "its onset is known to 30 ms, more than 10"
