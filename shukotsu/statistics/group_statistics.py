@@ -1,9 +1,10 @@
 """What a difference of means says, of two groups: test, interval and effect size.
 
-Test: Welch's t by Cochran's p, the mean of both groups' Student p weighted by the variances of their means (W.
-G. Cochran, Biometrics 20, 1964), which holds its level where groups spread differently, deep into the tail
-that Holm's correction asks for. There neither Student's p with Welch's degrees of freedom does, with few
-subjects, nor a permutation of Welch's t (scipy.stats.permutation_test). Interval: Welch's. Effect size: Hedges' g, over the pooled standard deviation.
+Test: Welch's t by Cochran's p, the mean of both groups' Student p weighted by the variances of their means
+(W. G. Cochran, Biometrics 20, 1964), which holds its level where groups spread differently, deep into the
+tail that Holm's correction asks for. There neither Student's p with Welch's degrees of freedom does, with few
+subjects, nor a permutation of Welch's t (scipy.stats.permutation_test). Interval: Welch's. Effect size:
+Hedges' g, over the pooled standard deviation.
 """
 
 from __future__ import annotations

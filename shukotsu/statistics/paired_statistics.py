@@ -2,11 +2,11 @@
 
 Test: the signs of the differences are flipped, in all ways or at random, which is exact where a difference
 is as likely to lie above 0 as so far below (R. A. Fisher, The Design of Experiments, 1935). Of random flips
-the data themselves count as one (B. Phipson, G. K. Smyth, Stat. Appl. Genet. Mol. Biol. 9, 2010). The flips of
-n are one matrix, for all numbers of a study: scipy.stats.permutation_test, which gives the same p, takes a
-hundred times as long. Interval: Student's. Effect size: Cohen's d_z with the exact correction for few subjects
-(L. V. Hedges, J. Educ. Stat. 6, 1981); its interval, of the size without the correction, from the noncentral
-t. Nothing is corrected for many comparisons.
+the data themselves count as one (B. Phipson, G. K. Smyth, Stat. Appl. Genet. Mol. Biol. 9, 2010). The flips
+of n are one matrix, for all numbers of a study: scipy.stats.permutation_test gives the same p, and takes a
+hundred times as long. Interval: Student's. Effect size: Cohen's d_z with the exact correction for few
+subjects (L. V. Hedges, J. Educ. Stat. 6, 1981); its interval, of the size without the correction, from the
+noncentral t. Nothing is corrected for many comparisons.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def smallest_p(n: int) -> float:
 
 @lru_cache(maxsize=8)
 def _sign_flips(n: int) -> Array:
-    """Signs of n differences, a row a flip: all, but for a mirror image, or N_FLIPS that depend on n alone."""
+    """Signs of n differences, a row a flip: all, but for a mirror image, or N_FLIPS, the same of every n."""
     if n > MOST_ENUMERATED:
         drawn = np.random.default_rng((n, 2)).integers(0, 2, (N_FLIPS, n))
     else:

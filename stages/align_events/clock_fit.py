@@ -75,9 +75,9 @@ class ClockFit:
     """The line, and what was seen of the pulses.
 
     residual_s : 1-sigma of a single pulse about the line. open_s : the period of pulses that are regular, by
-    which the line may be shifted; else 0. clock_sd_s : largest 1-sigma error of the line between the first and
-    the last pulse. n_missing, n_extra : pulses that only the reference, only the other
-    clock has while both ran. message : why the line is not sure, or empty.
+    which the line may be shifted; else 0. clock_sd_s : largest 1-sigma error of the line between the first
+    and the last pulse. n_missing, n_extra : pulses that only the reference, only the other clock has while
+    both ran. message : why the line is not sure, or empty.
     """
 
     line: Line

@@ -20,8 +20,8 @@ class Events:
     """N events in the order of their file. time_s, duration_s, value : (N,), NaN where nothing says so.
 
     own_clock : whether times are of the device's clock, not of the recording's time_s. sd_s : (N,) 1-sigma
-    error of a time on that clock, 0 where it is not known. channel : (N,) of MIDI, from 1; 0 elsewhere. notes :
-    what a reader of the table should know of the file, a sentence each.
+    error of a time on that clock, 0 where it is not known. channel : (N,) of MIDI, from 1; 0 elsewhere.
+    notes : what a reader of the table should know of the file, a sentence each.
     """
 
     source: str

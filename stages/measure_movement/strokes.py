@@ -48,8 +48,8 @@ MOST_CONTACT_SD_S, SHAPE_SHARE = 0.01, 0.03
 """1-sigma above which a contact is not sure; 1-sigma of its speed, of it: strokes are no parabolas."""
 
 _BRIDGED_S, _PEAK_S, _PEAK_NOISE = 0.02, 0.0167, 76.0
-"""Gaps that are bridged; what the largest speed is a mean over, and what noise of 1 mm leaves of it at 240 Hz,
-mm/s."""
+"""Gaps that are bridged; what the largest speed is a mean over, and what noise of 1 mm leaves of it at 240
+Hz, mm/s."""
 
 
 @dataclass(frozen=True)

@@ -64,9 +64,7 @@ def test_an_interval_is_students_and_needs_six_subjects() -> None:
     assert paired_difference(SKEWED[:5]).interval is None
 
 
-@pytest.mark.parametrize(
-    ("size", "freedom", "n_effective"), [(0.8, 5, 6.0), (-1.4, 18, 5.0), (0.0, 11, 12.0)]
-)
+@pytest.mark.parametrize(("size", "freedom", "n_effective"), [(0.8, 5, 6), (-1.4, 18, 5), (0.0, 11, 12)])
 def test_effect_interval_is_where_scipys_noncentral_t_has_its_tails(
     size: float, freedom: int, n_effective: float
 ) -> None:
