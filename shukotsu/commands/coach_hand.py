@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from shukotsu.coach.estimate import CoachedHand
     from shukotsu.coach.source import Source
     from shukotsu.trackers.archive import Piece
-    from shukotsu.trackers.record.stop_request import StopRequest
+    from shukotsu.trackers.record.request import StopRequest
 
 USUAL = Path("study.yaml")
 PUT_RIGHT = "receivers were put right in it"
@@ -68,7 +68,7 @@ def coach(arguments: argparse.Namespace) -> None:
     """Coach one hand. Raises InputError where there is nothing to coach."""
     _check(arguments)
     from shukotsu.coach.study import hand_alone, hand_of
-    from shukotsu.trackers.record.stop_request import StopRequest, stop_on_signals
+    from shukotsu.trackers.record.request import StopRequest, stop_on_signals
 
     if arguments.port is not None and arguments.study is None and USUAL.is_file():
         arguments.study = USUAL

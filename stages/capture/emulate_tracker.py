@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from shukotsu.errors import InputError
 from shukotsu.stages import command_line
@@ -31,18 +31,11 @@ def build_parser() -> argparse.ArgumentParser:
         records_failure=False,
     )
     where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument(
-        "--pty",
-        nargs="?",
-        const=Path(),
-        type=Path,
-        metavar="LINK",
-        help="on a pseudo-terminal, linked to LINK",
-    )
-    where.add_argument("--tcp", metavar="[HOST:]PORT", help="on a TCP port of 127.0.0.1; 0 takes any")
-    where.add_argument(
-        "--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, at once"
-    )
+    add = where.add_argument
+    link: dict[str, Any] = {"nargs": "?", "const": Path(), "type": Path, "metavar": "LINK"}
+    add("--pty", **link, help="on a pseudo-terminal, linked to LINK")
+    add("--tcp", metavar="[HOST:]PORT", help="on a TCP port of 127.0.0.1; 0 takes any")
+    add("--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, at once")
     add = parser.add_argument
     add("--stations", metavar="1-16", help="plugged receivers, such as 1-4,7 (default: all)")
     add("--rate", type=int, choices=RATES_HZ, default=RATES_HZ[0], help="frames a second at power-up")

@@ -65,9 +65,8 @@ def main(argv: list[str]) -> int:
 def record_tracker(options: argparse.Namespace) -> None:
     """Record, and say what was kept; or list the ports, or ask the tracker."""
     from shukotsu.trackers.record import session
-    from shukotsu.trackers.record.connected_ports import port_lines, serial_ports, usb_devices
-    from shukotsu.trackers.record.port import open_port
-    from shukotsu.trackers.record.stop_request import StopRequest, stop_on_signals
+    from shukotsu.trackers.record.port import open_port, port_lines, serial_ports, usb_devices
+    from shukotsu.trackers.record.request import StopRequest, stop_on_signals
     from shukotsu.trackers.record.tracker_check import check
 
     if options.devices:

@@ -13,9 +13,8 @@ from shukotsu.trackers.archive import open_archive
 from shukotsu.trackers.decode.stream import Tally, blocks_of
 from shukotsu.trackers.protocols.records import concatenated
 from shukotsu.trackers.record.port import open_port
-from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.request import RecordingRequest, StopRequest
 from shukotsu.trackers.record.session import RecordingPlan, record
-from shukotsu.trackers.record.stop_request import StopRequest
 
 
 @pytest.fixture

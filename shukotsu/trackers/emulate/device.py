@@ -19,18 +19,8 @@ import numpy as np
 
 from shukotsu.skeleton import rotations
 from shukotsu.trackers.emulate.pose_sources import Motion
-from shukotsu.trackers.liberty.replies import (
-    DEFAULT_LIST,
-    ERRORS,
-    HEADER,
-    HEADER_BYTES,
-    ITEMS,
-    MOST_ITEMS,
-    SINGLE,
-    STREAMED,
-    TAGS,
-    record_type,
-)
+from shukotsu.trackers.liberty import replies as liberty
+from shukotsu.trackers.liberty.replies import ITEMS, MOST_ITEMS, TAGS
 from shukotsu.trackers.protocols.records import Array, Bools, Wholes
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT
 
@@ -99,14 +89,18 @@ class EmulatedLiberty:
     def _is_binary(self) -> bool:
         return bool(self.numbers[b"F", 0][0])
 
-    # --- cycles ---------------------------------------------------------------------------------------
+    @property
+    def whoami(self) -> str:
+        """What it says of itself."""
+        size = "" if self.family == "patriot" else f" 240/{16 if self.ports > 8 else 8}"
+        return f"{self.family.upper()}{size} (emulated), {self.ports} ports, firmware EMU-1, serial EMU0001"
 
     def next_cycle(self) -> bytes:
         """Let one cycle pass; return what it sent."""
         first, ahead = self._ahead
         if self.streaming and not 0 <= self.cycle - first < len(ahead):
             cycles = self.cycle + np.arange(BLOCK_CYCLES)
-            first, ahead = self._ahead = (self.cycle, self._encoded(cycles, STREAMED))
+            first, ahead = self._ahead = (self.cycle, self._encoded(cycles, liberty.STREAMED))
         self.cycle += 1
         return ahead[self.cycle - 1 - first] if self.streaming else b""
 
@@ -163,12 +157,12 @@ class EmulatedLiberty:
 
     def _binary(self, station: int, numbers: dict[str, Array | Wholes], command: int) -> list[bytes]:
         items = [int(item) for item in self.numbers[b"O", station]]
-        kind = record_type(items)
+        kind = liberty.record_type(items)
         rows = np.zeros(len(numbers["frame"]), kind)
         rows["tag"], rows["station"], rows["command"] = TAGS[self.family], station, command
-        rows["size"] = kind.itemsize - HEADER_BYTES
+        rows["size"] = kind.itemsize - liberty.HEADER_BYTES
         fields = [field for item in items for field in ITEMS[item][0]]
-        for name, field in zip((kind.names or ())[len(HEADER) :], fields, strict=True):
+        for name, field in zip((kind.names or ())[len(liberty.HEADER) :], fields, strict=True):
             rows[name] = numbers[field]
         data, size = rows.tobytes(), kind.itemsize
         return [data[at : at + size] for at in range(0, len(data), size)]
@@ -178,8 +172,6 @@ class EmulatedLiberty:
         columns = [numbers[name] for name in ("x", "y", "z", "azimuth", "elevation", "roll")]
         pattern = f"{station:02d}  " + "%8.3f " * 6 + "\r\n"
         return [(pattern % row).encode() for row in zip(*columns, strict=True)]
-
-    # --- commands -------------------------------------------------------------------------------------
 
     def receive(self, data: bytes) -> bytes:
         """Take bytes of the client; return the answers, echo among them where that is on."""
@@ -206,7 +198,7 @@ class EmulatedLiberty:
             return b""
         if not self._typed and byte in (_P, _P + 32):
             self.streaming = False
-            return self._encoded(np.array([self.cycle]), SINGLE)[0]
+            return self._encoded(np.array([self.cycle]), liberty.SINGLE)[0]
         if byte != _CR:
             self._typed.append(byte)
             return b""
@@ -225,7 +217,7 @@ class EmulatedLiberty:
                 raise RefusedError(UNKNOWN_COMMAND)
             return COMMANDS[code](self, arguments)
         except RefusedError as refused:
-            text = f"{ERRORS[refused.args[0]].title()}\r\n".encode()
+            text = f"{liberty.ERRORS[refused.args[0]].title()}\r\n".encode()
             header = self._header(0, code[0] if code else _CR, refused.args[0], len(text))
             return header + text if self._is_binary else text
 
@@ -321,10 +313,8 @@ def _station_state(device: EmulatedLiberty, arguments: Arguments) -> bytes:
 
 def _whoami(device: EmulatedLiberty, arguments: Arguments) -> bytes:
     _count(arguments, 0, 0)
-    kind = int(device.family == "patriot")
-    size = "" if kind else f" 240/{16 if device.ports > 8 else 8}"
-    text = f"{device.family.upper()}{size} (emulated), {device.ports} ports, firmware EMU-1, serial EMU0001"
-    return device.reply(0x16, text, bytes((device.ports, kind, 0)) + text.encode())
+    text = device.whoami
+    return device.reply(0x16, text, bytes((device.ports, device.family == "patriot", 0)) + text.encode())
 
 
 SETTINGS = {
@@ -335,7 +325,7 @@ SETTINGS = {
     b"H": Setting((1.0, 0.0, 0.0), "%7.3f", per_station=True),
     b"L": Setting((0,), allowed=_FLAG, per_station=True),
     b"N": Setting((0.0, 0.0, 0.0), "%6.3f ", per_station=True),
-    b"O": Setting(DEFAULT_LIST, "%d ", ITEMS, per_station=True),
+    b"O": Setting(liberty.DEFAULT_LIST, "%d ", ITEMS, per_station=True),
     b"R": Setting((4,), allowed=RATES_HZ),
     b"U": Setting((0,), allowed=_FLAG),
     b"X": Setting((0.2, 0.2, 0.8, 0.95), "%6.3f "),

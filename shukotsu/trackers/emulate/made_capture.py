@@ -1,4 +1,4 @@
-"""A recording through the emulated device into a raw capture, as a recorder would have kept it.
+"""A recording through the emulated device into a raw capture, as a recorder would have kept its stream.
 
 Time is made up: the device's cycles at their exact period, pieces that arrive about every 10 ms,
 cut anywhere. The same input gives the same bytes.
@@ -7,7 +7,7 @@ cut anywhere. The same input gives the same bytes.
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +20,11 @@ from shukotsu.trackers.emulate.server import SECOND_NS, Emulator
 from shukotsu.trackers.liberty.replies import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
-BEGINNING_NS = SECOND_NS
-"""The made-up clock's reading when the recorder opens the port."""
+BEGINNING_NS = 3_360_000_000
+"""The made-up clock's reading when the recorder starts the stream."""
 
 PIECE_NS, MOST_JITTER_NS = 10_000_000, 1_000_000
-_COMMAND_NS = 20_000_000
 _MOST_HELD_BACK_BYTES = 80
-_TEXT_REPLY_HEADER_BYTES = 5
-_GLOBAL_QUERIES = (b"U\r", b"R\r", b"X\r", b"Y\r", b"Z\r", b"\x150\r", b"\x14\r", b"\x05\r", b"@B\r")
-_STATION_QUERIES = b"OHBANL"
 
 
 def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) -> None:
@@ -44,14 +40,9 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
         arrived.extend(data)
         return len(data)
 
-    emulator = Emulator(device, write, BEGINNING_NS)
     archive = ArchiveWriter(out, {"emulated": True, **about}, utc_offset_ns=lambda: 0)
-    vector = home_hemisphere(device.motion)
-    now_ns = BEGINNING_NS
-    replies: dict[bytes, bytes] = {}
-    for command in _handshake(device, vector):
-        replies[command] = _exchange(emulator, archive, arrived, command, now_ns)
-        now_ns += _COMMAND_NS
+    vector, items = home_hemisphere(device.motion), ",".join(map(str, FULL_LIST))
+    begin = b"F1\rU1\rO*,%s\rH*,%g,%g,%g\rQ0\rC\r" % (items.encode(), *vector)
     settings = StreamSettings(
         device.family,
         "binary",
@@ -60,18 +51,14 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
         device.active(),
         dict.fromkeys(device.stations, FULL_LIST),
         dict.fromkeys(device.stations, vector),
-        {
-            "whoami": replies[b"\x16\r"][_TEXT_REPLY_HEADER_BYTES:].decode("latin-1").strip(),
-            "position_filter": list(device.numbers[b"X", 0]),
-            "attitude_filter": list(device.numbers[b"Y", 0]),
-        },
+        {"whoami": device.whoami},
     )
-    archive.settings(settings.to_json(), now_ns)
-    for command in (b"Q0\r", b"C\r"):
-        _exchange(emulator, archive, arrived, command, now_ns)
+    archive.settings(settings.to_json(), BEGINNING_NS)
+    archive.sent(begin, BEGINNING_NS)
+    emulator = Emulator(device, write, BEGINNING_NS)
+    device.receive(begin)
     begun_ns = emulator.due_ns
     end_ns = begun_ns + len(device.motion.position_mm) * SECOND_NS // int(device.rate) - 1
-    pieces = 0
     ticks_ns = [*range(begun_ns + PIECE_NS, end_ns, PIECE_NS), end_ns]
     for pieces, due_ns in enumerate(ticks_ns, 1):
         emulator.run(due_ns)
@@ -84,9 +71,9 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
             del arrived[:count]
         if pieces % (SECOND_NS // PIECE_NS) == 0:
             archive.flush()
-    _exchange(emulator, archive, arrived, b"P", now_ns)
-    duration_s = (end_ns + 1 - begun_ns) / SECOND_NS
-    archive.close({"reason": "duration", "duration_s": duration_s}, now_ns + _COMMAND_NS)
+    archive.sent(b"P", now_ns)
+    archive.received(device.receive(b"P"), now_ns)
+    archive.close({"reason": "duration", "duration_s": (end_ns + 1 - begun_ns) / SECOND_NS}, now_ns)
 
 
 def home_hemisphere(motion: Motion) -> tuple[float, float, float]:
@@ -99,29 +86,3 @@ def home_hemisphere(motion: Motion) -> tuple[float, float, float]:
         return FOLLOWING
     x, y, z = np.where(np.arange(3) == axis, np.sign(mean), 0.0).tolist()
     return (x, y, z)
-
-
-def _handshake(device: EmulatedLiberty, hemisphere: Sequence[float]) -> Iterator[bytes]:
-    """Commands of a recorder in turn, up to those that start the stream."""
-    items = ",".join(map(str, FULL_LIST))
-    vector = ",".join(f"{part:g}" for part in hemisphere)
-    rate = f"R{device.numbers[b'R', 0][0]}\r".encode()
-    yield from (b"P", b"\r", b"F0\r", b"\x16\r", b"F1\r", b"U1\r", rate, f"O*,{items}\r".encode())
-    yield from (f"H*,{vector}\r".encode(), b"L*,0\r", b"Z1\r", b"X0,1,0,0\r", b"Y0,1,0,0\r")
-    yield from _GLOBAL_QUERIES
-    for letter in _STATION_QUERIES:
-        for station in device.stations:
-            yield bytes([letter]) + f"{station}\r".encode()
-
-
-def _exchange(
-    emulator: Emulator, archive: ArchiveWriter, arrived: bytearray, command: bytes, now_ns: int
-) -> bytes:
-    """Send a command and keep what is answered."""
-    archive.sent(command, now_ns)
-    emulator.receive(command, now_ns)
-    reply = bytes(arrived)
-    arrived.clear()
-    if reply:
-        archive.received(reply, now_ns + MOST_JITTER_NS)
-    return reply

@@ -56,10 +56,9 @@ def built_in_motion() -> Motion:
     index = np.arange(MAX_STATION)
     finger, bone = index // 4, index % 4
     bend = np.sin(phase + 0.4 * finger) * (0.35 + 0.15 * bone)  # farther out it bends more
-    position = np.empty((PERIOD_CYCLES, MAX_STATION, 3))
-    position[..., 0] = 250 + 30 * bone + 40 * np.sin(phase)
-    position[..., 1] = -45 + 30 * finger + 15 * np.cos(phase)
-    position[..., 2] = -120 + 25 * bend + 20 * np.sin(2 * phase)
+    x = 250 + 30 * bone + 40 * np.sin(phase)
+    y = -45 + 30 * finger + 15 * np.cos(phase)
+    position = np.stack([x, y, -120 + 25 * bend + 20 * np.sin(2 * phase)], -1)
     about_y = rotations.about_axis(np.array([0.0, 1.0, 0.0]), bend)
     about_z = rotations.about_axis(np.array([0.0, 0.0, 1.0]), 0.5 * np.cos(phase) + 0.1 * finger)
     return Motion(tuple(range(1, MAX_STATION + 1)), position, rotations.multiply(about_z, about_y), loop=True)

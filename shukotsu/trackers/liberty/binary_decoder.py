@@ -17,7 +17,7 @@ from shukotsu.trackers.liberty.replies import HEADER_BYTES, TAGS
 from shukotsu.trackers.protocols import records as protocol
 from shukotsu.trackers.protocols.pose_numbers import fill_in
 from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Wholes
-from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
 _IS_RECORD = np.isin(np.arange(256), [liberty.STREAMED, liberty.SINGLE])
 _IS_LETTER = np.isin(np.arange(256), list(b"\x00 abcdefgABCDEFGIu"))
@@ -37,7 +37,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
         super().__init__()
         items = liberty.list_of_all(settings.items)
         self._kind = liberty.record_type(items)
-        self._mm_per_unit = settings.mm_per_unit
+        self._mm_per_unit = MM_PER_UNIT[settings.unit]
         self._tag = TAGS[settings.family]
         self._is_station = np.isin(np.arange(256), list(settings.items))
         self._has_quaternion = liberty.QUATERNION in items

@@ -14,39 +14,21 @@ from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.families import FAMILIES
-from shukotsu.trackers.liberty.replies import (
-    ERRORS,
-    HALVES,
-    ITEMS,
-    TAGS,
-    Setting,
-    Value,
-    answers,
-    binary_answers,
-    binary_value,
-    half_stations,
-    usable_stations,
-)
+from shukotsu.trackers.liberty import replies
+from shukotsu.trackers.liberty.replies import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record import tracker_driver as shared
 from shukotsu.trackers.record.conversation import Conversation
 from shukotsu.trackers.record.request import TRACK, RecordingRequest
-from shukotsu.trackers.record.tracker_driver import (
-    Driver,
-    is_default_alignment,
-    is_zero,
-    same_direction,
-    same_value,
-    shown,
-)
 
 State = dict[str, Any]
 """Name of a setting -> its value, or station -> value; None where the tracker did not say."""
 
 FILTER_OFF = (0.0, 1.0, 0.0, 0.0)
 FRAMES = {
-    "boresight": (is_zero, "a boresight turns its orientations"),
-    "alignment": (is_default_alignment, "an alignment moves its frame"),
-    "tip_offset": (is_zero, "a tip offset moves its positions"),
+    "boresight": (shared.is_zero, "a boresight turns its orientations"),
+    "alignment": (shared.is_default_alignment, "an alignment moves its frame"),
+    "tip_offset": (shared.is_zero, "a tip offset moves its positions"),
 }
 """Setting that an earlier program may have left -> whether a value is none, what it does."""
 
@@ -88,7 +70,7 @@ SETTINGS = {
 ANSWER_S = 1.0
 
 
-class LibertyDriver(Driver):
+class LibertyDriver(shared.TrackerDriver):
     """Driver of LIBERTY and PATRIOT."""
 
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
@@ -100,7 +82,7 @@ class LibertyDriver(Driver):
         self._switches: dict[int, bool] = {}
 
     def set_up(self) -> StreamSettings:
-        """Identify the tracker, set it up and make sure that it took everything."""
+        """Identify the tracker, set it up and make sure that it took everything. Raises InputError."""
         whoami = self._find(self._attempt)
         self._before = self._ask_all()
         stations = self._choose_stations()
@@ -111,7 +93,7 @@ class LibertyDriver(Driver):
         for station, on in self._switches.items():
             self._conversation.send(SETTINGS["stations"].assignment(int(on), station))
         came, _ = self._conversation.drain(0.1)
-        self._complaints = [ERRORS[r.error] for r in binary_answers(came) if r.error in ERRORS]
+        self._complaints = [ERRORS[r.error] for r in replies.binary_answers(came) if r.error in ERRORS]
         after = self._ask_all()
         stations = self._active(after["stations"], stations)
         if after["echo"] is not None:
@@ -153,7 +135,7 @@ class LibertyDriver(Driver):
                 if name in self._changed and value is not None:
                     self._conversation.send(setting.assignment(value, int(station)))
         for station in self._switches:
-            on = int(station in usable_stations(self._before["stations"]))
+            on = int(station in replies.usable_stations(self._before["stations"]))
             self._conversation.send(SETTINGS["stations"].assignment(on, station))
         self._conversation.send(BINARY if self._was_binary else TEXT)
         self._conversation.drain(0.1)
@@ -162,7 +144,7 @@ class LibertyDriver(Driver):
         """Stop a stream, have it say anything at all, and ask who it is, in binary."""
         # What a program that broke off has left of a command would swallow the first poll.
         before = self._silence(POLL, b"\r" + POLL)
-        self._was_binary |= bool(binary_answers(before))
+        self._was_binary |= bool(replies.binary_answers(before))
         answer = self._conversation.ask(b"\r", lambda data: data or None, ANSWER_S)
         rest, _ = self._conversation.drain(cap_s=2.0)
         heard = before + (answer or b"") + rest
@@ -195,10 +177,13 @@ class LibertyDriver(Driver):
         """Return the answer to a question; None where it is refused or does not come."""
 
         def answer_in(data: bytes) -> tuple[Value | None] | None:
-            for reply in binary_answers(data, [TAGS[self._request.family]]):
+            for reply in replies.binary_answers(data, [TAGS[self._request.family]]):
                 if reply.error in ERRORS and reply.command not in b"PC":
                     return (None,)
-                if answers(reply, setting, station) and (value := binary_value(setting, reply)) is not None:
+                if (
+                    replies.answers(reply, setting, station)
+                    and (value := replies.binary_value(setting, reply)) is not None
+                ):
                     return (value,)
             return None
 
@@ -213,8 +198,8 @@ class LibertyDriver(Driver):
         halves = self._before["stations"]
         if halves is None:
             raise InputError(f"{self._port_name}: the tracker does not say which receivers are connected")
-        usable, wanted = usable_stations(halves), self._request.stations
-        connected = {s for s in (*usable, *half_stations(halves)) if s <= self._ports}
+        usable, wanted = replies.usable_stations(halves), self._request.stations
+        connected = {s for s in (*usable, *replies.half_stations(halves)) if s <= self._ports}
         absent = [] if wanted is None else sorted(set(wanted) - connected)
         if absent:
             raise InputError(
@@ -231,7 +216,7 @@ class LibertyDriver(Driver):
 
     def _active(self, halves: tuple[int, ...] | None, stations: tuple[int, ...]) -> tuple[int, ...]:
         """Return those that can send; InputError where none can, or not just those of --stations."""
-        usable = None if halves is None else usable_stations(halves)
+        usable = None if halves is None else replies.usable_stations(halves)
         active = tuple(station for station in stations if station in (usable or ()))
         if self._request.stations is not None or not active:
             self._require("active receivers", usable, stations)
@@ -263,11 +248,11 @@ class LibertyDriver(Driver):
             for what, reported in values.items():
                 # While it follows the receiver it may well tell the present half instead of 0, 0, 0.
                 direction = name == "hemisphere" and (
-                    sent == TRACK or (reported and same_direction(reported, sent))
+                    sent == TRACK or (reported and shared.same_direction(reported, sent))
                 )
                 # The manual gives the lowest and the highest in another order when it is asked for.
                 is_filter = name.endswith("filter") and reported
-                if not direction and not (is_filter and same_value(_sorted(reported), _sorted(sent))):
+                if not direction and not (is_filter and shared.same_value(_sorted(reported), _sorted(sent))):
                     self._require(what, reported, sent)
 
     def _warn_of(self, after: State, stations: tuple[int, ...]) -> None:
@@ -275,10 +260,10 @@ class LibertyDriver(Driver):
         for name, (is_default, text) in FRAMES.items():
             odd = [s for s in stations if after[name][str(s)] and not is_default(after[name][str(s)])]
             if odd:
-                value = shown(after[name][str(odd[0])])
+                value = shared.shown(after[name][str(odd[0])])
                 self.warnings.append(f"receiver {listed(odd)}: {text} ({value}), left as it is")
-        if after["source_frame"] and not is_zero(after["source_frame"]):
-            turned = shown(after["source_frame"])
+        if after["source_frame"] and not shared.is_zero(after["source_frame"]):
+            turned = shared.shown(after["source_frame"])
             self.warnings.append(f"the transmitter's mounting frame is turned by {turned} deg, left as it is")
         if any(after["bit_errors"] or ()):
             words = " ".join(f"{word:08x}" for word in after["bit_errors"])
@@ -299,7 +284,7 @@ def listed(stations: Iterable[int]) -> str:
 def _whoami(data: bytes) -> tuple[str, bytes] | None:
     """Return the family and the body of the binary answer to "who are you"; None where there is none."""
     for family, tag in TAGS.items():
-        for reply in binary_answers(data, [tag]):
+        for reply in replies.binary_answers(data, [tag]):
             if reply.command == WHOAMI[0] and reply.station == 0:
                 return family, reply.body
     return None

@@ -38,11 +38,6 @@ class StreamSettings:
     hemisphere: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=dict)
 
-    @property
-    def mm_per_unit(self) -> float:
-        """Millimetres of the unit of positions."""
-        return MM_PER_UNIT[self.unit]
-
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON types."""
         return asdict(self)
@@ -54,16 +49,12 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
         if not all(isinstance(loaded[name], str) for name in ("family", "mode", "unit")):
             raise TypeError("a name is no text")
         settings = StreamSettings(
-            family=str(loaded["family"]),
-            mode=str(loaded["mode"]),
-            unit=str(loaded["unit"]),
-            rate_hz=float(loaded["rate_hz"]),
-            stations=tuple(int(station) for station in loaded["stations"]),
-            items={int(s): tuple(int(i) for i in items) for s, items in loaded["items"].items()},
-            hemisphere={
-                int(s): (float(v[0]), float(v[1]), float(v[2])) for s, v in loaded["hemisphere"].items()
-            },
-            options=dict(loaded.get("options", {})),
+            *(loaded[name] for name in ("family", "mode", "unit")),
+            float(loaded["rate_hz"]),
+            tuple(int(station) for station in loaded["stations"]),
+            {int(s): tuple(int(i) for i in items) for s, items in loaded["items"].items()},
+            {int(s): (float(v[0]), float(v[1]), float(v[2])) for s, v in loaded["hemisphere"].items()},
+            dict(loaded.get("options", {})),
         )
         stations = {*settings.stations, *settings.items, *settings.hemisphere}
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:

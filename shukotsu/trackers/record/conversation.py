@@ -13,19 +13,16 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from shukotsu.errors import InputError
+from shukotsu.trackers.archive import ArchiveWriter
 from shukotsu.trackers.record.port import Port, PortGoneError
-
-if TYPE_CHECKING:
-    from shukotsu.trackers.archive import ArchiveWriter
 
 Answer = TypeVar("Answer")
 
 SILENCE_S = 0.3
 """A tracker that sends nothing for so long does not stream."""
-
 
 MOST_WAITING_BYTES = 16 << 20
 """What comes while so much waits to be kept is dropped and counted: half a minute of the fastest tracker."""
@@ -58,10 +55,7 @@ class Conversation:
     """
 
     def __init__(
-        self,
-        port: Port,
-        archive: ArchiveWriter | None = None,
-        stopped: Callable[[], bool] = lambda: False,
+        self, port: Port, archive: ArchiveWriter | None = None, stopped: Callable[[], bool] = lambda: False
     ) -> None:
         self.port = port
         self.gone: tuple[str, int] | None = None

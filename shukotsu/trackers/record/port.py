@@ -10,6 +10,7 @@ import os
 import re
 import select
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ import serial
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.left import instead
-from shukotsu.trackers.families import POLHEMUS
+from shukotsu.trackers.families import POLHEMUS, READY, USB_TRACKERS, WANTS_FIRMWARE
 
 WAIT_S = 0.1
 """Longest time that a read waits for a first byte."""
@@ -26,6 +27,15 @@ WAIT_S = 0.1
 _READ_BYTES = 65536
 _QUANTUM_S = 0.005
 _EMPTY_READS = 3
+
+PortEntry = tuple[str, int | None, int | None, str]
+"""A serial port: its name, USB vendor, USB product, description."""
+
+WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it comes back under another number."
+HINT = (
+    "A tracker on USB is no serial port by itself; on Linux, once it has its firmware, this makes it one:\n"
+    "  sudo modprobe usbserial vendor=0x0f44 product=0x{product:04x}"
+)
 
 
 class PortGoneError(Exception):
@@ -145,8 +155,7 @@ def _line_baud(name: str, baud: int) -> int | None:
         return None
     from serial.tools import list_ports
 
-    usb = {port.device: port.vid for port in list_ports.comports()}
-    return None if usb.get(path) == POLHEMUS else baud
+    return None if (path, POLHEMUS) in [(port.device, port.vid) for port in list_ports.comports()] else baud
 
 
 def _why_not(name: str, error: Exception) -> str:
@@ -174,3 +183,47 @@ def _reason(error: Exception) -> str:
     if isinstance(error, OSError) and not isinstance(error, serial.SerialException) and error.strerror:
         return error.strerror
     return re.sub(r".*\[Errno \d+\] ", "", str(error)) or type(error).__name__
+
+
+def serial_ports() -> list[PortEntry]:
+    """Return every serial port of this machine."""
+    from serial.tools import list_ports
+
+    return [
+        (port.device, port.vid, port.pid, port.description or "serial port")
+        for port in sorted(list_ports.comports())
+    ]
+
+
+def usb_devices(root: Path = Path("/sys/bus/usb/devices")) -> list[tuple[int, int]]:
+    """Return vendor and product of every device on USB, as far as the system tells."""
+    devices = []
+    for vendor in sorted(root.glob("*/idVendor")):
+        try:
+            product = (vendor.parent / "idProduct").read_text("ascii")
+            devices.append((int(vendor.read_text("ascii"), 16), int(product, 16)))
+        except (OSError, ValueError):  # unplugged just now
+            continue
+    return devices
+
+
+def port_lines(ports: Sequence[PortEntry], usb: Sequence[tuple[int, int]]) -> list[str]:
+    """Return a list for people of serial ports, and of trackers on USB (vendor, product) without one."""
+    lines = []
+    for name, vendor, product, description in ports:
+        tracker = USB_TRACKERS.get((vendor or 0, product or 0))
+        ids = "" if vendor is None or product is None else f" (USB {vendor:04x}:{product:04x})"
+        lines.append(f"{name}  {tracker.name if tracker else description}{ids}")
+    for ids in usb:
+        if ids not in USB_TRACKERS or ids in [(vendor, product) for _, vendor, product, _ in ports]:
+            continue
+        tracker, number = USB_TRACKERS[ids], f"{ids[0]:04x}:{ids[1]:04x}"
+        lines += [f"USB {number}  {tracker.name}: {tracker.state}"]
+        if tracker.endpoints is not None:
+            lines += [f"give it as --port usb:{number} (needs libusb1), or:"]
+        if tracker.state == READY:
+            lines += ["has no serial port yet. " + HINT.format(product=ids[1])]
+        elif tracker.state == WANTS_FIRMWARE:
+            lines += [WITHOUT_FIRMWARE]
+    nothing = ["No serial port and no tracker is connected to this machine.", HINT.format(product=0xFF20)]
+    return lines or nothing

@@ -1,9 +1,13 @@
-"""What the user asks of a recording, checked as far as that needs no tracker."""
+"""What the user asks of a recording, checked as far as that needs no tracker; and that it shall end."""
 
 from __future__ import annotations
 
 import math
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.families import FAMILIES, check_family
@@ -13,6 +17,10 @@ LARGEST_STATION = 16
 TRACK = (0.0, 0.0, 0.0)
 """Hemisphere of a tracker that follows the receiver."""
 FORWARD = (1.0, 0.0, 0.0)
+
+STOP_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+IGNORED_SIGNALS = ("SIGTSTP", "SIGTTOU")
+"""Ctrl-Z would leave the tracker's bytes to a buffer that is soon full."""
 
 
 @dataclass(frozen=True)
@@ -76,3 +84,34 @@ def parse_hemisphere(text: str) -> tuple[float, float, float]:
     if not 0 < math.hypot(x, y, z) < math.inf:
         raise InputError(f"--hemisphere: {text} is no direction; `track` has the tracker follow the receiver")
     return (x, y, z)
+
+
+class StopRequest:
+    """Whether somebody asked for the end. reason : who, the first time; "" while nobody did."""
+
+    def __init__(self) -> None:
+        self.reason = ""
+
+    def ask(self, reason: str) -> None:
+        """Ask for the end; a second reason does not replace the first."""
+        self.reason = self.reason or reason
+
+    def __bool__(self) -> bool:
+        return bool(self.reason)
+
+
+@contextmanager
+def stop_on_signals(stop: StopRequest) -> Iterator[None]:
+    """Have signals ask for the end instead of ending the program, within the `with`."""
+
+    def ask(number: int, _frame: Any) -> None:
+        stop.ask(signal.Signals(number).name)
+
+    handlers = dict.fromkeys(STOP_SIGNALS, ask) | dict.fromkeys(IGNORED_SIGNALS, signal.SIG_IGN)
+    there = {getattr(signal, name): handler for name, handler in handlers.items() if hasattr(signal, name)}
+    before = {number: signal.signal(number, handler) for number, handler in there.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

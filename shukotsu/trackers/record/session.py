@@ -24,13 +24,12 @@ from shukotsu.trackers.record import display
 from shukotsu.trackers.record.conversation import Chunk, Conversation, StoppedError
 from shukotsu.trackers.record.line_load import check_line
 from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
-from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.request import RecordingRequest, StopRequest
 from shukotsu.trackers.record.statistics import Statistics
-from shukotsu.trackers.record.stop_request import StopRequest
-from shukotsu.trackers.record.tracker_driver import Driver
 from shukotsu.trackers.viper.viper_driver import ViperDriver
 
-DRIVERS: Mapping[str, type[Driver]]
+Driver = LibertyDriver | ViperDriver
+DRIVERS: Mapping[str, type[LibertyDriver] | type[ViperDriver]]
 DRIVERS = {"liberty": LibertyDriver, "patriot": LibertyDriver, "viper": ViperDriver}
 
 TICK_S, FLUSH_S, LOOK_S = 0.05, 0.25, 1.0

@@ -13,11 +13,9 @@ from shukotsu.trackers.record import display
 from shukotsu.trackers.record.conversation import Conversation, StoppedError
 from shukotsu.trackers.record.line_load import BITS_PER_BYTE, arithmetic, needed_bytes_per_s, what_fits
 from shukotsu.trackers.record.port import Port, PortGoneError, perhaps_taken
-from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.session import DRIVERS
+from shukotsu.trackers.record.request import RecordingRequest, StopRequest
+from shukotsu.trackers.record.session import DRIVERS, Driver
 from shukotsu.trackers.record.statistics import Statistics
-from shukotsu.trackers.record.stop_request import StopRequest
-from shukotsu.trackers.record.tracker_driver import Driver
 
 STREAM_S = 2.0
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.families import FAMILIES
-from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.conversation import Conversation
 from shukotsu.trackers.record.request import RecordingRequest
 
@@ -17,8 +15,8 @@ OTHER_BAUDS = (115200, 57600, 38400, 19200, 9600)
 LEAST_COSINE = 0.9999
 
 
-class Driver(ABC):
-    """Sets up one family of trackers. warnings : what the user should know of it, after `set_up`."""
+class TrackerDriver:
+    """Base of a family's driver. warnings : what the user should know of the tracker, once it is set up."""
 
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
         self.warnings: list[str] = []
@@ -26,25 +24,6 @@ class Driver(ABC):
         self._conversation = conversation
         self._request = request
         self._port_name = conversation.port.name
-
-    @abstractmethod
-    def set_up(self) -> StreamSettings:
-        """Stop the tracker, ask for its settings, set what is needed, ask again and compare.
-
-        Raises InputError where it does not answer, or did not take a setting.
-        """
-
-    @abstractmethod
-    def start(self) -> Mapping[str, Any]:
-        """Have it stream; return what the archive shall say of that, as JSON types."""
-
-    @abstractmethod
-    def stop(self) -> None:
-        """Have it stop."""
-
-    @abstractmethod
-    def put_back(self) -> None:
-        """Set what `set_up` changed to what it was before; a stream that was running stays off."""
 
     def _find(self, attempt: Callable[[], tuple[str | None, bytes]]) -> str:
         """Identify the tracker at the rate of the port or, where there is a serial line, at another.

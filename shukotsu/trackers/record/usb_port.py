@@ -7,8 +7,7 @@ from typing import Any
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.families import READY, USB_TRACKERS, WANTS_FIRMWARE
-from shukotsu.trackers.record.connected_ports import WITHOUT_FIRMWARE
-from shukotsu.trackers.record.port import WAIT_S, Port, PortGoneError
+from shukotsu.trackers.record.port import WAIT_S, WITHOUT_FIRMWARE, Port, PortGoneError
 
 READ_BYTES = 4096
 WRITE_S = 2.0

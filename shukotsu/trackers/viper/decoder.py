@@ -14,14 +14,11 @@ import numpy.typing as npt
 
 from shukotsu.trackers.protocols import records as protocol
 from shukotsu.trackers.protocols.pose_numbers import doubtful_poses
-from shukotsu.trackers.protocols.records import Array, Bools, Bytes, Decoded, Records, Reply, Wholes
+from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Reply, Wholes
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
 COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"
-LEADER_BYTES = 8
-POSE_HEADER_BYTES = 24
-COMMAND_HEADER_BYTES = 28
-CRC_BYTES = 4
+LEADER_BYTES, POSE_HEADER_BYTES, COMMAND_HEADER_BYTES, CRC_BYTES = 8, 24, 28, 4
 SENSORS = 16
 MAX_FRAME_BYTES = 4096
 """Longer than any reply; a count beyond it is a damaged one."""
@@ -32,17 +29,13 @@ SINGLE, CONTINUOUS = 18, 19
 ANY = 0xFFFFFFFF
 
 _MM = np.array([MM_PER_UNIT[unit] for unit in ("inch", "foot", "cm", "m")])
-_QUATERNION = 2
-_FULL_SCALE = 32768
+_QUATERNION, _WITH_ACCELERATION, _FULL_SCALE = 2, 1, 32768
 _SENSOR = np.dtype([("info", "<u4"), ("position", "<f4", (3,)), ("orientation", "<f4", (4,))])
-_WITH_ACCELERATION = 1
-_COUNT_PLACE = 20
+_COUNT_AT = 20
 
-
-_REFLECTED_POLYNOMIAL = np.uint16(0xA001)
 _REGISTERS = np.arange(256, dtype=np.uint16)
 for _ in range(8):
-    _REGISTERS = (_REGISTERS >> np.uint16(1)) ^ (_REGISTERS & np.uint16(1)) * _REFLECTED_POLYNOMIAL
+    _REGISTERS = (_REGISTERS >> np.uint16(1)) ^ (_REGISTERS & np.uint16(1)) * np.uint16(0xA001)
 
 
 def crc16_arc(rows: Bytes) -> npt.NDArray[np.uint16]:
@@ -122,7 +115,7 @@ def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, Bools]:
     either = is_pose | (kind == COMMAND_PREAMBLE[3])
     at, is_pose = at[either], is_pose[either]
     size = _unsigned(b, at + 4) + LEADER_BYTES
-    sensors = _unsigned(b, at + _COUNT_PLACE)
+    sensors = _unsigned(b, at + _COUNT_AT)
     of_poses = size == POSE_HEADER_BYTES + _SENSOR.itemsize * sensors + CRC_BYTES
     of_command = (size >= COMMAND_HEADER_BYTES + CRC_BYTES) & (size <= MAX_FRAME_BYTES)
     possible = np.where(is_pose, of_poses & (sensors <= 2 * SENSORS), of_command)
@@ -200,15 +193,11 @@ def _records_of_size(rows: Bytes, at: Wholes) -> Records:
         records.position_mm[:] = sent.astype(float) * mm[:, None]
         accelerated = np.repeat(header[:, 2] & 0xF == _WITH_ACCELERATION, per_frame)
         orientation = sensors["orientation"].reshape(-1, 4)
-        records.quaternion[:] = _orientations(orientation, (info >> 10 & 3).astype(np.int64), accelerated)
+        quaternion = orientation.astype(float)
+        if accelerated.any():  # four whole numbers of orientation, then four of acceleration
+            wholes = np.ascontiguousarray(orientation[accelerated]).view("<i2")[:, :4]
+            quaternion[accelerated] = wholes / _FULL_SCALE
+        quaternion[info >> 10 & 3 != _QUATERNION] = np.nan  # angles, which no recorder asks for
+        records.quaternion[:] = quaternion
         records.doubtful[:] = doubtful_poses(records) | (records.station > SENSORS)
     return records
-
-
-def _orientations(sent: npt.NDArray[np.float32], kind: Wholes, accelerated: Bools) -> Array:
-    """Quaternions (N, 4) of the 16 bytes of orientation; NaN for angles, which no recorder asks for."""
-    numbers = sent.astype(float)
-    if accelerated.any():  # four whole numbers of orientation, then four of acceleration
-        numbers[accelerated] = np.ascontiguousarray(sent[accelerated]).view("<i2")[:, :4] / _FULL_SCALE
-    numbers[kind != _QUATERNION] = np.nan
-    return numbers

@@ -15,32 +15,21 @@ from shukotsu.trackers.protocols.records import Reply
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record.conversation import Conversation
 from shukotsu.trackers.record.request import TRACK, RecordingRequest
-from shukotsu.trackers.record.tracker_driver import Driver
-from shukotsu.trackers.viper.decoder import (
-    ANY,
-    CONTINUOUS,
-    GET,
-    REFUSED,
-    RESET,
-    SENSORS,
-    SET,
-    SINGLE,
-    ViperDecoder,
-    command_frame,
-)
+from shukotsu.trackers.record.tracker_driver import TrackerDriver
+from shukotsu.trackers.viper import decoder as viper
+from shukotsu.trackers.viper.decoder import ANY, CONTINUOUS, GET, SENSORS, SET, command_frame
 
 HEMISPHERE, FILTER, BORESIGHT, RATE, UNITS, STATION_MAP, STYLUS, WHOAMI = 0, 1, 4, 6, 7, 10, 11, 20
 RATES = {120: 2, 240: 3}
 CENTIMETRES, QUATERNION, MARK_ONLY, UNFILTERED = 2, 2, 0, 0
 ORIENTATION, POSITION = 1, 2
-ANSWER_S = 1.0
-_HEADER_BYTES = 20
+ANSWER_S, _HEADER_BYTES = 1.0, 20
 
-Key = tuple[int, int, int]
+Key = tuple[int, ...]
 """Command, sensor (ANY for all) and argument of a setting."""
 
 
-class ViperDriver(Driver):
+class ViperDriver(TrackerDriver):
     """Driver of VIPER."""
 
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
@@ -48,7 +37,7 @@ class ViperDriver(Driver):
         self._before: dict[Key, bytes] = {}
 
     def set_up(self) -> StreamSettings:
-        """Find the tracker, set units, rate, hemispheres and stylus, and read them back."""
+        """Find the tracker, set units, rate, hemispheres, stylus, and read them back. Raises InputError."""
         whoami = self._find(self._attempt)
         stations = self._stations()
         wanted = self._wanted(stations)
@@ -60,10 +49,13 @@ class ViperDriver(Driver):
             if not _same(key, after[key], payload):
                 self._require(_name(key), after[key].hex(), payload.hex())
         self._warn_of_boresights(stations)
+        told = {"before": self._before, "after": after}
         options = {
+            **{
+                when: {_name(key): data.hex() for key, data in values.items()}
+                for when, values in told.items()
+            },
             "whoami": whoami,
-            "before": {_name(key): payload.hex() for key, payload in self._before.items()},
-            "after": {_name(key): payload.hex() for key, payload in after.items()},
             "warnings": self.warnings,
         }
         hemisphere = dict.fromkeys(range(1, SENSORS + 1), self._request.hemisphere)
@@ -77,7 +69,7 @@ class ViperDriver(Driver):
 
     def stop(self) -> None:
         """Have it stop."""
-        self._conversation.send(command_frame(CONTINUOUS, RESET))
+        self._conversation.send(command_frame(CONTINUOUS, viper.RESET))
 
     def put_back(self) -> None:
         """Set what was changed to what it was before; a stream that was running stays off."""
@@ -87,7 +79,7 @@ class ViperDriver(Driver):
             self._ask(SET, key, payload)
 
     def _attempt(self) -> tuple[str | None, bytes]:
-        heard = self._silence(*[command_frame(CONTINUOUS, RESET)] * 2)
+        heard = self._silence(*[command_frame(CONTINUOUS, viper.RESET)] * 2)
         self._conversation.send(command_frame(WHOAMI, GET))
         came, _ = self._conversation.drain()
         for reply in _replies(came):
@@ -119,21 +111,18 @@ class ViperDriver(Driver):
         return wanted
 
     def _warn_of_boresights(self, stations: tuple[int, ...]) -> None:
-        identity = struct.pack("<4f", 1, 0, 0, 0)
-        turned = []
+        none, turned = (struct.pack("<4f", 1, 0, 0, 0), bytes(16)), []
         for station in stations:
             payload = self._ask(GET, (BORESIGHT, station - 1, 0))
-            if payload is not None and len(payload) == 16 and payload != identity and any(payload):
+            if payload is not None and len(payload) == 16 and payload not in none:
                 turned.append(str(station))
         if turned:
             self.warnings.append(f"sensor {', '.join(turned)}: a boresight is in force, left as it is")
 
-    def _get(self, command: int, sensor: int, argument: int) -> bytes:
-        payload = self._ask(GET, (command, sensor, argument))
+    def _get(self, *key: int) -> bytes:
+        payload = self._ask(GET, key)
         if payload is None:
-            raise InputError(
-                f"{self._port_name}: the tracker does not say its {_name((command, sensor, argument))}"
-            )
+            raise InputError(f"{self._port_name}: the tracker does not say its {_name(key)}")
         return payload
 
     def _ask(self, action: int, key: Key, payload: bytes = b"") -> bytes | None:
@@ -142,7 +131,7 @@ class ViperDriver(Driver):
         def answer_in(data: bytes) -> tuple[bytes | None] | None:
             for reply in _replies(data):
                 if reply.command == key[0]:
-                    return (None if reply.error == REFUSED else reply.body[_HEADER_BYTES:],)
+                    return (None if reply.error == viper.REFUSED else reply.body[_HEADER_BYTES:],)
             return None
 
         frame = command_frame(key[0], action, key[1], key[2], payload)
@@ -152,8 +141,8 @@ class ViperDriver(Driver):
 
 def _replies(data: bytes) -> tuple[Reply, ...]:
     settings = StreamSettings("viper", "binary", "cm", 240.0, ())
-    decoded = ViperDecoder(settings).feed(data, final=True)
-    return tuple(reply for reply in decoded.replies if reply.command not in (SINGLE, CONTINUOUS))
+    decoded = viper.ViperDecoder(settings).feed(data, final=True)
+    return tuple(reply for reply in decoded.replies if reply.command not in (viper.SINGLE, CONTINUOUS))
 
 
 def _same(key: Key, read: bytes, sent: bytes) -> bool:

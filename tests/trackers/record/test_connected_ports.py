@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from shukotsu.trackers.record import connected_ports
+from shukotsu.trackers.record import port as connected_ports
 
 
 def test_ports_are_listed_and_trackers_named() -> None:

@@ -9,7 +9,7 @@ from shukotsu.errors import InputError
 from shukotsu.trackers.record import conversation
 from shukotsu.trackers.record.conversation import Conversation
 from shukotsu.trackers.record.port import Port
-from shukotsu.trackers.record.stop_request import StopRequest
+from shukotsu.trackers.record.request import StopRequest
 
 PIECE = b"\xc3junk\r\n" * 1000
 

@@ -34,9 +34,8 @@ from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.protocols.records import Records, concatenated
 from shukotsu.trackers.record.conversation import Conversation
 from shukotsu.trackers.record.port import SerialPort, open_port
-from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.request import RecordingRequest, StopRequest
 from shukotsu.trackers.record.session import DRIVERS, RecordingPlan, record
-from shukotsu.trackers.record.stop_request import StopRequest
 
 NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
 """What stays after the recorder has gone: re-initialise, start-up settings, save, name, line settings."""

@@ -17,11 +17,9 @@ from shukotsu.trackers.decode.stream import Tally, blocks_of
 from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.emulate.server import Emulator
-from shukotsu.trackers.record.connected_ports import port_lines
-from shukotsu.trackers.record.port import PortGoneError, open_port
-from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.port import PortGoneError, open_port, port_lines
+from shukotsu.trackers.record.request import RecordingRequest, StopRequest
 from shukotsu.trackers.record.session import RecordingPlan, record
-from shukotsu.trackers.record.stop_request import StopRequest
 
 
 class UsbError(Exception):
