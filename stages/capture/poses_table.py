@@ -210,9 +210,7 @@ def poses_table(
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
     segments = {names[index]: _checked(files[index]) for index in sorted(files)}
-    _refuse_two_recordings(segments, places)
-    _refuse_bad_quaternions(segments, places)
-    _refuse_counted_positions(segments, places)
+    _refuse_nonsense(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
     segments, broken = _without_breaks(segments, files_by_name, parents)
@@ -244,9 +242,17 @@ def _checked(file: _RowFile) -> _Segment:
     """Bring a segment's rows into order, flag them and say what they say together."""
     rows = file.rows()
     rows, twice = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
-    _empty_far(rows)
-    _empty_wild_times(rows["time_s"])
-    rows["flags"] |= _gap_flags(rows) | _time_flags(rows["time_s"])
+    numbers, time_s = rows["numbers"], rows["time_s"]
+    # beyond any reach: squares of such numbers overflow in what comes after
+    far = (np.isfinite(numbers[:, :3]) & (np.abs(numbers[:, :3]) > FARTHEST_MM)).any(-1)
+    numbers[far] = np.nan
+    rows["flags"][far] |= _BIT["out-of-reach"]
+    timed = np.isfinite(time_s)
+    if timed.any():  # one time in a million years would be the recording's length
+        low, middle, high = np.quantile(time_s[timed], (0.25, 0.5, 0.75))
+        with np.errstate(over="ignore"):
+            time_s[np.abs(time_s - middle) > WILD_TIMES * (high - low + 1.0)] = np.nan
+    rows["flags"] |= _gap_flags(rows)
     norm, bad = _normalise(rows)
     first = min(zip(rows["sample"][bad], rows["frame"][bad], norm[bad], strict=True), default=None)
     complete = _complete(rows)
@@ -378,41 +384,18 @@ def _same(first: Array, second: Array) -> Bools:
     return np.asarray((first == second) | (np.isnan(first) & np.isnan(second)))
 
 
-def _empty_far(rows: Rows) -> None:
-    """Make poses gaps that are beyond any reach: squares of such numbers overflow in what comes after."""
-    position_mm = np.abs(rows["numbers"][:, :3])
-    far = (np.isfinite(position_mm) & (position_mm > FARTHEST_MM)).any(-1)
-    rows["numbers"][far] = np.nan
-    rows["flags"][far] |= _BIT["out-of-reach"]
-
-
-def _empty_wild_times(time_s: Array) -> None:
-    """Take out times that are far from all others: one in a million years would be the recording's length."""
-    known = np.isfinite(time_s)
-    if not known.any():
-        return
-    low, middle, high = np.quantile(time_s[known], (0.25, 0.5, 0.75))
-    with np.errstate(over="ignore"):
-        time_s[np.abs(time_s - middle) > WILD_TIMES * (high - low + 1.0)] = np.nan
-
-
 def _gap_flags(rows: Rows) -> Flags:
-    empty = np.isnan(rows["numbers"])
-    some, every = empty.any(-1), empty.all(-1)
-    explained = _BIT["conflicting-duplicate"] | _BIT["partly-missing"] | _BIT["not-finite"]
-    explained |= _BIT["out-of-reach"]
-    flags = np.where(every & ((rows["flags"] & explained) == 0), _BIT["missing"], 0)
+    """Return the flags (N,) of rows that lack numbers or a time, or whose time does not grow."""
+    empty, time_s = np.isnan(rows["numbers"]), rows["time_s"]
+    some, every, timed = empty.any(-1), empty.all(-1), np.isfinite(time_s)
+    explained = ("conflicting-duplicate", "partly-missing", "not-finite", "out-of-reach")
+    said = (rows["flags"] & np.bitwise_or.reduce([_BIT[flag] for flag in explained])) != 0
+    flags = np.where(every & ~said, _BIT["missing"], 0)
     flags |= np.where(some & ~every, _BIT["partly-missing"], 0)
     flags |= np.where(np.isinf(rows["numbers"]).any(-1), _BIT["not-finite"], 0)
+    flags |= np.where(timed, 0, _BIT["time-missing"])
+    flags[np.flatnonzero(timed)[1:][np.diff(time_s[timed]) <= 0]] |= _BIT["time-not-increasing"]
     return flags.astype(np.uint32)
-
-
-def _time_flags(time_s: Array) -> Flags:
-    known = np.isfinite(time_s)
-    flags = np.where(known, np.uint32(0), _BIT["time-missing"])
-    timed = np.flatnonzero(known)
-    flags[timed[1:][np.diff(time_s[timed]) <= 0]] = _BIT["time-not-increasing"]
-    return flags
 
 
 def _normalise(rows: Rows) -> tuple[Array, Bools]:
@@ -465,20 +448,36 @@ def _where(places: Places, sample: int) -> str:
     return place(sample - start)
 
 
-def _refuse_two_recordings(segments: Mapping[str, _Segment], places: Places) -> None:
-    """Raise InputError where frames stand twice, with other poses, one after the other."""
-    first = min(((*own.twice, name) for name, own in segments.items() if own.twice), default=None)
-    if first:
-        sample, frame, name = first
+def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
+    """Raise InputError at the first, in the recording's order, of what is no recording of one hand.
+
+    Frames that stand twice in turn with other poses; quaternions of no length 1; a station's number, or a
+    counter's, in place of a coordinate. places : of each part its first sample and its place.
+    """
+    twice = min(((*own.twice, name) for name, own in segments.items() if own.twice), default=None)
+    if twice:
+        sample, frame, name = twice
         raise InputError(
             f"{_where(places, sample)}: frame {frame} of receiver {name} stands twice with different poses, "
             "and so do those from here on: two recordings in one file? Cut it here, or give the second its "
             "own frames"
         )
-
-
-def _refuse_counted_positions(segments: Mapping[str, _Segment], places: Places) -> None:
-    """Raise InputError where a receiver has a station's number, or a counter's, in place of a coordinate."""
+    bad = min(((*own.bad, name) for name, own in segments.items() if own.bad), default=None)
+    if bad:
+        sample, frame, norm, name = bad
+        where = f"{_where(places, sample)}, segment {name}, frame {frame}"
+        count = sum(segment.bad_count for segment in segments.values())
+        more = f" (and {count - 1} more rows like it)" if count > 1 else ""
+        if norm == 0:
+            raise InputError(
+                f"{where}: the quaternion is all zeros{more}; expected norm 1; "
+                "zeros that stand for missing values must be left empty instead"
+            )
+        raise InputError(
+            f"{where}: the quaternion has norm {norm:.6g}{more}; expected 1 within "
+            f"{NORM_TOLERANCE}; check the column order (qw, qx, qy, qz), or leave the row's seven numbers "
+            "empty to keep it as a gap"
+        )
     for name, own in segments.items():
         if own.counted:
             raise InputError(
@@ -486,30 +485,6 @@ def _refuse_counted_positions(segments: Mapping[str, _Segment], places: Places) 
                 "while it moves; expected a position, and this is probably a station or a counter: name the "
                 "right columns (`shukotsu inspect` shows them)"
             )
-
-
-def _refuse_bad_quaternions(segments: Mapping[str, _Segment], places: Places) -> None:
-    """Raise InputError at the first in the recording's order.
-
-    places : of each part its first sample and its place.
-    """
-    bad = [(*segment.bad, name) for name, segment in segments.items() if segment.bad is not None]
-    if not bad:
-        return
-    sample, frame, norm, name = min(bad)
-    where = f"{_where(places, sample)}, segment {name}, frame {frame}"
-    count = sum(segment.bad_count for segment in segments.values())
-    more = f" (and {count - 1} more rows like it)" if count > 1 else ""
-    if norm == 0:
-        raise InputError(
-            f"{where}: the quaternion is all zeros{more}; expected norm 1; "
-            "zeros that stand for missing values must be left empty instead"
-        )
-    raise InputError(
-        f"{where}: the quaternion has norm {norm:.6g}{more}; expected 1 within "
-        f"{NORM_TOLERANCE}; check the column order (qw, qx, qy, qz), or leave the row's seven numbers empty "
-        "to keep it as a gap"
-    )
 
 
 def _frozen_segments(segments: Mapping[str, _Segment], parents: Mapping[str, str]) -> tuple[str, ...]:

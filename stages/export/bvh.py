@@ -16,8 +16,8 @@ Site is where the skin ends. The root's OFFSET is zero.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,50 +62,35 @@ def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
         world[:, index] = multiply(world[:, index], conjugate(turn))
     local_mm, local = local_motion(replace(motion, quaternion=world))
     moves = np.zeros(len(offset_mm), bool)
-    channels: list[_Channels] = []
-    for index in _depth_first(motion):
+    channels: list[Array] = []
+    formats: list[str] = []
+    order, left = list[int](), [0]
+    while left:  # as a hierarchy names them
+        order.append(left.pop())
+        left += np.flatnonzero(motion.parents == order[-1])[::-1].tolist()
+    for index in order:
         beyond = (local_mm[:, index] - (offset_mm[index] if index else 0.0)) * CM_PER_MM
         moves[index] = not index or np.abs(beyond).max() > MOVES_MM * CM_PER_MM
+        if moves[index]:
+            if index:  # the joint NAME_rest, which never turns
+                channels.append(np.zeros_like(beyond))
+                formats += ["%.0f"] * 3
+            channels.append(beyond)
+            formats += [f"%.{LENGTH_DECIMALS}f"] * 3
         if moves[index] or not _is_end(motion, index):
-            angles = euler_zyx_deg(local[:, index])
-            channels.append(_Channels(angles, beyond if moves[index] else None, bool(index)))
-    pattern = " ".join(form for own in channels for form in own.formats()) + "\n"
+            channels.append(euler_zyx_deg(local[:, index]))
+            formats += [f"%.{ANGLE_DECIMALS}f"] * 3
+    numbers, pattern = np.concatenate(channels, 1), " ".join(formats) + "\n"
     with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
-        stream.writelines(_hierarchy(motion, offset_mm * CM_PER_MM, moves))
+        stream.writelines(f"{line}\n" for line in _hierarchy(motion, offset_mm * CM_PER_MM, moves))
         stream.write(f"MOTION\nFrames: {len(motion.frame)}\nFrame Time: {seconds:.10f}\n")
         for start in range(0, len(motion.frame), _TEXT_FRAMES):
-            rows = slice(start, start + _TEXT_FRAMES)
-            part = np.concatenate([numbers for own in channels for numbers in own.numbers(rows)], 1)
+            part = numbers[start : start + _TEXT_FRAMES]
             stream.write(pattern * len(part) % tuple(part.ravel().tolist()))
     dropped = _dropped(motion, moves)
     facts = facts_text(motion, "cm", "y", (FORMATS["bvh"].drops, *dropped))
     write_text(path.with_name(f"{path.name}.txt"), facts)
     return dropped
-
-
-@dataclass(frozen=True)
-class _Channels:
-    """A joint's channels: angles_deg (T, 3), and of one that moves where it is (T, 3), in cm.
-
-    beyond : from its OFFSET. has_parent : whether it then has a joint NAME_rest, which never turns.
-    """
-
-    angles_deg: Array
-    beyond: Array | None
-    has_parent: bool
-
-    def numbers(self, rows: slice) -> list[Array]:
-        """Channels (n, 3) of those frames, in order."""
-        angles = self.angles_deg[rows]
-        if self.beyond is None:
-            return [angles]
-        return [*([np.zeros_like(angles)] if self.has_parent else []), self.beyond[rows], angles]
-
-    def formats(self) -> list[str]:
-        """Return the format of each number."""
-        moves = self.beyond is not None
-        places = ["%.0f"] * (3 * (moves and self.has_parent)) + [f"%.{LENGTH_DECIMALS}f"] * (3 * moves)
-        return places + [f"%.{ANGLE_DECIMALS}f"] * 3
 
 
 def euler_zyx_deg(quaternion: Array) -> Array:
@@ -134,66 +119,30 @@ def _frame_time_s(motion: SkeletonMotion, path: Path) -> float:
     )
 
 
-def _depth_first(motion: SkeletonMotion) -> list[int]:
-    """Joints in the order in which a hierarchy names them."""
-    children, order, left = _children(motion), [], [0]
-    while left:
-        order.append(left.pop())
-        left += reversed(children[order[-1]])
-    return order
-
-
 def _is_end(motion: SkeletonMotion, index: int) -> bool:
     """Tell whether a joint is a digit's last tip, which may be an End Site."""
     return motion.joints[index].tip and index not in motion.parents
 
 
-def _children(motion: SkeletonMotion) -> list[list[int]]:
-    children: list[list[int]] = [[] for _ in motion.joints]
-    for index, joint in enumerate(motion.joints[1:], 1):
-        children[joint.parent].append(index)
-    return children
+def _hierarchy(motion: SkeletonMotion, offset: Array, moves: Array) -> list[str]:
+    def block(head: str, values: Array, channels: str, inner: Sequence[str]) -> list[str]:
+        place = "OFFSET " + " ".join(f"{value:.{LENGTH_DECIMALS}f}" for value in values)
+        lines = (place, *([f"CHANNELS {channels}"] if channels else []), *inner)
+        return [head, "{", *(f"\t{line}" for line in lines), "}"]
 
+    def below(index: int) -> list[str]:
+        children = np.flatnonzero(motion.parents == index).tolist()
+        name, apart = ascii_name(motion.names[index]), bool(index and moves[index])
+        at = np.zeros(3) if apart or not index else offset[index]
+        if _is_end(motion, index) and not moves[index]:
+            return block("End Site", at, "", [])
+        inner = [line for child in children for line in below(child)]
+        inner = inner or block("End Site", np.zeros(3), "", [])
+        channels = f"6 {_PLACES} {_TURNS}" if moves[index] else f"3 {_TURNS}"
+        own = block(f"{'JOINT' if index else 'ROOT'} {name}", at, channels, inner)
+        return block(f"JOINT {name}{AT_REST}", offset[index], f"3 {_TURNS}", own) if apart else own
 
-def _hierarchy(motion: SkeletonMotion, offset: Array, moves: Array) -> Iterator[str]:
-    children = _children(motion)
-
-    def line(depth: int, text: str) -> str:
-        return "\t" * depth + text + "\n"
-
-    def offset_of(values: Array) -> str:
-        return "OFFSET " + " ".join(f"{value:.{LENGTH_DECIMALS}f}" for value in values)
-
-    def below(index: int, depth: int) -> Iterator[str]:
-        joint, ends = motion.joints[index], not children[index]
-        site, name = _is_end(motion, index) and not moves[index], ascii_name(joint.name)
-        apart = bool(index and moves[index])
-        if apart:
-            yield line(depth, f"JOINT {name}{AT_REST}")
-            yield line(depth, "{")
-            yield line(depth + 1, offset_of(offset[index]))
-            yield line(depth + 1, f"CHANNELS 3 {_TURNS}")
-            depth += 1
-        yield line(depth, "End Site" if site else f"{'JOINT' if index else 'ROOT'} {name}")
-        yield line(depth, "{")
-        yield line(depth + 1, offset_of(np.zeros(3) if apart or not index else offset[index]))
-        if not site:
-            yield line(
-                depth + 1, f"CHANNELS 6 {_PLACES} {_TURNS}" if moves[index] else f"CHANNELS 3 {_TURNS}"
-            )
-            for child in children[index]:
-                yield from below(child, depth + 1)
-            if ends:
-                yield line(depth + 1, "End Site")
-                yield line(depth + 1, "{")
-                yield line(depth + 2, offset_of(np.zeros(3)))
-                yield line(depth + 1, "}")
-        yield line(depth, "}")
-        if apart:
-            yield line(depth - 1, "}")
-
-    yield "HIERARCHY\n"
-    yield from below(0, 0)
+    return ["HIERARCHY", *below(0)]
 
 
 def _dropped(motion: SkeletonMotion, moves: Array) -> tuple[str, ...]:

@@ -1,5 +1,5 @@
-"""The tree of bodies and joints that OpenSim, URDF and MJCF share: which coordinates each joint has, about
-which axes, their values over a motion, and what a body weighs.
+"""The tree of bodies and joints of an OpenSim model: which coordinates each joint has, about which axes, and
+their values over a motion.
 
 A joint's frame stands where its angles are zero, on the parent's bone at the joint's rest offset; turns are
 carried one by the other, R = R(axis 1, q1) R(axis 2, q2) R(axis 3, q3), after the translations along the
@@ -53,7 +53,6 @@ TISSUE_KG_M3 = 1100.0
 _SLENDER = 0.2
 _THINNEST_MM = 6.0
 _SHORTEST_MM = 10.0
-_CAPSULE, _CAPSULES_MM = 0.15, (5.0, 8.0)
 _M_PER_MM = 1e-3
 
 _SIGN = {"right": -1.0, "left": 1.0}
@@ -113,7 +112,9 @@ def joint_forms(motion: SkeletonMotion) -> tuple[JointForm, ...]:
         offset = motion.rest_offset_mm[index]
         beyond = rotate(conjugate(zero), local_mm[:, index] - offset)
         turns = _turns(joint, name, labels, values)
-        shifts = _shifts(name, beyond) if joint.parent < 0 or np.abs(beyond).max() > MOVES_MM else ()
+        shifts: tuple[Coordinate, ...] = ()
+        if joint.parent < 0 or np.abs(beyond).max() > MOVES_MM:
+            shifts = tuple(Coordinate(f"{name}_t{axis}", beyond[:, n]) for n, axis in enumerate("xyz"))
         parent = places.get(joint.parent, -1)
         forms.append(JointForm(index, name, body, joint.dof, parent, offset, zero, axes, turns, shifts))
     return tuple(forms)
@@ -123,20 +124,19 @@ def joint_forms(motion: SkeletonMotion) -> tuple[JointForm, ...]:
 class Body:
     """What a joint carries, in its bone frame: a bone to each joint and tip that follows.
 
-    spans_mm : (n, 3) their places, none at the origin. length_mm : of the longest. capsule_mm : radius of a
-    capsule about it. mass_kg; middle_mm : (3,) its centre; inertia_kg_m2 : (3,) about the frame's axes.
+    spans_mm : (n, 3) their places, none at the origin. length_mm : of the longest. mass_kg; middle_mm : (3,)
+    its centre; inertia_kg_m2 : (3,) about the frame's axes.
     """
 
     spans_mm: Array
     length_mm: float
-    capsule_mm: float
     mass_kg: float
     middle_mm: Array
     inertia_kg_m2: Array
 
 
 def body_of(motion: SkeletonMotion, form: JointForm) -> Body:
-    """Give the body after a joint."""
+    """Return the body after a joint."""
     after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
     ends_mm = motion.rest_offset_mm[after].reshape(-1, 3)
     lengths = np.linalg.norm(ends_mm, axis=1)
@@ -147,8 +147,7 @@ def body_of(motion: SkeletonMotion, form: JointForm) -> Body:
     middle = unit(spans.sum(0)) if len(spans) else DISTAL
     across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
     inertia = np.array([across, across, along]) * _M_PER_MM**2
-    capsule = float(np.clip(_CAPSULE * length, *_CAPSULES_MM))
-    return Body(spans, length, capsule, float(mass), middle * length / 2, inertia)
+    return Body(spans, length, float(mass), middle * length / 2, inertia)
 
 
 def fixed_points(
@@ -200,10 +199,6 @@ def _turns(joint: SkeletonJoint, name: str, labels: Sequence[str], values: Array
     if joint.dof == 1 and np.abs(values[:, 1:]).max() < STILL_RAD:
         return turns[:1]
     return turns
-
-
-def _shifts(name: str, beyond_mm: Array) -> tuple[Coordinate, ...]:
-    return tuple(Coordinate(f"{name}_t{axis}", value) for axis, value in zip("xyz", beyond_mm.T, strict=True))
 
 
 def _root_turns(turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
