@@ -21,10 +21,9 @@ def words(out: Path, *more: str, task: str = "opposition") -> list[str]:
     return [*name, "--frames", "120", "--out", str(out), *more]
 
 
-def test_both_formats_hold_the_same_numbers(tmp_path: Path) -> None:
-    assert main(words(tmp_path / "a.parquet")) == 0
+def test_both_formats_hold_the_same_numbers(plain: Path, tmp_path: Path) -> None:
     assert main(words(tmp_path / "a.csv")) == 0
-    parquet, csv = pq.read_table(tmp_path / "a.parquet"), pyarrow.csv.read_csv(tmp_path / "a.csv")
+    parquet, csv = pq.read_table(plain), pyarrow.csv.read_csv(tmp_path / "a.csv")
     assert parquet.column_names == csv.column_names == COLUMNS
     assert parquet.num_rows == 120 * 16
     assert parquet.column("segment").to_pylist() == csv.column("segment").to_pylist()
@@ -74,6 +73,14 @@ def test_truth_tables_are_tables_of_the_contract(tmp_path: Path) -> None:
     assert (np.abs(beyond[:, 0] - [5.7, 3.8, 4.0, 4.0, 3.7]) < 2).all()
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording as it is without options."""
+    out = tmp_path_factory.mktemp("plain") / "plain.parquet"
+    assert main(words(out)) == 0
+    return out
+
+
 @pytest.mark.parametrize(
     "option",
     [
@@ -85,9 +92,10 @@ def test_truth_tables_are_tables_of_the_contract(tmp_path: Path) -> None:
         ("--faults", "3"),
     ],
 )
-def test_options_change_the_recording_and_are_in_its_truth(tmp_path: Path, option: tuple[str, str]) -> None:
-    plain, other = (tmp_path / f"{name}.parquet" for name in ("plain", "other"))
-    assert main(words(plain)) == 0
+def test_options_change_the_recording_and_are_in_its_truth(
+    plain: Path, tmp_path: Path, option: tuple[str, str]
+) -> None:
+    other = tmp_path / "other.parquet"
     assert main(words(other, *option)) == 0
     one, two = (pq.read_table(path).drop_columns(["segment"]) for path in (plain, other))
     assert not one.equals(two)

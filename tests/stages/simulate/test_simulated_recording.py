@@ -39,7 +39,7 @@ def test_tasks_share_the_hand_and_its_receivers() -> None:
 @pytest.mark.parametrize("task", ["opposition", "rom"])
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_exact_joints_are_hinges_in_the_childs_sagittal_plane(side: str, task: str) -> None:
-    simulated = simulate("01", side, task, 7, EXACT, forearm=True)
+    simulated = simulate("01", side, task, 7, EXACT, SHORT, forearm=True)
     layout = read_layout("liberty16")
     assert set(simulated.truth.joints) == {joint.name for joint in layout.solvable}
     for joint in simulated.truth.joints.values():
@@ -59,7 +59,7 @@ def test_exact_joints_are_hinges_in_the_childs_sagittal_plane(side: str, task: s
 @pytest.mark.parametrize("subject", ["01", "02"])
 def test_full_realism_opens_gaps_of_millimetres(subject: str) -> None:
     for task in ("opposition", "rom"):
-        truth = simulate(subject, "left", task, 7, FULL).truth
+        truth = simulate(subject, "left", task, 7, FULL, SHORT).truth
         gaps = [np.sqrt(np.mean(joint.gap_mm**2)) for joint in truth.joints.values() if joint.parent_segment]
         assert len(gaps) == 15
         assert min(gaps) > 0.3
@@ -93,8 +93,8 @@ def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str)
 
 
 def test_thumb_metacarpal_receiver_under_reads() -> None:
-    quiet = simulate("01", "right", "rom", 7, EXACT)
-    shaken = simulate("01", "right", "rom", 7, replace(EXACT, artefact=1.0))
+    quiet = simulate("01", "right", "rom", 7, EXACT, SHORT)
+    shaken = simulate("01", "right", "rom", 7, replace(EXACT, artefact=1.0), SHORT)
     own, palm = (quiet.segments.index(name) for name in ("thumb_metacarpal", "hand"))
     ranges = []
     for simulated in (quiet, shaken):
