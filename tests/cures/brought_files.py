@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import redirect_stderr
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -148,10 +149,28 @@ def _row_a_frame(
 
 @dataclass(frozen=True)
 class Result:
-    """Hold the findings in what was brought. centre_mm : by joint (2, 3), along the axes of its two bones."""
+    """Hold the findings in what was brought, and the recordings that its hand is solved from."""
 
     findings: tuple[Finding, ...] = ()
-    centre_mm: Mapping[str, Array] = field(default_factory=dict)
+    recordings: tuple[Poses, ...] = ()
+    layout: Layout | None = None
+    hand: str = ""
+
+    @cached_property
+    def centre_mm(self) -> dict[str, Array]:
+        """Joints as the whole hand's fit has them: (2, 3), along the axes of both bones."""
+        if self.layout is None:
+            return {}
+        quick, segments = Settings(n_frames=40, rounds=0), self.layout.segments
+        joints = fit_hand(self.recordings, self.layout, self.hand, settings=quick).joints
+        ends = {
+            name: ((own.parent_segment, own.parent_mm), (own.child_segment, own.child_mm))
+            for name, own in joints.items()
+        }
+        return {
+            name: np.array([segments[end].axes.T @ centre for end, centre in own])
+            for name, own in ends.items()
+        }
 
 
 def check(brought: Brought) -> Result:
@@ -167,8 +186,7 @@ def check(brought: Brought) -> Result:
         worn = read_layout(layout)
         checked = checked_poses(poses, worn.of_hand(brought.sheet["hand"]))
         seen = tuple(name for name in worn.expected if name != "forearm")
-        joints = centres([read_poses(poses, seen)], worn, brought.sheet["hand"])
-        return Result(checked.findings, dict(joints))
+        return Result(checked.findings, (read_poses(poses, seen),), worn, brought.sheet["hand"])
 
 
 def _written(brought: Brought, folder: Path) -> Iterator[str]:
@@ -183,10 +201,3 @@ def _written(brought: Brought, folder: Path) -> Iterator[str]:
         yield f"--mapping={folder / 'mapping.yaml'}"
     if brought.sheet.get("hemisphere") == "repair":
         yield "--repair-hemisphere"
-
-
-def centres(poses: Sequence[Poses], layout: Layout, hand: str) -> Iterator[tuple[str, Array]]:
-    """Yield joints as the whole hand's fit has them: (2, 3) mm, along the axes of both bones."""
-    for name, joint in fit_hand(poses, layout, hand, settings=Settings(n_frames=40, rounds=0)).joints.items():
-        ends = (joint.parent_segment, joint.parent_mm), (joint.child_segment, joint.child_mm)
-        yield name, np.array([layout.segments[end].axes.T @ centre for end, centre in ends])

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from cures.brought_files import Result, centres
+from cures.brought_files import Result
 from cures.followed_cures import NoSuchCureError
 
 from benchmarks.faultless_hands import Planted, changed, own_hand
@@ -87,8 +87,7 @@ def check_sheet(rows: Sequence[Row], files: Files) -> Result:
         named = [(row["task"], files.planted[row["file"]].hand, files.checked[row["file"]]) for row in own]
         findings += [finding for one in compared(named) for finding in one.findings]
     first = [files.planted[row["file"]] for row, of in zip(used, whose, strict=True) if of == whose[0]]
-    layout = read_layout(LAYOUT)
-    return Result(tuple(findings), dict(centres([one.poses for one in first], layout, first[0].hand)))
+    return Result(tuple(findings), tuple(one.poses for one in first), read_layout(LAYOUT), first[0].hand)
 
 
 def obeyed_in_sheet(case: SheetCase, files: Files, *, second: bool = False) -> tuple[Result, Result]:
