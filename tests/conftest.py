@@ -13,7 +13,7 @@ from shukotsu.errors import InputError
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # as in the workflow; small matrices gain nothing from threads
 
 # A slow machine is no failure. The same examples every time, but where new ones are searched for.
-settings.register_profile("steady", deadline=None, max_examples=30, derandomize=True)
+settings.register_profile("steady", deadline=None, max_examples=15, derandomize=True)
 INPUTS = int(os.environ.get("FUZZ_INPUTS", "100"))
 settings.register_profile("search", deadline=None, max_examples=INPUTS, print_blob=True)
 settings.load_profile("steady")

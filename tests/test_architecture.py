@@ -83,6 +83,7 @@ def offence(module: str, target: str) -> str:
     return ""
 
 
+@cache
 def imports_of(module: str) -> list[tuple[str, bool]]:
     """Modules of the project that a module imports, and whether at once."""
     return list(imports(modules()[module].read_text("utf-8")))

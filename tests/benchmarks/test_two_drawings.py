@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.two_drawings import (
-    DRAWINGS,
-    OTHER,
-    OWN,
-    errors_table,
-    joint_errors,
-    one_hand,
-)
+from benchmarks import two_drawings
+from benchmarks.two_drawings import DRAWINGS, OTHER, OWN, errors_table, joint_errors, one_hand
 from shukotsu.schemas.layout import read_layout
 from shukotsu.stages.fit_hand.fit import fit_hand
 from shukotsu.stages.simulate.simulation import LAYOUT
+
+
+@pytest.fixture(autouse=True)
+def _short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recordings of a third of the time."""
+    monkeypatch.setattr(two_drawings, "DURATION_S", 8.0)
 
 
 @pytest.mark.parametrize("drawing", [OWN, OTHER])

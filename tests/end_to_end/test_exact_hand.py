@@ -20,6 +20,7 @@ from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.recording import write_recording
 from shukotsu.stages.simulate.simulation import Simulated, simulate
 
+N_FRAMES = 600
 FINGERS = ("index", "middle", "ring", "little")
 Run = Callable[..., tuple[HandResults, Simulated]]
 
@@ -41,7 +42,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
         key = (realism, model, hand, task, forearm, seed)
         if key not in done:
             folder = tmp_path_factory.mktemp("hand")
-            made = simulate("01", hand, task, seed, realism, 1200, forearm=forearm)
+            made = simulate("01", hand, task, seed, realism, N_FRAMES, forearm=forearm)
             write_recording(folder / "recording.parquet", made)
             poses = import_recording(folder / "recording.parquet", folder / "poses.parquet", hand=hand)
             done[key] = run_hand(poses, poses, model, folder), made
@@ -106,7 +107,7 @@ def test_exact_hand_comes_back(run: Run, hand: str, task: str, forearm: bool) ->
         assert error.max() < 1e-6, digit
     for binding in ("first-frame", "least-squares"):
         for digit, row in results.errors(binding).items():
-            assert row["n_frames"] == 1200
+            assert row["n_frames"] == N_FRAMES
             assert row["max_mm"] < 1e-6, (binding, digit)
 
 

@@ -1,12 +1,8 @@
 """The diagram of the guide is that of today's rules."""
 
-from guide.diagram import (
-    PAGE,
-    RuleGraph,
-    direct_edges,
-    page_with_diagram,
-    read_filegraph,
-)
+import pytest
+
+from guide.diagram import PAGE, RuleGraph, direct_edges, page_with_diagram, read_filegraph
 
 NODE = """{number} [ shape=none, margin=0, label=<<table border="2">
 <b><font point-size="18">{rule}</font></b>
@@ -39,6 +35,7 @@ def test_what_a_longer_way_implies_is_left_out() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_the_page_is_current() -> None:
     """`make docs` would change nothing."""
     page = PAGE.read_text("utf-8")

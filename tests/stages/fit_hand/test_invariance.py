@@ -17,14 +17,14 @@ from shukotsu.skeleton.rotations import Array, about_axis, matrix, multiply, rot
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
 from shukotsu.stages.fit_hand.receiver_frames import MIRROR
 
-QUICK = Settings(n_frames=40, rounds=1)
+QUICK, SHORT = Settings(n_frames=40, rounds=1), Settings(n_frames=20, rounds=1)
 CLEAN = {"glide": 0.0, "artefact": 0.0, "noise": 0.0, "field_distortion": 0.0}
 
 
 def with_gaps(poses: Poses) -> Poses:
     """A tenth of all poses lost, one receiver's for a while."""
     valid = np.random.default_rng(0).random(poses.valid.shape) > 0.1
-    valid[300:900, poses.index("middle_middle")] = False
+    valid[150:450, poses.index("middle_middle")] = False
     return replace(poses, valid=valid)
 
 
@@ -52,19 +52,20 @@ def assert_same_centres(one: HandFit, other: HandFit, factor: Array) -> None:
 
 def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
     """Two recordings, one with gaps and cut in two, the transmitter elsewhere for all."""
-    first, second = with_gaps(recorded(seed=7)[1]), recorded("right", "opposition", seed=7)[1]
-    parts = [first.take(slice(1200)), first.take(slice(1200, None)), second]
+    first, second = (recorded("right", task, seed=7, n_frames=1200)[1] for task in ("rom", "opposition"))
+    first = with_gaps(first)
+    parts = [first.take(slice(600)), first.take(slice(600, None)), second]
     elsewhere = [seen_from(poses, 3) for poses in parts]
-    here, there = (fit_hand(r, layout, "right", settings=QUICK) for r in ([first, second], elsewhere))
+    here, there = (fit_hand(r, layout, "right", settings=SHORT) for r in ([first, second], elsewhere))
     assert_same_centres(here, there, np.ones(3))
 
 
 def test_the_mirrored_recording_is_the_other_hand(layout: Layout) -> None:
     """A left hand as recorded, with gaps, and its mirror image."""
-    poses = with_gaps(recorded("left", "opposition", seed=7)[1])
-    left = fit_hand([poses], layout, "left", settings=QUICK)
+    poses = with_gaps(recorded("left", "opposition", seed=7, n_frames=1200)[1])
+    left = fit_hand([poses], layout, "left", settings=SHORT)
     image = replace(poses, position_mm=poses.position_mm * MIRROR, quaternion=mirrored(poses.quaternion))
-    right = fit_hand([image], layout, "right", settings=QUICK)
+    right = fit_hand([image], layout, "right", settings=SHORT)
     assert_same_centres(left, right, MIRROR)
 
 
@@ -125,7 +126,7 @@ def test_a_receiver_may_sit_at_another_angle(layout: Layout, segment: str) -> No
     assert np.median(moves) < (0.3 if segment else 1.0)
 
 
-@pytest.mark.parametrize("anatomy", ["blend", "mixed-table"])
+@pytest.mark.parametrize("anatomy", [pytest.param("blend", marks=pytest.mark.slow), "mixed-table"])
 def test_what_motion_shows_comes_out_whatever_is_expected(layout: Layout, anatomy: str) -> None:
     """Without skin, noise and field, people of the usual anatomy and of one far from all that is expected:
     across a hinge's axis, and in all directions elsewhere, a centre is found to 0.25 mm, most to 0.1 mm.
