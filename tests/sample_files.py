@@ -97,11 +97,7 @@ def _c3d() -> Recording:
         path = Path(name, "a.c3d")
         file.write(str(path))
         data = path.read_bytes()
-    mapping = {
-        "format": "c3d",
-        "position_unit": "mm",
-        "receivers": {"hand": {"markers": ["H1", "H2", "H3"]}},
-    }
+    mapping = {"format": "c3d", "position_unit": "mm", "receivers": {"hand": {"markers": ["H1", "H2", "H3"]}}}
     return Recording("a.c3d", {"a.c3d": data}, mapping)
 
 

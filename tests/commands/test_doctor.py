@@ -11,11 +11,7 @@ import pytest
 
 from shukotsu.commands import doctor
 
-NAMES = [
-    "packages",
-    "disk",
-    "tracker",
-]
+NAMES = ["packages", "disk", "tracker"]
 
 
 def lines_of(out: str) -> dict[str, str]:

@@ -21,11 +21,6 @@ def known(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return make_hand(tmp_path_factory.mktemp("study"), request.param)
 
 
-@pytest.fixture
-def posed(known: KnownHand) -> shukotsu.PosedHand:
-    return shukotsu.pose(known.plan.folder.parent, "01", known.made.hand, "opposition")
-
-
 def test_importing_it_imports_nothing_heavy() -> None:
     look = (
         "import shukotsu, sys; sys.exit(str({'numpy', 'pandas', 'pyarrow', 'matplotlib'} & set(sys.modules)))"

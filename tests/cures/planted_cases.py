@@ -130,9 +130,7 @@ def _opposite(planted: Planted) -> Planted:
 def _mirrored(planted: Planted) -> Planted:
     poses = planted.poses
     return changed(
-        planted,
-        position_mm=poses.position_mm * [1, -1, 1],
-        quaternion=poses.quaternion * [1, -1, 1, -1],
+        planted, position_mm=poses.position_mm * [1, -1, 1], quaternion=poses.quaternion * [1, -1, 1, -1]
     )
 
 

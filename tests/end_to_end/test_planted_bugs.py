@@ -109,11 +109,7 @@ def raising(*_: Any, **__: Any) -> None:
 @pytest.mark.parametrize("places", [IN_A_PART, OUTSIDE], ids=["in-a-part", "outside"])
 @pytest.mark.parametrize("stage", STAGES)
 def test_the_study_ends_with_a_report_that_names_it(
-    sound: PlannedSubject,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    stage: str,
-    places: dict[str, str],
+    sound: PlannedSubject, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stage: str, places: dict[str, str]
 ) -> None:
     subject = sound.copied(tmp_path)
     results, study = Results(subject.plan_file.parent.parent), f"--study={subject.folder / 'study.yaml'}"

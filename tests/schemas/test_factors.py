@@ -42,11 +42,7 @@ def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path
     ("factors", "participants", "message"),
     [
         ("condition, gruop", PARTICIPANTS, "'gruop' is no column of the sheets.*did you mean 'group'?"),
-        (
-            "condition, role",
-            PARTICIPANTS,
-            "'role' tells no levels apart; expected one of session, hand",
-        ),
+        ("condition, role", PARTICIPANTS, "'role' tells no levels apart; expected one of session, hand"),
         ("condition", PARTICIPANTS.replace("group", "condition"), "'condition' is a column of both sheets"),
     ],
 )

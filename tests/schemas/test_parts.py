@@ -13,13 +13,7 @@ from pipeline import recording_numbers
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.schemas.catalogue import METACARPALS
-from shukotsu.schemas.parts import (
-    PARTS_KEY,
-    Part,
-    part_metadata,
-    parts_writer,
-    read_part,
-)
+from shukotsu.schemas.parts import PARTS_KEY, Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.tables import Column, Provenance, Table, read_table, rows_of
 
 TEXT = pa.string()

@@ -7,18 +7,9 @@ import pytest
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import POSES
-from shukotsu.schemas.poses import (
-    one_hand,
-    pose_blocks,
-    read_poses,
-    recording_name,
-)
+from shukotsu.schemas.poses import one_hand, pose_blocks, read_poses, recording_name
 from shukotsu.schemas.study import Hand
-from shukotsu.schemas.tables import (
-    Provenance,
-    write_table,
-    write_table_in_parts,
-)
+from shukotsu.schemas.tables import Provenance, write_table, write_table_in_parts
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 NAME = {"subject": "01", "hand": "right", "task": "rom", "trial": ""}

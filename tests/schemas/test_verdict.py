@@ -75,7 +75,3 @@ def test_a_smaller_error_without_more_against_it_is_never_judged_worse(
         for sd, own in ((small, []), (large, more))
     )
     assert VERDICTS.index(better) <= VERDICTS.index(worse)
-
-
-BONE: dict[str, Any] = {"bone": "index_proximal", "starts_at": "index_mcp", "ends_at": "index_pip"}
-BONE |= {"length_mm": 40.0, "sd_mm": 0.6}

@@ -216,10 +216,7 @@ def test_a_failure_is_in_the_log_and_recorded_where_asked(
 
 @pytest.mark.parametrize(
     ("error", "message"),
-    [
-        (InputError("no usable poses"), "no usable poses"),
-        (ZeroDivisionError("oh"), INTERNAL),
-    ],
+    [(InputError("no usable poses"), "no usable poses"), (ZeroDivisionError("oh"), INTERNAL)],
 )
 def test_a_part_that_fails_is_recorded_in_every_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], error: Exception, message: str

@@ -22,7 +22,7 @@ JAPANESE = "山田 花子"
 SLASHED = "a/b c"
 DEAD = "index_middle"
 REASON = "the <b>receiver</b> slipped & fell"
-MODEL, WHOLE = "paper-fig4-corrected", "whole-hand"
+MODEL = "paper-fig4-corrected"
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 
 GOOD = [
@@ -117,15 +117,8 @@ def good_alone(folder: Path) -> StudyRun:
     return _run(folder, "untroubled", GOOD)
 
 
-@pytest.fixture(scope="module")
-def whole(folder: Path) -> StudyRun:
-    """Whole hands of the good subject, of one with a dead receiver and of one with half of the hands, run."""
-    wanted = ("dead\tright", "truncated\tright", f"{HOSTILE}\t")
-    return _run(folder, "whole", GOOD + [row for row in BAD if row.startswith(wanted)], WHOLE)
-
-
-def _run(folder: Path, name: str, rows: list[str], model: str = MODEL) -> StudyRun:
-    study = write_study(folder, name, rows, [model], corrections="corrections.tsv")
+def _run(folder: Path, name: str, rows: list[str]) -> StudyRun:
+    study = write_study(folder, name, rows, [MODEL], corrections="corrections.tsv")
     study.run()
     return study
 

@@ -31,14 +31,7 @@ pytestmark = pytest.mark.slow
 
 CONFIGURED = {"plan"}
 """Rules of which the content of the study file and its sheets is a parameter."""
-OF_THE_STUDY = (
-    "gather",
-    "compare_models",
-    "compare_movement",
-    "export_dataset",
-    "report",
-    "print_figures",
-)
+OF_THE_STUDY = ("gather", "compare_models", "compare_movement", "export_dataset", "report", "print_figures")
 """Rules that read the study file and its sheets."""
 Command = tuple[str, ...]
 

@@ -14,11 +14,7 @@ from shukotsu.schemas.results import FIT_TABLES, SUBJECT_TABLES
 pytestmark = pytest.mark.slow
 
 PLAIN, CORRECTED, FITTED = "plain", "corrected", "fitted"
-ROWS = [
-    "01\tright\trom\tboth\t01.csv",
-    "02\tright\trom\tboth\t02.csv",
-    "late\tright\trom\tboth\tlate.csv",
-]
+ROWS = ["01\tright\trom\tboth\t01.csv", "02\tright\trom\tboth\t02.csv", "late\tright\trom\tboth\tlate.csv"]
 CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t{}\t0\t0\n"
 AFTER_CAPTURE = {"check_recordings", "align_events", "solve_joints"}
 AFTER_CAPTURE |= {"fit_hand"}

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from shukotsu.skeleton.rotations import about_axis
-from shukotsu.stages.evaluate_skeletons.scores import (
-    metacarpal_deg,
-    tip_numbers,
-    true_tip_numbers,
-)
+from shukotsu.stages.evaluate_skeletons.scores import metacarpal_deg, tip_numbers, true_tip_numbers
 from shukotsu.stages.evaluate_skeletons.truth import DISTAL, TrueDigit, directions
 
 NAN = float("nan")

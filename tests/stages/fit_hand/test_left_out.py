@@ -14,11 +14,7 @@ from shukotsu.stages.fit_hand.field_test import Field
 from shukotsu.stages.fit_hand.fingertips import fingertips
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
 from shukotsu.stages.fit_hand.hand_tables import receiver_rows
-from shukotsu.stages.fit_hand.left_out import (
-    Unsteady,
-    share_left_out,
-    without_displaced,
-)
+from shukotsu.stages.fit_hand.left_out import Unsteady, share_left_out, without_displaced
 from shukotsu.stages.fit_hand.loose_receivers import Displaced, LooseReceiver, Moment
 
 ASIDE = np.array([0.0, 1.0, 0.0])

@@ -158,22 +158,14 @@ def test_further_columns_of_the_sheet_are_handed_on(tmp_path: Path) -> None:
 def test_what_is_said_of_a_clock_is_a_problem(plans: list[SubjectPlan], tmp_path: Path) -> None:
     rows = [
         row_of(
-            CLOCKS,
-            **vars(plans[0].hand("right")),
-            task="pinch",
-            trial=trial,
-            status=status,
-            message=status,
+            CLOCKS, **vars(plans[0].hand("right")), task="pinch", trial=trial, status=status, message=status
         )
         for trial, status in (("1", "weak"), ("2", "failed"), ("3", "ok"))
     ]
     with parts_writer(plans[0].table("clocks"), CLOCKS, Provenance()) as writer:
         writer.rows(plans[0].part("right"), rows)
     found = [row for row in gathered(tmp_path)["problems"] if row["kind"] == "events"]
-    assert [(row["task"], row["severity"]) for row in found] == [
-        ("pinch, 1", "note"),
-        ("pinch, 2", "note"),
-    ]
+    assert [(row["task"], row["severity"]) for row in found] == [("pinch, 1", "note"), ("pinch, 2", "note")]
 
 
 @pytest.mark.usefixtures("plans")
