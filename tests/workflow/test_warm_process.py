@@ -23,6 +23,11 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 JOB = (sys.executable, "-m", "shukotsu.workflow.job")
 HELP = ("shukotsu.stages.solve_joints", "--help")
 WAITING = "tests.workflow.waiting_job"
+LIGHT = (
+    "import socket, sys; from shukotsu.workflow import warm_process as w; "
+    "w.PACKAGES = ['shukotsu.stages.solve_joints.__main__']; w.serve(socket.socket(fileno=int(sys.argv[1])))"
+)
+"""A warm process that imports one stage, not all."""
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the warm process is for Linux")
 
@@ -43,7 +48,11 @@ def warm() -> Iterator[psutil.Process]:
         patch.setenv("PYTHONPATH", str(REPOSITORY))
         patch.setenv(job.ADDRESS, "")
         patch.delenv(job.ADDRESS)
-        started = warm_process.start()
+        whole = subprocess.Popen
+        with patch.context() as light:
+            words = [sys.executable, "-c", LIGHT]
+            light.setattr(subprocess, "Popen", lambda own, **options: whole([*words, own[-1]], **options))
+            started = warm_process.start()
         assert started is not None
         yield psutil.Process(started.pid)
         started.communicate()
