@@ -8,8 +8,10 @@ import numpy as np
 
 from benchmarks.faultless_hands import Planted
 from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.schemas.tables import Provenance, write_table
+from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import Simulated, simulate
 
@@ -28,6 +30,13 @@ def recorded(
     disturbed = replace(Realism.full(), **realism)  # type: ignore[arg-type]
     made = simulate("01", side, task, seed, disturbed, n_frames, forearm=forearm)
     return made, made.poses()
+
+
+@cache
+def fitted(side: str = "right") -> HandFit:
+    """Fit the hand of seed 4 quickly, to 1600 frames."""
+    poses = recorded(side, seed=4, n_frames=1600)[1]
+    return fit_hand([poses], read_layout("liberty16"), side, settings=Settings(n_frames=60, rounds=1))
 
 
 @cache

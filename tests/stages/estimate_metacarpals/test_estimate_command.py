@@ -1,23 +1,18 @@
 """The stage by a plan and alone: every skeleton's own rows in three tables, or why there are none."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.compute as pc
 import pytest
 from pipeline import recording_numbers
 
 from shukotsu.schemas.catalogue import (
     BONE_LENGTHS,
-    BONE_POSES,
-    BONE_TIP,
-    DISTAL_RECEIVER,
     JOINT_CENTRES,
     METACARPALS,
 )
-from shukotsu.schemas.model import read_model
 from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.tables import Provenance, Table, read_metadata, read_table, rows_of
@@ -118,70 +113,3 @@ def test_joints_that_lack_a_part_are_never_a_recorded_failure(
     assert run(tmp_path / "out", joints, "--plan", plan_file, "--record-failure") == 2
     assert "has no rows of subject 01, but of 02; remove it" in capsys.readouterr().err
     assert list((tmp_path / "out").iterdir()) == []
-
-
-# --- models that fit the whole hand -----------------------------------------------------------------------
-
-FITTED = Part("right", "whole-hand", "", "01")
-TURN = np.array([[np.nan] * 4, *[[0.5, 0.5, 0.5, 0.5]] * 299])
-
-
-@pytest.fixture
-def fit(plan: SubjectPlan, tmp_path: Path) -> Path:
-    """A folder of what a fit of the whole hand writes, and of the joints before it."""
-    joints = list(rows_of(read_part(plan.table("projected_joints"), JOINT_CENTRES, WHOLE)))
-    built = list(rows_of(read_part(plan.table("joint_centres"), JOINT_CENTRES, WHOLE)))
-    bones = rows_of(read_part(plan.table("bone_lengths"), BONE_LENGTHS, WHOLE))
-    own = {"model": "whole-hand"}
-    base = next(row for row in built if row["joint"] == "thumb_cmc")
-    fitted = [{**row, **own} for row in built if row["status"] != "failed"]
-    fitted += [{**base, **own, "joint": f"{name}_cmc", "gap_rms_free_mm": None} for name in FINGERS]
-    lengths = [{**row, **own, "length_mm": row["length_mm"] + 1, "sd_mm": 0.5} for row in bones]
-    for row in lengths:
-        row["ends_at"] = BONE_TIP if row["ends_at"] == DISTAL_RECEIVER else row["ends_at"]
-    for name, table, rows in (
-        ("projected_joints", JOINT_CENTRES, [{**row, **own} for row in joints]),
-        ("fitted_joints", JOINT_CENTRES, fitted),
-        ("fitted_bones", BONE_LENGTHS, lengths),
-    ):
-        with parts_writer(tmp_path / f"{name}.parquet", table, Provenance()) as writer:
-            writer.rows(FITTED, rows)
-    with parts_writer(tmp_path / "bone_poses.parquet", BONE_POSES, Provenance()) as writer:
-        for segment in ("thumb_metacarpal", *(f"{name}_metacarpal" for name in FINGERS)):
-            place = dict.fromkeys(("x_mm", "y_mm", "z_mm"), np.zeros(300))
-            turns = dict(zip(TURNS, TURN.T, strict=True)) | dict.fromkeys(
-                ("sd_mm", "turn_sd_deg"), np.ones(300)
-            )
-            keys = {"subject": "01", "task": "opposition", "trial": "", "segment": segment}
-            writer.columns(FITTED, {**keys, "frame": 1 + np.arange(300), **place, **turns})
-    return tmp_path
-
-
-FINGERS = ("index", "middle", "ring", "little")
-
-
-def run_fitted(plan: SubjectPlan, fit: Path, more: Sequence[object]) -> int:
-    poses = poses_of(plan, "right", "opposition")
-    options = ["--layout", "liberty16", "--model", "whole-hand", "--poses", *poses, "--calibration", *poses]
-    return run(fit / "out", fit / "projected_joints.parquet", *options, *more)
-
-
-def test_a_fitted_hand_has_the_fits_joints_lengths_and_postures(plan: SubjectPlan, fit: Path) -> None:
-    assert read_model("whole-hand").fitting is not None
-    assert run_fitted(plan, fit, ["--fit", fit]) == 0
-    joints = list(rows_of(read_part(fit / "out/joint_centres.parquet", JOINT_CENTRES, FITTED)))
-    solved = read_part(fit / "projected_joints.parquet", JOINT_CENTRES, FITTED)
-    assert [row["joint"] for row in joints][: solved.num_rows] == solved.column("joint").to_pylist()
-    assert {f"{name}_cmc" for name in FINGERS} < {row["joint"] for row in joints}
-    bones = {
-        row["bone"]: row for row in rows_of(read_part(fit / "out/bone_lengths.parquet", BONE_LENGTHS, FITTED))
-    }
-    given = rows_of(read_part(fit / "fitted_bones.parquet", BONE_LENGTHS, FITTED))
-    for row in given:
-        for name in ("starts_at", "ends_at", "length_mm", "sd_mm"):
-            assert bones[row["bone"]][name] == row[name]
-    assert bones["index_distal"]["ends_at"] == BONE_TIP
-    found = read_part(fit / "out/metacarpals.parquet", METACARPALS, FITTED)
-    thumb = found.filter(pc.equal(found.column("digit"), "thumb"))
-    np.testing.assert_array_equal(np.stack([thumb.column(name).to_numpy() for name in TURNS], -1), TURN)
-    assert thumb.column("flags").to_pylist() == ["gap"] + [""] * 299

@@ -14,11 +14,7 @@ from shukotsu.schemas.catalogue import JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCO
 from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
-from shukotsu.schemas.tables import (
-    Provenance,
-    read_table,
-    rows_of,
-)
+from shukotsu.schemas.tables import Provenance, read_table, rows_of
 from shukotsu.stages.evaluate_skeletons.__main__ import main
 from shukotsu.stages.fit_hand.hand_tables import FIT
 
@@ -27,7 +23,7 @@ LAYOUT = read_layout("liberty16")
 DIGITS = tuple(LAYOUT.digits)
 TIP = ["tip_x_mm", "tip_y_mm", "tip_z_mm"]
 REFERENCES = ("prior-only", "distal-receiver", "true-skeleton")
-N_FRAMES = 200
+N_FRAMES = 120
 Row = dict[str, Any]
 Results = tuple[list[Row], list[Row]]
 
@@ -98,6 +94,27 @@ def test_every_skeleton_and_reference_has_its_rows(results: Results) -> None:
         assert tuple(of(scores, model, task, calibrated_on)) == DIGITS
     assert {row["model"] for row in scores if row["reference"]} == set(REFERENCES)
     assert {row["message"] for row in scores} == {""}
+
+
+def test_a_fitted_hand_is_built_of_what_its_fit_says(subject: PlannedSubject) -> None:
+    """Joints, lengths and postures are handed on; gaps stay gaps."""
+    part, fitted = subject.part("quick"), subject.fit_folder()
+    for name, made, key, columns in (
+        ("fitted_joints", "joint_centres", "joint", ("child_x_mm", "parent_x_mm", "status")),
+        ("fitted_bones", "bone_lengths", "bone", ("starts_at", "ends_at", "length_mm", "sd_mm")),
+    ):
+        rows = {row[key]: row for row in subject.rows(subject.plan.table(made), made, part)}
+        own = list(rows_of(read_part(fitted / f"{name}.parquet", FIT[name], part)))
+        assert own
+        for row in own:
+            assert [rows[row[key]][column] for column in columns] == [row[column] for column in columns]
+    turns = [f"q{axis}" for axis in "wxyz"]
+    bones = subject.rows(fitted / "bone_poses.parquet", "bone_poses", part)
+    posed = {(row["task"], row["segment"], row["frame"]): [row[turn] for turn in turns] for row in bones}
+    for row in subject.rows(subject.plan.table("metacarpals"), "metacarpals", part):
+        expected = posed[row["task"], f"{row['digit']}_metacarpal", row["frame"]]
+        assert [row[turn] for turn in turns] == expected
+        assert (row["flags"] == "gap") == (expected[0] is None)
 
 
 def test_the_replays_numbers_are_those_of_tip_errors(subject: PlannedSubject, results: Results) -> None:

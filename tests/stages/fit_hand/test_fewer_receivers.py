@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated_poses import recorded
+from simulated_poses import fitted, recorded
 
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
@@ -34,12 +34,12 @@ def only(poses: Poses, worn: tuple[str, ...]) -> Poses:
 
 @pytest.fixture(scope="module")
 def whole() -> HandFit:
-    return fit_hand([recorded(seed=4)[1]], read_layout("liberty16"), "right", settings=QUICK)
+    return fitted()
 
 
 @pytest.fixture(scope="module")
 def six() -> HandFit:
-    poses = only(recorded(seed=4)[1], SIX)
+    poses = only(recorded(seed=4, n_frames=1600)[1], SIX)
     return fit_hand([poses], read_layout("tips-and-hand"), "right", settings=QUICK)
 
 
@@ -47,7 +47,7 @@ def test_a_calibration_with_six_says_what_is_lost(whole: HandFit, six: HandFit) 
     """Bones are less certain, as far off as stated; joints have a place only beside a receiver."""
     assert six.evidence.model.receivers == SIX
     assert six.converged
-    true_mm = recorded(seed=4)[0].truth.hand.length_mm
+    true_mm = recorded(seed=4, n_frames=1600)[0].truth.hand.length_mm
     off = np.array([bone.length_mm - true_mm[BONES.index(name)] for name, bone in six.bones.items()])
     sd = np.array([bone.sd_mm for bone in six.bones.values()])
     assert np.sqrt(((off / sd) ** 2).mean()) < 1.6

@@ -2,27 +2,21 @@
 
 import numpy as np
 import pytest
-from simulated_poses import recorded
+from simulated_poses import fitted, recorded
 
-from shukotsu.schemas.layout import read_layout
 from shukotsu.skeleton.rotations import rotate
-from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
+from shukotsu.stages.fit_hand.fit import HandFit
 from shukotsu.stages.fit_hand.fitted_motion import pose_hand
 from shukotsu.stages.fit_hand.shared_lengths import SIDE_SD, share_lengths
 from shukotsu.stages.simulate.random_hand import BONES, JOINTS
 from shukotsu.stages.simulate.simulation import Simulated
 
-QUICK = Settings(n_frames=60, rounds=1)
 DISTAL = np.array([1.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
 def hands() -> dict[str, tuple[HandFit, Simulated]]:
-    layout, found = read_layout("liberty16"), {}
-    for side in ("right", "left"):
-        made, poses = recorded(side, seed=4, n_frames=1600)
-        found[side] = fit_hand([poses], layout, side, settings=QUICK), made
-    return found
+    return {side: (fitted(side), recorded(side, seed=4, n_frames=1600)[0]) for side in ("right", "left")}
 
 
 @pytest.mark.parametrize("side", ["right", "left"])

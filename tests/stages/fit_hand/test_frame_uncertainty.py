@@ -4,15 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from simulated_poses import recorded
+from simulated_poses import fitted, recorded
 
-from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array, from_matrix
 from shukotsu.stages.evaluate_skeletons.truth_errors import RADIUS_SD
 from shukotsu.stages.fit_hand.compiled_equations import back_substitute, reduce
 from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
-from shukotsu.stages.fit_hand.fit import Settings, fit_hand
 from shukotsu.stages.fit_hand.fitted_motion import PosedHand, joint_angles_of, pose_hand
 from shukotsu.stages.fit_hand.frame_uncertainty import (
     PosedErrors,
@@ -24,7 +22,6 @@ from shukotsu.stages.fit_hand.frame_uncertainty import (
 )
 from shukotsu.stages.simulate.random_hand import BONES, FINGERS
 
-QUICK = Settings(n_frames=60, rounds=1)
 SIX = ("hand", *(f"{digit}_distal" for digit in ("thumb", *FINGERS)))
 
 
@@ -35,8 +32,7 @@ def only(poses: Poses, worn: tuple[str, ...]) -> Poses:
 
 @pytest.fixture(scope="module", params=["right", "left"])
 def tips(request: pytest.FixtureRequest) -> Fingertips:
-    poses = recorded(request.param, seed=4, n_frames=1600)[1]
-    return fingertips(fit_hand([poses], read_layout("liberty16"), request.param, settings=QUICK))
+    return fingertips(fitted(request.param))
 
 
 def task_of(tips: Fingertips, worn: tuple[str, ...] = ()) -> tuple[Poses, PosedHand]:
@@ -104,10 +100,7 @@ def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) 
     angles = [joint_angles_of(tips.fit, own) for own in (posed, true)]
     off, sd = (
         np.stack([values[f"{digit}_pip"][:, 0] for digit in FINGERS])
-        for values in (
-            {joint: angles[0][joint] - angles[1][joint] for joint in angles[0]},
-            errors.angles_deg,
-        )
+        for values in ({joint: angles[0][joint] - angles[1][joint] for joint in angles[0]}, errors.angles_deg)
     )
     assert np.mean(np.abs(off) < 1.96 * sd) > 0.85
 
