@@ -8,50 +8,37 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-SOLVE, POSTURE = "shukotsu/stages/solve_joints", "shukotsu/stages/estimate_metacarpals"
+STACKED, MOMENTS, CLOSED = (
+    f"shukotsu/stages/solve_joints/{name}.py" for name in ("stacked", "moments", "closed")
+)
+POSTURE = "shukotsu/stages/estimate_metacarpals/posture.py"
 
 SIGNS = {
-    "Eq. 3, stacked, parent's half": (
-        f"{SOLVE}/stacked.py",
-        "-matrix(parent_quaternion)",
-        "matrix(parent_quaternion)",
-    ),
+    "Eq. 3, stacked, parent's half": (STACKED, "-matrix(parent_quaternion)", "matrix(parent_quaternion)"),
     "Eq. 3, stacked, right side": (
-        f"{SOLVE}/stacked.py",
+        STACKED,
         "(parent_position_mm - child_position_mm)",
         "(child_position_mm - parent_position_mm)",
     ),
     "Eq. 3, moments, child seen from parent": (
-        f"{SOLVE}/moments.py",
+        MOMENTS,
         "position_mm[:, child] - position_mm[:, parent]",
         "position_mm[:, parent] - position_mm[:, child]",
     ),
     "Eq. 3, moments, offset from the first pose": (
-        f"{SOLVE}/closed.py",
+        CLOSED,
         "moments.reference_mm[joint] + mean[9:]",
         "moments.reference_mm[joint] - mean[9:]",
     ),
-    "Eq. 3, closed, normal equations": (
-        f"{SOLVE}/closed.py",
-        "right = -(V.T @ normal.C_Dd)",
-        "right = V.T @ normal.C_Dd",
-    ),
-    "Eq. 3, closed, gap": (
-        f"{SOLVE}/closed.py",
-        "offset = p - self.M @ q - self.u",
-        "offset = p + self.M @ q - self.u",
-    ),
-    "Eq. 8, order of the cross product": (
-        f"{POSTURE}/posture.py",
-        "_cross(start, vector)",
-        "_cross(vector, start)",
-    ),
+    "Eq. 3, closed, normal equations": (CLOSED, "right = -(V.T @ normal.C_Dd)", "right = V.T @ normal.C_Dd"),
+    "Eq. 3, closed, gap": (CLOSED, "offset = p - self.M @ q - self.u", "offset = p + self.M @ q - self.u"),
+    "Eq. 8, order of the cross product": (POSTURE, "_cross(start, vector)", "_cross(vector, start)"),
     "Eq. 9, sine": (
-        f"{POSTURE}/posture.py",
+        POSTURE,
         "np.arctan2(np.sqrt(_dot(axis, axis)), ",
         "np.arctan2(-np.sqrt(_dot(axis, axis)), ",
     ),
-    "Eq. 9, cosine": (f"{POSTURE}/posture.py", "_dot(vector, start))", "-_dot(vector, start))"),
+    "Eq. 9, cosine": (POSTURE, "_dot(vector, start))", "-_dot(vector, start))"),
     "Eq. 10, vector part": ("shukotsu/skeleton/rotations.py", "np.sin(half) * axis", "-np.sin(half) * axis"),
     "Eq. 10, scalar part": (
         "shukotsu/skeleton/rotations.py",
@@ -59,17 +46,13 @@ SIGNS = {
         "np.broadcast_to(-np.cos(half)",
     ),
     "Fig. 8, sign of the twist": (
-        f"{POSTURE}/posture.py",
+        POSTURE,
         "_cross(normal_metacarpal, across)",
         "_cross(across, normal_metacarpal)",
     ),
-    "Fig. 7, component across": (
-        f"{POSTURE}/posture.py",
-        "normal_proximal - along *",
-        "normal_proximal + along *",
-    ),
+    "Fig. 7, component across": (POSTURE, "normal_proximal - along *", "normal_proximal + along *"),
     "order of swing and twist": (
-        f"{POSTURE}/posture.py",
+        POSTURE,
         "multiply(about_axis(unit(vector), twist_rad), swung)",
         "multiply(swung, about_axis(unit(vector), twist_rad))",
     ),

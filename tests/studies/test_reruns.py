@@ -145,9 +145,6 @@ def test_a_removed_table_is_made_again_and_nothing_twice(study: StudyRun) -> Non
     assert study.planned() == set()
 
 
-# --- tables that are not what they should be --------------------------------------------------------------
-
-
 # --- what changed in the study ----------------------------------------------------------------------------
 
 
