@@ -67,9 +67,14 @@ def faultless(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[
         yield "other", name, other
 
 
-def own_hand(seed: int, hand: str, task: str) -> Planted:
-    """Record a usual hand of the project's own drawing; task : rom or opposition."""
-    return _own(seed, hand, task)
+def own_hand(
+    seed: int, hand: str, task: str, *, artefact: float = 1.0, at_nail: bool = False, **simulated: Any
+) -> Planted:
+    """Record a hand of the project's own drawing; task : rom or opposition. simulated : as of `simulate`."""
+    made = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], **simulated)
+    made = facing_the_nail(made) if at_nail else made
+    truth = {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in made.truth.joints.items()}
+    return Planted(made.poses(), hand, truth=truth)
 
 
 def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:
@@ -124,26 +129,17 @@ STIFF = tuple(f"{finger}_{joint}" for finger in FINGERS for joint in ("pip", "di
 
 
 def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Iterator[tuple[str, Planted]]:
-    plain = _own(seed, hand, task)
+    plain = own_hand(seed, hand, task)
     yield "usual hand", plain
-    yield "thumb's receiver on the nail's side", _own(seed, hand, task, at_nail=True)
+    yield "thumb's receiver on the nail's side", own_hand(seed, hand, task, at_nail=True)
     yield "very small hand (0.68 times)", _scaled(plain, 0.68)
     yield "very large hand (1.22 times)", _scaled(plain, 1.22)
-    yield "loose receivers (skin 3 times)", _own(seed, hand, task, artefact=3.0)
+    yield "loose receivers (skin 3 times)", own_hand(seed, hand, task, artefact=3.0)
     yield "dropouts, one receiver dead", _with_dropouts(plain, rng)
-    yield "with a receiver on the forearm", _own(seed, hand, task, forearm=True)
+    yield "with a receiver on the forearm", own_hand(seed, hand, task, forearm=True)
     yield "stiff finger joints (a tenth)", _stiff(seed, hand, task, ("pip", "dip"))
     yield "stiff thumb and index (a tenth)", _stiff(seed, hand, task, ("thumb", "index"))
     yield "deformed (ulnar drift, a short bone)", _deformed(seed, hand, task, rng)
-
-
-def _own(
-    seed: int, hand: str, task: str, *, artefact: float = 1.0, at_nail: bool = False, **simulated: Any
-) -> Planted:
-    made = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], **simulated)
-    made = facing_the_nail(made) if at_nail else made
-    truth = {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in made.truth.joints.items()}
-    return Planted(made.poses(), hand, truth=truth)
 
 
 def _scaled(planted: Planted, factor: float) -> Planted:
@@ -191,7 +187,7 @@ def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
             angles[:, place] = angles[0, place] + 0.1 * (angles[:, place] - angles[0, place])
         return replace(motion, angles_rad=angles)
 
-    return _own(seed, hand, task, change=change)
+    return own_hand(seed, hand, task, change=change)
 
 
 def _deformed(seed: int, hand: str, task: str, rng: np.random.Generator) -> Planted:
@@ -208,7 +204,7 @@ def _deformed(seed: int, hand: str, task: str, rng: np.random.Generator) -> Plan
         return replace(own, length_mm=length, rest=rest)
 
     with mock.patch("shukotsu.stages.simulate.simulation.hand_of", hand_of):
-        return _own(seed, hand, task)
+        return own_hand(seed, hand, task)
 
 
 def nail_turn(made: Simulated) -> Array:

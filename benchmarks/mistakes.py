@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_person
 from benchmarks.faultless_hands import FINGERS, Planted, changed, exchanged, faultless, other_hand, own_hand
@@ -274,15 +275,11 @@ def _angle_unit(unit: str) -> Mistake:
 
 def _angles(quaternion: Array, axes: str) -> Array:
     """Angles (..., 3) in rad about moving axes."""
-    from scipy.spatial.transform import Rotation
-
     turn = Rotation.from_matrix(matrix(quaternion).reshape(-1, 3, 3))
     return np.asarray(turn.as_euler(axes).reshape(*quaternion.shape[:-1], 3))
 
 
 def _composed(angles_rad: Array, axes: str) -> Array:
-    from scipy.spatial.transform import Rotation
-
     turn = Rotation.from_euler(axes, angles_rad.reshape(-1, 3))
     return from_matrix(turn.as_matrix().reshape(*angles_rad.shape[:-1], 3, 3))
 
