@@ -43,7 +43,6 @@ def slurm() -> Iterator[PrivateSlurm]:
         slowing = Path(name, "slowing.sh")
         slowing.write_text(SLOW, "utf-8")
         patch.setenv("BASH_ENV", str(slowing))
-        patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
         private = PrivateSlurm(Path(name))
         try:
             private.start()
