@@ -23,6 +23,12 @@ def own() -> list[tuple[str, str, CheckedRecording]]:
     return [(task, hand, checked(hand_of(11, hand, task))) for hand, task in tasks]
 
 
+@pytest.fixture(scope="module")
+def other() -> tuple[str, str, CheckedRecording]:
+    """A recording of somebody else's right hand."""
+    return "grip", "right", checked(hand_of(12, task="opposition"))
+
+
 def kinds(recordings: list[tuple[str, str, CheckedRecording]]) -> list[list[tuple[str, str]]]:
     return [[(one.kind, one.severity) for one in found.findings] for found in compared(recordings)]
 
@@ -31,8 +37,9 @@ def test_one_person_is_one(own: list[tuple[str, str, CheckedRecording]]) -> None
     assert kinds(own) == [[], [], []]
 
 
-def test_another_person_is_the_one_that_differs(own: list[tuple[str, str, CheckedRecording]]) -> None:
-    other = ("grip", "right", checked(hand_of(12, task="opposition")))
+def test_another_person_is_the_one_that_differs(
+    own: list[tuple[str, str, CheckedRecording]], other: tuple[str, str, CheckedRecording]
+) -> None:
     assert kinds([*own, other])[3] == [("other-person", SUSPECT)]
     assert kinds([other, *own])[:3] == [[("other-person", SUSPECT)], [], []]
     sentence = compared([*own, other])[3].findings[0].message
@@ -40,11 +47,12 @@ def test_another_person_is_the_one_that_differs(own: list[tuple[str, str, Checke
     assert "another person" in sentence
 
 
-def test_one_that_breaks_within_itself_judges_no_other(own: list[tuple[str, str, CheckedRecording]]) -> None:
-    other = checked(hand_of(12, task="opposition"))
+def test_one_that_breaks_within_itself_judges_no_other(
+    own: list[tuple[str, str, CheckedRecording]], other: tuple[str, str, CheckedRecording]
+) -> None:
     seen = {"segments": ["hand"], "until": False, "grown": 5.0, "percent": 50.0, "first_s": 2.0}
     broken = check_recording(hand_of(11).poses, read_layout("liberty16"), "right", breaks=[seen])
-    assert kinds([("rom", "right", broken), ("grip", "right", other)])[1] == []
+    assert kinds([("rom", "right", broken), other])[1] == []
     assert kinds([("rom", "right", broken), own[1]]) == [[("sudden-change", NOTE)], []]
     few = check_recording(
         hand_of(11).poses, read_layout("liberty16"), "right", breaks=[{**seen, "percent": 9.0}]
@@ -67,9 +75,10 @@ def test_the_same_poses_again(own: list[tuple[str, str, CheckedRecording]]) -> N
     assert "those of the right hand's rom" in found[3].findings[0].message
 
 
-def test_a_copy_under_the_other_hands_name_accuses_that_hand_alone() -> None:
+def test_a_copy_under_the_other_hands_name_accuses_that_hand_alone(
+    own: list[tuple[str, str, CheckedRecording]],
+) -> None:
     """Also where it is named before the recording that it is a copy of."""
-    hands = (replace(hand_of(11), hand="left"), hand_of(11))
-    copied, own = kinds([("rom", one.hand, checked(one)) for one in hands])
+    copied, right = kinds([("rom", "left", checked(replace(hand_of(11), hand="left"))), own[0]])
     assert copied == [("same-file", SUSPECT), ("wrong-hand", SUSPECT)]
-    assert own == []
+    assert right == []

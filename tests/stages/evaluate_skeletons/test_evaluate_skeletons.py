@@ -23,7 +23,7 @@ LAYOUT = read_layout("liberty16")
 DIGITS = tuple(LAYOUT.digits)
 TIP = ["tip_x_mm", "tip_y_mm", "tip_z_mm"]
 REFERENCES = ("prior-only", "distal-receiver", "true-skeleton")
-N_FRAMES = 120
+N_FRAMES = 39
 Row = dict[str, Any]
 Results = tuple[list[Row], list[Row]]
 

@@ -41,6 +41,9 @@ class HandAlone:
         self.model.write_text(QUICK.replace("frames: 30", "frames: 40"))
         for side, task in (("right", "rom"), ("left", "rom"), ("right", "opposition")):
             write_poses(self.poses(side, task), simulated(side, task), side, task)
+        self.short = [f"--poses={folder / 'short.parquet'}"]
+        part = simulated().poses().take(slice(None, None, 40))
+        write_poses(folder / "short.parquet", part, "right", "rom")
 
     def poses(self, side: str = "right", task: str = "rom") -> Path:
         """A recording's poses."""
@@ -146,11 +149,11 @@ REFUSALS: dict[str, tuple[Refused, str]] = {
         "'index_middle'?",
     ),
     "a touch of no digit": (
-        lambda h: [sheet(h, "touches", "01\tright\trom\tfoot\ttip\t1\t2\t0\t0\t0\t1")],
+        lambda h: [*h.short, sheet(h, "touches", "01\tright\trom\tfoot\ttip\t1\t2\t0\t0\t0\t1")],
         "row 2: digit 'foot' has no fingertip; expected one of thumb, index, middle, ring, little",
     ),
     "a digit that met itself": (
-        lambda h: [sheet(h, "touches", "01\tright\trom\tindex\tpad\t1\t2\t\t\t\t\tindex")],
+        lambda h: [*h.short, sheet(h, "touches", "01\tright\trom\tindex\tpad\t1\t2\t\t\t\t\tindex")],
         "row 2: column meets: is 'index' as column digit is; expected another digit",
     ),
     "a touch of neither a point nor a digit": (

@@ -14,7 +14,7 @@ from shukotsu.skeleton.rotations import about_axis, multiply, rotate
 from shukotsu.stages.fit_hand.fingertips import fingertips
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
 from shukotsu.stages.fit_hand.hand_tables import moved_rows
-from shukotsu.stages.fit_hand.loose_receivers import moved_in
+from shukotsu.stages.fit_hand.loose_receivers import LooseReceiver, Moment, moved_in
 from shukotsu.stages.fit_hand.posed_tables import UNSEEN_TURN_DEG, posed_blocks
 
 LAYOUT = read_layout("liberty16")
@@ -62,11 +62,12 @@ def test_it_is_named_with_mm_deg_and_since_when(
 
 
 def test_what_hangs_on_it_has_no_numbers_and_all_else_has(tmp_path: Path) -> None:
-    """A distal receiver pitched by 25 deg, of which a turn about the DIP's axis explains a part."""
-    tips, poses = fingertips(fitted()), moved("index_distal", Y, 25.0, (0.0, 0.0, 0.0))
-    few = poses.take(slice(0, 40))
-    path = write_poses(tmp_path / "poses.parquet", few, "right", "opposition")
-    receivers = moved_in(tips.fit, poses)
+    """A distal receiver pitched by 25 deg."""
+    tips = fingertips(fitted())
+    poses = moved("index_distal", Y, 25.0, (0.0, 0.0, 0.0)).take(slice(0, 40))
+    path = write_poses(tmp_path / "poses.parquet", poses, "right", "opposition")
+    start = Moment(0, int(poses.frame[0]), float(poses.time_s[0]), is_first=True)
+    receivers = [LooseReceiver("index_distal", start, start, np.radians([0.0, 0, 0, 0, 25, 0]))]
     (row,) = moved_rows(LAYOUT, recording_name(path), receivers)
     assert (row["segment"], row["from_frame"]) == ("index_distal", poses.frame[0])
     assert (row["joints"], row["digits"]) == ("index_dip", "index")
