@@ -13,8 +13,7 @@ from shukotsu.sentences.messages import translated
 from shukotsu.sentences.translation import listed, tr, word
 from shukotsu.stages.report.belief import NOT
 from shukotsu.stages.report.hand_motion import Array, Chain, chains_at, chains_key, receivers_at
-from shukotsu.stages.report.plots.description import HandPanel, JointLink
-from shukotsu.stages.report.plots.hand_views import Window, window_of
+from shukotsu.stages.report.plots.hand import JointLink, Window, hand_panel, window_of
 from shukotsu.stages.report.plots.page_pictures import page_picture
 from shukotsu.stages.report.recording_results import read_still
 from shukotsu.stages.report.study_results import StudyResults
@@ -91,7 +90,7 @@ def index_figure(item: DrawnHand, model: str, entries: Mapping[str, JointLink]) 
         model=model,
     )
     window = window_of(item.receivers_mm, chains)
-    panel = HandPanel("", title, hand.hand, tuple(chains), item.receivers_mm, window, links=entries)
+    panel = hand_panel("", title, hand.hand, chains, item.receivers_mm, window, links=entries)
     return Figure(
         tr(
             "{hand} hand, {task}, frame {frame}",
@@ -146,7 +145,7 @@ def _figure(item: DrawnHand, models: Sequence[str], window: Window, scale: float
         hand=hand,
         models=listed(models),
     )
-    panel = HandPanel("", title, hand.hand, tuple(chains), item.receivers_mm, window, scale)
+    panel = hand_panel("", title, hand.hand, chains, item.receivers_mm, window, mm_per_mm=scale)
     caption = tr(
         "{hand} hand, {task}, frame {frame}", hand=hand.hand.capitalize(), task=item.task, frame=item.frame
     )

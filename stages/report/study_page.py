@@ -18,7 +18,7 @@ from shukotsu.stages.report.methods_text import REFERENCES, methods_text
 from shukotsu.stages.report.models_compared.sections import models_compared
 from shukotsu.stages.report.movement_page.movement_results import Movement
 from shukotsu.stages.report.movement_page.movement_text import groups_differ, moved_most
-from shukotsu.stages.report.plots.description import JointLink
+from shukotsu.stages.report.plots.hand import JointLink
 from shukotsu.stages.report.plots.page_pictures import taken_failures
 from shukotsu.stages.report.score_tables import held_out_table, mean
 from shukotsu.stages.report.skeleton_stills import index_figure, posed_hands

@@ -20,7 +20,7 @@ from shukotsu.stages.report.paper_tables import (
     printed_table,
     table_title,
 )
-from shukotsu.stages.report.plots.description import JointLink
+from shukotsu.stages.report.plots.hand import JointLink
 from shukotsu.stages.report.score_tables import digit_tables, in_sample_table, score_table
 from shukotsu.stages.report.skeleton_stills import (
     DrawnHands,

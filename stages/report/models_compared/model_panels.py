@@ -1,4 +1,4 @@
-"""Describe the pictures of one question: every subject's number under each model, and the differences."""
+"""Draw the pictures of one question: every subject's number under each model, and the differences."""
 
 from __future__ import annotations
 
@@ -7,14 +7,8 @@ from collections.abc import Mapping, Sequence
 from shukotsu.sentences.translation import N_, listed, tr
 from shukotsu.stages.report.comparison.answers import ALL_DIGITS, Answer
 from shukotsu.stages.report.palette import SOFT, Look, model_looks
-from shukotsu.stages.report.plots.description import (
-    Group,
-    Row,
-    RowsPanel,
-    Scale,
-    difference_scale,
-    value_scale,
-)
+from shukotsu.stages.report.plots.panels import Panel
+from shukotsu.stages.report.plots.rows import Group, Row, Scale, difference_scale, rows_panel, value_scale
 from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.table_cells import title
 
@@ -32,8 +26,8 @@ def looks_of(results: StudyResults, answer: Answer) -> Mapping[str, Look]:
     return {name: Look(SOFT, "o") for name in answer.names} | model_looks(list(results.models))
 
 
-def value_panel(answer: Answer, looks: Mapping[str, Look], digits: Sequence[str]) -> RowsPanel:
-    """Describe every subject's number under each model and reference, digit by digit."""
+def value_panel(answer: Answer, looks: Mapping[str, Look], digits: Sequence[str]) -> Panel:
+    """Draw every subject's number under each model and reference, digit by digit."""
     groups = tuple(
         Group(
             digit_title(digit),
@@ -51,11 +45,11 @@ def value_panel(answer: Answer, looks: Mapping[str, Look], digits: Sequence[str]
         names=listed(answer.names),
     )
     scale = value_scale([value for group in groups for row in group.rows for value in row.values()])
-    return RowsPanel("", f"{shown}.", _axis(answer, scale), scale, groups, of_all=answer.n_subjects)
+    return rows_panel("", f"{shown}.", _axis(answer, scale), scale, groups, of_all=answer.n_subjects)
 
 
-def difference_panel(answer: Answer, looks: Mapping[str, Look], digits: Sequence[str]) -> RowsPanel | None:
-    """Describe every subject's difference from the baseline, with means and intervals; None without any."""
+def difference_panel(answer: Answer, looks: Mapping[str, Look], digits: Sequence[str]) -> Panel | None:
+    """Draw every subject's difference from the baseline, with means and intervals; None without any."""
     rows: dict[str, list[Row]] = {digit: [] for digit in digits}
     for each in (*answer.overall, *answer.digits):
         if each.digit in rows:
@@ -78,7 +72,7 @@ def difference_panel(answer: Answer, looks: Mapping[str, Look], digits: Sequence
     axis = tr("{axis}, less that of", axis=tr(answer.question.axis))
     axis = f"{axis}\n{answer.baseline}{tr(SCALES[scale.kind])}"
     sides = (tr(SIDES[0]), tr(SIDES[1]))
-    return RowsPanel("", f"{shown}.", axis, scale, groups, sides, answer.n_subjects)
+    return rows_panel("", f"{shown}.", axis, scale, groups, sides, answer.n_subjects)
 
 
 def _axis(answer: Answer, scale: Scale) -> str:

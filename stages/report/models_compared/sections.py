@@ -24,7 +24,7 @@ from shukotsu.stages.report.models_compared.model_panels import (
     value_panel,
 )
 from shukotsu.stages.report.plots.page_pictures import page_picture
-from shukotsu.stages.report.plots.rows_panel import FEWEST_FOR_QUARTILES
+from shukotsu.stages.report.plots.rows import FEWEST_FOR_QUARTILES
 from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.table_cells import DASH, Block, DataTable, Folded, number
 from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS

@@ -27,8 +27,8 @@ from shukotsu.stages.report.movement_page.movement_text import (
     repeats,
     why_nothing,
 )
-from shukotsu.stages.report.plots.description import Panel
 from shukotsu.stages.report.plots.page_pictures import page_picture
+from shukotsu.stages.report.plots.panels import Panel
 from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.templates import render
 

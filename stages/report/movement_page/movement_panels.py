@@ -4,22 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from shukotsu.sentences.translation import tr, word
 from shukotsu.stages.report.models_compared.model_panels import SCALES
 from shukotsu.stages.report.movement_page.movement_results import PLACE, RANGE, Movement
-from shukotsu.stages.report.movement_page.movement_text import PAIR, place_text
-from shukotsu.stages.report.palette import INK, Look, digit_looks
-from shukotsu.stages.report.plots.description import (
+from shukotsu.stages.report.movement_page.movement_text import PAIR
+from shukotsu.stages.report.movement_page.movement_text import place_text
+from shukotsu.stages.report.palette import INK, RULE, Look, digit_looks
+from shukotsu.stages.report.plots.panels import Panel
+from shukotsu.stages.report.plots.rows import (
+    PLAIN,
+    Array,
     Group,
     Row,
-    RowsPanel,
     Scale,
     difference_scale,
+    rows_panel,
     value_scale,
 )
 from shukotsu.stages.report.recording_results import ANGLES
@@ -39,7 +45,7 @@ def looks_of_joints(joints: Sequence[str], digits: Sequence[str]) -> dict[str, L
     return {joint: Look(looks.get(joint.partition("_")[0], plain).colour, "o") for joint in joints}
 
 
-def range_panels(movement: Movement, digits: Sequence[str]) -> list[RowsPanel]:
+def range_panels(movement: Movement, digits: Sequence[str]) -> list[Panel]:
     """Describe every subject's range of motion by joint: a panel an angle, its hands and tasks below each
     other, for a rotation is a tenth of a flexion.
     """
@@ -71,11 +77,11 @@ def _panel(
     scale_of: Callable[[Sequence[float]], Scale],
     sides: tuple[str, str],
     n_subjects: int,
-) -> RowsPanel:
+) -> Panel:
     name = capital(word(angle))
     scale = scale_of([value for group in groups for row in group.rows for value in row.values()])
     title = tr("{name}: {what} by joint.", name=name, what=what)
-    return RowsPanel(name, title, f"{axis}{tr(SCALES[scale.kind])}", scale, tuple(groups), sides, n_subjects)
+    return rows_panel(name, title, f"{axis}{tr(SCALES[scale.kind])}", scale, tuple(groups), sides, n_subjects)
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,7 @@ class Contrast:
     """Two levels of a factor, and a panel an angle."""
 
     levels: tuple[str, str, str]
-    panels: tuple[RowsPanel, ...]
+    panels: tuple[Panel, ...]
 
     @property
     def words(self) -> str:

@@ -12,14 +12,14 @@ import warnings
 from xml.etree import ElementTree
 
 from markupsafe import Markup
+from matplotlib.lines import Line2D
 
 from shukotsu.errors import on_one_line
 from shukotsu.sentences.messages import message_of, translated
 from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.palette import as_custom_property
-from shukotsu.stages.report.plots.description import HandPanel, Panel
-from shukotsu.stages.report.plots.figures import draw_for_page
-from shukotsu.stages.report.plots.style import Sheet, applied
+from shukotsu.stages.report.plots.panels import Panel, page_figure
+from shukotsu.stages.report.plots.style import applied, rewrite, without_controls
 
 _NUMBER = re.compile(r"-?\d+\.\d+")
 _COLOUR = re.compile(r"#[0-9a-f]{6}")
@@ -54,17 +54,19 @@ def page_picture(panel: Panel) -> Markup:
 def _svg(panel: Panel) -> Markup:
     with applied({"svg.hashsalt": panel.title}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has it
-        figure, sheet = draw_for_page(panel)
+        figure = page_figure(panel)
+        rewrite(figure, without_controls)
+        marks = {str(line.get_gid()): line for line in figure.findobj(Line2D) if isinstance(line, Line2D)}
         drawn = io.BytesIO()
         figure.savefig(drawn, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
     root = ElementTree.fromstring(drawn.getvalue())
     for element in root.iter():
         _shorten(element)
-    linked = isinstance(panel, HandPanel) and panel.links is not None
+    linked = any(identifier.startswith("link") for identifier in marks)
     root.attrib = {"viewBox": root.attrib["viewBox"], "role": "group" if linked else "img"}
     title = ElementTree.Element("title")
     title.text = panel.title
-    root[:] = [title, *(kept for child in root for kept in _tidied(child, sheet))]
+    root[:] = [title, *(kept for child in root for kept in _tidied(child, marks))]
     return Markup(ElementTree.tostring(root, "unicode"))  # texts are escaped
 
 
@@ -100,17 +102,17 @@ def _rounded(found: re.Match[str]) -> str:
     return "0" if text == "-0.0" else text.removesuffix(".0")
 
 
-def _tidied(element: ElementTree.Element, sheet: Sheet) -> list[ElementTree.Element]:
+def _tidied(element: ElementTree.Element, marks: dict[str, Line2D]) -> list[ElementTree.Element]:
     """Give an element without groups that say nothing; marks say what a pointer is told."""
     if element.tag in ("metadata", "style"):
         return []
     own = element.get("id", "")
-    element[:] = [kept for child in element for kept in _tidied(child, sheet)]
+    element[:] = [kept for child in element for kept in _tidied(child, marks)]
     if element.tag == "g":
         if own.startswith("dots"):
-            return [_as_paths(element, sheet.tips[own])]
+            return [*element.iter("defs"), _as_paths(element, marks[own])]  # others may use its mark
         if own.startswith("link"):
-            return [_as_link(element, *sheet.tips[own])]
+            return [_as_link(element, *str(marks[own].get_label()).split("\n"))]
         if own.startswith("label"):
             for text in element:
                 text.set("class", "label")
@@ -120,14 +122,13 @@ def _tidied(element: ElementTree.Element, sheet: Sheet) -> list[ElementTree.Elem
     return [element]
 
 
-def _as_paths(group: ElementTree.Element, names: list[str]) -> ElementTree.Element:
+def _as_paths(group: ElementTree.Element, line: Line2D) -> ElementTree.Element:
     """Give dots as lines of no length with round ends, a path a name, which a pointer is told."""
-    dots, shape = list(group.iter("use")), next(group.iter("path")).attrib["d"]
-    diameter = 2 * float(re.split("[ C]", shape)[1])
-    style = f"{dots[0].attrib['style'].replace('fill', 'stroke')};stroke-width:{diameter:g}"
+    dots, names = list(group.iter("use")), str(line.get_label()).split("\n")
+    style = f"{dots[0].attrib['style'].replace('fill', 'stroke')};stroke-width:{line.get_markersize():g}"
     made = ElementTree.Element("g", {"class": "dots", "style": style})
     places: dict[str, list[str]] = {}
-    for dot, name in zip(dots, names or [""] * len(dots), strict=True):
+    for dot, name in zip(dots, names if any(names) else [""] * len(dots), strict=True):
         places.setdefault(name, []).append(f"M{dot.attrib['x']} {dot.attrib['y']}h0")
     for name, own in places.items():
         path = ElementTree.SubElement(made, "path", {"d": "".join(own)})

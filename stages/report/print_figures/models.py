@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from matplotlib.figure import Figure
+
 from shukotsu.errors import InputError
 from shukotsu.sentences.translation import listed, ngettext, tr
 from shukotsu.stages.report.comparison.answers import ALL_DIGITS, Answer, Comparison, answer
@@ -17,10 +19,9 @@ from shukotsu.stages.report.comparison.questions import (
     Question,
 )
 from shukotsu.stages.report.models_compared.model_panels import difference_panel, looks_of, value_panel
-from shukotsu.stages.report.plots.description import Plot, RowsPanel, in_rows
-from shukotsu.stages.report.plots.figures import lettered
-from shukotsu.stages.report.plots.rows_panel import FEWEST_FOR_QUARTILES
-from shukotsu.stages.report.plots.style import ONE_COLUMN_MM, TWO_COLUMNS_MM
+from shukotsu.stages.report.plots.panels import Panel, in_rows, lettered, print_figure
+from shukotsu.stages.report.plots.rows import FEWEST_FOR_QUARTILES
+from shukotsu.stages.report.plots.style import ONE_COLUMN_MM
 from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, study_text
 from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.table_cells import number, title
@@ -56,18 +57,18 @@ def _text(results: StudyResults, question: Question) -> str:
     )
 
 
-def models_by_digit(results: StudyResults) -> tuple[Plot, str]:
-    """Describe a panel for each thing that skeletons are judged by. Raises NoDataError without a score."""
+def models_by_digit(results: StudyResults) -> tuple[Figure, str]:
+    """Draw a panel for each thing that skeletons are judged by. Raises NoDataError without a score."""
     judged = judgements(results)
     if not judged:
         raise NoDataError(tr("no model of this study has a score; see skeleton_scores and problems"))
-    panels: list[RowsPanel] = []
+    panels: list[Panel] = []
     sentences: list[str] = []
     for own in judged:
         each = replace(own, references=tuple(name for name in own.references if name != TRUE))
         digits = [digit for digit in each.by_digit if digit != ALL_DIGITS]
         panel = value_panel(each, looks_of(results, each), digits)
-        counts = count_range(len(row.numbers) for row in panel.rows)
+        counts = count_range(len(numbers) for digit in digits for numbers in each.by_digit[digit].values())
         panels.append(replace(panel, heading=tr("n = {n} subjects", n=counts)))
         text = tr(
             "{text} [mm]; n = {counts} subjects.",
@@ -86,11 +87,11 @@ def models_by_digit(results: StudyResults) -> tuple[Plot, str]:
         + (tr("In grey {references}, for reference. ", references=listed(references)) if references else "")
         + f"{judged[0].kind} {lettered(sentences)}"
     )
-    return Plot(in_rows(panels, 2), TWO_COLUMNS_MM), caption
+    return print_figure(in_rows(panels, 2)), caption
 
 
-def paired_differences(results: StudyResults, base: str = "") -> tuple[Plot, str]:
-    """Describe every model less `base`: unless named the paper's skeleton, or else the study's first model.
+def paired_differences(results: StudyResults, base: str = "") -> tuple[Figure, str]:
+    """Draw every model less `base`: unless named the paper's skeleton, or else the study's first model.
 
     Where the truth is not known, fitted hands' left-out errors are held against the reference prior-only:
     a replay's are another test. Raises NoDataError where no two models have numbers of one subject, and
@@ -101,13 +102,13 @@ def paired_differences(results: StudyResults, base: str = "") -> tuple[Plot, str
     compared = [each for each in judgements(results, base) if each.overall]
     if not compared:
         raise NoDataError(tr("no subject has numbers of two models that can be compared"))
-    panels: list[RowsPanel] = []
+    panels: list[Panel] = []
     for each in compared:
         panel = difference_panel(each, looks_of(results, each), [ALL_DIGITS])
         assert panel is not None  # it has comparisons over all digits
         n = count_range(own.n for own in each.overall)
         panels.append(replace(panel, heading=tr("n = {n} subjects", n=n)))
-    return Plot(in_rows(panels, 1), ONE_COLUMN_MM), _differences_caption(results, compared)
+    return print_figure(in_rows(panels, 1), figure_mm=ONE_COLUMN_MM), _differences_caption(results, compared)
 
 
 def _differences_caption(results: StudyResults, panels: list[Answer]) -> str:

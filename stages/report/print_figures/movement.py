@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from matplotlib.figure import Figure
+
 from shukotsu.sentences.translation import tr
-from shukotsu.stages.report.movement_page.movement_panels import contrasts, range_panels
-from shukotsu.stages.report.movement_page.movement_results import RANGE, Movement
+from shukotsu.stages.report.movement_page.movement_panels import (
+    agreement_plots,
+    contrasts,
+    curve_plots,
+    range_panels,
+)
+from shukotsu.stages.report.movement_page.movement_results import PLACE, RANGE, Movement
 from shukotsu.stages.report.movement_page.movement_text import why_nothing
-from shukotsu.stages.report.plots.description import Plot, in_rows
-from shukotsu.stages.report.plots.style import TWO_COLUMNS_MM
+from shukotsu.stages.report.plots.panels import Panel, in_rows, print_figure
 from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, study_text
 from shukotsu.stages.report.study_results import StudyResults
 
 _ACROSS = 3
 
 
-def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Plot, str]:
-    """Describe a panel an angle. Raises NoDataError without joint angles."""
+def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Figure, str]:
+    """Draw a panel an angle. Raises NoDataError without joint angles."""
     panels = range_panels(movement, _digits(results))
     if not panels:
         raise NoDataError(why_nothing(movement))
-    n = count_range(len(row.numbers) for panel in panels for row in panel.rows)
-    return Plot(in_rows(panels, _ACROSS), TWO_COLUMNS_MM), (
+    n = count_range(movement.subject_means.groupby([*PLACE, "joint", "angle"]).size())
+    return print_figure(in_rows(panels, _ACROSS)), (
         tr(
             "Range of motion (2.5th to 97.5th percentile of the angle) of every joint angle [deg]. "
             "{study_text} Model {model}. A dot is a subject (n = {n}), the mean over trials and "
@@ -33,8 +41,8 @@ def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Plot, s
     )
 
 
-def group_differences(results: StudyResults, movement: Movement) -> tuple[Plot, str]:
-    """Describe the first factor's first two levels. Raises NoDataError where nothing is compared."""
+def group_differences(results: StudyResults, movement: Movement) -> tuple[Figure, str]:
+    """Draw the first factor's first two levels. Raises NoDataError where nothing is compared."""
     found = contrasts(movement, _digits(results))
     if not found:
         raise NoDataError(tr("no two levels of a factor are compared; the movement page says why"))
@@ -43,7 +51,7 @@ def group_differences(results: StudyResults, movement: Movement) -> tuple[Plot, 
     rows = rows[(rows["quantity"] == RANGE) & (rows["factor"] == first.levels[0])]
     rows = rows[(rows["level"] == first.levels[1]) & (rows["other_level"] == first.levels[2])]
     others = "; ".join(each.words for each in found[1:])
-    return Plot(in_rows(first.panels, _ACROSS), TWO_COLUMNS_MM), (
+    return print_figure(in_rows(first.panels, _ACROSS)), (
         tr(
             "Difference in range of motion, {words}, by joint [deg]. {study_text} Model {model}. "
             "Mark: mean difference, filled where it is shown at 5 % over every number of these levels; "

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
@@ -13,18 +18,10 @@ from shukotsu.schemas.poses import pose_blocks
 from shukotsu.schemas.study import Recording
 from shukotsu.sentences.translation import N_, listed, tr, word
 from shukotsu.stages.report.hand_motion import view_base
-from shukotsu.stages.report.palette import HUES, INK, SOFT, Look, Mark, model_looks
-from shukotsu.stages.report.plots.description import (
-    Band,
-    CurvesPanel,
-    Key,
-    Line,
-    Plot,
-    Scale,
-    even_scale,
-    in_rows,
-)
-from shukotsu.stages.report.plots.style import TWO_COLUMNS_MM
+from shukotsu.stages.report.palette import HUES, INK, PAPER, RULE, SOFT, Look, model_looks
+from shukotsu.stages.report.plots.panels import Panel, in_rows, print_figure
+from shukotsu.stages.report.plots.rows import PLAIN, Scale, locator
+from shukotsu.stages.report.plots.style import SMALL_PT
 from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, recording_text
 from shukotsu.stages.report.print_figures.traces import Trace, error_scale, thin, trace_band, trace_line
 from shukotsu.stages.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
@@ -35,57 +32,87 @@ from shukotsu.stages.report.table_cells import alike, number, title
 Traces = Mapping[str, Mapping[str, Trace]]
 """By digit, then by model."""
 
-_STRIP_MM, _ANGLE_MM = 20.0, 18.0
+_STRIP_MM, _ANGLE_MM, _FOOT_MM, _MARKS = 20.0, 18.0, 9.0, 8
+"""Heights, and about how many marks tell a line apart from others; they are no samples."""
 
 
-def tip_error(results: StudyResults, recording: Recording) -> tuple[Plot, str]:
-    """Describe a strip a digit. Raises NoDataError where no model replayed the recording."""
+def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]:
+    """Draw a strip a digit. Raises NoDataError where no model replayed the recording."""
     traces = _traces(results, recording)
     everything = [trace for of in traces.values() for trace in of.values()]
     if not everything:
         raise NoDataError(tr("no model has a tip error in this recording"))
-    looks, scale, last = model_looks(list(results.models)), error_scale(everything), list(traces)[-1]
+    looks, span = model_looks(list(results.models)), _span(everything)
+    scale, last = error_scale(everything), list(traces)[-1]
     panels = [
-        CurvesPanel(
+        Panel(
             title(digit),
             title(digit),
-            _time_words(everything[0]) if digit == last else "",
-            tr("Tip error [mm]"),
-            _time_scale(everything),
-            scale,
             _STRIP_MM,
-            tuple(
-                _error_line(trace, looks[model], place / len(of))
-                for place, (model, trace) in enumerate(of.items())
+            _FOOT_MM if digit == last else 1.0,
+            partial(
+                _draw_errors,
+                traces=of,
+                looks=looks,
+                scale=scale,
+                span=span,
+                time_words=_time_words(everything[0]) if digit == last else "",
             ),
-            tuple(Band(*trace_band(trace), looks[model].colour, 0.12) for model, trace in of.items()),
-            words="" if of else tr("no tip error"),
         )
         for digit, of in traces.items()
     ]
     models = [model for model in results.models if any(model in of for of in traces.values())]
-    legend = tuple(
-        Key(name, Mark(looks[name].marker, looks[name].colour, looks[name].colour), (looks[name].colour, "-"))
-        for name in models
-    )
+    handles = [
+        Line2D([], [], color=looks[name].colour, marker=looks[name].marker, label=name) for name in models
+    ]
     caption = _error_caption(results, recording, traces, models)
-    return Plot(in_rows(panels, 1), TWO_COLUMNS_MM, legend), caption
+    return print_figure(in_rows(panels, 1), handles), caption
 
 
-def _error_line(trace: Trace, look: Look, phase: float) -> Line:
-    x, _, high = trace_band(trace)
-    return Line(x, high, look.colour, width=0.6, marker=look.marker, phase=phase)
+def _draw_errors(
+    axes: Axes,
+    traces: Mapping[str, Trace],
+    looks: Mapping[str, Look],
+    scale: Scale,
+    span: tuple[float, float],
+    time_words: str,
+) -> None:
+    """Draw a digit's strip: a line a model at the largest errors, a shade down to the smallest."""
+    axes.set(yscale=scale.kind, ylim=(scale.low, scale.high), ylabel=tr("Tip error [mm]"))
+    axes.yaxis.set_major_locator(locator(scale))
+    _time_axes(axes, span, time_words)
+    for place, (model, trace) in enumerate(traces.items()):
+        x, least, most = trace_band(trace)
+        step = max(1, len(x) // _MARKS)
+        axes.fill_between(x, least, most, color=looks[model].colour, alpha=0.12, linewidth=0)
+        axes.plot(
+            x, most, color=looks[model].colour, linewidth=0.6, marker=looks[model].marker, markersize=3.0,
+            markevery=(int(step * place / len(traces)), step), markeredgecolor=PAPER, markeredgewidth=0.3,
+        )  # fmt: skip
+    if not traces:
+        words = tr("no tip error")
+        axes.text(0.02, 0.5, words, transform=axes.transAxes, va="center", fontsize=SMALL_PT, color=SOFT)
+
+
+def _time_axes(axes: Axes, span: tuple[float, float], time_words: str) -> None:
+    """Put the recording's span on the horizontal axis, with numbers if it has words."""
+    axes.set(xlim=span, xlabel=time_words)
+    axes.xaxis.set_major_formatter(PLAIN)
+    axes.yaxis.set_major_formatter(PLAIN)
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.tick_params(labelbottom=bool(time_words))
+    axes.grid(axis="y", clip_on=False)
 
 
 def _time_words(trace: Trace) -> str:
     return tr("Device time [s]") if trace.in_seconds else tr("Frame")
 
 
-def _time_scale(traces: Sequence[Trace]) -> Scale:
+def _span(traces: Sequence[Trace]) -> tuple[float, float]:
     """The recording's span, gaps included."""
     first, last = (of(trace.span[end] for trace in traces) for end, of in ((0, min), (1, max)))
     pad = 0.01 * (last - first) or 1.0
-    return Scale(first - pad, last + pad)
+    return first - pad, last + pad
 
 
 def _hidden_lines(traces: Traces, models: Sequence[str]) -> str:
@@ -172,8 +199,8 @@ _LINES: tuple[tuple[str, str, str], ...] = (
 """Name, colour and dashes of each of ANGLES."""
 
 
-def joint_angles(results: StudyResults, recording: Recording, model: str) -> tuple[Plot, str]:
-    """Describe a panel a joint, digits in rows. Raises NoDataError where the hand was not posed."""
+def joint_angles(results: StudyResults, recording: Recording, model: str) -> tuple[Figure, str]:
+    """Draw a panel a joint, digits in rows. Raises NoDataError where the hand was not posed."""
     try:
         traces, n_frames = _angle_traces(results, recording, model)
     except InputError as error:
@@ -181,29 +208,34 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
     if not traces:
         raise NoDataError(tr("{model} has no joint angles of this recording", model=model))
     every = [trace for of in traces.values() for trace in of]
-    scales = _time_scale(every), even_scale([own for trace in every for own in (trace.low_mm, trace.high_mm)])
+    ends = min(trace.low_mm.min() for trace in every), max(trace.high_mm.max() for trace in every)
+    pad = 0.06 * (ends[1] - ends[0]) or 1.0
     joints = _in_rows(results.layouts[recording.hand], traces)
-    rows = tuple(
-        tuple(
-            CurvesPanel(
+    rows = [
+        [
+            Panel(
                 word(joint),
                 word(joint),
-                _time_words(every[0]) if line is joints[-1] else "",
-                "" if place else tr("Angle [deg]"),
-                *scales,
                 _ANGLE_MM,
-                tuple(
-                    Line(*trace_line(trace), colour, style, 0.7)
-                    for (_, colour, style), trace in zip(_LINES, traces[joint], strict=True)
+                _FOOT_MM if line is joints[-1] else 1.0,
+                partial(
+                    _draw_angles,
+                    traces=traces[joint],
+                    span=_span(every),
+                    limits=(ends[0] - pad, ends[1] + pad),
+                    words=tr("Angle [deg]") if joint == line[0] else "",
+                    time_words=_time_words(every[0]) if line is joints[-1] else "",
                 ),
                 levels=(0.0,),
             )
-            for place, joint in enumerate(line)
-        )
+            for joint in line
+        ]
         for line in joints
-    )
-    legend = tuple(Key(tr(name), line=(colour, style)) for name, colour, style in _LINES)
-    return Plot(rows, TWO_COLUMNS_MM, legend), (
+    ]
+    handles = [
+        Line2D([], [], color=colour, linestyle=style, label=tr(name)) for name, colour, style in _LINES
+    ]
+    return print_figure(rows, handles), (
         tr(
             "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint "
             "coordinate system of Grood and Suntay, named and signed as the International Society of "
@@ -216,6 +248,21 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
             n_frames=n_frames,
         )
     )
+
+
+def _draw_angles(
+    axes: Axes,
+    traces: Sequence[Trace],
+    span: tuple[float, float],
+    limits: tuple[float, float],
+    words: str,
+    time_words: str,
+) -> None:
+    axes.set(ylim=limits, ylabel=words)
+    _time_axes(axes, span, time_words)
+    axes.axhline(0.0, color=RULE, linewidth=0.8)
+    for (_, colour, style), trace in zip(_LINES, traces, strict=True):
+        axes.plot(*trace_line(trace), color=colour, linestyle=style, linewidth=0.7)
 
 
 def _angle_traces(

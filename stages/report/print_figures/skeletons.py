@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
 from shukotsu.errors import InputError
 from shukotsu.schemas.study import Recording
 from shukotsu.sentences.translation import listed, tr, word
 from shukotsu.stages.report.belief import BELIEF_MARKS, CARE, NOT
 from shukotsu.stages.report.hand_motion import Chain, chains_at, chains_key, receivers_at
 from shukotsu.stages.report.palette import SOFT, Mark
-from shukotsu.stages.report.plots.description import HandPanel, Key, Plot, in_rows
-from shukotsu.stages.report.plots.figures import lettered
-from shukotsu.stages.report.plots.hand_views import Window, window_of
+from shukotsu.stages.report.plots.hand import Window, hand_panel, window_of
+from shukotsu.stages.report.plots.panels import in_rows, lettered, print_figure
 from shukotsu.stages.report.plots.style import TWO_COLUMNS_MM
 from shukotsu.stages.report.print_figures.drawing import NoDataError, recording_text
 from shukotsu.stages.report.recording_results import read_still
@@ -18,8 +20,8 @@ from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.table_cells import alike
 
 
-def skeletons(results: StudyResults, recording: Recording) -> tuple[Plot, str]:
-    """Describe the panels; models with equal joints share one. Raises NoDataError without a posture."""
+def skeletons(results: StudyResults, recording: Recording) -> tuple[Figure, str]:
+    """Draw a panel a model; models with equal joints share one. Raises NoDataError without a posture."""
     try:
         motion = read_still(results, recording, list(results.models))
     except InputError as error:
@@ -28,19 +30,27 @@ def skeletons(results: StudyResults, recording: Recording) -> tuple[Plot, str]:
     groups = alike({model: chains_key(own) for model, own in chains.items()})
     receivers = receivers_at(motion, 0)
     window = window_of(receivers, [chain for of in chains.values() for chain in of])
+    across = 2 if len(groups) in (1, 2, 4) else 3
+    width = TWO_COLUMNS_MM / min(across, len(groups))
     panels = [
-        HandPanel(listed(models), "", recording.hand.hand, tuple(chains[models[0]]), receivers, window)
+        hand_panel(
+            listed(models), "", recording.hand.hand, chains[models[0]], receivers, window, panel_mm=width
+        )
         for models in groups
     ]
-    across = 2 if len(groups) in (1, 2, 4) else 3
-    legend = tuple(
-        Key(words, BELIEF_MARKS[shown])
-        for shown, words in ((CARE, tr("joint to believe with care")), (NOT, tr("joint not to believe")))
-    )
-    plot = Plot(
-        in_rows(panels, across), TWO_COLUMNS_MM, (*legend, Key(tr("receiver"), Mark("o", SOFT, SOFT)))
-    )
-    return plot, _caption(recording, int(motion.frame[0]), groups, chains, window)
+    handles = [
+        Line2D(
+            [], [], marker=mark.shape, markerfacecolor=mark.face, markeredgecolor=mark.edge, linestyle="none",
+            label=words,
+        )
+        for mark, words in (
+            (BELIEF_MARKS[CARE], tr("joint to believe with care")),
+            (BELIEF_MARKS[NOT], tr("joint not to believe")),
+            (Mark("o", SOFT, SOFT), tr("receiver")),
+        )
+    ]  # fmt: skip
+    figure = print_figure(in_rows(panels, across), handles)
+    return figure, _caption(recording, int(motion.frame[0]), groups, chains, window)
 
 
 def _caption(

@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from shukotsu.errors import InputError
 from shukotsu.schemas.results import STUDY_FIGURES
 from shukotsu.schemas.study import Recording, path_token
 from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.movement_page.movement_results import read_movement
-from shukotsu.stages.report.plots.description import Plot
 from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError, drawn
 from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
 from shukotsu.stages.report.print_figures.models import models_by_digit, paired_differences
@@ -23,7 +24,7 @@ from shukotsu.stages.report.study_results import StudyResults
 
 def of_study(results: StudyResults, base: str = "") -> Iterator[Drawing]:
     """The study's figures, STUDY_FIGURES in turn; `base` is the model that differences are taken from."""
-    draw: dict[str, Callable[[], tuple[Plot, str]]] = {
+    draw: dict[str, Callable[[], tuple[Figure, str]]] = {
         "models-by-digit": partial(models_by_digit, results),
         "paired-differences": partial(paired_differences, results, base),
         "joint-errors": partial(joint_errors, results),
@@ -75,5 +76,5 @@ def find_recording(results: StudyResults, subject: str, hand: str, name: str) ->
     raise InputError(f"--recording {subject} {hand} {name}: no such recording; {known}")
 
 
-def _no_angles() -> tuple[Plot, str]:
+def _no_angles() -> tuple[Figure, str]:
     raise NoDataError(tr("joint angles need a model that fits the whole hand, and this study has none"))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.stages.report.plots.description import Scale
+from shukotsu.stages.report.plots.rows import Scale
 
 Array = npt.NDArray[np.float64]
 
@@ -40,7 +40,7 @@ class Trace:
 
 
 def error_scale(traces: Iterable[Trace]) -> Scale:
-    """The vertical scale that all strips of one picture share, mm: from zero, or logarithmic
+    """Return the vertical scale that all strips of one picture share, mm: from zero, or logarithmic
     where a gross failure dwarfs the others.
     """
     traces = list(traces)

@@ -18,8 +18,7 @@ from shukotsu.stages.report.hand_motion import (
     shown_first,
     still_frame,
 )
-from shukotsu.stages.report.plots.description import HandPanel
-from shukotsu.stages.report.plots.hand_views import window_of
+from shukotsu.stages.report.plots.hand import hand_panel, window_of
 from shukotsu.stages.report.plots.page_pictures import page_picture
 from shukotsu.stages.report.viewer.packed_motion import NOMINAL_HZ, Block, motion_text
 
@@ -72,7 +71,7 @@ def view_of(
 def _still(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: int) -> Markup:
     receivers, chains = receivers_at(motion, frame), chains_at(motion, skeleton, frame)
     window = window_of(receivers, chains)
-    return page_picture(HandPanel("", title, motion.hand, tuple(chains), receivers, window))
+    return page_picture(hand_panel("", title, motion.hand, chains, receivers, window))
 
 
 def _remark(motion: HandMotion) -> str:
