@@ -52,7 +52,7 @@ def page_picture(panel: Panel) -> Markup:
 
 
 def _svg(panel: Panel) -> Markup:
-    with applied({"svg.hashsalt": panel.title}), warnings.catch_warnings():
+    with applied({"svg.hashsalt": panel.title, "axes.labelpad": 5.0}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has it
         figure = page_figure(panel)
         rewrite(figure, without_controls)

@@ -10,13 +10,14 @@ from string import ascii_lowercase
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from shukotsu.sentences.translation import ENGLISH, language
 from shukotsu.stages.report.plots.style import SMALL_PT, TWO_COLUMNS_MM, width_mm, wrapped
 
 PAGE_MM = 106.0
 """How wide a page's picture is before the page gives it its width."""
-_LINE_MM, _LEGEND_LINE_MM, _KEY_MM, _GAP_MM = 3.2, 4.2, 9.0, 2.0
+_LINE_MM, _LEGEND_LINE_MM, _KEY_MM, _GAP_MM, _PAD_MM = 3.2, 4.2, 9.0, 2.0, 1.6
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def print_figure(
     for row, texts in zip(rows, headings, strict=True):
         down += max(panel.foot_mm for panel in row) + _GAP_MM
         down += _LINE_MM * (1 + max(text.count("\n") for text in texts))
-    figure = Figure(figsize=(figure_mm / 25.4, down / 25.4), layout="constrained")
+    figure = _laid_out(figure_mm, down)
     grid = figure.add_gridspec(len(rows), across, height_ratios=heights)
     for place, row in enumerate(rows):
         drawn = [figure.add_subplot(grid[place, column]) for column in range(len(row))]
@@ -68,10 +69,15 @@ def print_figure(
 
 def page_figure(panel: Panel) -> Figure:
     """Return one panel for a page, whose own words stand for the heading."""
-    figure = Figure(figsize=(PAGE_MM / 25.4, (panel.height_mm + panel.foot_mm) / 25.4), layout="constrained")
+    figure = _laid_out(PAGE_MM, panel.height_mm + panel.foot_mm)
     figure.patch.set_visible(False)
     panel.draw(figure.add_subplot())
     return figure
+
+
+def _laid_out(width: float, height: float) -> Figure:
+    engine = ConstrainedLayoutEngine(w_pad=_PAD_MM / 25.4)
+    return Figure(figsize=(width / 25.4, height / 25.4), layout=engine)
 
 
 def panel_names(n: int) -> list[str]:

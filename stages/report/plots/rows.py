@@ -11,6 +11,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.ticker import (
     AsinhLocator,
+    FixedFormatter,
     FuncFormatter,
     Locator,
     LogLocator,
@@ -196,9 +197,9 @@ def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: 
     """Name rows from the top, with one free above if `top`, over a horizontal axis with a grid."""
     fits = int(_MOST_NAME_MM / width_mm("m"))
     axes.set_ylim(len(names) - 0.5, -1.5 if top else -0.5)
-    axes.set_yticks(
-        range(len(names)), [name if len(name) <= fits else name[: fits - 1] + "…" for name in names]
-    )
+    axes.set_yticks(range(len(names)))
+    shortened = [name if len(name) <= fits else name[: fits - 1] + "…" for name in names]
+    axes.yaxis.set_major_formatter(FixedFormatter(shortened))
     axes.spines["left"].set_visible(False)
     kind = {"linear_width": scale.even} if scale.kind == "asinh" else {}
     axes.set_xscale(scale.kind, **kind)

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -85,7 +86,7 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
         )
         panels.append(Panel(heading, heading, ROW_MM * len(joints), FOOT_MM, draw))
     handles = [
-        Line2D([], [], color=colour, marker=marker, linestyle=style, alpha=alpha, label=words)
+        Line2D([], [], color=colour, marker=marker, ls=cast(Any, style), alpha=alpha, label=words)
         for colour, marker, style, alpha, words in (
             (SOFT, "o", "none", 0.6, tr("hand")),
             (SOFT, "o", "-", 1.0, tr("median, quartiles")),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -233,7 +234,7 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
         for line in joints
     ]
     handles = [
-        Line2D([], [], color=colour, linestyle=style, label=tr(name)) for name, colour, style in _LINES
+        Line2D([], [], color=colour, ls=cast(Any, style), label=tr(name)) for name, colour, style in _LINES
     ]
     return print_figure(rows, handles), (
         tr(

@@ -132,7 +132,7 @@ def test_the_terminal_has_findings_first_each_once(fitted: StudyResults) -> None
 def test_a_picture_that_fails_is_a_problem_of_the_page(
     fitted: StudyResults, file: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("shukotsu.stages.report.plots.page_pictures.draw_for_page", lambda _: {}["x"])
+    monkeypatch.setattr("shukotsu.stages.report.plots.page_pictures.page_figure", lambda _: {}["x"])
     page = render_study(replace(fitted, problems=[*fitted.problems]), file)
     assert "<svg" not in page
     assert "Not drawn: internal error in report" in page

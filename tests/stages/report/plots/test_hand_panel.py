@@ -10,15 +10,13 @@ from report_samples.made_study import HOSTILE
 
 from shukotsu.stages.report.belief import BELIEVED, NOT
 from shukotsu.stages.report.hand_motion import Chain, DrawnPoint
-from shukotsu.stages.report.plots.description import HandPanel
-from shukotsu.stages.report.plots.hand_panel import Box, free_place
-from shukotsu.stages.report.plots.hand_views import window_of
+from shukotsu.stages.report.plots.hand import Box, free_place, hand_panel, window_of
 from shukotsu.stages.report.plots.page_pictures import page_picture
 
 
 def picture(title: str, hand: str, chain: Chain, receivers: np.ndarray) -> str:
     window = window_of(receivers, [chain])
-    return page_picture(HandPanel("", title, hand, (chain,), receivers, window))
+    return page_picture(hand_panel("", title, hand, [chain], receivers, window))
 
 
 def test_far_joint_is_an_arrow_and_shrinks_nothing() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from matplotlib.figure import Figure
 from report_samples.hand_tables import write_tips
 from report_samples.made_study import make_study
 
@@ -17,7 +18,8 @@ from shukotsu.schemas.results import FIGURE_KINDS, STUDY_FIGURES, Results
 from shukotsu.schemas.study import read_study
 from shukotsu.stages import command_line
 from shukotsu.stages.report.palette import Look
-from shukotsu.stages.report.plots.description import Group, Plot, Row, RowsPanel, Scale
+from shukotsu.stages.report.plots.panels import print_figure
+from shukotsu.stages.report.plots.rows import Group, Row, Scale, rows_panel
 from shukotsu.stages.report.plots.style import label
 from shukotsu.stages.report.print_figures.__main__ import build_parser, draw, record_failure
 from shukotsu.stages.report.print_figures.drawing import Drawing, drawn, not_drawn, save
@@ -106,9 +108,9 @@ def test_text_stays_text_and_the_page_has_the_columns_width(
 
 @pytest.mark.parametrize("name", ["山田", "$x_1$", r"\frac{1}", "<&>\"'", "a\tb\x07", "𝒳🖐", "é–Ω"])
 def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path, name: str) -> None:
-    def named() -> tuple[Plot, str]:
-        panel = RowsPanel("", "", "mm", Scale(0.0, 1.0), (Group("", (Row(name, Look("black", "o")),)),))
-        return Plot(((panel,),), 60.0), name
+    def named() -> tuple[Figure, str]:
+        panel = rows_panel("", "", "mm", Scale(0.0, 1.0), [Group("", (Row(name, Look("black", "o")),))])
+        return print_figure([[panel]], figure_mm=60.0), name
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")

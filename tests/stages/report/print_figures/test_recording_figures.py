@@ -10,7 +10,6 @@ from shukotsu.schemas.catalogue import JOINT_ANGLES, TIPS
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import read_table
 from shukotsu.stages.report.palette import MODELS
-from shukotsu.stages.report.plots.description import CurvesPanel
 from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
 from shukotsu.stages.report.print_figures.skeletons import skeletons
 from shukotsu.stages.report.print_figures.study_figures import find_recording
@@ -23,24 +22,23 @@ def recording(results: StudyResults) -> Recording:
 
 
 def test_tip_errors_are_the_tables_and_break_at_the_gap(results: StudyResults, recording: Recording) -> None:
-    plot, caption = tip_error(results, recording)
-    panels = [panel for panel in plot.panels if isinstance(panel, CurvesPanel)]
-    line = next(line for line in panels[1].lines if line.colour == MODELS[2])
+    figure, caption = tip_error(results, recording)
+    line = next(line for line in figure.axes[1].lines if line.get_color() == MODELS[2])
     data = read_table(results.paths.study_table("tips"), TIPS).to_pylist()
     own = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
     largest = max(row["error_mm"] for row in own if row["error_mm"] is not None)
-    assert np.nanmax(line.y) == largest
-    assert np.isnan(line.y).sum() == 1
+    assert np.nanmax(line.get_ydata()) == largest
+    assert np.isnan(line.get_ydata()).sum() == 1
     assert "n = 240–300 frames" in caption
     assert "least-squares" in caption
-    assert [panel.x_label for panel in panels] == ["", "", "", "", "Device time [s]"]
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "", "", "Device time [s]"]
 
 
 def test_skeletons_show_every_joint_and_name_what_they_cannot(results: StudyResults) -> None:
     """The little DIP joint is doubtful and far off, the ring DIP joint has no place, where not corrected."""
     spoiled = find_recording(results, "S01", "left", "opposition")
-    plot, caption = skeletons(results, spoiled)
-    assert len(plot.panels) == 3
+    figure, caption = skeletons(results, spoiled)
+    assert len(figure.axes) == 3
     assert (
         "(a) paper-fig3-rest and paper-fig3; not to be believed: little_dip; outside the picture: " in caption
     )
@@ -66,14 +64,13 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
     ]
     write_parts(path, JOINT_ANGLES, {part_of(recording.hand, "whole-hand"): rows})
     try:
-        plot, caption = joint_angles(simulated, recording, "whole-hand")
+        figure, caption = joint_angles(simulated, recording, "whole-hand")
     finally:
         path.unlink()
-    panels = [panel for panel in plot.panels if isinstance(panel, CurvesPanel)]
-    assert [panel.heading for panel in panels] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
-    flexion = next(line for line in panels[0].lines if line.style == "-")
-    np.testing.assert_allclose(np.unique(flexion.y), 3.0 * np.arange(12))
-    assert np.isclose(flexion.x[-1], 11 / 240, atol=0.6 / 240)
+    assert [axes.get_title("right") for axes in figure.axes] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
+    flexion = figure.axes[0].lines[1]
+    np.testing.assert_allclose(np.unique(flexion.get_ydata()), 3.0 * np.arange(12))
+    assert np.isclose(np.asarray(flexion.get_xdata())[-1], 11 / 240, atol=0.6 / 240)
     assert "n = 12 frames" in caption
 
 
