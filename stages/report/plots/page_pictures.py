@@ -126,9 +126,10 @@ def _as_paths(group: ElementTree.Element, line: Line2D) -> ElementTree.Element:
     """Give dots as lines of no length with round ends, a path a name, which a pointer is told."""
     dots, names = list(group.iter("use")), str(line.get_label()).split("\n")
     style = f"{dots[0].attrib['style'].replace('fill', 'stroke')};stroke-width:{line.get_markersize():g}"
+    unnamed = names[0].startswith("_child")  # what matplotlib calls a line without a label
     made = ElementTree.Element("g", {"class": "dots", "style": style})
     places: dict[str, list[str]] = {}
-    for dot, name in zip(dots, names if any(names) else [""] * len(dots), strict=True):
+    for dot, name in zip(dots, [""] * len(dots) if unnamed else names, strict=True):
         places.setdefault(name, []).append(f"M{dot.attrib['x']} {dot.attrib['y']}h0")
     for name, own in places.items():
         path = ElementTree.SubElement(made, "path", {"d": "".join(own)})
