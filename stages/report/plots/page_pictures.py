@@ -52,7 +52,8 @@ def page_picture(panel: Panel) -> Markup:
 
 
 def _svg(panel: Panel) -> Markup:
-    with applied({"svg.hashsalt": panel.title, "axes.labelpad": 5.0}), warnings.catch_warnings():
+    room = {"axes.labelpad": 5.0, "ytick.labelsize": 8.5}  # a page's letters are its browser's
+    with applied({"svg.hashsalt": panel.title, **room}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has it
         figure = page_figure(panel)
         rewrite(figure, without_controls)
