@@ -82,7 +82,6 @@ STUDY_FIGURES = (
     "bone-lengths",
     "joint-trust",
     "ranges-of-motion",
-    "group-differences",
 )
 """Figures of a study for print, each always written: where it has no data, with a sentence that says so."""
 
@@ -159,11 +158,6 @@ class Results:
     def subject_page(self, subject: str, session: str = "") -> Path:
         """The report's page of one subject."""
         return self.subject_pages(subject, session) / "subject.html"
-
-    @property
-    def movement_page(self) -> Path:
-        """The report's page of the study's movement."""
-        return self.folder / "report" / "movement.html"
 
     def recording_page(self, recording: Recording) -> Path:
         """The report's page of one recording."""

@@ -16,10 +16,10 @@ from shukotsu.stages.report.headline import headline, opening, used_text
 from shukotsu.stages.report.links import Link, anchor, link, recording_links
 from shukotsu.stages.report.methods_text import REFERENCES, methods_text
 from shukotsu.stages.report.models_compared.sections import models_compared
-from shukotsu.stages.report.movement_page.movement_results import Movement
-from shukotsu.stages.report.movement_page.movement_text import groups_differ, moved_most
+from shukotsu.stages.report.movement_results import Movement
 from shukotsu.stages.report.plots.hand import JointLink
-from shukotsu.stages.report.plots.page_pictures import taken_failures
+from shukotsu.stages.report.plots.page_pictures import page_picture, taken_failures
+from shukotsu.stages.report.print_figures.movement import ranges_panel
 from shukotsu.stages.report.score_tables import held_out_table, mean
 from shukotsu.stages.report.skeleton_stills import index_figure, posed_hands
 from shukotsu.stages.report.skeleton_tables import lengths_table
@@ -44,7 +44,7 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         findings=provenance.found(results.findings),
         accepted=provenance.found(results.accepted),
         opening=opening(results),
-        movement=_movement(results, movement),
+        movement=_movement(movement),
         exports=study.exports,
         exported=exported_files(results),
         figures=figure_files(results),
@@ -74,12 +74,11 @@ def _problems(results: StudyResults) -> DataTable | None:
     return provenance.problems_table(results)
 
 
-def _movement(results: StudyResults, movement: Movement | None) -> dict[str, Any] | None:
-    """Return what the study's page says of movement, and a link to the page of it."""
-    if movement is None:
+def _movement(movement: Movement | None) -> dict[str, Any] | None:
+    """The ranges of motion as a picture, and which numbers differ between levels of a factor."""
+    if movement is None or movement.ranges.empty:
         return None
-    to = link(tr("Movement"), results.paths.report, results.paths.movement_page)
-    return {"to": to, "said": [moved_most(movement), *groups_differ(movement)]}
+    return {"picture": page_picture(ranges_panel(movement)), "differences": movement.differences_table()}
 
 
 def _front(results: StudyResults) -> dict[str, Any] | None:

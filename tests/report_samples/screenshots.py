@@ -48,7 +48,6 @@ def screenshots(results: Results, subject: str, recording: Path) -> dict[str, Sc
         "study": Screenshot(study, "", 760),
         "joints": Screenshot(one, "#trust details", 850, "#trust details"),
         "models": Screenshot(study, "#compared", 820),
-        "movement": Screenshot(results.movement_page, "", 760),
         "recording": Screenshot(recording, "#time", 720, ready=drawn),
         "viewer": Screenshot(recording, "#hand", 620, ready=drawn),
     }

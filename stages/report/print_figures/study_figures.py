@@ -12,11 +12,11 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.results import STUDY_FIGURES
 from shukotsu.schemas.study import Recording, path_token
 from shukotsu.sentences.translation import tr
-from shukotsu.stages.report.movement_page.movement_results import read_movement
+from shukotsu.stages.report.movement_results import read_movement
 from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError, drawn
 from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
 from shukotsu.stages.report.print_figures.models import models_by_digit, paired_differences
-from shukotsu.stages.report.print_figures.movement import group_differences, ranges_of_motion
+from shukotsu.stages.report.print_figures.movement import ranges_of_motion
 from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
 from shukotsu.stages.report.print_figures.skeletons import skeletons
 from shukotsu.stages.report.study_results import StudyResults
@@ -34,7 +34,6 @@ def of_study(results: StudyResults, base: str = "") -> Iterator[Drawing]:
     movement = read_movement(results)
     draw |= {
         "ranges-of-motion": partial(ranges_of_motion, results, movement),
-        "group-differences": partial(group_differences, results, movement),
     }
     for name in STUDY_FIGURES:
         yield drawn(name, draw[name])

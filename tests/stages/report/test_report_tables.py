@@ -89,7 +89,6 @@ def test_command_line_writes_and_prints(
     assert capsys.readouterr().out.splitlines()[-1] == f"The whole report: {out}"
     assert {path.relative_to(out.parent).as_posix() for path in out.parent.rglob("*.html")} == {
         "report.html",
-        "report/movement.html",
     }
 
 
