@@ -37,6 +37,7 @@ from shukotsu.stages.report.hand_motion import (
     hand_motion,
     open_frame,
     receiver_skeleton,
+    view_base,
 )
 from shukotsu.stages.report.study_results import Row, StudyResults, recording_key, row_key
 
@@ -154,6 +155,31 @@ def read_still(results: StudyResults, recording: Recording, models: Collection[s
         raise InputError(f"{place} has no frame with a valid base receiver")
     skeletons = [_skeleton(results, _posed(results, recording, own), shown, still=True) for own in models]
     return hand_motion(recording.hand.hand, layout, shown, skeletons)
+
+
+STRETCH_S, STRETCH_HZ = 6.0, 30.0
+"""How long a hand is shown in motion on the study's page, and with how many frames a second."""
+
+
+def read_stretch(results: StudyResults, recording: Recording, model: str) -> HandMotion:
+    """Read the hand under one model over the stretch of the recording in which its fingertips move most.
+
+    Raises InputError where the recording or the model has nothing to show.
+    """
+    posed, layout = _posed(results, recording, model), results.layouts[recording.hand]
+    poses = posed.poses(-(-posed.n_frames // MOST_FRAMES))
+    seconds = np.nanmedian(np.diff(poses.time_s)) if len(poses.time_s) > 1 else np.nan
+    step = max(1, round(1.0 / (STRETCH_HZ * seconds))) if seconds > 0 else 8
+    poses = poses.take(slice(0, None, step))
+    tips = poses.position_mm[:, [poses.index(digit.tip) for digit in layout.digits.values()]]
+    apart = tips - poses.position_mm[:, [poses.index(view_base(layout))]]
+    moved = np.nan_to_num(np.linalg.norm(np.diff(apart, axis=0), axis=-1)).sum(1)
+    length = min(len(poses.frame), round(STRETCH_S * STRETCH_HZ))
+    sums = np.convolve(moved, np.ones(max(1, length - 1)), "valid")
+    start = int(np.argmax(sums)) if len(moved) else 0
+    poses = poses.take(slice(start, start + length))
+    skeleton = _skeleton(results, posed, poses)
+    return hand_motion(recording.hand.hand, layout, poses, [skeleton], every=step)
 
 
 def read_angles(results: StudyResults, recording: Recording, model: str) -> dict[str, Callable[[], Array]]:
