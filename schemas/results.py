@@ -76,8 +76,7 @@ MOVEMENT_COMPARISONS = (
 
 
 STUDY_FIGURES = (
-    "models-by-digit",
-    "paired-differences",
+    "models",
     "joint-errors",
     "bone-lengths",
     "joint-trust",

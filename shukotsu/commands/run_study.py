@@ -134,13 +134,12 @@ def _environment() -> dict[str, str]:
 
 
 def _outcome(study: Path, results: Path) -> str:
-    """Return the first sentences of the report."""
+    """Return what the first screen of the report says."""
     from shukotsu.schemas.study import read_study
-    from shukotsu.stages.report.headline import opening, used_text
     from shukotsu.stages.report.study_results import read_results
+    from shukotsu.stages.report.terminal import outcome_text
 
-    found = read_results(read_study(study), results)
-    return f"{used_text(found)} {opening(found)}"
+    return outcome_text(read_results(read_study(study), results))
 
 
 def main(argv: list[str]) -> int:

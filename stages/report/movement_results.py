@@ -18,9 +18,8 @@ from shukotsu.schemas.tables import Table, open_table
 from shukotsu.sentences.messages import read_message
 from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.belief import NOT
-from shukotsu.stages.report.comparison.comparison_text import p_text
 from shukotsu.stages.report.study_results import StudyResults, recording_key
-from shukotsu.stages.report.table_cells import Column, DataTable, number, table_of, text_column
+from shukotsu.stages.report.table_cells import Column, DataTable, number, p_text, table_of, text_column
 from shukotsu.stages.report.trust import study_beliefs
 
 if TYPE_CHECKING:

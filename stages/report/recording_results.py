@@ -175,8 +175,7 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
     apart = tips - poses.position_mm[:, [poses.index(view_base(layout))]]
     moved = np.nan_to_num(np.linalg.norm(np.diff(apart, axis=0), axis=-1)).sum(1)
     length = min(len(poses.frame), round(STRETCH_S * STRETCH_HZ))
-    sums = np.convolve(moved, np.ones(max(1, length - 1)), "valid")
-    start = int(np.argmax(sums)) if len(moved) else 0
+    start = int(np.argmax(np.convolve(moved, np.ones(max(1, length - 1)), "valid"))) if len(moved) else 0
     poses = poses.take(slice(start, start + length))
     skeleton = _skeleton(results, posed, poses)
     return hand_motion(recording.hand.hand, layout, poses, [skeleton], every=step)

@@ -18,8 +18,7 @@ from shukotsu.schemas.study import Hand
 from shukotsu.schemas.verdict import CARE_TIMES
 from shukotsu.sentences.translation import N_, listed, tr, word
 from shukotsu.stages.report.belief import BELIEVED, CARE, NOT, belief, wanted_text
-from shukotsu.stages.report.comparison.answers import Answer, answer
-from shukotsu.stages.report.comparison.questions import JOINT_ERROR, PRIOR
+from shukotsu.stages.report.judged_models import PRIOR, TRUTH, JudgedModels, judged_models
 from shukotsu.stages.report.palette import AMBER, INK, NO, PAPER, SOFT, Look, model_looks
 from shukotsu.stages.report.plots.panels import Panel, in_rows, print_figure
 from shukotsu.stages.report.plots.rows import (
@@ -35,7 +34,6 @@ from shukotsu.stages.report.plots.rows import (
     value_scale,
 )
 from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, study_text
-from shukotsu.stages.report.print_figures.models import missing_text_of
 from shukotsu.stages.report.study_results import StudyResults, hand_of
 from shukotsu.stages.report.table_cells import alike
 
@@ -64,12 +62,12 @@ class _OfModel:
 
 def joint_errors(results: StudyResults) -> tuple[Figure, str]:
     """Draw a panel a model; models with equal joints share one. Raises NoDataError without a truth."""
-    own = answer(results, JOINT_ERROR)
+    own = next((each for each in judged_models(results) if each.metric == TRUTH), None)
     if own is None:
         raise NoDataError(tr("the true joints are not known, or no model has a joint that could be compared"))
     found = _by_model(results, own)
     prior = found.pop(PRIOR, _OfModel())
-    groups = alike({model: found[model] for model in own.models if model in found})
+    groups = alike({model: found[model] for model in results.models if model in found})
     joints = joints_in_order(results, {joint for each in found.values() for joint in each.error_mm})
     looks = model_looks(list(results.models))
     every = [
@@ -100,7 +98,7 @@ def joint_errors(results: StudyResults) -> tuple[Figure, str]:
 _SKELETON = ("subject", "session", "hand", "model", "calibrated_on")
 
 
-def _by_model(results: StudyResults, own: Answer) -> dict[str, _OfModel]:
+def _by_model(results: StudyResults, own: JudgedModels) -> dict[str, _OfModel]:
     """Means over the skeletons that the answer is of, held out or not, of a hand's joint."""
     scored = {
         tuple(row[name] for name in _SKELETON) for row in results.scores if row["held_out"] == own.held_out
@@ -133,21 +131,18 @@ def _draw_errors(
                 axes.vlines(level, y - 0.4, y + 0.4, color=colour, linestyle=style, linewidth=0.8)
 
 
-def _error_caption(results: StudyResults, own: Answer) -> str:
-    return (
-        tr(
-            "Error of every joint centre, model by model. {study_text} Distance to the true centre "
-            "in the child receiver's frame [mm]. A dot is a hand; mark: median; bar: quartiles, from "
-            "{FEWEST_FOR_QUARTILES} hands on; black line: median of the stated 1-sigma error in "
-            "three dimensions (outside the scale where it is larger than every error); dotted line: "
-            "median of prior-only, the hand that anatomy expects. Models with equal joints share a "
-            "panel. {kind} {missing_text_of}",
-            study_text=study_text(results),
-            FEWEST_FOR_QUARTILES=FEWEST_FOR_QUARTILES,
-            kind=own.kind,
-            missing_text_of=missing_text_of(own),
-        )
-    ).rstrip()
+def _error_caption(results: StudyResults, own: JudgedModels) -> str:
+    return tr(
+        "Error of every joint centre, model by model. {study_text} Distance to the true centre "
+        "in the child receiver's frame [mm]. A dot is a hand; mark: median; bar: quartiles, from "
+        "{FEWEST_FOR_QUARTILES} hands on; black line: median of the stated 1-sigma error in "
+        "three dimensions (outside the scale where it is larger than every error); dotted line: "
+        "median of prior-only, the hand that anatomy expects. Models with equal joints share a "
+        "panel. {kind}.",
+        study_text=study_text(results),
+        FEWEST_FOR_QUARTILES=FEWEST_FOR_QUARTILES,
+        kind=tr("Held out") if own.held_out else tr("In-sample"),
+    )
 
 
 _ABSENT = N_("no result")

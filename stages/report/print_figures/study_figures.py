@@ -15,18 +15,17 @@ from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.movement_results import read_movement
 from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError, drawn
 from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
-from shukotsu.stages.report.print_figures.models import models_by_digit, paired_differences
+from shukotsu.stages.report.print_figures.models import models
 from shukotsu.stages.report.print_figures.movement import ranges_of_motion
 from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
 from shukotsu.stages.report.print_figures.skeletons import skeletons
 from shukotsu.stages.report.study_results import StudyResults
 
 
-def of_study(results: StudyResults, base: str = "") -> Iterator[Drawing]:
-    """The study's figures, STUDY_FIGURES in turn; `base` is the model that differences are taken from."""
+def of_study(results: StudyResults) -> Iterator[Drawing]:
+    """The study's figures, STUDY_FIGURES in turn."""
     draw: dict[str, Callable[[], tuple[Figure, str]]] = {
-        "models-by-digit": partial(models_by_digit, results),
-        "paired-differences": partial(paired_differences, results, base),
+        "models": partial(models, results),
         "joint-errors": partial(joint_errors, results),
         "bone-lengths": partial(bone_lengths, results),
         "joint-trust": partial(joint_trust, results),

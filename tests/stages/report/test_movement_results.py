@@ -40,7 +40,12 @@ def test_a_dot_of_the_figure_is_a_subjects_mean_of_the_leading_model(
 ) -> None:
     assert set(movement.ranges["model"]) == {"whole-hand"}
     figure, caption = ranges_of_motion(results, movement)
-    dots = [line.get_xdata() for line in figure.axes[0].lines if str(line.get_gid()).startswith("dots")]
+    dots = [
+        line.get_xdata()
+        for axes in figure.axes
+        for line in axes.lines
+        if str(line.get_gid()).startswith("dots")
+    ]
     assert len(dots) == 3 * len(JOINTS)
     own = movement.ranges[(movement.ranges["joint"] == "index_pip") & (movement.ranges["angle"] == "flexion")]
     assert sorted(dots[JOINTS.index("index_pip")]) == pytest.approx(

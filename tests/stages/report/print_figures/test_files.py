@@ -78,12 +78,7 @@ def test_two_processes_write_the_same_bytes(
 @pytest.mark.parametrize(
     ("name", "labels", "width_mm"),
     [
-        ("models-by-digit", ("Fingertip error [mm]", "Joint error [mm]", "n = 8 subjects"), 175.0),
-        (
-            "paired-differences",
-            ("Joint error [mm], less that of", "paper-fig4", "n = 8 subjects", "a", "b"),
-            85.0,
-        ),
+        ("models", ("Joint against the truth [mm]", "n = 8 subjects, held out", "whole-hand", "a"), 175.0),
         ("joint-errors", ("Joint error [mm]", "whole-hand; n = 15 hands", "thumb_cmc"), 175.0),
         ("joint-trust", ("Hands [%]", "ring_dip"), 175.0),
     ],

@@ -1,7 +1,5 @@
 """What a study's figures show: the tables' own numbers, who is missing and why, n and units."""
 
-import math
-from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
@@ -12,12 +10,11 @@ from report_samples.compared import compared
 from report_samples.read_page import rows_where
 
 from shukotsu.schemas.results import STUDY_FIGURES
-from shukotsu.stages.report.comparison.answers import answer
-from shukotsu.stages.report.comparison.questions import JOINT_ERROR, TRUE_TIP
+from shukotsu.stages.report.judged_models import REPLAY, judged_models
 from shukotsu.stages.report.palette import PAPER
 from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError
 from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
-from shukotsu.stages.report.print_figures.models import models_by_digit, paired_differences
+from shukotsu.stages.report.print_figures.models import models
 from shukotsu.stages.report.print_figures.study_figures import of_study
 from shukotsu.stages.report.study_results import StudyResults
 
@@ -40,54 +37,30 @@ def dots_of(axes: Axes) -> dict[int, dict[str, float]]:
     }
 
 
-def subject_means(results: StudyResults, model: str, digit: str, column: str) -> list[float]:
-    """Held-out means over a subject's hands, straight from the rows."""
-    found = defaultdict(list)
-    for row in results.scores:
-        if (row["model"], row["digit"], row["held_out"]) == (model, digit, True) and row[column] is not None:
-            found[row["subject"]].append(row[column])
-    return [math.fsum(values) / len(values) for values in found.values()]
+def test_a_dot_is_a_subject_and_the_mark_its_mean(simulated: StudyResults) -> None:
+    """As model_values has them; a line goes through the dots of one subject."""
+    judged = {each.metric: each for each in judged_models(simulated)}
+    drawn = models(simulated)[0].axes
+    for axes, metric in zip(drawn, (REPLAY, "error_mm", "true_tip_mean_mm"), strict=True):
+        rows = names_of(axes)
+        dots = {rows[row]: numbers for row, numbers in dots_of(axes).items()}
+        assert dots == {name: judged[metric].values[name] for name in rows}
+        means = [line.get_xdata() for line in axes.lines if len(line.get_xdata()) == 1]  # type: ignore[arg-type]
+        np.testing.assert_allclose(np.ravel(means), [np.mean(list(dots[name].values())) for name in rows])
+        through = np.asarray(axes.lines[-1].get_xdata(), float).reshape(-1, len(rows) + 1)
+        np.testing.assert_allclose(through[:, 0], list(dots[rows[0]].values()))
+        assert "n = 8 subjects, held out" in models(simulated)[1]
 
 
-def test_a_dot_is_a_subjects_held_out_mean(simulated: StudyResults) -> None:
-    axes = models_by_digit(simulated)[0].axes[0]
-    names, digit, seen = names_of(axes), "", 0
-    for row, name in enumerate(names):
-        digit = digit if row in dots_of(axes) else name
-        if name in MODELS:
-            expected = subject_means(simulated, name, digit.lower(), "true_tip_mean_mm")
-            assert len(expected) == 8
-            np.testing.assert_allclose(sorted(dots_of(axes)[row].values()), sorted(expected))
-            seen += 1
-    assert seen == 10
-
-
-def test_differences_mean_and_interval_are_the_comparisons(
-    simulated: StudyResults, drawings: dict[str, Drawing]
-) -> None:
-    for axes, question in zip(paired_differences(simulated)[0].axes, (TRUE_TIP, JOINT_ERROR), strict=True):
-        own = answer(simulated, question)
-        assert own is not None
-        (comparison,) = own.overall
-        assert comparison.interval is not None
-        assert dots_of(axes) == {0: comparison.differences}
-        bar, mean = axes.lines[-2:]
-        assert tuple(bar.get_xdata()) == comparison.interval
-        assert list(mean.get_xdata()) == [comparison.mean_difference]
-        assert f"{comparison.mean_difference:.2f} mm" in drawings["paired-differences"].caption
-
-
-def test_without_a_truth_replays_and_fitted_hands_stand_apart(simulated: StudyResults) -> None:
-    """Left-out errors are of fitted hands alone; a replay's are not one test with theirs."""
+def test_without_a_truth_fitted_hands_stand_apart(simulated: StudyResults) -> None:
+    """Left-out errors are of fitted hands and anatomy alone; a replay's are not one test with theirs."""
     blind = [{**row, "true_tip_mean_mm": None} for row in simulated.scores]
-    untold = compared(replace(simulated, scores=blind, joint_errors=[]))
-    figure, caption = models_by_digit(untold)
-    left_out, replay = figure.axes
-    assert (left_out.get_xlabel(), replay.get_xlabel()) == ("Left-out error [mm]", "Replay's tip error [mm]")
-    assert MODELS[0] not in names_of(left_out)
-    assert names_of(left_out).count(MODELS[1]) == names_of(replay).count(MODELS[0]) == 5
+    figure, caption = models(compared(replace(simulated, scores=blind, joint_errors=[])))
+    replay, left_out = figure.axes
+    assert "replay" in replay.get_xlabel()
+    assert names_of(replay) == list(MODELS)
+    assert names_of(left_out) == ["whole-hand", "prior-only"]
     assert "not where they are" in caption
-    assert "prior-only" in paired_differences(untold)[0].axes[0].get_xlabel()
 
 
 def test_joint_errors_and_stated_ones_are_the_tables(simulated: StudyResults) -> None:
@@ -128,21 +101,18 @@ def test_bones_have_their_length_and_stated_error(simulated: StudyResults) -> No
 
 
 def test_captions_state_n_units_what_is_missing_and_the_program(drawings: dict[str, Drawing]) -> None:
-    for name in ("models-by-digit", "paired-differences", "joint-errors"):
+    for name in ("models", "joint-errors"):
         caption = drawings[name].caption
         assert "mm" in caption
         assert "simulated recordings of 8 subjects, 16 hands" in caption
-        assert "Held out" in caption
+        assert "eld out" in caption
         assert "Drawn by shukotsu" in caption
-    caption = drawings["models-by-digit"].caption
-    assert "Without a number: S7: paper-fig4 and whole-hand: failed: S7-left.csv" in caption
-    assert "n = 8" in drawings["paired-differences"].caption
 
 
 def test_a_study_without_any_score_says_so(simulated: StudyResults) -> None:
     empty = compared(replace(simulated, scores=[], joint_errors=[], joints=[], bones=[]))
     with pytest.raises(NoDataError, match="no model of this study has a score"):
-        models_by_digit(empty)
+        models(empty)
     drawings = list(of_study(empty))
     assert [drawing.name for drawing in drawings] == list(STUDY_FIGURES)
     for drawing in drawings:
