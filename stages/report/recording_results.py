@@ -4,7 +4,7 @@ model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ from shukotsu.schemas.catalogue import (
     JOINT_ANGLES,
     JOINT_CENTRES,
     JOINT_SOLUTIONS,
-    POSED_TIPS,
     TIPS,
 )
 from shukotsu.schemas.layout import Layout
@@ -26,7 +25,6 @@ from shukotsu.schemas.poses import Poses, pose_blocks
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table
 from shukotsu.sentences.translation import N_
-from shukotsu.skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, Index, PosedRecording, SkeletonTables
 from shukotsu.skeleton.posing import Skeleton, pose_bones
 from shukotsu.stages.report.hand_motion import (
@@ -44,30 +42,15 @@ from shukotsu.stages.report.study_results import Row, StudyResults, recording_ke
 Array = npt.NDArray[np.float64]
 
 ANGLES = ("flexion", "abduction", "rotation")
-PERCENTILES = (0, LOW_PERCENT, 50, HIGH_PERCENT, 100)
-
-
-@dataclass(frozen=True)
-class AngleRange:
-    """Hold how far one angle of a joint went, degrees at PERCENTILES, and in how many frames it is known."""
-
-    joint: str
-    angle: str
-    at_deg: tuple[float, ...]
-    n_frames: int
 
 
 @dataclass(frozen=True)
 class JointAngles:
-    """Angles under one model at the T frames that are shown, and their ranges over all.
-
-    joints : (J,) names. angle_deg : (T, J, 3) as ANGLES.
-    """
+    """Angles under one model at the T frames that are shown: (T, J, 3) as ANGLES, of joints (J,)."""
 
     model: str
     joints: tuple[str, ...]
     angle_deg: Array
-    ranges: tuple[AngleRange, ...]
 
 
 @dataclass(frozen=True)
@@ -217,22 +200,8 @@ def _angles(posed: PosedRecording) -> dict[str, Callable[[], Array]]:
 
 
 def _shown_angles(posed: PosedRecording, every: int) -> JointAngles:
-    shown: dict[str, Array] = {}
-    ranges: list[AngleRange] = []
-    for joint, read in _angles(posed).items():
-        angle_deg = read()
-        shown[joint] = angle_deg[::every].copy()  # lets go of the others
-        ranges += angle_ranges(joint, angle_deg)
-    return JointAngles(posed.model.name, tuple(shown), np.stack(list(shown.values()), 1), tuple(ranges))
-
-
-def angle_ranges(joint: str, angle_deg: Array) -> Iterator[AngleRange]:
-    """The range of every angle (T, 3) of a joint; one that is never known has none."""
-    for angle, values in zip(ANGLES, angle_deg.T, strict=True):
-        known = values[np.isfinite(values)]
-        if len(known):
-            at_deg = tuple(np.percentile(known, PERCENTILES).tolist())
-            yield AngleRange(joint, angle, at_deg, len(known))
+    angles = {joint: read()[::every].copy() for joint, read in _angles(posed).items()}
+    return JointAngles(posed.model.name, tuple(angles), np.stack(list(angles.values()), 1))
 
 
 def _numbers(posed: PosedRecording, table: Table, columns: Sequence[str], frames: Index) -> dict[str, Array]:
@@ -284,10 +253,9 @@ def _skeleton(
     replayed = _by_digit(layout, errors, poses)
     if posed.is_fitted:
         try:
-            missed = _by_digit(layout, _numbers(posed, POSED_TIPS, ["error_mm"], poses.frame), poses)
             bones = pose_bones(Skeleton(layout, model, joints, {}), poses, posed.bone_motion(poses))
             worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
-            return fitted_skeleton(layout, model, place, joints, worn, bones, replayed, missed)
+            return fitted_skeleton(layout, model, place, joints, worn, bones, replayed)
         except InputError:
             if not still:
                 raise

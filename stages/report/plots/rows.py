@@ -28,8 +28,6 @@ from shukotsu.stages.report.table_cells import number
 Array = npt.NDArray[np.float64]
 
 FEWEST_FOR_QUARTILES = 4
-MOST_NAMED = 30
-"""The most subjects whose names a pointer is told; with more a page would grow too large."""
 ROW_MM, _MOST_NAME_MM, FOOT_MM, _LINE_MM = 3.6, 42.0, 9.0, 3.4
 _SCATTER, _GOLDEN = 0.6, (5**0.5 - 1) / 2
 _GROSS, _DECADES, _ROUNDING, _MARGIN = 8.0, 4.0, 1e-6, 0.06
@@ -158,10 +156,10 @@ def draw_rows(
             bar, colour = ((low, high) if len(values) >= FEWEST_FOR_QUARTILES else None), row.look.colour
         if len(values):  # far below the foot of a logarithmic scale matplotlib leaves dots out
             x = np.maximum(values, scale.low) if scale.kind == "log" else values
-            told = "\n".join(row.numbers) if len(names) <= MOST_NAMED else ""
             axes.plot(
                 x, [y + aside_of[name] for name in row.numbers], "o", color=row.look.colour, markersize=size,
-                alpha=0.6, markeredgewidth=0.0, clip_on=False, zorder=2.2, gid=f"dots{y}", label=told,
+                alpha=0.6, markeredgewidth=0.0, clip_on=False, zorder=2.2, gid=f"dots{y}",
+                label="\n".join(row.numbers),
             )  # fmt: skip
         if middle is None:
             continue

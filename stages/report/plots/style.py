@@ -60,6 +60,7 @@ STYLE: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.axisbelow": True,
+    "axes.facecolor": "none",
     "grid.color": RULE,
     "grid.linewidth": 0.5,
     "xtick.labelsize": SMALL_PT,

@@ -69,8 +69,10 @@ def drawn(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
         with applied():
             figure, caption = draw()
             rewrite(figure, label)
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")  # it is laid out, once for all files
+            engine = figure.get_layout_engine()
+            assert engine is not None
+            engine.execute(figure)
+            figure.set_layout_engine(None)  # it is laid out, once for all files
     except NoDataError as error:
         return not_drawn(name, str(error))
     except MemoryError:

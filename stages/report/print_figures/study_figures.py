@@ -18,7 +18,6 @@ from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_erro
 from shukotsu.stages.report.print_figures.models import models
 from shukotsu.stages.report.print_figures.movement import ranges_of_motion
 from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
-from shukotsu.stages.report.print_figures.skeletons import skeletons
 from shukotsu.stages.report.study_results import StudyResults
 
 
@@ -39,9 +38,8 @@ def of_study(results: StudyResults) -> Iterator[Drawing]:
 
 
 def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
-    """One recording's figures: tip-error, skeletons, and joint-angles of every fitted model."""
+    """One recording's figures: tip-error, and joint-angles of every fitted model."""
     yield drawn("tip-error", partial(tip_error, results, recording))
-    yield drawn("skeletons", partial(skeletons, results, recording))
     for model in results.fitted:
         name = f"joint-angles_{path_token(model)}"
         yield drawn(name, partial(joint_angles, results, recording, model))
