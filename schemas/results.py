@@ -78,7 +78,6 @@ MOVEMENT_COMPARISONS = (
 STUDY_FIGURES = (
     "models",
     "joint-errors",
-    "bone-lengths",
     "joint-trust",
     "ranges-of-motion",
 )

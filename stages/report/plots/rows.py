@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.ticker import (
-    AsinhLocator,
     FixedFormatter,
     FuncFormatter,
     Locator,
@@ -38,12 +37,11 @@ on a logarithmic scale; errors of rounding, mm or degrees; share of a scale kept
 
 @dataclass(frozen=True)
 class Scale:
-    """A scale from `low` to `high`; `kind` is linear, log or asinh (even within +-`even`)."""
+    """A scale from `low` to `high`; `kind` is linear or log."""
 
     low: float
     high: float
     kind: str = "linear"
-    even: float = 1.0
 
 
 def value_scale(values: npt.ArrayLike) -> Scale:
@@ -57,28 +55,11 @@ def value_scale(values: npt.ArrayLike) -> Scale:
     return Scale(lowest / 1.1, highest * 1.1, "log")
 
 
-def difference_scale(values: npt.ArrayLike) -> Scale:
-    """Return a scale for differences with 0 on it: even, or even about 0 and squeezed outward."""
-    differences = np.asarray(values, float)
-    sizes = np.abs(differences)
-    largest = float(sizes.max(initial=0.0))
-    if largest <= _ROUNDING:
-        return Scale(-1.0, 1.0)
-    usual = float(np.median(sizes[sizes > largest * 1e-6]))
-    even = max(usual, largest / 10.0**_DECADES) if largest > _GROSS * usual else 0.0
-    ends = np.array([min(float(differences.min()), 0.0), max(float(differences.max()), 0.0)])
-    low, high = np.arcsinh(ends / even) if even else ends
-    pad = _MARGIN * (high - low)
-    if even:
-        return Scale(even * float(np.sinh(low - pad)), even * float(np.sinh(high + pad)), "asinh", even)
-    return Scale(float(low - pad), float(high + pad))
-
-
 @dataclass(frozen=True)
 class Row:
     """A named row: numbers by subject or hand, and the mean of differences with its interval.
 
-    Without a mean the median and quartiles are marked. filled : whether the mean's mark is.
+    Without a mean the median and quartiles are marked.
     """
 
     name: str
@@ -86,7 +67,6 @@ class Row:
     numbers: Mapping[str, float] = field(default_factory=dict)
     mean: float | None = None
     interval: tuple[float, float] | None = None
-    filled: bool = True
 
     def values(self) -> list[float]:
         """Everything of the row that its scale must hold."""
@@ -107,16 +87,15 @@ def rows_panel(
     axis: str,
     scale: Scale,
     groups: Sequence[Group],
-    sides: tuple[str, str] = ("", ""),
     of_all: int = 0,
 ) -> Panel:
     """Return a panel of named rows.
 
-    sides : what a difference's two sides say. of_all : how many numbers a full row has; a row with fewer says
-    how many it has, and with 0 no row says its mean or median.
+    of_all : how many numbers a full row has; a row with fewer says how many it has. With 0 no row says its
+    mean or median.
     """
-    lines = sum(len(group.rows) + bool(group.heading) for group in groups) + bool(of_all or any(sides))
-    draw = partial(draw_rows, axis=axis, scale=scale, groups=groups, sides=sides, of_all=of_all)
+    lines = sum(len(group.rows) + bool(group.heading) for group in groups) + bool(of_all)
+    draw = partial(draw_rows, axis=axis, scale=scale, groups=groups, of_all=of_all)
     foot_mm = FOOT_MM + _LINE_MM * axis.count("\n")
     return Panel(heading, title, ROW_MM * lines, foot_mm, draw)
 
@@ -126,7 +105,6 @@ def draw_rows(
     axis: str,
     scale: Scale,
     groups: Sequence[Group],
-    sides: tuple[str, str] = ("", ""),
     of_all: int = 0,
 ) -> None:
     """Draw named rows, the first on top: a dot a number, each name's as far aside in every row."""
@@ -134,17 +112,12 @@ def draw_rows(
     for group in groups:
         lines += [(group.heading, None)] if group.heading else []
         lines += [(word(row.name), row) for row in group.rows]
-    row_axes(axes, [name for name, _ in lines], axis, scale, top=bool(of_all or any(sides)))
+    row_axes(axes, [name for name, _ in lines], axis, scale, top=bool(of_all))
     for label, (_, row) in zip(axes.get_yticklabels(), lines, strict=True):
         label.set_fontweight("bold" if row is None else "normal")
     rows = [(row, y) for y, (_, row) in enumerate(lines) if row is not None]
     if scale.low < 0 < scale.high:
         axes.axvline(0.0, color=SOFT, linewidth=0.6, zorder=1)
-        for words, ha, aside in zip(sides, ("right", "left"), (-3, 3), strict=True):
-            axes.annotate(
-                words, (0.0, -1.0), (aside, 0), textcoords="offset points", ha=ha, va="center",
-                fontsize=SMALL_PT, color=SOFT,
-            )  # fmt: skip
     names = list(dict.fromkeys(name for row, _ in rows for name in row.numbers))
     aside_of = dict(zip(names, scattered(len(names)), strict=True))
     size = 3.4 if len(names) <= 12 else 2.6 if len(names) <= 40 else 1.8
@@ -167,8 +140,7 @@ def draw_rows(
             axes.plot(bar, [y, y], color=colour, linewidth=1.4, solid_capstyle="butt", zorder=2.4)
         axes.plot(
             middle, y, row.look.marker, color=row.look.colour, markersize=row.look.size + 1.0, zorder=2.6,
-            markerfacecolor=row.look.colour if row.filled else PAPER, markeredgewidth=0.6,
-            markeredgecolor=PAPER if row.filled else row.look.colour,
+            markeredgewidth=0.6, markeredgecolor=PAPER,
         )  # fmt: skip
         if of_all:
             note = number(middle).replace("-", "−")
@@ -199,8 +171,7 @@ def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: 
     shortened = [name if len(name) <= fits else name[: fits - 1] + "…" for name in names]
     axes.yaxis.set_major_formatter(FixedFormatter(shortened))
     axes.spines["left"].set_visible(False)
-    kind = {"linear_width": scale.even} if scale.kind == "asinh" else {}
-    axes.set_xscale(scale.kind, **kind)
+    axes.set_xscale(scale.kind)
     axes.set_xlim(scale.low, scale.high)
     axes.xaxis.set_major_locator(locator(scale))
     axes.xaxis.set_major_formatter(PLAIN)
@@ -214,8 +185,6 @@ def locator(scale: Scale) -> Locator:
     """Return what puts ticks at round numbers of the scale."""
     if scale.kind == "linear":
         return MaxNLocator(6, steps=[1, 2, 5, 10])
-    if scale.kind == "asinh":
-        return AsinhLocator(scale.even, numticks=7, subs=())
     span = scale.high / scale.low
     return LogLocator(
         subs=(1.0, 2.0, 5.0) if span < 100 else (1.0, 3.0) if span < 2000 else (1.0,), numticks=9

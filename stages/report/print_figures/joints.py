@@ -19,7 +19,7 @@ from shukotsu.schemas.verdict import CARE_TIMES
 from shukotsu.sentences.translation import N_, listed, tr, word
 from shukotsu.stages.report.belief import BELIEVED, CARE, NOT, belief, wanted_text
 from shukotsu.stages.report.judged_models import PRIOR, TRUTH, JudgedModels, judged_models
-from shukotsu.stages.report.palette import AMBER, INK, NO, PAPER, SOFT, Look, model_looks
+from shukotsu.stages.report.palette import AMBER, INK, NO, SOFT, Look, model_looks
 from shukotsu.stages.report.plots.panels import Panel, in_rows, print_figure
 from shukotsu.stages.report.plots.rows import (
     FEWEST_FOR_QUARTILES,
@@ -30,7 +30,6 @@ from shukotsu.stages.report.plots.rows import (
     Scale,
     draw_rows,
     row_axes,
-    scattered,
     value_scale,
 )
 from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, study_text
@@ -48,8 +47,6 @@ def joints_in_order(results: StudyResults, joints: Collection[str]) -> list[str]
 
 
 _ACROSS = 3
-MANY = 40
-"""With more hands than these the bars of errors would hide the dots."""
 
 
 @dataclass
@@ -209,77 +206,6 @@ def _draw_trust(axes: Axes, joints: Sequence[str], beliefs: _Beliefs, hands: Seq
             [y for y, _ in rows], shares, 0.8, foot, facecolor=fill, hatch=hatch, edgecolor=INK, linewidth=0.4
         )
         foot += shares
-
-
-_Lengths = dict[str, dict[Hand, tuple[float, float]]]
-"""By bone, then by hand: length and its 1-sigma error, mm."""
-
-
-def bone_lengths(results: StudyResults) -> tuple[Figure, str]:
-    """Draw a panel a fitted model. Raises NoDataError where no hand was fitted as a whole."""
-    found = {model: of for model in results.fitted if (of := _lengths(results, model))}
-    if not found:
-        raise NoDataError(
-            tr("only a model that fits the whole hand states the bones themselves, and ")
-            + (tr("none of its hands has lengths") if results.fitted else tr("this study has no such model"))
-        )
-    bones = list(dict.fromkeys(bone for of in found.values() for bone in of))
-    looks = model_looks(list(results.models))
-    most = max(length for of in found.values() for own in of.values() for length, _ in own.values())
-    panels = []
-    for model, of in found.items():
-        heading = tr("{own}; n = {n} hands", own=model, n=count_range(map(len, of.values())))
-        draw = partial(
-            _draw_lengths, bones=bones, colour=looks[model].colour, lengths=of, most_mm=1.06 * most
-        )
-        panels.append(Panel(heading, heading, ROW_MM * len(bones), FOOT_MM, draw))
-    many = any(len(hands) > MANY for of in found.values() for hands in of.values())
-    marks = (
-        tr("A dot is a hand (filled: right, open: left); {stated}", stated=_stated(found))
-        if many
-        else tr("A mark is a hand (filled: right, open: left), the bar its stated 1-sigma error")
-    )
-    return print_figure(in_rows(panels, 2)), (
-        tr(
-            "Bone lengths of fitted hands [mm]. {study_text} {marks}. Joint to joint, the last bone "
-            "of a digit to its end. Where the model shares lengths between a person's hands, the two "
-            "are not independent.",
-            study_text=study_text(results),
-            marks=marks,
-        )
-    )
-
-
-def _stated(found: dict[str, _Lengths]) -> str:
-    errors = [sd for of in found.values() for hands in of.values() for _, sd in hands.values()]
-    return tr("median of the stated 1-sigma errors: {errors:.2f} mm", errors=np.nanmedian(errors))
-
-
-def _lengths(results: StudyResults, model: str) -> _Lengths:
-    """Lengths of the bones of a model that fits the whole hand; of any other none."""
-    found: _Lengths = defaultdict(dict)
-    for (hand, name), rows in results.bones_of.items():
-        for row in rows:
-            if name == model and row["length_mm"] is not None:
-                sd = row["sd_mm"]
-                found[row["bone"]][hand] = (row["length_mm"], np.nan if sd is None else sd)
-    return dict(found)
-
-
-def _draw_lengths(axes: Axes, bones: Sequence[str], colour: str, lengths: _Lengths, most_mm: float) -> None:
-    """Draw every bone's length in every hand, with its stated error unless the hands are many."""
-    row_axes(axes, [word(bone) for bone in bones], tr("Bone length [mm]"), Scale(0.0, most_mm))
-    hands = list(dict.fromkeys(hand for of in lengths.values() for hand in of))
-    aside = dict(zip(hands, scattered(len(hands)), strict=True))
-    size = 3.4 if len(hands) <= 12 else 2.6 if len(hands) <= MANY else 1.8
-    for y, bone in enumerate(bones):
-        for hand, (length, sd) in lengths.get(bone, {}).items():
-            left = hand.hand == "left"
-            axes.errorbar(
-                length, y + aside[hand], xerr=sd if len(lengths[bone]) <= MANY and np.isfinite(sd) else None,
-                fmt="o", color=colour, elinewidth=0.5, markersize=size, clip_on=False,
-                markerfacecolor=PAPER if left else colour, markeredgewidth=0.5 if left else 0.0,
-            )  # fmt: skip
 
 
 def _name(hand: Hand) -> str:

@@ -14,7 +14,7 @@ from shukotsu.schemas.study import Recording, path_token
 from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.movement_results import read_movement
 from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError, drawn
-from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
+from shukotsu.stages.report.print_figures.joints import joint_errors, joint_trust
 from shukotsu.stages.report.print_figures.models import models
 from shukotsu.stages.report.print_figures.movement import ranges_of_motion
 from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
@@ -26,7 +26,6 @@ def of_study(results: StudyResults) -> Iterator[Drawing]:
     draw: dict[str, Callable[[], tuple[Figure, str]]] = {
         "models": partial(models, results),
         "joint-errors": partial(joint_errors, results),
-        "bone-lengths": partial(bone_lengths, results),
         "joint-trust": partial(joint_trust, results),
     }
     movement = read_movement(results)

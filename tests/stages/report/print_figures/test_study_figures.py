@@ -12,8 +12,10 @@ from report_samples.read_page import rows_where
 from shukotsu.schemas.results import STUDY_FIGURES
 from shukotsu.stages.report.judged_models import REPLAY, judged_models
 from shukotsu.stages.report.palette import PAPER
+from shukotsu.stages.report.plots.panels import page_figure
 from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError
-from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
+from shukotsu.stages.report.print_figures.joints import joint_errors, joint_trust
+from shukotsu.stages.report.print_figures.lengths import lengths_panel
 from shukotsu.stages.report.print_figures.models import models
 from shukotsu.stages.report.print_figures.study_figures import of_study
 from shukotsu.stages.report.study_results import StudyResults
@@ -90,9 +92,11 @@ def test_bones_have_their_length_and_stated_error(simulated: StudyResults) -> No
         {**row, "length_mm": 40.0 + index % 7, "sd_mm": 0.5} if row["model"] == "whole-hand" else row
         for index, row in enumerate(simulated.bones)
     ]
-    axes = bone_lengths(replace(simulated, bones=bones))[0].axes[0]
+    panel = lengths_panel(replace(simulated, bones=bones), simulated.sessions[2], "whole-hand")
+    assert panel is not None
+    axes = page_figure(panel).axes[0]
     drawn = [float(np.asarray(line.get_xdata())[0]) for line in axes.lines]
-    expected = [row["length_mm"] for row in bones if row["model"] == "whole-hand"]
+    expected = [row["length_mm"] for row in rows_where(bones, model="whole-hand", subject="S2")]
     np.testing.assert_allclose(sorted(drawn), sorted(expected))
     reaches = [np.ptp(bars.get_segments()[0][:, 0]) for bars in axes.collections]  # type: ignore[attr-defined]
     np.testing.assert_allclose(reaches, 1.0)
