@@ -47,7 +47,7 @@ compiled := .venv/compiled
 compile = [ $(compiled) -nt shukotsu/stages/fit_hand/kernel.py ] || { \
 	echo "Compiling what fits hands" && $(python) -m shukotsu.stages.fit_hand.compile_kernel && touch $(compiled); }
 
-demo: $(users) ## run the demo study, print its four tables and name its report
+demo: $(users) ## run the demo study, print what it found and name its report
 	@{ $(compile); } & .venv/bin/shukotsu demo --cores $(cores); code=$$?; wait; exit $$code
 
 test: $(developers) ## run the fast tests

@@ -522,13 +522,12 @@ rule report:  # it names the pages that could not be made
         study.movement_comparisons,
         configuration=ancient(study.configuration),
     output:
-        page=report(
+        report(
             f"{results}/report.html",
             caption="captions/report.rst",
             category="Study",
             labels={"page": study.study.name},
         ),
-        movement=f"{results}/report/movement.html",
     log:
         f"{logs}/report.log",
     params:
@@ -538,8 +537,7 @@ rule report:  # it names the pages that could not be made
     message:
         "report: the study's page"
     shell:
-        f"{run} shukotsu.stages.report {{params.study}} --out {{output.page:q}}"
-        " 2> {log:q}"
+        f"{run} shukotsu.stages.report {{params.study}} --out {{output:q}} 2> {{log:q}}"
 
 
 rule subject_pages:  # the report's pages of a subject and of each of its recordings

@@ -75,13 +75,10 @@ MOVEMENT_COMPARISONS = (
 
 
 STUDY_FIGURES = (
-    "models-by-digit",
-    "paired-differences",
+    "models",
     "joint-errors",
-    "bone-lengths",
     "joint-trust",
     "ranges-of-motion",
-    "group-differences",
 )
 """Figures of a study for print, each always written: where it has no data, with a sentence that says so."""
 
@@ -158,11 +155,6 @@ class Results:
     def subject_page(self, subject: str, session: str = "") -> Path:
         """The report's page of one subject."""
         return self.subject_pages(subject, session) / "subject.html"
-
-    @property
-    def movement_page(self) -> Path:
-        """The report's page of the study's movement."""
-        return self.folder / "report" / "movement.html"
 
     def recording_page(self, recording: Recording) -> Path:
         """The report's page of one recording."""

@@ -14,10 +14,9 @@ from shukotsu.coach.coach import ENDED, Coach, first_reason
 from shukotsu.errors import InputError
 from shukotsu.files.whole_files import write_text
 from shukotsu.stages.report.belief import belief
-from shukotsu.stages.report.hand_motion import chains_at, hand_motion, receiver_skeleton, receivers_at
+from shukotsu.stages.report.hand_motion import hand_motion, receiver_skeleton
 from shukotsu.stages.report.palette import css
-from shukotsu.stages.report.plots.description import HandPanel
-from shukotsu.stages.report.plots.hand_views import window_of
+from shukotsu.stages.report.plots.hand import hand_panel
 from shukotsu.stages.report.plots.page_pictures import page_picture
 
 EVERY_S = 1.0
@@ -72,8 +71,5 @@ def _drawn(coach: Coach, rows: Mapping[str, Mapping[str, Any]]) -> Markup | None
         motion = hand_motion(hand.hand, hand.layout, poses, [skeleton])
     except InputError:
         return None
-    chains, receivers_mm = tuple(chains_at(motion, skeleton, 0)), receivers_at(motion, 0)
     title = "The hand as it is, seen from its back and from the thumb's side"
-    return page_picture(
-        HandPanel("", title, hand.hand, chains, receivers_mm, window_of(receivers_mm, chains))
-    )
+    return page_picture(hand_panel(title, motion, skeleton, 0))

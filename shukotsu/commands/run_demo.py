@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from shukotsu.commands import run_study, show_report
+from shukotsu.commands import run_study
 from shukotsu.files.whole_files import write_text
 from shukotsu.stages import command_line
 
@@ -36,12 +36,11 @@ def write_study() -> None:
 
 
 def run_demo(arguments: argparse.Namespace) -> int:
-    """Write, run and show the study; give the exit code of what failed first."""
+    """Write and run the study, which ends with its outcome; return the exit code."""
     write_study()
-    ran = run_study.main([str(STUDY), "--cores", arguments.cores])
-    return ran or show_report.main([str(STUDY), "--print"])
+    return run_study.main([str(STUDY), "--cores", arguments.cores])
 
 
 def main(argv: list[str]) -> int:
-    """Write, run and show the study; return the exit code."""
+    """Write and run the study; return the exit code."""
     return command_line.run(build_parser, argv, run_demo)

@@ -64,11 +64,10 @@ def run_study(arguments: argparse.Namespace) -> int:
     if status:
         return status if status > 0 else 128 - status
     if not arguments.dry_run and not arguments.more and report.is_file():
-        from shukotsu.stages.report.headline import opening, used_text
         from shukotsu.stages.report.study_results import read_results
+        from shukotsu.stages.report.terminal import outcome_text
 
-        results = read_results(files.study, files.results.folder)
-        print(f"{used_text(results)} {opening(results)}")
+        print(outcome_text(read_results(files.study, files.results.folder)))
         print(f"report: {report}")
     return 0
 

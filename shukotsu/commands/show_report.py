@@ -14,7 +14,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser."""
     parser = command_line.parser(
         "shukotsu report",
-        "Name the report of a study that was run in this folder, print its tables, or open it in a browser.",
+        "Name the report of a study that was run in this folder, print its outcome, or open it in a browser.",
         "shukotsu report study.yaml --print",
         records_failure=False,
     )
@@ -23,7 +23,7 @@ def build_parser() -> argparse.ArgumentParser:
         "--print",
         action="store_true",
         dest="to_terminal",
-        help="print the tables of the models that reproduce one of the paper's, and the skeletons' scores",
+        help="print the three numbers and the sentence that it begins with, and the gravest problems",
     )
     parser.add_argument("--open", action="store_true", help="open it in the browser")
     return parser
@@ -39,9 +39,9 @@ def show_report(arguments: argparse.Namespace) -> None:
         )
     if arguments.to_terminal:
         from shukotsu.stages.report.study_results import read_results
-        from shukotsu.stages.report.terminal import terminal_tables
+        from shukotsu.stages.report.terminal import outcome_text
 
-        print(terminal_tables(read_results(files.study, files.results.folder)))
+        print(outcome_text(read_results(files.study, files.results.folder)))
     print(report)
     if arguments.open:
         import webbrowser

@@ -1,4 +1,4 @@
-"""Command line of the report stage: write the study's page, or print its tables to the terminal."""
+"""Command line of the report stage: write the study's page."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Give the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage report",
-        "Write the page of a study's results, which opens offline, with report/movement.html beside it, or "
-        "print its tables (cm). "
+        "Write the page of a study's results, which opens offline. "
         "The pages that it links to are written by shukotsu.stages.report.subject.",
         "shukotsu stage report --study config/demo.yaml --results results/demo "
         "--out results/demo/report.html",
@@ -24,66 +23,36 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--results", type=Path, required=True, metavar="FOLDER", help="the study's results folder"
     )
-    parser.add_argument("--out", type=Path, metavar="HTML", help="the page to write")
-    parser.add_argument(
-        "--print",
-        action="store_true",
-        dest="to_terminal",
-        help="print the tables of the models that reproduce one of the paper's and the skeletons' scores",
-    )
+    parser.add_argument("--out", type=Path, required=True, metavar="HTML", help="the page to write")
     return parser
 
 
 def report(arguments: argparse.Namespace) -> None:
-    """Read the study's results; write the page, print the tables."""
-    if arguments.out is None and not arguments.to_terminal:
-        raise InputError("nothing to do; give --out, --print or both")
-    from functools import partial
-
-    from shukotsu.schemas.results import Results
+    """Read the study's results; write the page."""
+    from shukotsu.files.whole_files import write_text
     from shukotsu.schemas.study import read_study
+    from shukotsu.stages.report.movement_results import read_movement
+    from shukotsu.stages.report.study_page import render_failure, render_study
     from shukotsu.stages.report.study_results import read_results
+    from shukotsu.stages.report.wording import speaking
 
     study = read_study(arguments.study)
     results = read_results(study, arguments.results)
-    if arguments.out is not None:
-        from shukotsu.files.whole_files import write_text
-        from shukotsu.stages.report.movement_page.movement_page import render_movement
-        from shukotsu.stages.report.movement_page.movement_results import read_movement
-        from shukotsu.stages.report.study_page import render_failure, render_study
-        from shukotsu.stages.report.wording import speaking
-
-        movement = read_movement(results)
-        pages = {
-            arguments.out.parent / "report" / "movement.html": partial(render_movement, results, movement),
-            arguments.out: partial(render_study, results, study, movement),
-        }
-        with speaking(study.language):
-            for page, make in pages.items():
-                with command_line.recorded(arguments, record=True) as messages:
-                    write_text(page, make())
-                for message in messages:
-                    results.add_problem("report", message, page.name)
-                    write_text(page, render_failure(message))
-    if arguments.to_terminal:
-        from shukotsu.stages.report.terminal import terminal_tables
-
-        page = arguments.out or Results(arguments.results).report
-        sys.stdout.write(f"{terminal_tables(results)}\nThe whole report: {page}\n")
+    with speaking(study.language):
+        with command_line.recorded(arguments, record=True) as messages:
+            write_text(arguments.out, render_study(results, study, read_movement(results)))
+        for message in messages:
+            write_text(arguments.out, render_failure(message))
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write a page that says why there is no report."""
-    if arguments.out is None:
-        print(f"error: {message}", file=sys.stderr)
-        return
     from shukotsu.files.whole_files import write_text
     from shukotsu.stages.report.study_page import render_failure
     from shukotsu.stages.report.wording import speaking
 
     with speaking(_language(arguments.study)):
-        for page in (arguments.out, arguments.out.parent / "report" / "movement.html"):
-            write_text(page, render_failure(message))
+        write_text(arguments.out, render_failure(message))
 
 
 def _language(study: Path) -> str:

@@ -7,7 +7,7 @@ other skeleton is carried by them. Still pictures show one frame of the same mot
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -67,8 +67,6 @@ class ShownSkeleton:
     position_mm : (T, P, 3) in the transmitter frame, NaN in gaps. on_receivers : the points as fixed on
     receivers; None for a fitted skeleton. sd_mm : (P,) 1-sigma error of each point in 3-D, NaN where none is
     stated. believed : (P,) one of BELIEFS; tips are. tip_error_mm : (T, D) of the replay, NaN in gaps.
-    posed_error_mm : (T, D) from where a fitted hand, posed with all receivers, puts the distal
-    receivers to where they are, NaN in gaps; None of a skeleton that rides on its receivers.
     """
 
     model: str
@@ -81,7 +79,6 @@ class ShownSkeleton:
     bones: tuple[BoneLine, ...]
     axes: tuple[JointAxis, ...]
     tip_error_mm: Array
-    posed_error_mm: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -107,34 +104,6 @@ class HandMotion:
     dorsal: Vector
     skeletons: tuple[ShownSkeleton, ...]
     paper: str = ""
-
-
-@dataclass(frozen=True)
-class DrawnPoint:
-    """A joint or a tip in one frame: position (right, up, towards the viewer) in mm, seen from the back.
-
-    believed : one of BELIEFS. reach_mm : distance from the receiver that carries it, or of a fitted hand from
-    the nearest one.
-    """
-
-    name: str
-    position_mm: Array
-    believed: str
-    reach_mm: float
-
-
-@dataclass(frozen=True)
-class Chain:
-    """A digit's points from its base to its tip, None where one has no place, and what they are called."""
-
-    digit: str
-    names: tuple[str, ...]
-    points: tuple[DrawnPoint | None, ...]
-
-    @property
-    def absent(self) -> list[str]:
-        """Names of the points without a place."""
-        return [name for name, point in zip(self.names, self.points, strict=True) if point is None]
 
 
 def hand_motion(
@@ -203,12 +172,10 @@ def fitted_skeleton(
     worn: Rows,
     posed: PosedBones,
     tip_error_mm: Array,
-    posed_error_mm: Array,
 ) -> ShownSkeleton:
     """Give a fitted hand, its bones as posed; each digit ends at the end of its distal bone.
 
-    joints : rows of joint_centres by joint; worn : rows of receivers by segment. tip_error_mm, posed_error_mm
-    : (T, D).
+    joints : rows of joint_centres by joint; worn : rows of receivers by segment. tip_error_mm : (T, D).
     """
     chains = [[*digit.joints, f"{name}_tip"] for name, digit in layout.digits.items()]
     wrist = layout.wrist.joint if layout.wrist else None
@@ -221,8 +188,7 @@ def fitted_skeleton(
         for name, digit in layout.digits.items()
     }
     lines = _bones(list(positions), chains, wrist)
-    skeleton = _skeleton(layout, model, place, positions, lines, joints, sd_of_tip, tip_error_mm)
-    return replace(skeleton, posed_error_mm=posed_error_mm)
+    return _skeleton(layout, model, place, positions, lines, joints, sd_of_tip, tip_error_mm)
 
 
 def shown_first(motion: HandMotion) -> tuple[int, ...]:
@@ -254,11 +220,15 @@ def seen(motion: HandMotion, frames: npt.NDArray[np.int64], world_mm: Array) -> 
     return np.asarray((world_mm - origin[:, None]) @ turn @ upright(motion).T)
 
 
-def still_frame(valid: npt.NDArray[np.bool_], base: int) -> int:
-    """Index of the frame with most valid receivers (T, R), the base among them; of these the middlemost."""
-    counts = np.where(valid[:, base], valid.sum(1), 0)
-    best = np.flatnonzero(counts == counts.max())
-    return int(best[np.argmin(np.abs(best - (len(counts) - 1) / 2))])
+def still_frame(motion: HandMotion, skeleton: ShownSkeleton) -> int:
+    """Index of the frame with most valid receivers, the base among them, in which the fingertips are farthest
+    from the base in sum: the hand is open.
+    """
+    valid = np.asarray(np.isfinite(motion.receiver_mm).all(-1))
+    counts = np.where(valid[:, motion.base], valid.sum(1), 0)
+    tips = skeleton.position_mm[:, [skeleton.points.index(f"{digit}_tip") for digit in motion.digits]]
+    apart = np.linalg.norm(tips - motion.receiver_mm[:, [motion.base]], axis=-1)
+    return int(np.argmax(np.where(counts == counts.max(), np.nan_to_num(apart).sum(1), -1.0)))
 
 
 def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
@@ -283,41 +253,8 @@ def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
 
 def receivers_at(motion: HandMotion, frame: int) -> Array:
     """Valid receivers (n, 3) of the frame of that index in the view's axes, mm."""
-    receivers = _at(motion, frame, motion.receiver_mm)
+    receivers = seen(motion, np.array([frame]), motion.receiver_mm[frame : frame + 1])[0]
     return receivers[np.isfinite(receivers).all(-1)]
-
-
-def chains_at(motion: HandMotion, skeleton: ShownSkeleton, frame: int) -> list[Chain]:
-    """Each digit's points at one frame in the view's axes, from its first bone outward."""
-    places, receivers = _at(motion, frame, skeleton.position_mm), receivers_at(motion, frame)
-
-    def point(index: int) -> DrawnPoint | None:
-        if not np.isfinite(places[index]).all():
-            return None
-        own = None if skeleton.on_receivers is None else skeleton.on_receivers[index].point_mm
-        reach = np.linalg.norm(receivers - places[index] if own is None else own[None], axis=-1).min()
-        return DrawnPoint(skeleton.points[index], places[index], skeleton.believed[index], float(reach))
-
-    chains = []
-    for digit, name in enumerate(motion.digits):
-        bones = [bone for bone in skeleton.bones if bone.digit == digit]
-        ends = [bones[0].start, *(bone.end for bone in bones)]
-        chains.append(Chain(name, tuple(skeleton.points[i] for i in ends), tuple(map(point, ends))))
-    return chains
-
-
-def chains_key(chains: Sequence[Chain]) -> Hashable:
-    """Equal for chains whose points are equal, in places and beliefs."""
-    return tuple(
-        (name, None if p is None else (p.believed, *np.round(p.position_mm, 6)))
-        for chain in chains
-        for name, p in zip(chain.names, chain.points, strict=True)
-    )
-
-
-def _at(motion: HandMotion, frame: int, world_mm: Array) -> Array:
-    """Points (T, n, 3) at one frame in the view's axes, (n, 3)."""
-    return np.asarray(seen(motion, np.array([frame]), world_mm[frame : frame + 1])[0])
 
 
 def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None) -> tuple[BoneLine, ...]:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from shukotsu.errors import InputError
 from shukotsu.schemas.movement_tables import RANGES_OF_MOTION
 from shukotsu.schemas.parts import Part, read_part
-from shukotsu.schemas.study import Hand, Recording
+from shukotsu.schemas.study import Hand
 from shukotsu.schemas.tables import rows_of
 from shukotsu.sentences.translation import tr
-from shukotsu.stages.report.study_results import Row, StudyResults, recording_key, row_key
+from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.stages.report.table_cells import Column, DataTable, number, number_column, table_of, text_column
 
 
@@ -23,11 +23,6 @@ def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
         return list(rows_of(read_part(path, RANGES_OF_MOTION, part, columns)))
     except InputError:
         return []
-
-
-def of_recording(rows: list[Row], recording: Recording) -> list[Row]:
-    """Those of one recording."""
-    return [row for row in rows if row_key(row) == recording_key(recording)]
 
 
 def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> DataTable:

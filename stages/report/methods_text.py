@@ -14,8 +14,7 @@ from shukotsu.schemas import VERSION
 from shukotsu.schemas.mapping import read_mapping
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.sentences.translation import listed, ngettext, tr, translated
-from shukotsu.stages.report.movement_page.movement_results import Movement
-from shukotsu.stages.report.movement_page.movement_text import why_nothing
+from shukotsu.stages.report.movement_results import Movement
 from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.stages.report.table_cells import number
 from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS
@@ -187,7 +186,7 @@ def _judged(results: StudyResults) -> str:
 def movement_paragraph(movement: Movement) -> str:
     """Describe how movement was measured and compared: filters, statistics, n."""
     if movement.ranges.empty:
-        return tr("No movement was compared: {why}.", why=why_nothing(movement))
+        return tr("No movement was compared: {why}.", why=movement.why_nothing)
     subjects = movement.ranges["subject"].nunique()
     text = tr(
         "Movement was measured in {subjects} by joint angles under {model}. The range of motion "

@@ -1,21 +1,12 @@
-"""What to record or measure next, by the table gains: of a study in a sentence, of a hand in three lines."""
+"""What to record or measure next, by the table gains: of a hand in three lines."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from statistics import mean
+from collections.abc import Sequence
 
-from shukotsu.schemas.study import Hand
-from shukotsu.sentences.translation import N_, listed, ngettext, tr
-from shukotsu.stages.report.study_results import Row, StudyResults, hand_of
+from shukotsu.sentences.translation import N_, tr
+from shukotsu.stages.report.study_results import Row
 from shukotsu.stages.report.table_cells import number
-
-WORTH = 0.03
-"""By this share of what the study asks of a centre a thing must lower the mean error to be worth doing."""
-
-FEW_HANDS = 3
-"""So many hands are named, of more the rest is counted."""
 
 MOST_GAINS = 3
 
@@ -27,72 +18,6 @@ _PLACES = {
     "distal": N_("how far from the next joint the receiver of {bone} sits"),
 }
 """Parts of a quantity that could be measured, as measurements.tsv calls them."""
-
-
-def next_step(results: StudyResults) -> str:
-    """Recommend the next step in a sentence; empty where no hand is fitted that could tell."""
-    if results.findings:
-        return tr(
-            "Next: settle what was found in the recordings of {whose} (in the report: “Settle this first”) "
-            "before any of their numbers is used.",
-            whose=hands_text(dict.fromkeys(map(hand_of, results.findings))),
-        )
-    moved = [row for row in results.problems if row["kind"] == "receiver-moved"]
-    if moved:
-        return tr(
-            "Next: record {tasks} of {whose} again: a receiver sat elsewhere there than in the calibration "
-            "(in the report: “What went wrong”).",
-            tasks=listed(dict.fromkeys(row["task"] for row in moved)),
-            whose=hands_text(dict.fromkeys(map(hand_of, moved))),
-        )
-    if not results.fitted:
-        return tr("Next: add {model} to the models of the study.", model="whole-hand") * results.of_hands
-    before: dict[Hand, float] = {}
-    gained: dict[str, list[float]] = defaultdict(list)
-    rows = [row for row in results.counted(results.gains) if row["model"] == results.leading]
-    for row in rows:
-        before[hand_of(row)] = row["mean_sd_before_mm"]
-        gained[row["quantity"]].append(row["mean_sd_before_mm"] - row["mean_sd_after_mm"])
-    if not rows:
-        return tr("Next: see “What went wrong”.")
-    best = max(gained, key=lambda quantity: sum(gained[quantity]))
-    before_mm, gain_mm = mean(before.values()), sum(gained[best]) / len(before)
-    least_mm = WORTH * min(layout.wanted_mm for layout in results.layouts.values())
-    if gain_mm < least_mm:
-        return tr(
-            "Next: nothing is worth recording or measuring again; whatever it is, it would lower the mean "
-            "error of the joints by less than {least_mm:g} mm. Leave joints that are not believed out of "
-            "conclusions.",
-            least_mm=least_mm,
-        )
-    n, hands = len(gained[best]), hands_counted(results, len(before))
-    row = next(row for row in rows if row["quantity"] == best)
-    doing = tr(
-        "{doing}, to {sd_mm:.1f} mm{where}",
-        doing=doing_text(row, asked=True),
-        sd_mm=row["sd_mm"],
-        where=tr(" ({n} of {hands})", n=n, hands=hands) if len(before) > 1 else "",
-    )
-    return tr(
-        "Next: {doing}. Of all that could be done that gains most: the mean error of the joints would fall "
-        "from {before} to {after} mm.",
-        doing=doing,
-        before=number(before_mm),
-        after=number(before_mm - gain_mm),
-    )
-
-
-def hands_text(hands: Iterable[Hand]) -> str:
-    """Hands by name, of many the first ones."""
-    hands = list(hands)
-    names = [tr("{who}'s {hand} hand", who=own.who, hand=own.hand) for own in hands[:FEW_HANDS]]
-    more = len(hands) - len(names)
-    return listed([*names, *([tr("{more} more", more=more)] if more else [])])
-
-
-def hands_counted(results: StudyResults, n: int) -> str:
-    """So many hands, or sides of a body where a layout is of no hand."""
-    return ngettext("{n} hand", "{n} hands", n) if results.of_hands else ngettext("{n} side", "{n} sides", n)
 
 
 def gain_lines(rows: Sequence[Row]) -> list[str]:

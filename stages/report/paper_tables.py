@@ -37,11 +37,6 @@ TITLES = {
         "positions in the model shown in Fig. 4"
     ),
 }
-SLIPS = N_(
-    "Known slips of the printed tables: the left ring finger's average of 0.74 cm in Tables "
-    "2 to 4 does not go with its standard deviation, and the text's “7.5 mm or less” after "
-    "correction leaves out both little fingers (13.1 and 18.2 mm)."
-)
 
 _Printed = dict[tuple[int, str, str, str], str]
 

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import platform
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import metadata
 
 from shukotsu.errors import InputError
-from shukotsu.schemas import VERSION
-from shukotsu.schemas.config_files import yaml_text
 from shukotsu.schemas.finding_groups import Fault, faults
-from shukotsu.schemas.model import SkeletonModel
-from shukotsu.schemas.study import Recording, Study
+from shukotsu.schemas.findings import STAGE
+from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import read_metadata
 from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
 from shukotsu.stages.report.study_results import Row, StudyResults, hand_of, recording_key
 from shukotsu.stages.report.table_cells import Block, DataTable, number_column, table_of, text_column
-
-PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
 
 _RECORDING_TEXTS = (
     N_("File"),
@@ -111,6 +106,35 @@ def found(rows: Sequence[Row]) -> list[Found]:
     return [_found(fault) for fault in faults(rows)]
 
 
+_GRAVITY = ("suspect", "refused", "note")
+
+
+def all_problems(results: StudyResults) -> list[Found]:
+    """Return all that is to be settled or did not go as the study asked, the gravest first."""
+    rows = sorted(
+        [*results.findings, *results.other_problems],
+        key=lambda row: (row["stage"] != STAGE, _GRAVITY.index(row["severity"])),
+    )
+    return [*found(rows), *_unused(results)]
+
+
+def _unused(results: StudyResults) -> list[Found]:
+    """Recordings that were not used for a reason that no problem tells, one item a reason."""
+    messages = {row["message"] for row in results.problems}
+    files: dict[str, list[str]] = defaultdict(list)
+    for recording in results.recordings:
+        status, message = results.status_of(recording)
+        if status != "used" and not (message and message in messages):
+            why = translated(message) or tr("no reason given")
+            files[f"{word(status)}: {why}"].append(recording.file_as_written)
+    return [
+        Found(names[0], "note", reason)
+        if len(names) == 1
+        else Found(ngettext("{n} recording", "{n} recordings", len(names)), "note", reason, "; ".join(names))
+        for reason, names in files.items()
+    ]
+
+
 def _found(fault: Fault) -> Found:
     places = places_of(fault)
     if len(places) == 1:
@@ -141,32 +165,6 @@ def where(problem: Row) -> str:
     return tr(", ").join(filter(None, named)) or tr("the study")
 
 
-def models_table(results: StudyResults) -> DataTable:
-    """The skeleton models in words."""
-    rows = tuple(_model_cells(model) for model in results.models.values())
-    header = (
-        tr("Model"),
-        tr("Description"),
-        tr("Paper's table"),
-        tr("Wrist"),
-        tr("First joints of their own"),
-        tr("Metacarpals"),
-    )
-    return DataTable(tr("Skeleton models."), (Block(header, rows),), (), frozenset(range(6)))
-
-
-def versions_table() -> DataTable:
-    """The program and the packages that made this page."""
-    rows = [("shukotsu", VERSION), ("python", platform.python_version())]
-    rows += [(package, _version(package)) for package in PACKAGES]
-    return DataTable(
-        tr("Program and package versions."),
-        (Block((tr("Program"), tr("Version")), tuple(rows)),),
-        (),
-        frozenset({0, 1}),
-    )
-
-
 def inputs_table(results: StudyResults, whose: str = N_("of the study")) -> DataTable:
     """SHA-256 of the files that each recording's poses were made from."""
     rows = [row for recording in results.recordings for row in _input_rows(results, recording)]
@@ -176,33 +174,6 @@ def inputs_table(results: StudyResults, whose: str = N_("of the study")) -> Data
         () if rows else (tr("No poses table is there to read hashes from."),),
         frozenset({0, 1, 2}),
     )
-
-
-def config_text(study: Study) -> str:
-    """The study's configuration as YAML, defaults filled in."""
-    return yaml_text(study.config)
-
-
-def _model_cells(model: SkeletonModel) -> tuple[str, ...]:
-    return (
-        model.name,
-        translated(model.description),
-        "" if model.paper_table is None else str(model.paper_table),
-        model.wrist,
-        ", ".join(model.own_cmc) or tr("none"),
-        tr(
-            "without a receiver: {unmeasured}; with one: {measured}",
-            unmeasured=model.metacarpals.unmeasured,
-            measured=model.metacarpals.measured,
-        ),
-    )
-
-
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return tr("not installed")
 
 
 def _input_rows(results: StudyResults, recording: Recording) -> list[tuple[str, str, str]]:

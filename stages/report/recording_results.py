@@ -4,7 +4,7 @@ model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ from shukotsu.schemas.catalogue import (
     JOINT_ANGLES,
     JOINT_CENTRES,
     JOINT_SOLUTIONS,
-    POSED_TIPS,
     TIPS,
 )
 from shukotsu.schemas.layout import Layout
@@ -26,7 +25,6 @@ from shukotsu.schemas.poses import Poses, pose_blocks
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table
 from shukotsu.sentences.translation import N_
-from shukotsu.skeleton.angle_range import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, Index, PosedRecording, SkeletonTables
 from shukotsu.skeleton.posing import Skeleton, pose_bones
 from shukotsu.stages.report.hand_motion import (
@@ -37,36 +35,22 @@ from shukotsu.stages.report.hand_motion import (
     hand_motion,
     open_frame,
     receiver_skeleton,
+    view_base,
 )
 from shukotsu.stages.report.study_results import Row, StudyResults, recording_key, row_key
 
 Array = npt.NDArray[np.float64]
 
 ANGLES = ("flexion", "abduction", "rotation")
-PERCENTILES = (0, LOW_PERCENT, 50, HIGH_PERCENT, 100)
-
-
-@dataclass(frozen=True)
-class AngleRange:
-    """Hold how far one angle of a joint went, degrees at PERCENTILES, and in how many frames it is known."""
-
-    joint: str
-    angle: str
-    at_deg: tuple[float, ...]
-    n_frames: int
 
 
 @dataclass(frozen=True)
 class JointAngles:
-    """Angles under one model at the T frames that are shown, and their ranges over all.
-
-    joints : (J,) names. angle_deg : (T, J, 3) as ANGLES.
-    """
+    """Angles under one model at the T frames that are shown: (T, J, 3) as ANGLES, of joints (J,)."""
 
     model: str
     joints: tuple[str, ...]
     angle_deg: Array
-    ranges: tuple[AngleRange, ...]
 
 
 @dataclass(frozen=True)
@@ -156,6 +140,30 @@ def read_still(results: StudyResults, recording: Recording, models: Collection[s
     return hand_motion(recording.hand.hand, layout, shown, skeletons)
 
 
+STRETCH_S, STRETCH_HZ = 6.0, 30.0
+"""How long a hand is shown in motion on the study's page, and with how many frames a second."""
+
+
+def read_stretch(results: StudyResults, recording: Recording, model: str) -> HandMotion:
+    """Read the hand under one model over the stretch of the recording in which its fingertips move most.
+
+    Raises InputError where the recording or the model has nothing to show.
+    """
+    posed, layout = _posed(results, recording, model), results.layouts[recording.hand]
+    poses = posed.poses(-(-posed.n_frames // MOST_FRAMES))
+    seconds = np.nanmedian(np.diff(poses.time_s)) if len(poses.time_s) > 1 else np.nan
+    step = max(1, round(1.0 / (STRETCH_HZ * seconds))) if seconds > 0 else 8
+    poses = poses.take(slice(0, None, step))
+    tips = poses.position_mm[:, [poses.index(digit.tip) for digit in layout.digits.values()]]
+    apart = tips - poses.position_mm[:, [poses.index(view_base(layout))]]
+    moved = np.nan_to_num(np.linalg.norm(np.diff(apart, axis=0), axis=-1)).sum(1)
+    length = min(len(poses.frame), round(STRETCH_S * STRETCH_HZ))
+    start = int(np.argmax(np.convolve(moved, np.ones(max(1, length - 1)), "valid"))) if len(moved) else 0
+    poses = poses.take(slice(start, start + length))
+    skeleton = _skeleton(results, posed, poses)
+    return hand_motion(recording.hand.hand, layout, poses, [skeleton], every=step)
+
+
 def read_angles(results: StudyResults, recording: Recording, model: str) -> dict[str, Callable[[], Array]]:
     """Give readers of the angles (T, 3) of each joint, as ANGLES, under a model that fits the whole hand.
 
@@ -192,22 +200,8 @@ def _angles(posed: PosedRecording) -> dict[str, Callable[[], Array]]:
 
 
 def _shown_angles(posed: PosedRecording, every: int) -> JointAngles:
-    shown: dict[str, Array] = {}
-    ranges: list[AngleRange] = []
-    for joint, read in _angles(posed).items():
-        angle_deg = read()
-        shown[joint] = angle_deg[::every].copy()  # lets go of the others
-        ranges += angle_ranges(joint, angle_deg)
-    return JointAngles(posed.model.name, tuple(shown), np.stack(list(shown.values()), 1), tuple(ranges))
-
-
-def angle_ranges(joint: str, angle_deg: Array) -> Iterator[AngleRange]:
-    """The range of every angle (T, 3) of a joint; one that is never known has none."""
-    for angle, values in zip(ANGLES, angle_deg.T, strict=True):
-        known = values[np.isfinite(values)]
-        if len(known):
-            at_deg = tuple(np.percentile(known, PERCENTILES).tolist())
-            yield AngleRange(joint, angle, at_deg, len(known))
+    angles = {joint: read()[::every].copy() for joint, read in _angles(posed).items()}
+    return JointAngles(posed.model.name, tuple(angles), np.stack(list(angles.values()), 1))
 
 
 def _numbers(posed: PosedRecording, table: Table, columns: Sequence[str], frames: Index) -> dict[str, Array]:
@@ -259,10 +253,9 @@ def _skeleton(
     replayed = _by_digit(layout, errors, poses)
     if posed.is_fitted:
         try:
-            missed = _by_digit(layout, _numbers(posed, POSED_TIPS, ["error_mm"], poses.frame), poses)
             bones = pose_bones(Skeleton(layout, model, joints, {}), poses, posed.bone_motion(poses))
             worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
-            return fitted_skeleton(layout, model, place, joints, worn, bones, replayed, missed)
+            return fitted_skeleton(layout, model, place, joints, worn, bones, replayed)
         except InputError:
             if not still:
                 raise

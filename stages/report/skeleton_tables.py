@@ -1,10 +1,9 @@
-"""Tables of the skeleton itself: how far each joint can be trusted, and how long each bone is."""
+"""Tables of the skeleton itself: how long each bone is, and where the receivers sit."""
 
 from __future__ import annotations
 
 from collections import Counter
 
-from shukotsu.schemas.catalogue import DISTAL_RECEIVER
 from shukotsu.schemas.study import Hand
 from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
 from shukotsu.stages.report.belief import BELIEVED, belief
@@ -32,17 +31,41 @@ STATUS = Column(
 
 def bone_table(results: StudyResults, hand: Hand) -> DataTable:
     """The bone lengths of a hand, mm, one column a model; a bone is named after its segment."""
-    by_bone: dict[str, dict[str, Row]] = {}
-    for model in results.models:
-        for name, row in _named_bones(results, hand, model).items():
-            by_bone.setdefault(name, {})[model] = row
-    order = {segment: index for index, segment in enumerate(results.layouts[hand].segments)}
-    bones = sorted(by_bone, key=lambda name: order.get(name.split(" ")[0], len(order)))
-    rows = tuple((bone, *(_length(by_bone[bone].get(model)) for model in results.models)) for bone in bones)
+    of_models = {model: _named_bones(results, hand, model) for model in results.models}
+    names = _in_order(results, {name for bones in of_models.values() for name in bones})
+    rows = tuple((name, *(_length(bones.get(name)) for bones in of_models.values())) for name in names)
+    messages = {
+        translated(row["message"]): None
+        for bones in of_models.values()
+        for row in bones.values()
+        if row["message"]
+    }
     return DataTable(
         tr("Bone lengths of {hand}, in mm, with 1-sigma error.", hand=hand),
         (Block((tr("Bone [mm]"), *results.models), rows),),
-        _bone_notes(by_bone) if rows else (tr("No bone length was computed."),),
+        tuple(messages) if rows else (tr("No bone length was computed."),),
+    )
+
+
+def lengths_table(results: StudyResults, model: str) -> DataTable:
+    """The bone lengths of all hands side by side, mm: a row a hand, a column a bone, with verdicts."""
+    of_hands = {hand: _named_bones(results, hand, model) for hand in results.hands}
+    names = _in_order(results, {name for bones in of_hands.values() for name in bones})
+    rows = tuple(
+        (
+            anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
+            word(hand.hand),
+            _believed(results, hand, bones),
+            *(_believed_length(bones.get(name)) for name in names),
+        )
+        for hand, bones in of_hands.items()
+    )
+    header = (tr("Subject"), tr("Hand"), tr("Lengths to believe"))
+    return DataTable(
+        tr("Bone lengths of every hand under {model}, in mm, with 1-sigma error.", model=model),
+        (Block((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
+        () if names else (tr("No bone length was computed."),),
+        frozenset(range(2)),
     )
 
 
@@ -55,84 +78,54 @@ def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, Row
     }
 
 
-def lengths_table(results: StudyResults, model: str) -> DataTable:
-    """The bone lengths of all hands side by side, mm: a row a hand, a column a bone, with verdicts."""
-    bones = {hand: _named_bones(results, hand, model) for hand in results.hands}
+def _in_order(results: StudyResults, names: set[str]) -> list[str]:
+    """Names of bones in the order of the layouts' segments."""
     order = {segment: i for layout in results.layouts.values() for i, segment in enumerate(layout.segments)}
-    names = sorted(dict.fromkeys(name for own in bones.values() for name in own),
-                   key=lambda name: order.get(name.split(" ")[0], len(order)))  # fmt: skip
-    beliefs = {hand: {name: belief(row) for name, row in own.items()} for hand, own in bones.items()}
-    rows = tuple(
-        (
-            anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
-            word(hand.hand),
-            _believed(results, hand, beliefs[hand]),
-            *(_believed_length(own.get(name), beliefs[hand].get(name, "")) for name in names),
-        )
-        for hand, own in bones.items()
-    )
-    header = (tr("Subject"), tr("Hand"), tr("Lengths to believe"))
-    return DataTable(
-        tr("Bone lengths of every hand under {model}, in mm, with 1-sigma error.", model=model),
-        (Block((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
-        _lengths_notes(results, model) if names else (tr("No bone length was computed."),),
-        frozenset(range(2)),
-    )
+    return sorted(names, key=lambda name: (order.get(name.split(" ")[0], len(order)), name))
 
 
-def _believed(results: StudyResults, hand: Hand, beliefs: dict[str, str]) -> str:
-    """Count how many of a hand's lengths to believe; none of one with a finding."""
-    if not beliefs:
+def _believed(results: StudyResults, hand: Hand, bones: dict[str, Row]) -> str:
+    """How many of a hand's lengths to believe; none of one with a finding."""
+    if not bones:
         return DASH
-    yes = 0 if hand in results.suspect else sum(own == BELIEVED for own in beliefs.values())
-    text = tr("{n_far} of {n_rows}", n_far=yes, n_rows=len(beliefs))
-    return text + (tr(" (◆ has a finding)") if hand in results.suspect else "")
+    suspect = hand in results.suspect
+    count = 0 if suspect else sum(belief(row) == BELIEVED for row in bones.values())
+    text = tr("{n_far} of {n_rows}", n_far=count, n_rows=len(bones))
+    return text + (tr(" (◆ has a finding)") if suspect else "")
 
 
-def _believed_length(row: Row | None, believed: str) -> str:
-    """The length, a doubt's sign behind it, so that it sorts as a number."""
+def _believed_length(row: Row | None) -> str:
+    """The length, a doubt's sign behind it."""
     if row is None or row["length_mm"] is None:
         return DASH
     sd = "" if row["sd_mm"] is None else f" ± {number(row['sd_mm'], 1)}"
-    return number(row["length_mm"], 1) + sd + ("" if believed == BELIEVED else f" {believed[0]}")
+    verdict = belief(row)
+    return number(row["length_mm"], 1) + sd + ("" if verdict == BELIEVED else f" {verdict[0]}")
 
 
-def _lengths_notes(results: StudyResults, model: str) -> tuple[str, ...]:
-    """Explain the signs, and what of the model's lengths is not the bone itself."""
-    rows = [row for hand in results.hands for row in results.bones_of.get((hand, model), [])]
-    notes = [
-        tr("◆ with care, ✕ not to believe: the worst of the joints at the bone's ends and of its own error.")
-    ]
-    if any(row["ends_at"] == DISTAL_RECEIVER for row in rows):
-        notes.append(
-            tr(
-                "{model} ends a digit at its distal receiver and may begin a finger at the wrist; such a "
-                "length is not the bone's and is with care at best.",
-                model=model,
-            )
-        )
-    if model in results.fitted:
-        notes.append(
-            tr(
-                "Where {model} shares lengths between a person's hands, the two are not independent.",
-                model=model,
-            )
-        )
-    return tuple(notes)
+def _length(row: Row | None) -> str:
+    if row is None or row["length_mm"] is None:
+        return DASH
+    varies = row["sd_over_frames_mm"]
+    text = _with_error(row["length_mm"], row["sd_mm"])
+    return text + ("" if varies is None else tr(" (varies {varies})", varies=number(varies)))
 
 
 def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
-    """Tabulate where the receivers of a hand sit on their bones, for each model that fits the whole hand."""
+    """Where the receivers of a hand sit on their bones, for each model that fits the whole hand."""
     folded = []
     for model in results.fitted:
         rows = results.receivers_of.get((hand, model), [])
         caption = tr("Receivers of {hand}, model {model}, with 1-sigma errors.", hand=hand, model=model)
-        no_hand = tr("No hand was fitted; the reason is under “What went wrong”.")
-        table = table_of(caption, _RECEIVER_COLUMNS, rows, no_hand)
-        counted = ngettext("{n} receiver", "{n} receivers", len(rows))
-        counts = _counts(rows, counted, tr("no hand was fitted"))
-        summary = tr("{hand} hand, {model}: {counts}", hand=title(hand.hand), model=model, counts=counts)
-        folded.append(Folded(summary, table))
+        table = table_of(caption, _RECEIVER_COLUMNS, rows, tr("no hand was fitted"))
+        loose = sum(row["loose_from_frame"] is not None for row in rows)
+        counts = ngettext("{n} receiver", "{n} receivers", len(rows))
+        counts += tr(", {loose} came loose", loose=loose) if loose else ""
+        folded.append(
+            Folded(
+                tr("{hand} hand, {model}: {counts}", hand=title(hand.hand), model=model, counts=counts), table
+            )
+        )
     return folded
 
 
@@ -168,46 +161,3 @@ _RECEIVER_COLUMNS = (
 
 def _with_error(value: float | None, sd: float | None) -> str:
     return number(value) + (f" ± {number(sd)}" if value is not None and sd is not None else "")
-
-
-def _counts(rows: list[Row], counted: str, nothing: str) -> str:
-    if not rows:
-        return nothing
-    statuses = Counter(row["status"] for row in rows)
-    loose = sum(row.get("loose_from_frame") is not None for row in rows)
-    doubts = [
-        tr("{count} {status}", count=statuses[kind], status=kind)
-        for kind in ("weak", "failed")
-        if statuses[kind]
-    ]
-    doubts += [tr("{loose} came loose", loose=loose)] if loose else []
-    return ", ".join([counted, *(doubts or [tr("all ok")])])
-
-
-def _length(row: Row | None) -> str:
-    if row is None or row["length_mm"] is None:
-        return DASH
-    varies = row["sd_over_frames_mm"]
-    return _with_error(row["length_mm"], row["sd_mm"]) + (
-        "" if varies is None else tr(" (varies {varies})", varies=number(varies))
-    )
-
-
-def _bone_notes(by_bone: dict[str, dict[str, Row]]) -> tuple[str, ...]:
-    """Explain “varies” where it is shown, and give every message once, with the bones and models it is of."""
-    places: dict[str, list[str]] = {}
-    varies = False
-    for bone, by_model in by_bone.items():
-        for model, row in by_model.items():
-            varies = varies or row["sd_over_frames_mm"] is not None
-            if row["message"]:
-                places.setdefault(translated(row["message"]).rstrip(".。"), []).append(f"{bone} ({model})")
-    notes = [f"{', '.join(where)}: {message}." for message, where in places.items()]
-    if varies:
-        notes.append(
-            tr(
-                "“varies”: standard deviation over the frames of a metacarpal's length, from its base to "
-                "the MCP joint. A true skeleton keeps it near 0."
-            )
-        )
-    return tuple(notes)

@@ -1,201 +1,171 @@
-"""The page of the study: what it found, model against model, its subjects, and where everything else is."""
+"""The page of the study, to be looked at: a hand in motion, three numbers, figures; then all else."""
 
 from __future__ import annotations
 
-from collections import Counter
-from typing import Any
+import platform
+from importlib import metadata
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from shukotsu.schemas.results import STUDY_FIGURES
-from shukotsu.schemas.study import Hand, Study, path_token
-from shukotsu.sentences.translation import full_name, ngettext, tr, translated, word
-from shukotsu.stages.report import provenance
-from shukotsu.stages.report.headline import headline, opening, used_text
-from shukotsu.stages.report.links import Link, anchor, link, recording_links
+from shukotsu.errors import InputError
+from shukotsu.schemas import VERSION
+from shukotsu.schemas.results import (
+    FIGURE_KINDS,
+    MODEL_COMPARISONS,
+    MOVEMENT_COMPARISONS,
+    STUDY_FIGURES,
+    STUDY_TABLES,
+)
+from shukotsu.schemas.study import Study, SubjectSession
+from shukotsu.schemas.verdict import BELIEVE
+from shukotsu.sentences.translation import tr, translated
+from shukotsu.stages.report.headline import big_numbers, used_text
+from shukotsu.stages.report.joint_picture import class_texts, joint_picture
+from shukotsu.stages.report.judged_models import model_to_take
+from shukotsu.stages.report.links import Link, link, recording_links
 from shukotsu.stages.report.methods_text import REFERENCES, methods_text
-from shukotsu.stages.report.models_compared.sections import models_compared
-from shukotsu.stages.report.movement_page.movement_results import Movement
-from shukotsu.stages.report.movement_page.movement_text import groups_differ, moved_most
-from shukotsu.stages.report.plots.description import JointLink
-from shukotsu.stages.report.plots.page_pictures import taken_failures
-from shukotsu.stages.report.score_tables import held_out_table, mean
-from shukotsu.stages.report.skeleton_stills import index_figure, posed_hands
+from shukotsu.stages.report.movement_results import Movement
+from shukotsu.stages.report.plots.page_pictures import page_picture, taken_failures
+from shukotsu.stages.report.print_figures.models import model_panels
+from shukotsu.stages.report.print_figures.movement import range_panels
+from shukotsu.stages.report.provenance import all_problems, found
+from shukotsu.stages.report.recording_results import read_stretch
 from shukotsu.stages.report.skeleton_tables import lengths_table
-from shukotsu.stages.report.study_results import Row, StudyResults, hand_of
-from shukotsu.stages.report.table_cells import DASH, Block, DataTable, number
+from shukotsu.stages.report.small_hand import small_hand
+from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.templates import render
-from shukotsu.stages.report.trust import believed_text, study_beliefs, study_trust_table
+from shukotsu.stages.report.viewer.view import View, view_of
+from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS
 
 FEW_HANDS = 30
-"""As many rows as are shown unfolded."""
+"""As many rows of bone lengths as are shown unfolded."""
+GRAVEST = 3
+"""So many problems are shown, the others folded."""
+MOST_TRIED = 8
+"""Recordings that are tried for one whose hand can be shown in motion."""
+PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
+
+
+class SubjectCard(NamedTuple):
+    """A subject: a link to the page, the hands small, joints believed of all, links to the recordings."""
+
+    to: Link
+    hands: tuple[Markup, ...]
+    believed: str
+    suspect: bool
+    recordings: list[Link]
 
 
 def render_study(results: StudyResults, study: Study, movement: Movement | None = None) -> str:
-    """Give the study's page; the same results give the same text."""
-    compared = models_compared(results)
+    """Return the study's page; the same results give the same text."""
+    panels = model_panels(results)
+    parts: dict[str, Any] = {
+        "view": _front(results),
+        "pictures": [page_picture(panel) for panel in panels],
+        "ranges": [page_picture(panel) for panel in range_panels(movement)] if movement else [],
+    }
+    for message in taken_failures():  # after every picture, before the list of problems
+        results.add_problem("report", message)
     return render(
         "study.html.j2",
         study=results.name,
-        headline=headline(results),
         used=used_text(results),
-        front=_front(results),
-        findings=provenance.found(results.findings),
-        accepted=provenance.found(results.accepted),
-        opening=opening(results),
-        movement=_movement(results, movement),
-        exports=study.exports,
-        exported=exported_files(results),
-        figures=figure_files(results),
-        export_models=study.export_settings["models"],
-        compared=compared,
-        subjects=subjects_table(results),
+        numbers=big_numbers(results),
+        take=model_to_take(results),
+        model=results.leading,
+        panels=panels,
+        fewest=FEWEST_SUBJECTS,
+        joints=joint_picture(results),
+        classes=class_texts(),
+        problems=all_problems(results),
+        gravest=GRAVEST,
+        accepted=found(results.accepted),
+        differences=movement.differences_table() if movement else None,
+        subjects=subject_cards(results),
         lengths=lengths_table(results, results.leading),
         lengths_open=len(results.hands) <= FEW_HANDS,
-        trust=study_trust_table(results, results.leading),
-        model=results.leading,
-        held_out=held_out_table(results),
-        recordings=provenance.recordings_table(results),
-        models=provenance.models_table(results),
         methods=methods_text(results, movement),
         references=REFERENCES,
-        versions=provenance.versions_table(),
-        inputs=provenance.inputs_table(results),
-        config=provenance.config_text(study),
-        problems=_problems(results),  # after every picture
+        files=study_files(results),
+        exports=exported_files(results) if study.exports else {},
+        versions=", ".join(f"{name} {version}" for name, version in _versions()),
+        **parts,
     )
 
 
-def _problems(results: StudyResults) -> DataTable | None:
-    """All problems, those of pictures that could not be drawn among them."""
-    for message in taken_failures():
-        results.add_problem("report", message)
-    return provenance.problems_table(results)
-
-
-def _movement(results: StudyResults, movement: Movement | None) -> dict[str, Any] | None:
-    """Return what the study's page says of movement, and a link to the page of it."""
-    if movement is None:
-        return None
-    to = link(tr("Movement"), results.paths.report, results.paths.movement_page)
-    return {"to": to, "said": [moved_most(movement), *groups_differ(movement)]}
-
-
-def _front(results: StudyResults) -> dict[str, Any] | None:
-    """The first hand that is judged and has a picture, as an index of the study's joints, or None."""
-    beliefs = study_beliefs(results.judging, results.leading)
-    entries = {
-        joint: JointLink(
-            believed,
-            f"#joint-{path_token(joint)}",
-            tr("{joint}: {believed}, in most hands", joint=full_name(joint), believed=tr(believed)),
+def _front(results: StudyResults) -> View | None:
+    """The hand in motion of the first recording that counts and can be shown; None where there is none."""
+    possible = [
+        own
+        for own in results.shown
+        if own.hand not in results.suspect and results.status_of(own)[0] == "used"
+    ]
+    for recording in possible[:MOST_TRIED]:
+        try:
+            motion = read_stretch(results, recording, results.leading)
+        except InputError:
+            continue
+        title = tr(
+            "{hand}, {task}, under {model}", hand=recording.hand, task=recording.task, model=results.leading
         )
-        for joint, believed in beliefs.items()
-    }
-    for who in results.sessions:
-        posed = [item for item in posed_hands(results, who).hands if item.hand not in results.suspect]
-        if posed and entries:
-            links = recording_links(results.shown, results.paths, results.paths.report, who)
-            index = index_figure(posed[-1], results.leading, entries)
-            return {"subject": who.label, "index": index, "links": links}
+        return view_of(title, motion)
     return None
+
+
+def subject_cards(results: StudyResults) -> list[SubjectCard]:
+    """Return a card for every subject in every session, in the sheet's order."""
+    return [_card(results, who) for who in results.sessions]
+
+
+def _card(results: StudyResults, who: SubjectSession) -> SubjectCard:
+    page, model, hands = results.paths.report, results.leading, results.hands_of(*who)[::-1]
+    rows = [row for hand in hands for row in results.joints_of.get((hand, model), [])]
+    believed = sum(row["verdict"] == BELIEVE for row in rows)
+    return SubjectCard(
+        link(who.label, page, results.paths.subject_page(*who)),
+        tuple(small_hand(results, hand, model) for hand in hands),
+        f"{believed}/{len(rows)}" if rows else tr("no joint"),
+        any(hand in results.suspect for hand in hands),
+        recording_links(results.shown, results.paths, page, who),
+    )
+
+
+def study_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
+    """Links to what stands beside the page: figures for print, tables, the study as it was understood."""
+    paths = results.paths
+    page, tables = paths.report, (*STUDY_TABLES, *MODEL_COMPARISONS, *MOVEMENT_COMPARISONS)
+    figures = [
+        (name, [link(kind, page, paths.figures / f"{name}.{kind}") for kind in FIGURE_KINDS])
+        for name in STUDY_FIGURES
+    ]
+    return [
+        *figures,
+        (tr("tables"), [link(name, page, paths.study_table(name)) for name in tables]),
+        (tr("configuration"), [link(paths.resolved.name, page, paths.resolved)]),
+    ]
 
 
 def exported_files(results: StudyResults) -> dict[str, list[Link]]:
     """Links to the files in the folder of exports, by what their names end in; to folders there as such."""
-    found: dict[str, list[Link]] = {}
-    folder = results.paths.exports
-    for file in sorted(folder.glob("[!.]*")):  # what begins with a dot is Snakemake's
+    exported: dict[str, list[Link]] = {}
+    for file in sorted(results.paths.exports.glob("[!.]*")):  # what begins with a dot is Snakemake's
         if not file.name.endswith(".failed.txt"):
-            kind = "folders" if file.is_dir() else file.suffix.removeprefix(".")
-            found.setdefault(kind, []).append(link(file.name, results.paths.report, file))
-    return found
+            kind = tr("folders") if file.is_dir() else file.suffix.removeprefix(".")
+            exported.setdefault(kind, []).append(link(file.name, results.paths.report, file))
+    return exported
 
 
-def figure_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
-    """Links to the study's figures for print, where they are made: they stand beside the report."""
-    folder, page = results.paths.report.parent / "figures", results.paths.report
-    kinds = ("svg", "pdf", "txt")
-    return [(name, [link(kind, page, folder / f"{name}.{kind}") for kind in kinds]) for name in STUDY_FIGURES]
+def _versions() -> list[tuple[str, str]]:
+    """The program and the packages that made the page."""
+    return [("shukotsu", VERSION), ("python", platform.python_version()),
+            *((package, metadata.version(package)) for package in PACKAGES)]  # fmt: skip
 
 
 def render_failure(message: str) -> str:
-    """Give a page that says only why there is no report."""
+    """Return a page that says only why there is no report."""
     return render(
         "failure.html.j2",
         title=tr("No report"),
         message=tr("The report could not be made: {message}", message=translated(message)),
     )
-
-
-def subjects_table(results: StudyResults) -> DataTable:
-    """A row for every hand, with links to the subject's page and to those of its recordings."""
-    model = results.leading
-    scores: dict[Hand, list[Row]] = {}
-    for row in results.scores:
-        if row["model"] == model:
-            scores.setdefault(hand_of(row), []).append(row)
-    truth = any(row["true_tip_mean_mm"] is not None for rows in scores.values() for row in rows)
-    fitted = model in results.fitted
-    header: tuple[str, ...] = (
-        tr("Subject"),
-        tr("Hand"),
-        tr("See it move"),
-        tr("Recordings"),
-        tr("Joints to believe"),
-    )
-    header += (tr("Distal receivers left out [mm]"),) if fitted else ()
-    header += (tr("Fingertip against the truth [mm]"),) if truth else ()
-    rows = tuple(
-        (*_who(results, hand), believed_text(results, hand, model))
-        + ((_score_of(scores.get(hand, []), "left_out_mean_mm"),) if fitted else ())
-        + ((_score_of(scores.get(hand, []), "true_tip_mean_mm"),) if truth else ())
-        for hand in results.hands
-    )
-    return DataTable(
-        tr(
-            "Every hand of the study; the numbers are those of {model}, means over digits (held-out "
-            "scores where there are any).",
-            model=model,
-        ),
-        (Block(header, rows),),
-        (),
-        frozenset(range(4)),
-    )
-
-
-def _who(results: StudyResults, hand: Hand) -> tuple[str, ...]:
-    page = results.paths.report
-    links = recording_links(results.shown, results.paths, page, hand.who, hand.hand)
-    return (
-        anchor(link(hand.who.label, page, results.paths.subject_page(*hand.who))),
-        word(hand.hand),
-        Markup(", ").join(anchor(each) for each in links) if links else DASH,
-        _recordings(results, hand),
-    )
-
-
-def _recordings(results: StudyResults, hand: Hand) -> str:
-    """Say how many of the hand's recordings were used, and why the others were not."""
-    mine = [recording for recording in results.recordings if recording.hand == hand]
-    statuses = [results.status_of(recording) for recording in mine]
-    used = sum(status == "used" for status, _ in statuses)
-    if used == len(mine):
-        return ngettext("{n} recording", "{n} recordings", used)
-    reasons = Counter(
-        ": ".join(filter(None, (word(status), translated(why))))
-        for status, why in statuses
-        if status != "used"
-    )
-    texts = "; ".join(f"{why} ({count}×)" if count > 1 else why for why, count in reasons.items())
-    return tr(
-        "◆ {used} of {recordings}; {texts}",
-        used=used,
-        recordings=ngettext("{n} recording", "{n} recordings", len(mine)),
-        texts=texts,
-    )
-
-
-def _score_of(rows: list[Row], name: str) -> str:
-    fresh = [row for row in rows if row["held_out"]] or rows
-    return number(mean(row[name] for row in fresh))

@@ -6,9 +6,52 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from shukotsu.sentences.translation import translated, word
+from shukotsu.sentences.translation import N_, tr, translated, word
+from shukotsu.statistics.multiple_comparisons import LEVEL
 
 DASH = "–"
+
+
+class Quantity(NamedTuple):
+    """What a column of numbers is called on pages, its unit, and with how many decimals it is shown."""
+
+    label: str
+    unit: str
+    decimals: int
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "sd_mm": Quantity(N_("SD of the centre"), "mm", 2),
+    "range_deg": Quantity(N_("Moved"), "deg", 1),
+    "gap_rms_mm": Quantity(N_("Gap rms"), "mm", 2),
+    "gap_rms_free_mm": Quantity(N_("Free gap rms"), "mm", 2),
+    "axis_plane_deg": Quantity(N_("Axis to plane"), "deg", 1),
+    "correction_mm": Quantity(N_("Correction"), "mm", 1),
+    "error_mm": Quantity(N_("Joint against the truth"), "mm", 2),
+    "true_tip_mean_mm": Quantity(N_("Fingertip against the truth"), "mm", 2),
+    "metacarpal_deg": Quantity(N_("Metacarpal direction against the truth"), "deg", 2),
+    "left_out_mean_mm": Quantity(N_("Distal receivers left out"), "mm", 2),
+    "posed_mean_mm": Quantity(N_("Posed hand to distal receivers"), "mm", 2),
+    "replay_mean_mm": Quantity(N_("Tip error of the replay"), "mm", 2),
+    "wrist_mcp_sd_mm": Quantity(N_("SD of wrist to MCP"), "mm", 2),
+    "median_deg": Quantity(N_("Median"), "deg", 1),
+    "speed_p95_deg_s": Quantity(N_("Speed, 95 %"), "deg/s", 1),
+    "valid_percent": Quantity(N_("Valid"), "%", 1),
+    "duration_s": Quantity(N_("Duration"), "s", 2),
+    "n_frames": Quantity(N_("Frames"), "", 0),
+}
+"""By the column of a table: the one place that says how pages, figures and the terminal write a number."""
+
+
+def heading(name: str) -> str:
+    """Return a quantity's label with its unit."""
+    quantity = QUANTITIES[name]
+    return tr(quantity.label) + (f" [{quantity.unit}]" if quantity.unit else "")
+
+
+def shown(name: str, value: float | None) -> str:
+    """Return a value of a quantity with its decimals; a dash where there is none."""
+    return number(value, QUANTITIES[name].decimals)
 
 
 @dataclass(frozen=True)
@@ -49,6 +92,11 @@ class Column(NamedTuple):
     is_text: bool = False
 
 
+def quantity_column(name: str) -> Column:
+    """The numbers of a quantity under its heading."""
+    return Column(heading(name), lambda row: shown(name, row.get(name)))
+
+
 def number_column(heading: str, name: str, decimals: int = 2) -> Column:
     """The numbers of that name in the rows; a dash where there is none."""
     return Column(heading, lambda row: number(row.get(name), decimals))
@@ -56,10 +104,10 @@ def number_column(heading: str, name: str, decimals: int = 2) -> Column:
 
 def text_column(heading: str, name: str) -> Column:
     """The text of that name in the rows."""
-    return Column(heading, lambda row: _shown(name, row[name]), is_text=True)
+    return Column(heading, lambda row: _text(name, row[name]), is_text=True)
 
 
-def _shown(column: str, text: str) -> str:
+def _text(column: str, text: str) -> str:
     """A table's text as a page shows it: what is a name stays."""
     if column in _SENTENCES:
         return translated(text)
@@ -100,6 +148,14 @@ def number(value: float | None, decimals: int = 2) -> str:
     if value is None or value != value:
         return DASH
     return f"{value:.{decimals}f}".replace("-0." + "0" * decimals, "0." + "0" * decimals)
+
+
+def p_text(p: float) -> str:
+    """The test's p with two digits, or as many as it takes to stay on its side of LEVEL."""
+    if p < 0.0001:
+        return "p < 0.0001"
+    texts = (f"{p:.{digits}g}" for digits in range(2, 17))
+    return "p = " + next(text for text in texts if (float(text) <= LEVEL) == (p <= LEVEL))
 
 
 def alike(values: Mapping[str, object]) -> list[list[str]]:

@@ -31,7 +31,6 @@ SCRIPT_TEXTS = {
     "sense_abduction": N_("ulnar +, radial −"),
     "sense_rotation": N_("pronation +, supination −"),
     "tip_error": N_("tip error [mm]"),
-    "posed_error": N_("posed hand to distal receiver [mm]"),
     "tip_error_at": N_("Tip error [mm] at {where}"),
     "no_model": N_("no model is chosen"),
     "unknown": N_("not known"),

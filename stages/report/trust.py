@@ -6,11 +6,10 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
-from statistics import median
 
 from shukotsu.schemas.study import Hand, path_token
 from shukotsu.sentences.translation import N_, listed, tr, word
-from shukotsu.stages.report.belief import BELIEFS, BELIEVED, CARE, NOT, belief, commonest, reasons_of
+from shukotsu.stages.report.belief import BELIEFS, belief, commonest, reasons_of
 from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.stages.report.table_cells import DASH, Block, DataTable, number
 
@@ -142,36 +141,6 @@ def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
     return {joint: commonest(found) for joint, found in of_joint.items()}
 
 
-def study_trust_table(results: StudyResults, model: str) -> DataTable:
-    """Every joint over all hands of the study, with the reason that is most often given for doubt."""
-    by_joint: dict[str, list[Verdict]] = defaultdict(list)
-    for hand in results.hands:
-        for verdict in verdicts(results, hand, model):
-            by_joint[verdict.joint].append(verdict)
-    rows = tuple((joint, *_over_hands(found)) for joint, found in by_joint.items())
-    header = (
-        tr("Joint"), tr("Hands"), tr("Believed"), tr("With care"), tr("Not"), tr("Median SD [mm]"),
-        tr("Median to the farthest model [mm]"), tr("Most frequent doubt"),
-    )  # fmt: skip
-    return DataTable(
-        tr("Whether to believe the joints of {model}, all hands of the study.", model=model),
-        (Block(header, rows),),
-        () if rows else (tr(NO_JOINT),),
-        frozenset({0, 7}),
-        tuple(f"joint-{path_token(joint)}" for joint in by_joint),
-    )
-
-
-def believed_text(results: StudyResults, hand: Hand, model: str) -> str:
-    """Count how many of a hand's joints to believe."""
-    rows = results.joints_of.get((hand, model), [])
-    return (
-        tr("{n_far} of {n_rows}", n_far=sum(belief(row) == BELIEVED for row in rows), n_rows=len(rows))
-        if rows
-        else DASH
-    )
-
-
 def believed_counts(rows: Iterable[Row]) -> str:
     """Count joints of rows of joint_centres to believe, with care and not: for a line of summary."""
     counts = Counter(belief(row) for row in rows)
@@ -199,35 +168,3 @@ def _apart_in_words(verdict: Verdict) -> str:
         return DASH
     sign = "◆ " if verdict.apart_mm > APART_MM else ""
     return f"{sign}{number(verdict.apart_mm, 1)}, {verdict.apart_model}"
-
-
-def _over_hands(found: list[Verdict]) -> tuple[str, ...]:
-    counts = Counter(verdict.believed for verdict in found)
-    doubts = Counter(v.doubts[0] for v in found if v.believed != BELIEVED and v.doubts)
-    return (
-        str(len(found)),
-        *(str(counts[word]) for word in (BELIEVED, CARE, NOT)),
-        number(_median(v.row["sd_mm"] for v in found)),
-        number(_median(v.apart_mm for v in found), 1),
-        _most_frequent(doubts),
-    )
-
-
-def _median(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return median(known) if known else None
-
-
-def _most_frequent(doubts: Counter[str]) -> str:
-    """The commonest reason, numbers in it aside, with how often it is given."""
-    kinds: dict[str, list[str]] = defaultdict(list)
-    for why, count in doubts.items():
-        kinds["".join("#" if c.isdigit() else c for c in why)] += [why] * count
-    if not kinds:
-        return ""
-    most = max(kinds.values(), key=len)
-    return (
-        tr("{most} ({n_most} of {total})", most=most[0], n_most=len(most), total=doubts.total())
-        if doubts.total() > 1
-        else most[0]
-    )

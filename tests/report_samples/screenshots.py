@@ -46,9 +46,8 @@ def screenshots(results: Results, subject: str, recording: Path) -> dict[str, Sc
     drawn = "document.querySelector('.viewer canvas').width > 0"
     return {
         "study": Screenshot(study, "", 760),
-        "joints": Screenshot(one, "#trust details", 850, "#trust details"),
+        "subject": Screenshot(one, "", 1000),
         "models": Screenshot(study, "#compared", 820),
-        "movement": Screenshot(results.movement_page, "", 760),
         "recording": Screenshot(recording, "#time", 720, ready=drawn),
         "viewer": Screenshot(recording, "#hand", 620, ready=drawn),
     }

@@ -9,10 +9,8 @@ from shukotsu.stages.report.templates import ENVIRONMENT, render
 from shukotsu.stages.report.viewer.view import view_of
 
 PAGE = """{% extends "base.html.j2" %}{% block title %}{{ title }}{% endblock %}
-{% block styles %}{% include "models_compared/models_compared.css" %}
-{% include "viewer/viewer.css" %}{% endblock %}
-{% block scripts %}{% include "models_compared/models_compared.js" %}
-{% include "viewer/viewer.js" %}{% endblock %}
+{% block styles %}{% include "viewer/viewer.css" %}{% endblock %}
+{% block scripts %}{% include "viewer/viewer.js" %}{% endblock %}
 {% block content %}<h1>{{ title }}</h1>BODY{% endblock %}"""
 
 

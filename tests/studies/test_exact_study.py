@@ -20,6 +20,4 @@ def test_hands_without_a_rounding_error_to_show(tmp_path: Path) -> None:
         rows.append(f"{subject}\tright\trom\tboth\t{file.name}")
     study = write_study(tmp_path, "exact", rows, ["paper-fig3-rest", "paper-fig3", "paper-fig4", "rigid"])
     study.run()
-    movement = (study.results.folder / "report" / "movement.html").read_text("utf-8")
-    assert "Range of motion" in movement
-    assert "Not drawn" not in study.page() + movement
+    assert "Not drawn" not in study.page()

@@ -1,6 +1,6 @@
-"""Turn a panel into SVG inside a page: in the page's font and its theme's colours, small, with its title.
+"""A panel as SVG inside a page, as matplotlib writes it, but in the theme's colours.
 
-Colours are the palette's light values; each becomes the custom property of its hue.
+Every light value of the palette becomes the custom property of its hue.
 """
 
 from __future__ import annotations
@@ -9,23 +9,21 @@ import io
 import re
 import traceback
 import warnings
-from xml.etree import ElementTree
 
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from shukotsu.errors import INTERNAL, on_one_line
 from shukotsu.sentences.translation import tr, translated
 from shukotsu.stages.report.palette import as_custom_property
-from shukotsu.stages.report.plots.description import HandPanel, Panel
-from shukotsu.stages.report.plots.figures import draw_for_page
-from shukotsu.stages.report.plots.style import Sheet, applied
+from shukotsu.stages.report.plots.panels import Panel, page_figure
+from shukotsu.stages.report.plots.style import applied, rewrite, without_controls
 
-_NUMBER = re.compile(r"-?\d+\.\d+")
-_COLOUR = re.compile(r"#[0-9a-f]{6}")
-_REACH = "7"
-_USUAL = ("fill:var(--ink)", "stroke-width:1", "text-anchor:start")
-
-
+_LEFT_OUT = re.compile(
+    r'<style.*?</style>| id="(?:[A-Za-z.]+(?:2d)?_|dots)\d+"|font-family: [^;"]*; |\n *', re.DOTALL
+)
+"""A style of the whole page, identifiers that other pictures have too, fonts, and indentation."""
+_ROOT = re.compile(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>(.*)</svg>', re.DOTALL)
+_COLOUR, _DECIMALS = re.compile(r"#[0-9a-f]{6}\b"), re.compile(r"(\.\d\d)\d+")
 _UNDRAWN: list[str] = []
 
 
@@ -51,96 +49,17 @@ def page_picture(panel: Panel) -> Markup:
 
 
 def _svg(panel: Panel) -> Markup:
+    written = io.BytesIO()
     with applied({"svg.hashsalt": panel.title}), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has it
-        figure, sheet = draw_for_page(panel)
-        drawn = io.BytesIO()
-        figure.savefig(drawn, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
-    root = ElementTree.fromstring(drawn.getvalue())
-    for element in root.iter():
-        _shorten(element)
-    linked = isinstance(panel, HandPanel) and panel.links is not None
-    root.attrib = {"viewBox": root.attrib["viewBox"], "role": "group" if linked else "img"}
-    title = ElementTree.Element("title")
-    title.text = panel.title
-    root[:] = [title, *(kept for child in root for kept in _tidied(child, sheet))]
-    return Markup(ElementTree.tostring(root, "unicode"))  # texts are escaped
-
-
-def _shorten(element: ElementTree.Element) -> None:
-    """Leave out namespaces, what the page's style says, and digits that no screen shows."""
-    element.tag = element.tag.rpartition("}")[2]
-    element.tail = None
-    element.text = element.text if element.tag == "text" else None
-    own = {
-        name.rpartition("}")[2]: value if name == "id" else _NUMBER.sub(_rounded, " ".join(value.split()))
-        for name, value in element.attrib.items()
-    }
-    if "d" in own:
-        own["d"] = re.sub(r" ?([A-Za-z]) ?", r"\1", own["d"])
-    if own.get("transform", "").startswith("rotate(0 "):
-        del own["transform"]
-    if "style" in own:
-        own["style"] = _style(own["style"], is_text=element.tag == "text")
-    element.attrib = {name: value for name, value in own.items() if value}
-
-
-def _style(style: str, *, is_text: bool) -> str:
-    kept = [each.strip().replace(": ", ":") for each in style.split(";")]
-    kept = [_COLOUR.sub(lambda found: as_custom_property(found[0]), each) for each in kept]
-    usual = _USUAL if is_text else _USUAL[1:]
-    return ";".join(
-        each for each in kept if each not in usual and not each.startswith(("font-size", "font-family"))
-    )
-
-
-def _rounded(found: re.Match[str]) -> str:
-    text = f"{float(found[0]):.1f}"
-    return "0" if text == "-0.0" else text.removesuffix(".0")
-
-
-def _tidied(element: ElementTree.Element, sheet: Sheet) -> list[ElementTree.Element]:
-    """Give an element without groups that say nothing; marks say what a pointer is told."""
-    if element.tag in ("metadata", "style"):
-        return []
-    own = element.get("id", "")
-    element[:] = [kept for child in element for kept in _tidied(child, sheet)]
-    if element.tag == "g":
-        if own.startswith("dots"):
-            return [_as_paths(element, sheet.tips[own])]
-        if own.startswith("link"):
-            return [_as_link(element, *sheet.tips[own])]
-        if own.startswith("label"):
-            for text in element:
-                text.set("class", "label")
-        return list(element)
-    if element.tag == "defs" and not len(element):
-        return []
-    return [element]
-
-
-def _as_paths(group: ElementTree.Element, names: list[str]) -> ElementTree.Element:
-    """Give dots as lines of no length with round ends, a path a name, which a pointer is told."""
-    dots, shape = list(group.iter("use")), next(group.iter("path")).attrib["d"]
-    diameter = 2 * float(re.split("[ C]", shape)[1])
-    style = f"{dots[0].attrib['style'].replace('fill', 'stroke')};stroke-width:{diameter:g}"
-    made = ElementTree.Element("g", {"class": "dots", "style": style})
-    places: dict[str, list[str]] = {}
-    for dot, name in zip(dots, names or [""] * len(dots), strict=True):
-        places.setdefault(name, []).append(f"M{dot.attrib['x']} {dot.attrib['y']}h0")
-    for name, own in places.items():
-        path = ElementTree.SubElement(made, "path", {"d": "".join(own)})
-        if name:
-            ElementTree.SubElement(path, "title").text = name
-    return made
-
-
-def _as_link(group: ElementTree.Element, href: str, words: str) -> ElementTree.Element:
-    """Give a mark as a link, which says in words where it leads and feels a pointer from farther away."""
-    link = ElementTree.Element("a", {"href": href, "aria-label": words})
-    ElementTree.SubElement(link, "title").text = words
-    (mark,) = group.iter("use")
-    place = {"cx": mark.attrib["x"], "cy": mark.attrib["y"], "r": _REACH, "fill": "none"}
-    ElementTree.SubElement(link, "circle", place)
-    link.extend(group)
-    return link
+        figure = page_figure(panel)
+        rewrite(figure, without_controls)
+        engine = figure.get_layout_engine()
+        assert engine is not None
+        engine.execute(figure)
+        figure.set_layout_engine(None)  # else matplotlib draws the figure once more
+        figure.savefig(written, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    ((size, body),) = _ROOT.findall(written.getvalue().decode())
+    body = _COLOUR.sub(lambda colour: as_custom_property(colour[0]), _LEFT_OUT.sub("", body))
+    body = _DECIMALS.sub(r"\1", body)
+    return Markup(f'<svg {size} role="img"><title>{escape(panel.title)}</title>{body}</svg>')

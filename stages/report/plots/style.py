@@ -5,9 +5,8 @@ A journal that wants it otherwise changes this and the palette.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from textwrap import wrap
@@ -16,9 +15,9 @@ from unicodedata import category, east_asian_width
 
 import matplotlib
 from matplotlib import font_manager
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.transforms import Affine2D, Transform
+from matplotlib.text import Text
+from matplotlib.ticker import FixedFormatter
 
 from shukotsu.errors import InputError
 from shukotsu.sentences.translation import ENGLISH, N_, language
@@ -61,6 +60,7 @@ STYLE: dict[str, Any] = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.axisbelow": True,
+    "axes.facecolor": "none",
     "grid.color": RULE,
     "grid.linewidth": 0.5,
     "xtick.labelsize": SMALL_PT,
@@ -103,9 +103,20 @@ def label(text: str) -> str:
     return "".join(c if c.isprintable() and ord(c) in known else _code(c) for c in text)
 
 
-def _without_controls(text: str) -> str:
+def without_controls(text: str) -> str:
     """Give a text as XML can hold it."""
     return "".join(_code(c) if category(c) in ("Cc", "Cs") else c for c in text)
+
+
+def rewrite(figure: Figure, writable: Callable[[str], str]) -> None:
+    """Change every text of a figure, line by line, to what its medium can hold."""
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        formatter = axis.get_major_formatter()
+        if isinstance(formatter, FixedFormatter):
+            formatter.seq = [writable(words) for words in formatter.seq]
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)
+        text.set_text("\n".join(map(writable, text.get_text().split("\n"))))
 
 
 def _code(character: str) -> str:
@@ -199,55 +210,3 @@ def _characters(own: str) -> frozenset[int]:
     for file in (*files, *([] if own == ENGLISH else filter(None, [font_of(own)]))):
         found |= font_manager.get_font(file).get_charmap().keys()
     return frozenset(found)
-
-
-@dataclass(frozen=True)
-class Margins:
-    """The room around a panel's axes, mm."""
-
-    left: float
-    right: float
-    top: float
-    foot: float
-
-
-@dataclass(frozen=True)
-class Place:
-    """A panel's place in a figure: left and top from the figure's upper left corner, width and height, mm."""
-
-    figure: Figure
-    left: float
-    top: float
-    width: float
-    height: float
-    margins: Margins
-
-    def axes(self) -> Axes:
-        """Add axes there."""
-        wide, high = 25.4 * self.figure.get_size_inches()
-        box = (self.left / wide, 1 - (self.top + self.height) / high, self.width / wide, self.height / high)
-        axes = self.figure.add_axes(box)
-        axes.patch.set_visible(False)
-        return axes
-
-    def millimetres(self, aside: float) -> Transform:
-        """Give the transform of millimetres from the lower left corner, moved to the right."""
-        high = 25.4 * self.figure.get_figheight()
-        own = Affine2D().translate(self.left + aside, high - self.top - self.height).scale(1 / 25.4)
-        return own + self.figure.dpi_scale_trans
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """A picture's medium: print, or a page, whose browser has every character.
-
-    tips : on a page, what a pointer is told on each mark of an artist, by the artist's identifier.
-    """
-
-    on_page: bool
-    tips: dict[str, list[str]] = field(default_factory=dict)
-
-    def words(self, text: str) -> str:
-        """Give a text, of several lines or one, as it is to be drawn."""
-        lines = text.split("\n")
-        return "\n".join(map(_without_controls if self.on_page else label, lines))

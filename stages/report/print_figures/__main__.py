@@ -6,7 +6,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from shukotsu.errors import InputError
 from shukotsu.stages import command_line
 
 
@@ -31,13 +30,6 @@ def build_parser() -> argparse.ArgumentParser:
         help="draw this recording instead, e.g. 01 right opposition (with a trial: opposition_2), into "
         "FOLDER/sub-SUBJECT/HAND/NAME",
     )
-    parser.add_argument(
-        "--against",
-        default="",
-        metavar="MODEL",
-        help="the model that the others' differences are taken from; unless given the paper's skeleton (the "
-        "last of its tables without corrections by hand), or else the study's first model",
-    )
     return parser
 
 
@@ -51,8 +43,6 @@ def draw(arguments: argparse.Namespace) -> None:
     from shukotsu.stages.report.study_results import read_results
     from shukotsu.stages.report.wording import speaking
 
-    if arguments.recording and arguments.against:
-        raise InputError("--against: differences are of a study; leave out --recording")
     study = read_study(arguments.study)
     results = read_results(study, arguments.results)
     folder = arguments.out
@@ -63,7 +53,7 @@ def draw(arguments: argparse.Namespace) -> None:
             folder /= study_figures.recording_folder(recording)
             drawings = study_figures.of_recording(results, recording)
         else:
-            drawings = study_figures.of_study(results, arguments.against)
+            drawings = study_figures.of_study(results)
         for drawing in drawings:
             save(folder, drawing)
             if drawing.missing:

@@ -16,9 +16,7 @@ from shukotsu.files.whole_files import replacing, write_text
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.schemas.study import Recording
 from shukotsu.sentences.translation import ngettext, tr
-from shukotsu.stages.report.plots.description import Plot
-from shukotsu.stages.report.plots.figures import draw
-from shukotsu.stages.report.plots.style import ONE_COLUMN_MM, SMALL_PT, applied, wrapped
+from shukotsu.stages.report.plots.style import ONE_COLUMN_MM, SMALL_PT, applied, label, rewrite, wrapped
 from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.wording import plain
 
@@ -65,13 +63,16 @@ class Drawing:
     missing: str = ""
 
 
-def drawn(name: str, describe: Callable[[], tuple[Plot, str]]) -> Drawing:
+def drawn(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
     """Draw a figure in the house's style, or one that says why it cannot be drawn."""
     try:
-        plot, caption = describe()
         with applied():
-            figure = draw(plot)
-            figure.draw_without_rendering()
+            figure, caption = draw()
+            rewrite(figure, label)
+            engine = figure.get_layout_engine()
+            assert engine is not None
+            engine.execute(figure)
+            figure.set_layout_engine(None)  # it is laid out, once for all files
     except NoDataError as error:
         return not_drawn(name, str(error))
     except MemoryError:

@@ -5,31 +5,34 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, cast
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from shukotsu.schemas.study import Hand
 from shukotsu.schemas.verdict import CARE_TIMES
-from shukotsu.sentences.translation import N_, listed, tr
+from shukotsu.sentences.translation import N_, listed, tr, word
 from shukotsu.stages.report.belief import BELIEVED, CARE, NOT, belief, wanted_text
-from shukotsu.stages.report.comparison.answers import Answer, answer
-from shukotsu.stages.report.comparison.questions import JOINT_ERROR, PRIOR
-from shukotsu.stages.report.palette import AMBER, INK, NO, SOFT, Look, Mark, model_looks
-from shukotsu.stages.report.plots.description import (
-    Bar,
+from shukotsu.stages.report.judged_models import PRIOR, TRUTH, JudgedModels, judged_models
+from shukotsu.stages.report.palette import AMBER, INK, NO, SOFT, Look, model_looks
+from shukotsu.stages.report.plots.panels import Panel, in_rows, print_figure
+from shukotsu.stages.report.plots.rows import (
+    FEWEST_FOR_QUARTILES,
+    FOOT_MM,
+    ROW_MM,
     Group,
-    Key,
-    Plot,
     Row,
-    RowsPanel,
     Scale,
-    in_rows,
+    draw_rows,
+    row_axes,
     value_scale,
 )
-from shukotsu.stages.report.plots.rows_panel import FEWEST_FOR_QUARTILES
-from shukotsu.stages.report.plots.style import TWO_COLUMNS_MM
 from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, study_text
-from shukotsu.stages.report.print_figures.models import missing_text_of
 from shukotsu.stages.report.study_results import StudyResults, hand_of
 from shukotsu.stages.report.table_cells import alike
 
@@ -44,8 +47,6 @@ def joints_in_order(results: StudyResults, joints: Collection[str]) -> list[str]
 
 
 _ACROSS = 3
-MANY = 40
-"""With more hands than these the bars of errors would hide the dots."""
 
 
 @dataclass
@@ -56,14 +57,14 @@ class _OfModel:
     sd_mm: dict[str, dict[Hand, float]] = field(default_factory=lambda: defaultdict(dict))
 
 
-def joint_errors(results: StudyResults) -> tuple[Plot, str]:
-    """Describe a panel a model; models with equal joints share one. Raises NoDataError without a truth."""
-    own = answer(results, JOINT_ERROR)
+def joint_errors(results: StudyResults) -> tuple[Figure, str]:
+    """Draw a panel a model; models with equal joints share one. Raises NoDataError without a truth."""
+    own = next((each for each in judged_models(results) if each.metric == TRUTH), None)
     if own is None:
         raise NoDataError(tr("the true joints are not known, or no model has a joint that could be compared"))
     found = _by_model(results, own)
     prior = found.pop(PRIOR, _OfModel())
-    groups = alike({model: found[model] for model in own.models if model in found})
+    groups = alike({model: found[model] for model in results.models if model in found})
     joints = joints_in_order(results, {joint for each in found.values() for joint in each.error_mm})
     looks = model_looks(list(results.models))
     every = [
@@ -75,21 +76,26 @@ def joint_errors(results: StudyResults) -> tuple[Plot, str]:
         errors = found[models[0]]
         n = count_range(len(of) for of in errors.error_mm.values())
         heading = tr("{own}; n = {n} hands", own=listed(models), n=n)
-        rows = tuple(_error_row(joint, looks[models[0]], errors, prior) for joint in joints)
-        panels.append(RowsPanel(heading, heading, tr("Joint error [mm]"), scale, (Group("", rows),)))
-    legend = (
-        Key(tr("hand"), Mark("o", SOFT, "none")),
-        Key(tr("median, quartiles"), Mark("o", SOFT, SOFT), (SOFT, "-")),
-        Key(tr("stated 1-sigma error, median"), Mark("|", INK, INK)),
-        Key(tr("{PRIOR}, median", PRIOR=PRIOR), Mark("|", SOFT, SOFT)),
-    )
-    return Plot(in_rows(panels, _ACROSS), TWO_COLUMNS_MM, legend), _error_caption(results, own)
+        draw = partial(
+            _draw_errors, joints=joints, look=looks[models[0]], errors=errors, prior=prior, scale=scale
+        )
+        panels.append(Panel(heading, heading, ROW_MM * len(joints), FOOT_MM, draw))
+    handles = [
+        Line2D([], [], color=colour, marker=marker, ls=cast(Any, style), alpha=alpha, label=words)
+        for colour, marker, style, alpha, words in (
+            (SOFT, "o", "none", 0.6, tr("hand")),
+            (SOFT, "o", "-", 1.0, tr("median, quartiles")),
+            (INK, "|", "none", 1.0, tr("stated 1-sigma error, median")),
+            (SOFT, "|", "none", 1.0, tr("{PRIOR}, median", PRIOR=PRIOR)),
+        )
+    ]
+    return print_figure(in_rows(panels, _ACROSS), handles), _error_caption(results, own)
 
 
 _SKELETON = ("subject", "session", "hand", "model", "calibrated_on")
 
 
-def _by_model(results: StudyResults, own: Answer) -> dict[str, _OfModel]:
+def _by_model(results: StudyResults, own: JudgedModels) -> dict[str, _OfModel]:
     """Means over the skeletons that the answer is of, held out or not, of a hand's joint."""
     scored = {
         tuple(row[name] for name in _SKELETON) for row in results.scores if row["held_out"] == own.held_out
@@ -106,31 +112,34 @@ def _by_model(results: StudyResults, own: Answer) -> dict[str, _OfModel]:
     return found
 
 
-def _error_row(joint: str, look: Look, own: _OfModel, prior: _OfModel) -> Row:
-    """Describe one joint's errors by hand, crossed at the medians of the stated error and of anatomy's."""
-    errors = {_name(hand): error for hand, error in own.error_mm.get(joint, {}).items()}
-    of = ((own.sd_mm, False), (prior.error_mm, True))
-    levels = tuple(
-        (float(np.median(list(each[joint].values()))), dotted) for each, dotted in of if each.get(joint)
+def _draw_errors(
+    axes: Axes, joints: Sequence[str], look: Look, errors: _OfModel, prior: _OfModel, scale: Scale
+) -> None:
+    """Draw every joint's errors by hand, crossed at the medians of the stated error and of anatomy's."""
+    rows = tuple(
+        Row(joint, look, {_name(hand): error for hand, error in errors.error_mm.get(joint, {}).items()})
+        for joint in joints
     )
-    return Row(joint, look, errors, levels=levels)
+    draw_rows(axes, tr("Joint error [mm]"), scale, (Group("", rows),))
+    for of_joint, colour, style in ((errors.sd_mm, INK, "solid"), (prior.error_mm, SOFT, "dotted")):
+        for y, joint in enumerate(joints):
+            if of_joint.get(joint):
+                level = np.median(list(of_joint[joint].values()))
+                axes.vlines(level, y - 0.4, y + 0.4, color=colour, linestyle=style, linewidth=0.8)
 
 
-def _error_caption(results: StudyResults, own: Answer) -> str:
-    return (
-        tr(
-            "Error of every joint centre, model by model. {study_text} Distance to the true centre "
-            "in the child receiver's frame [mm]. A dot is a hand; mark: median; bar: quartiles, from "
-            "{FEWEST_FOR_QUARTILES} hands on; black line: median of the stated 1-sigma error in "
-            "three dimensions (outside the scale where it is larger than every error); dotted line: "
-            "median of prior-only, the hand that anatomy expects. Models with equal joints share a "
-            "panel. {kind} {missing_text_of}",
-            study_text=study_text(results),
-            FEWEST_FOR_QUARTILES=FEWEST_FOR_QUARTILES,
-            kind=own.kind,
-            missing_text_of=missing_text_of(own),
-        )
-    ).rstrip()
+def _error_caption(results: StudyResults, own: JudgedModels) -> str:
+    return tr(
+        "Error of every joint centre, model by model. {study_text} Distance to the true centre "
+        "in the child receiver's frame [mm]. A dot is a hand; mark: median; bar: quartiles, from "
+        "{FEWEST_FOR_QUARTILES} hands on; black line: median of the stated 1-sigma error in "
+        "three dimensions (outside the scale where it is larger than every error); dotted line: "
+        "median of prior-only, the hand that anatomy expects. Models with equal joints share a "
+        "panel. {kind}.",
+        study_text=study_text(results),
+        FEWEST_FOR_QUARTILES=FEWEST_FOR_QUARTILES,
+        kind=tr("Held out") if own.held_out else tr("In-sample"),
+    )
 
 
 _ABSENT = N_("no result")
@@ -146,8 +155,8 @@ _Beliefs = dict[str, dict[Hand, str]]
 """By joint, then by hand."""
 
 
-def joint_trust(results: StudyResults) -> tuple[Plot, str]:
-    """Describe a panel a model; models that agree share one. Raises NoDataError without any joint."""
+def joint_trust(results: StudyResults) -> tuple[Figure, str]:
+    """Draw a panel a model; models that agree share one. Raises NoDataError without any joint."""
     found = {model: of for model in results.models if (of := _beliefs(results, model))}
     if not found:
         raise NoDataError(tr("no hand of this study has a joint"))
@@ -156,12 +165,13 @@ def joint_trust(results: StudyResults) -> tuple[Plot, str]:
     panels = []
     for models in groups:
         heading = tr("{models}; n = {n} hands", models=listed(models), n=len(results.hands))
-        rows = tuple(_trust_row(joint, found[models[0]], results.hands) for joint in joints)
-        panels.append(RowsPanel(heading, heading, tr("Hands [%]"), Scale(0.0, 100.0), (Group("", rows),)))
-    legend = tuple(
-        Key(tr(kind).lstrip("✓◆✕ \u00a0"), bar=Bar(0.0, fill, hatch)) for kind, (fill, hatch) in KINDS.items()
-    )
-    return Plot(in_rows(panels, _ACROSS), TWO_COLUMNS_MM, legend), (
+        draw = partial(_draw_trust, joints=joints, beliefs=found[models[0]], hands=results.hands)
+        panels.append(Panel(heading, heading, ROW_MM * len(joints), FOOT_MM, draw))
+    handles = [
+        Patch(label=tr(kind).lstrip("✓◆✕ \u00a0"), facecolor=fill, hatch=hatch, edgecolor=INK, linewidth=0.4)
+        for kind, (fill, hatch) in KINDS.items()
+    ]
+    return print_figure(in_rows(panels, _ACROSS), handles), (
         tr(
             "Which joints to believe: share of the study's hands [%] in which a joint is to be "
             "believed (its centre is known to {wanted} mm or better, 1 sigma in three dimensions, and "
@@ -185,81 +195,17 @@ def _beliefs(results: StudyResults, model: str) -> _Beliefs:
     return dict(found)
 
 
-def _trust_row(joint: str, found: _Beliefs, hands: Sequence[Hand]) -> Row:
-    """Describe the shares of hands by what to believe of a joint; none where the model has no such."""
-    of = found.get(joint)
-    counts = {kind: sum(of.get(hand, _ABSENT) == kind for hand in hands) for kind in KINDS} if of else {}
-    bars = tuple(Bar(100.0 * n / len(hands), *KINDS[kind]) for kind, n in counts.items())
-    return Row(joint, Look(SOFT, "o"), bars=bars)
-
-
-_Lengths = dict[str, dict[Hand, tuple[float, float]]]
-"""By bone, then by hand: length and its 1-sigma error, mm."""
-
-
-def bone_lengths(results: StudyResults) -> tuple[Plot, str]:
-    """Describe a panel a fitted model. Raises NoDataError where no hand was fitted as a whole."""
-    found = {model: of for model in results.fitted if (of := _lengths(results, model))}
-    if not found:
-        raise NoDataError(
-            tr("only a model that fits the whole hand states the bones themselves, and ")
-            + (tr("none of its hands has lengths") if results.fitted else tr("this study has no such model"))
+def _draw_trust(axes: Axes, joints: Sequence[str], beliefs: _Beliefs, hands: Sequence[Hand]) -> None:
+    """Draw the shares of hands by what to believe of a joint; no bar where the model has no such."""
+    row_axes(axes, [word(joint) for joint in joints], tr("Hands [%]"), Scale(0.0, 100.0))
+    rows = [(y, beliefs[joint]) for y, joint in enumerate(joints) if joint in beliefs]
+    foot = np.zeros(len(rows))
+    for kind, (fill, hatch) in KINDS.items():
+        shares = [100.0 * sum(of.get(hand, _ABSENT) == kind for hand in hands) / len(hands) for _, of in rows]
+        axes.barh(
+            [y for y, _ in rows], shares, 0.8, foot, facecolor=fill, hatch=hatch, edgecolor=INK, linewidth=0.4
         )
-    bones = list(dict.fromkeys(bone for of in found.values() for bone in of))
-    looks = model_looks(list(results.models))
-    most = max(length for of in found.values() for own in of.values() for length, _ in own.values())
-    panels = []
-    for model, of in found.items():
-        heading = tr("{own}; n = {n} hands", own=model, n=count_range(map(len, of.values())))
-        rows = tuple(_length_row(bone, looks[model], of.get(bone, {})) for bone in bones)
-        panels.append(
-            RowsPanel(heading, heading, tr("Bone length [mm]"), Scale(0.0, 1.06 * most), (Group("", rows),))
-        )
-    many = any(len(hands) > MANY for of in found.values() for hands in of.values())
-    marks = (
-        tr("A dot is a hand (filled: right, open: left); {stated}", stated=_stated(found))
-        if many
-        else tr("A mark is a hand (filled: right, open: left), the bar its stated 1-sigma error")
-    )
-    return Plot(in_rows(panels, 2), TWO_COLUMNS_MM), (
-        tr(
-            "Bone lengths of fitted hands [mm]. {study_text} {marks}. Joint to joint, the last bone "
-            "of a digit to its end. Where the model shares lengths between a person's hands, the two "
-            "are not independent.",
-            study_text=study_text(results),
-            marks=marks,
-        )
-    )
-
-
-def _stated(found: dict[str, _Lengths]) -> str:
-    errors = [sd for of in found.values() for hands in of.values() for _, sd in hands.values()]
-    return tr("median of the stated 1-sigma errors: {errors:.2f} mm", errors=np.nanmedian(errors))
-
-
-def _lengths(results: StudyResults, model: str) -> _Lengths:
-    """Lengths of the bones of a model that fits the whole hand; of any other none."""
-    found: _Lengths = defaultdict(dict)
-    for (hand, name), rows in results.bones_of.items():
-        for row in rows:
-            if name == model and row["length_mm"] is not None:
-                sd = row["sd_mm"]
-                found[row["bone"]][hand] = (row["length_mm"], np.nan if sd is None else sd)
-    return dict(found)
-
-
-def _length_row(bone: str, look: Look, lengths: dict[Hand, tuple[float, float]]) -> Row:
-    """Describe a bone's length in every hand, with its stated error unless the hands are many."""
-    names = {hand: _name(hand) for hand in lengths}
-    spans = {names[hand]: sd for hand, (_, sd) in lengths.items() if np.isfinite(sd)}
-    return Row(
-        bone,
-        look,
-        {names[hand]: length for hand, (length, _) in lengths.items()},
-        spans if len(lengths) <= MANY else {},
-        frozenset(names[hand] for hand in lengths if hand.hand == "left"),
-        summary=False,
-    )
+        foot += shares
 
 
 def _name(hand: Hand) -> str:

@@ -1,64 +1,55 @@
-"""A study's figures of movement: ranges by joint, differences of levels."""
+"""The study's figure of ranges of motion: a row a joint angle, a dot a subject."""
 
 from __future__ import annotations
 
-from shukotsu.sentences.translation import tr
-from shukotsu.stages.report.movement_page.movement_panels import contrasts, range_panels
-from shukotsu.stages.report.movement_page.movement_results import RANGE, Movement
-from shukotsu.stages.report.movement_page.movement_text import why_nothing
-from shukotsu.stages.report.plots.description import Plot, in_rows
-from shukotsu.stages.report.plots.style import TWO_COLUMNS_MM
-from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, study_text
+from matplotlib.figure import Figure
+
+from shukotsu.sentences.translation import tr, word
+from shukotsu.stages.report.movement_results import OF_ANGLE, RANGE, Movement
+from shukotsu.stages.report.palette import INK, Look, digit_looks
+from shukotsu.stages.report.plots.panels import Panel, print_figure
+from shukotsu.stages.report.plots.rows import Group, Row, rows_panel, value_scale
+from shukotsu.stages.report.print_figures.drawing import NoDataError, study_text
+from shukotsu.stages.report.recording_results import ANGLES
 from shukotsu.stages.report.study_results import StudyResults
+from shukotsu.stages.report.table_cells import capital
 
-_ACROSS = 3
+
+def range_panels(movement: Movement) -> list[Panel]:
+    """Return a panel for each of ANGLES that any joint has: joints in the colour of their digit."""
+    means = movement.subject_means.groupby([*OF_ANGLE, "subject"], sort=False)[RANGE].mean().sort_index()
+    joints = list(dict.fromkeys(movement.ranges["joint"]))
+    digits = list(dict.fromkeys(joint.partition("_")[0] for joint in joints if "_" in joint))
+    looks, plain = digit_looks(digits), Look(INK, "o")
+    panels = []
+    for angle in ANGLES:
+        rows = tuple(
+            Row(
+                joint,
+                Look(looks.get(joint.partition("_")[0], plain).colour, "o"),
+                means[joint, angle].to_dict(),
+            )
+            for joint in joints
+            if (joint, angle) in means.index
+        )
+        title = tr("Range of motion by joint, {angle}.", angle=angle)
+        axis = tr("{angle} [deg]", angle=capital(word(angle)))
+        scale = value_scale([value for row in rows for value in row.values()])
+        of_all = movement.ranges["subject"].nunique()
+        panels += [rows_panel("", title, axis, scale, [Group("", rows)], of_all=of_all)] if rows else []
+    return panels
 
 
-def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Plot, str]:
-    """Describe a panel an angle. Raises NoDataError without joint angles."""
-    panels = range_panels(movement, _digits(results))
-    if not panels:
-        raise NoDataError(why_nothing(movement))
-    n = count_range(len(row.numbers) for panel in panels for row in panel.rows)
-    return Plot(in_rows(panels, _ACROSS), TWO_COLUMNS_MM), (
+def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Figure, str]:
+    """Draw the ranges of motion. Raises NoDataError without joint angles."""
+    if movement.ranges.empty:
+        raise NoDataError(movement.why_nothing)
+    return print_figure([range_panels(movement)]), (
         tr(
-            "Range of motion (2.5th to 97.5th percentile of the angle) of every joint angle [deg]. "
-            "{study_text} Model {model}. A dot is a subject (n = {n}), the mean over trials and "
-            "sessions; mark: median; bar: quartiles. Colour: the joint's digit. Hands with a suspect "
-            "finding are left out.",
+            "Range of motion (2.5th to 97.5th percentile) of every joint angle [deg]. {study_text} Model "
+            "{model}. A dot is a subject, the mean over recordings; mark: median; bar: quartiles. Hands "
+            "with a suspect finding are left out.",
             study_text=study_text(results),
             model=movement.model,
-            n=n,
         )
     )
-
-
-def group_differences(results: StudyResults, movement: Movement) -> tuple[Plot, str]:
-    """Describe the first factor's first two levels. Raises NoDataError where nothing is compared."""
-    found = contrasts(movement, _digits(results))
-    if not found:
-        raise NoDataError(tr("no two levels of a factor are compared; the movement page says why"))
-    first = found[0]
-    rows = movement.differences
-    rows = rows[(rows["quantity"] == RANGE) & (rows["factor"] == first.levels[0])]
-    rows = rows[(rows["level"] == first.levels[1]) & (rows["other_level"] == first.levels[2])]
-    others = "; ".join(each.words for each in found[1:])
-    return Plot(in_rows(first.panels, _ACROSS), TWO_COLUMNS_MM), (
-        tr(
-            "Difference in range of motion, {words}, by joint [deg]. {study_text} Model {model}. "
-            "Mark: mean difference, filled where it is shown at 5 % over every number of these levels; "
-            "bar: 95 % interval. n = {n} and {n_other} subjects; "
-            "left out: {left_out}.",
-            words=first.words,
-            study_text=study_text(results),
-            model=movement.model,
-            n=count_range(rows["n"].astype(int)),
-            n_other=count_range(rows["n_other"].astype(int)),
-            left_out=count_range(rows["left_out"].astype(int)),
-        )
-        + (tr(" Not drawn: {others}; see the movement page.", others=others) if others else "")
-    )
-
-
-def _digits(results: StudyResults) -> list[str]:
-    return list(dict.fromkeys(digit for layout in results.layouts.values() for digit in layout.digits))

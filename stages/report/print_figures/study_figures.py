@@ -6,43 +6,39 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
 from shukotsu.errors import InputError
 from shukotsu.schemas.results import STUDY_FIGURES
 from shukotsu.schemas.study import Recording, path_token
 from shukotsu.sentences.translation import tr
-from shukotsu.stages.report.movement_page.movement_results import read_movement
-from shukotsu.stages.report.plots.description import Plot
+from shukotsu.stages.report.movement_results import read_movement
 from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError, drawn
-from shukotsu.stages.report.print_figures.joints import bone_lengths, joint_errors, joint_trust
-from shukotsu.stages.report.print_figures.models import models_by_digit, paired_differences
-from shukotsu.stages.report.print_figures.movement import group_differences, ranges_of_motion
+from shukotsu.stages.report.print_figures.joints import joint_errors, joint_trust
+from shukotsu.stages.report.print_figures.models import models
+from shukotsu.stages.report.print_figures.movement import ranges_of_motion
 from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
-from shukotsu.stages.report.print_figures.skeletons import skeletons
 from shukotsu.stages.report.study_results import StudyResults
 
 
-def of_study(results: StudyResults, base: str = "") -> Iterator[Drawing]:
-    """The study's figures, STUDY_FIGURES in turn; `base` is the model that differences are taken from."""
-    draw: dict[str, Callable[[], tuple[Plot, str]]] = {
-        "models-by-digit": partial(models_by_digit, results),
-        "paired-differences": partial(paired_differences, results, base),
+def of_study(results: StudyResults) -> Iterator[Drawing]:
+    """The study's figures, STUDY_FIGURES in turn."""
+    draw: dict[str, Callable[[], tuple[Figure, str]]] = {
+        "models": partial(models, results),
         "joint-errors": partial(joint_errors, results),
-        "bone-lengths": partial(bone_lengths, results),
         "joint-trust": partial(joint_trust, results),
     }
     movement = read_movement(results)
     draw |= {
         "ranges-of-motion": partial(ranges_of_motion, results, movement),
-        "group-differences": partial(group_differences, results, movement),
     }
     for name in STUDY_FIGURES:
         yield drawn(name, draw[name])
 
 
 def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
-    """One recording's figures: tip-error, skeletons, and joint-angles of every fitted model."""
+    """One recording's figures: tip-error, and joint-angles of every fitted model."""
     yield drawn("tip-error", partial(tip_error, results, recording))
-    yield drawn("skeletons", partial(skeletons, results, recording))
     for model in results.fitted:
         name = f"joint-angles_{path_token(model)}"
         yield drawn(name, partial(joint_angles, results, recording, model))
@@ -75,5 +71,5 @@ def find_recording(results: StudyResults, subject: str, hand: str, name: str) ->
     raise InputError(f"--recording {subject} {hand} {name}: no such recording; {known}")
 
 
-def _no_angles() -> tuple[Plot, str]:
+def _no_angles() -> tuple[Figure, str]:
     raise NoDataError(tr("joint angles need a model that fits the whole hand, and this study has none"))

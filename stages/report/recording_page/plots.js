@@ -5,8 +5,8 @@
 (() => {
 const {abs, ceil, floor, log10, max, min, round} = Math;
 const LEFT = 44, RIGHT = 10, TITLE = 20, AXIS = 36; // of a plot, CSS pixels
-const GAP_STEPS = 1.9; // as in print_figures/traces.py: a longer step between frames is a gap
-const LOG_RATIO = 8, LOG_FLOOR_MM = .1; // as in print_figures/traces.py, but the mouse can look into the noise
+const GAP_STEPS = 1.9; // as in print_figures/over_time.py: a longer step between frames is a gap
+const LOG_RATIO = 8, LOG_FLOOR_MM = .1; // an error below is noise
 const LEAST_SPAN_DEG = 10;
 const MARK_EVERY = 120; // CSS pixels between the marks of a line
 const ANGLES = ["flexion", "abduction", "rotation"];
@@ -239,11 +239,10 @@ class Plots {
     this.steps = Object.fromEntries(viewer.header.blocks.map(({name, step}) => [name, step]));
     this.plots = {};
     for (const element of root.querySelectorAll("[data-plot]")) {
-      this.plots[element.dataset.plot] = new Plot(element, element.dataset.plot === "angles" ? 96 : element.dataset.plot === "posed" ? 40 : 62);
+      this.plots[element.dataset.plot] = new Plot(element, element.dataset.plot === "angles" ? 96 : 62);
     }
     this.all = Object.values(this.plots);
-    const known = (m, kind) => viewer.digits.map((_, d) => this.has(m, kind) && summary(this.error(m, d, kind), viewer.last + 1));
-    this.known = Object.fromEntries(["errors", "posed"].map((kind) => [kind, this.rows.map((_, m) => known(m, kind))]));
+    this.known = this.rows.map((_, m) => viewer.digits.map((_, d) => summary(this.error(m, d), viewer.last + 1)));
     this.choose(viewer.shown);
     this.listJoints();
     this.listen();
@@ -258,10 +257,7 @@ class Plots {
 
   mark(model) { return this.rows[model].querySelector("[data-mark]").getAttribute("d"); }
 
-  /* kind: errors, of the replay, or posed, of a fitted hand: two quantities, each in a plot of its own. */
-  has(model, kind) { return `${kind}${model}` in this.viewer.blocks; }
-
-  error(model, digit, kind = "errors") { return series(this.viewer.blocks[`${kind}${model}`], digit); }
+  error(model, digit) { return series(this.viewer.blocks[`errors${model}`], digit); }
 
   angle(part) {
     const own = Number(this.part["angle-model"].value);
@@ -298,27 +294,25 @@ class Plots {
   paintNow() {
     const style = getComputedStyle(this.root), read = (name) => style.getPropertyValue(name).trim();
     const colours = Object.fromEntries(["paper", "ink", "soft", "rule"].map((name) => [name, read(`--${name}`)]));
-    this.plots.errors.draw(this.errorStrips(read, "errors", wording("tip_error")), this.time, colours);
-    this.plots.posed?.draw(this.errorStrips(read, "posed", wording("posed_error")), this.time, colours);
+    this.plots.errors.draw(this.errorStrips(read), this.time, colours);
     this.plots.angles?.draw(this.angleStrips(read), this.time, colours);
     this.rows.forEach((row, m) => row.classList.toggle("off", !this.boxes[m].checked));
     this.follow();
   }
 
-  errorStrips(read, kind, what) {
-    const of = kind === "errors" ? this.chosen : this.rows.map((_, m) => m);
-    const chosen = of.filter((m) => this.has(m, kind)), known = chosen.flatMap((m) => this.known[kind][m].filter(Boolean));
+  errorStrips(read) {
+    const {chosen} = this, known = chosen.flatMap((m) => this.known[m].filter(Boolean));
     const high = max(.1, ...known.map((own) => own.high));
     const {log} = this.part, dwarfed = high / min(...known.map((own) => max(own.median, LOG_FLOOR_MM))) > LOG_RATIO;
-    if (!this.scaled && kind === "errors") log.checked = dwarfed;
+    if (!this.scaled) log.checked = dwarfed;
     const low = max(LOG_FLOOR_MM, min(...known.map((own) => own.floor)));
-    const logarithmic = kind === "errors" && log.checked && high > low;
+    const logarithmic = log.checked && high > low;
     const scale = logarithmic ? {low, high: high * 1.1} : {low: 0, high: high * 1.02};
     scale.ticks = logarithmic ? logSteps(scale.low, scale.high) : steps(0, scale.high, 2);
     return this.viewer.digits.map((digit, d) => ({
-      ...scale, logarithmic, title: d ? digit : `${digit}: ${what}`,
+      ...scale, logarithmic, title: d ? digit : `${digit}: ${wording("tip_error")}`,
       lines: chosen.map((m, n) => ({
-        at: this.error(m, d, kind), known: this.known[kind][m][d], colour: read(`--model${this.place(m) % 7}`),
+        at: this.error(m, d), known: this.known[m][d], colour: read(`--model${this.place(m) % 7}`),
         mark: this.mark(m), phase: n / chosen.length,
       })),
     }));
@@ -371,7 +365,6 @@ class Plots {
     part["error-where"].textContent = wording("tip_error_at", {where});
     const errors = this.chosen.map((m) => `${viewer.header.skeletons[m].model}: ${said[m].join(", ")} mm`);
     this.value(this.plots.errors, index, `${where}; ${errors.join("; ")}`);
-    if (this.plots.posed) this.tellPosed(index, where);
     if (!this.plots.angles) return;
     const step = this.steps[`angles${this.part["angle-model"].value}`];
     const angles = ANGLES.map((angle, part) => {
@@ -380,19 +373,6 @@ class Plots {
     });
     part["angle-where"].textContent = `${where}: ${angles.join(", ")}`;
     this.value(this.plots.angles, index, `${part.joint.selectedOptions[0].text}, ${part["angle-where"].textContent}`);
-  }
-
-  tellPosed(index, where) {
-    const posed = this.rows.flatMap((row, m) => {
-      if (!this.has(m, "posed")) return [];
-      const said = this.viewer.digits.map((digit, d) => {
-        const mm = this.error(m, d, "posed")(index);
-        return `${digit} ${isNaN(mm) ? "–" : mm.toFixed(decimals(this.steps[`posed${m}`]))}`;
-      });
-      return [`${this.viewer.header.skeletons[m].model}: ${said.join(", ")} mm`];
-    });
-    this.part["posed-where"].textContent = `${where}; ${posed.join("; ")}`;
-    this.value(this.plots.posed, index, this.part["posed-where"].textContent);
   }
 
   value({element}, index, words) {

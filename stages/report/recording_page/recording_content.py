@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from shukotsu.schemas.study import Recording
 from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
 from shukotsu.stages.report.belief import belief
 from shukotsu.stages.report.hand_motion import HandMotion
 from shukotsu.stages.report.links import navigation
-from shukotsu.stages.report.measured_ranges import measured_ranges, measured_table, of_recording
+from shukotsu.stages.report.measured_ranges import measured_ranges, measured_table
 from shukotsu.stages.report.palette import MARK_PATHS
 from shukotsu.stages.report.recording_results import (
-    AngleRange,
     JointAngles,
     ModelResults,
     RecordingResults,
     angles_of,
 )
-from shukotsu.stages.report.study_results import Row
+from shukotsu.stages.report.study_results import recording_key, row_key
 from shukotsu.stages.report.table_cells import (
     Column,
     DataTable,
+    Folded,
     capital,
     number,
     number_column,
@@ -36,16 +35,10 @@ from shukotsu.stages.report.viewer.view import View, view_of
 
 ANGLE_STEP_DEG = 0.1
 """As the page prints angles: rounded to it once, they show the table's own digits."""
-SENSES = {
-    "flexion": N_("flexion is positive, extension negative"),
-    "abduction": N_("ulnar deviation is positive, radial deviation negative"),
-    "rotation": N_("pronation is positive, supination negative"),
-}
-"""What the sign of each angle says, in words (docs/joint-angles.md)."""
 
 
 def recording_page(results: RecordingResults) -> str:
-    """Give the recording's page; the same results give the same text."""
+    """Return the recording's page; the same results give the same text."""
     title, motion, angles = recording_title(results.recording), results.motion, angles_of(results.models)
     return render(
         "recording_page/page.html.j2",
@@ -58,20 +51,19 @@ def recording_page(results: RecordingResults) -> str:
         to=navigation(results.study, results.recording),
         view=None if motion is None else _view(title, motion, angles),
         every=1 if motion is None else motion.every,
-        posed=motion is not None and any(own.posed_error_mm is not None for own in motion.skeletons),
         angles=angles,
         marks=list(MARK_PATHS.values()),
-        tip_errors=tip_error_table(
-            tr("Tip error of the replay in numbers: {title}.", title=title), results.models
+        tip_errors=Folded(
+            tr("Tip error of the replay in numbers"),
+            tip_error_table(tr("Tip error of the replay, {title}.", title=title), results.models),
         ),
-        senses=[(capital(word(angle)), tr(sense)) for angle, sense in SENSES.items()],
-        ranges=[_range_part(results, model) for model in results.models if model.angles is not None],
-        evidence=[_evidence_part(model) for model in results.models],
+        ranges=[folded for model in results.models if (folded := _ranges(results, model))],
+        evidence=[_evidence(model) for model in results.models],
     )
 
 
 def failure_page(title: str, message: str) -> str:
-    """Give a page that says only why there is none of the recording."""
+    """Return a page that says only why there is none of the recording."""
     return render(
         "failure.html.j2",
         title=title,
@@ -106,23 +98,19 @@ def _view(title: str, motion: HandMotion, angles: list[JointAngles]) -> View:
     return view_of(title, motion, angle_blocks(angles), header)
 
 
-def _range_part(results: RecordingResults, model: ModelResults) -> dict[str, Any]:
-    """Give the range of motion under one model, in numbers."""
-    assert model.angles is not None
-    caption = tr("Range of motion in this recording, {name}.", name=model.name)
-    table = range_table(caption, model.angles.ranges, model.joints)
-    rows = of_recording(measured_ranges(results.study, results.recording.hand, model.name), results.recording)
+def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:
+    """The recording's rows of ranges_of_motion under one model; None without any."""
+    measured = measured_ranges(results.study, results.recording.hand, model.name)
+    rows = [row for row in measured if row_key(row) == recording_key(results.recording)]
     caption = tr("Range of motion, posture and speed with stated 1-sigma errors, {name}.", name=model.name)
-    measured = measured_table(caption, rows, with_recording=False) if rows else None
-    return {"model": model.name, "table": table, "measured": measured}
+    return Folded(model.name, measured_table(caption, rows, with_recording=False)) if rows else None
 
 
-def _evidence_part(model: ModelResults) -> dict[str, Any]:
-    """Show the calibration's evidence under one model."""
+def _evidence(model: ModelResults) -> Folded:
+    """The calibration's evidence under one model."""
     joints = ngettext("{n} joint", "{n} joints", len(model.joints))
-    summary = f"{model.name}: {joints}; {believed_counts(model.joints)}"
     table = evidence_table(tr("What the calibration says of each joint, {name}.", name=model.name), model)
-    return {"summary": summary, "table": table}
+    return Folded(f"{model.name}: {joints}; {believed_counts(model.joints)}", table)
 
 
 def angle_blocks(angles: Sequence[JointAngles]) -> list[Block]:
@@ -133,26 +121,6 @@ def angle_blocks(angles: Sequence[JointAngles]) -> list[Block]:
 def tip_error_table(caption: str, models: Iterable[ModelResults]) -> DataTable:
     """The recording's rows of tip_errors, mm: the replay under every model, both bindings."""
     return table_of(caption, _TIP_ERROR_COLUMNS, [row for model in models for row in model.tip_errors])
-
-
-def range_table(caption: str, ranges: Iterable[AngleRange], joints: Iterable[Row]) -> DataTable:
-    """Percentiles of every angle, degrees; beside them the range about the joint's axis in calibration."""
-    calibrated = {row["joint"]: row["range_deg"] for row in joints}
-    columns = (
-        Column(tr("Joint"), lambda own: own.joint, is_text=True),
-        Column(tr("Angle"), lambda own: word(own.angle), is_text=True),
-        Column(tr("Min [deg]"), lambda own: number(own.at_deg[0], 1)),
-        Column(tr("2.5 % [deg]"), lambda own: number(own.at_deg[1], 1)),
-        Column(tr("Median [deg]"), lambda own: number(own.at_deg[2], 1)),
-        Column(tr("97.5 % [deg]"), lambda own: number(own.at_deg[3], 1)),
-        Column(tr("Max [deg]"), lambda own: number(own.at_deg[4], 1)),
-        Column(tr("2.5 to 97.5 % [deg]"), lambda own: number(own.at_deg[3] - own.at_deg[1], 1)),
-        Column(tr("Frames"), lambda own: str(own.n_frames)),
-        Column(
-            tr("Calibration, about the joint’s axis [deg]"), lambda own: number(calibrated.get(own.joint), 1)
-        ),
-    )
-    return table_of(caption, columns, ranges)
 
 
 def evidence_table(caption: str, model: ModelResults) -> DataTable:

@@ -119,8 +119,6 @@ def _blocks(motion: HandMotion) -> list[Block]:
         if skeleton.on_receivers is None:
             blocks.append(Block(f"points{index}", POSITION_STEP_MM, _near(skeleton.position_mm)))
         blocks.append(Block(f"errors{index}", ERROR_STEP_MM, _near(skeleton.tip_error_mm[..., None])))
-        if skeleton.posed_error_mm is not None:
-            blocks.append(Block(f"posed{index}", ERROR_STEP_MM, _near(skeleton.posed_error_mm[..., None])))
     return blocks
 
 

@@ -12,14 +12,10 @@ from markupsafe import Markup
 from shukotsu.sentences.translation import tr, word
 from shukotsu.stages.report.hand_motion import (
     HandMotion,
-    ShownSkeleton,
-    chains_at,
-    receivers_at,
     shown_first,
     still_frame,
 )
-from shukotsu.stages.report.plots.description import HandPanel
-from shukotsu.stages.report.plots.hand_views import window_of
+from shukotsu.stages.report.plots.hand import hand_panel
 from shukotsu.stages.report.plots.page_pictures import page_picture
 from shukotsu.stages.report.viewer.packed_motion import NOMINAL_HZ, Block, motion_text
 
@@ -53,8 +49,8 @@ def view_of(
     extra : blocks of the motion's T frames (`motion.frame` says which of the recording they are).
     extra_header : what JSON can hold. A script finds them as `viewer.blocks[name]`, `viewer.header.extra`.
     """
-    valid = np.asarray(np.isfinite(motion.receiver_mm).all(-1))
-    frame, shown = still_frame(valid, motion.base), shown_first(motion)
+    shown = shown_first(motion)
+    frame = still_frame(motion, motion.skeletons[shown[0]])
     models = tuple(skeleton.model for skeleton in motion.skeletons)
     return View(
         title=title,
@@ -62,17 +58,11 @@ def view_of(
         models=models,
         places=tuple(skeleton.place for skeleton in motion.skeletons),
         shown=shown,
-        still=_still(title, motion, motion.skeletons[shown[0]], frame),
+        still=page_picture(hand_panel(title, motion, motion.skeletons[shown[0]], frame)),
         still_caption=tr("{models}, frame {frame}", models=models[shown[0]], frame=motion.frame[frame]),
         data=Markup(motion_text(motion, extra, extra_header)),
         remark=_remark(motion),
     )
-
-
-def _still(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: int) -> Markup:
-    receivers, chains = receivers_at(motion, frame), chains_at(motion, skeleton, frame)
-    window = window_of(receivers, chains)
-    return page_picture(HandPanel("", title, motion.hand, tuple(chains), receivers, window))
 
 
 def _remark(motion: HandMotion) -> str:

@@ -328,7 +328,7 @@ class HandViewer {
       const hex = style.getPropertyValue(`--${name}`).match(/[0-9a-f]{2}/gi);
       return hex.map((part) => parseInt(part, 16) / 255);
     };
-    this.colours = {bone: read("bone"), plain: read("plain"), beliefs: [null, read("amber"), read("no")]};
+    this.colours = {bone: read("bone"), plain: read("plain"), verdict: ["ink", "amber", "no"].map(read)};
     for (const [name, n] of [["digit", 5], ["model", 7], ["error", 7], ["axis", 3]]) {
       this.colours[name] = Array.from({length: n}, (_, i) => read(name + i));
     }
@@ -376,7 +376,8 @@ class HandViewer {
       // A ball that stands for a number is as large as viewer.html.j2 says in words.
       const digit = tips.indexOf(i), mm = {sd: sd[i], tip: digit < 0 ? undefined : this.error(s, digit)}[by];
       if (mm !== undefined) [size, colour] = [3 + min(8, mm || 0), this.class(mm)];
-      else colour = (by === "digit" && colours.beliefs[belief[i]]) || colour.map((part) => part * .8 + .2);
+      else if (digit < 0 && (by === "verdict" || (by === "digit" && belief[i]))) colour = colours.verdict[belief[i]];
+      else colour = colour.map((part) => part * .8 + .2);
       add("ball", place, place, [size, size], colour);
     });
   }

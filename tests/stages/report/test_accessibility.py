@@ -55,7 +55,6 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     "page",
     [
         "report.html",
-        "report/movement.html",
         "report/sub-S01/subject.html",
         "report/sub-S01/right/opposition.html",
     ],

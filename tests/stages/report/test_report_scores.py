@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from report_samples.read_page import ReadTable, read_page, rows_where, table_called
 
-from shukotsu.schemas.findings import STAGE
-from shukotsu.stages.report.belief import BELIEVED, belief
-from shukotsu.stages.report.headline import headline, opening
-from shukotsu.stages.report.next_step import next_step
 from shukotsu.stages.report.study_results import StudyResults
-from shukotsu.stages.report.trust import study_beliefs
 
 SCORES = "Mean over digits and hands: subject S01, opposition."
 TRUTH = "Distance of the joints from the true ones, both hands: subject S01."
@@ -91,50 +85,3 @@ def test_without_a_truth_nothing_is_said_of_it(page: str) -> None:
     assert not [cell for cell in table.rows[0] if cell.startswith(("Metacarpal", "True"))]
     assert not [table for table in read_page(page).tables if "true one" in table.caption]
     assert "compared with its truth" not in _text(page)
-
-
-def test_headline_leads_with_the_fitted_hand(fitted: StudyResults) -> None:
-    """Recordings, held-out error, joints beside the paper's."""
-    mine = rows_where(fitted.scores, model="whole-hand", held_out=True)
-    joints = [
-        [row["error_mm"] for row in rows_where(fitted.joint_errors, model=model, calibrated_on="rom")]
-        for model in ("whole-hand", "paper-fig4")
-    ]
-    ours, theirs = ([error for error in errors if error is not None] for errors in joints)
-    far = sum(error > 5 for error in theirs)
-    assert far
-    assert headline(fitted) == (
-        "4 of 4 recordings were used; they are simulated, so no person's hand is behind these numbers. "
-        "On recordings that it was not made from, whole-hand misses the distal receivers, whose positions it "
-        f"was not told, by {_mean(mine, 'left_out_mean_mm')} mm on average (anatomy alone, without data: "
-        f"6.72 mm). Made from rom, its joints are {np.median(ours):.1f} mm from the true ones in the median "
-        f"and 0 of 29 are more than 5 mm off; those of paper-fig4 {np.median(theirs):.1f} mm and {far} of 29."
-    )
-
-
-def test_the_opening_says_which_how_good_and_what_next(fitted: StudyResults) -> None:
-    """Every joint is in one of the three lists, and what to do next stands last."""
-    text = opening(fitted)
-    rows = rows_where(fitted.joints, model="whole-hand")
-    believed = [row["sd_mm"] for row in rows if belief(row) == BELIEVED]
-    beliefs = study_beliefs(fitted, "whole-hand")
-    count = sum(each == BELIEVED for each in beliefs.values())
-    assert text.startswith(
-        f"{count} of {len(beliefs)} joints can be believed in both hands, as whole-hand places them, "
-        f"typically to {np.median(believed):.1f} mm: "
-    )
-    assert "Not: DIP of ring and little." in text
-    assert text.endswith(next_step(fitted))
-
-
-def _suspect(*hands: str) -> list[dict[str, str]]:
-    row = {"subject": "S01", "session": "", "task": "rom", "model": "", "stage": STAGE, "kind": "units"}
-    return [row | {"severity": "suspect", "message": "in m", "hand": hand} for hand in hands]
-
-
-def test_a_hand_that_is_left_out_is_counted_out_aloud(fitted: StudyResults) -> None:
-    """The joints that follow are of the other hand, and no headline is made of hands that are not judged."""
-    text = opening(replace(fitted, problems=_suspect("left")))
-    assert text.startswith("Judged: 1 of 2 hands. Left out for what was found in their recordings: 1. ")
-    assert "can be believed, as whole-hand places them" in text
-    assert "Next: settle what was found in the recordings of subject S01's left hand" in text

@@ -1,27 +1,32 @@
-"""The study's page: who is in it, what was held out, and methods text that says what was done."""
+"""The study's page: its numbers are the tables', what it shows first, and how much it weighs."""
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from statistics import median
 from urllib.parse import unquote
 
 import pytest
 from finding_examples import EVIDENCE
 from hypothesis import given
 from hypothesis import strategies as st
-from report_samples.read_page import ReadTable, read_page, rows_where, table_called
+from report_samples.many_subjects import many_subjects
+from report_samples.read_page import read_page, rows_where, table_called
 
-from shukotsu.schemas.findings import STAGE, SUSPECT, Finding, problem_row
+from shukotsu.schemas.findings import NOTE, STAGE, SUSPECT, Finding, problem_row, worded
 from shukotsu.schemas.results import Results
-from shukotsu.schemas.study import Hand, Study, read_study
+from shukotsu.schemas.study import Study, read_study
+from shukotsu.stages.report.headline import big_numbers
 from shukotsu.stages.report.links import anchor, link
-from shukotsu.stages.report.study_page import render_study
-from shukotsu.stages.report.study_results import StudyResults
-from shukotsu.stages.report.terminal import terminal_tables
-from shukotsu.stages.report.trust import believed_text
+from shukotsu.stages.report.study_page import GRAVEST, render_study
+from shukotsu.stages.report.study_results import StudyResults, read_results
+from shukotsu.stages.report.terminal import WIDTH, outcome_text
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
+MARKS = {"believe": "", "care": "◆", "no": "✕"}
 
 
 @pytest.fixture(scope="module")
@@ -30,14 +35,10 @@ def file(fitted_made: tuple[Path, Path]) -> Study:
     return read_study(fitted_made[0])
 
 
-def _hands(results: StudyResults, study: Study) -> dict[tuple[str, str], list[str]]:
-    """Rows of the subjects' table by subject and hand."""
-    (table,) = [
-        t
-        for t in read_page(render_study(results, study)).tables
-        if t.caption.startswith("Every hand of the study")
-    ]
-    return {(row[0], row[1]): row[2:] for row in table.rows[1:]}
+@pytest.fixture(scope="module")
+def fitted_study_page(fitted: StudyResults, file: Study) -> str:
+    """Its page."""
+    return render_study(fitted, file)
 
 
 @given(NAMES)
@@ -52,54 +53,79 @@ def test_links_survive_any_name(name: str) -> None:
     assert "".join(shown.text).split() == name.split()
 
 
-def test_every_hand_has_a_row(results: StudyResults, study: Study) -> None:
-    """With its recordings' links; what was not used is told with its reason."""
-    hands = _hands(results, study)
-    assert list(hands) == [(hand.subject, hand.hand) for hand in results.hands]
-    assert hands["S01", "right"][:3] == [
-        "opposition",
-        "1 recording",
-        believed_text(results, Hand("S01", "right"), results.leading),
+def test_the_three_numbers_are_the_tables(fitted: StudyResults, fitted_study_page: str) -> None:
+    rows = rows_where(fitted.joints, model="whole-hand")
+    believed = rows_where(rows, verdict="believe")
+    sd_mm = median(row["sd_mm"] for row in rows if row["sd_mm"] is not None)
+    errors = [
+        row["value"]
+        for row in rows_where(fitted.model_values, metric="error_mm", model="whole-hand", digit="")
     ]
-    failed = [row["message"] for row in results.recording_rows if row["status"] == "failed"]
-    (told,) = [row[1] for row in hands.values() if row[1].startswith("◆")]
-    assert told == f"◆ 0 of 1 recording; failed: {failed[0]}"
+    joints, error, findings = big_numbers(fitted)
+    assert (joints.value, joints.unit) == (str(len(believed)), f"of {len(rows)} joints")
+    assert (error.value, error.unit) == (f"{sd_mm:.2f}", "mm")
+    assert error.of.endswith(f"the truth {sum(errors) / len(errors):.2f} mm")
+    assert (findings.value, findings.unit) == ("0", "of 2 hands")
+    text = " ".join(" ".join(read_page(fitted_study_page).text).split())
+    for number in (joints, error, findings):
+        assert f"{number.value} {number.unit} {number.of}" in text
 
 
-def test_what_was_fitted_and_what_held_out(fitted: StudyResults, file: Study) -> None:
-    table = table_called(
-        render_study(fitted, file), "What skeletons were made from, and what they were scored on."
-    )
-    expected = {
-        (row["model"], row["calibrated_on"], row["task"], "held out" if row["held_out"] else "○ in-sample")
-        for row in fitted.scores
-        if not row["reference"]
-    }
-    assert {tuple(row[:4]) for row in table.rows[1:]} == expected
-    assert {row[4] for row in table.rows[1:]} == {"2 hands of 1 subject"}
+def _suspect(results: StudyResults, *hands: str) -> StudyResults:
+    row = {"subject": "S01", "session": "", "task": "rom", "model": "", "stage": STAGE, "kind": "units"}
+    row |= {"severity": "suspect", "message": "in m", "accepted": "", "variant": "", "values": ""}
+    return replace(results, problems=[row | {"hand": hand} for hand in hands])
 
 
-def _lengths(page: str, model: str) -> ReadTable:
-    return table_called(page, f"Bone lengths of every hand under {model}, in mm, with 1-sigma error.")
+def test_a_hand_with_a_finding_is_in_no_number(fitted: StudyResults) -> None:
+    joints, _, findings = big_numbers(_suspect(fitted, "left"))
+    right = rows_where(fitted.joints, model="whole-hand", hand="right")
+    assert (joints.unit, findings.value) == (f"of {len(right)} joints", "1")
+    joints, error, findings = big_numbers(_suspect(fitted, "left", "right"))
+    assert (joints.value, error.value, findings.value) == ("0", "–", "2")
+    assert joints.of == "no hand that counts has a joint under whole-hand"
 
 
-def test_bone_lengths_stand_side_by_side(fitted: StudyResults, file: Study) -> None:
+def test_every_joint_of_every_hand_stands_in_the_picture(
+    fitted: StudyResults, fitted_study_page: str
+) -> None:
+    """Its stated error to two decimals, its verdict as a mark; the reason is told by a pointer."""
+    table = table_called(fitted_study_page, "Every joint of every hand under whole-hand.")
+    digits, parts, *rows = table.rows
+    assert parts == [*["CMC", "MCP", "IP"], *["CMC", "MCP", "PIP", "DIP"] * 4, "wrist"]
+    assert [row[:2] for row in rows] == [[hand.subject, hand.hand] for hand in fitted.hands]
+    assert digits[2:7] == ["thumb", "index", "middle", "ring", "little"]
+    for hand, cells in zip(fitted.hands, rows, strict=True):
+        known = rows_where(fitted.joints, model="whole-hand", hand=hand.hand)
+        shown = [
+            ("–" if row["sd_mm"] is None else f"{row['sd_mm']:.2f}") + MARKS[row["verdict"]] for row in known
+        ]
+        assert sorted(cells[2:-1]) == sorted(shown)
+        believed = Counter(row["verdict"] for row in known)["believe"]
+        assert cells[-1] == f"{believed}/{len(known)}"
+    assert 'title="has no place: too few frames (3)"' in fitted_study_page
+
+
+def test_every_subject_has_a_card_that_leads_on(results: StudyResults, pages: dict[Path, str]) -> None:
+    page = pages[results.paths.report]
+    cards = re.findall(r'<li><a href="([^"]+)" title=.*?</li>', page, re.DOTALL)
+    assert [results.paths.folder / unquote(href) for href in cards] == [
+        results.paths.subject_page(*who) for who in results.sessions
+    ]
+    assert page.count("<title>right hand of") == len(results.subjects)
+
+
+def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page: str) -> None:
     """A row a hand and a column a bone, as the gathered table has them, with a doubt's sign behind."""
-    page = render_study(fitted, file)
-    header, *rows = _lengths(page, "whole-hand").rows
-    assert header[:5] == ["Subject", "Hand", "Lengths to believe", "thumb metacarpal", "thumb proximal"]
-    assert [row[:3] for row in rows] == [["S01", "right", "15 of 19"], ["S01", "left", "11 of 19"]]
+    caption = "Bone lengths of every hand under whole-hand, in mm, with 1-sigma error."
+    header, *rows = table_called(fitted_study_page, caption).rows
     for row in rows:
         known = rows_where(fitted.bones, hand=row[1], model="whole-hand")
         cells = dict(zip(header[3:], row[3:], strict=True))
         assert len(cells) == len(known) == 19
         for bone in known:
             start = f"{bone['length_mm']:.1f} ± {bone['sd_mm']:.1f}"
-            assert cells[bone["bone"].replace("_", " ")].removesuffix(" ◆").removesuffix(" ✕") == start
-    left = dict(zip(header, rows[1], strict=True))
-    assert left["ring distal"].endswith(" ✕")  # its DIP joint failed
-    assert left["little middle"].endswith(" ✕")  # and here it is weak
-    assert page.count('href="#bones"') == 1
+            assert cells[bone["bone"].replace("_", " ")].rstrip(" ◆✕") == start
 
 
 def _study_of_one_fault(fitted: StudyResults, accepted: str = "") -> StudyResults:
@@ -109,32 +135,52 @@ def _study_of_one_fault(fitted: StudyResults, accepted: str = "") -> StudyResult
     return replace(fitted, problems=[problem_row(STAGE, finding, **own) for own in where])
 
 
-def test_one_fault_in_eleven_recordings_is_one_item_of_the_page(fitted: StudyResults, file: Study) -> None:
+def test_one_fault_in_eleven_recordings_is_one_item_with_its_cure(fitted: StudyResults, file: Study) -> None:
     page = render_study(_study_of_one_fault(fitted), file)
     assert page.count("seem to be the inverse of what is declared") == 1
     assert page.count("write <code>rotates: transmitter-to-receiver</code> under") == 1
     assert "<strong>11 recordings</strong>" in page
-    assert "<p>subject S00, left hand, rom; subject S01, left hand, rom; " in page
     assert "<li>subject S10, left hand, rom: put right, the gap of index_pip falls" in page
-    assert 'id="problems"' not in page
+    accepted = render_study(_study_of_one_fault(fitted, "as it should be"), file)
+    assert "Accepted in the recordings sheet: 1" in accepted
 
 
-def test_the_terminal_has_findings_first_each_once(fitted: StudyResults) -> None:
-    text = " ".join(terminal_tables(_study_of_one_fault(fitted)).split())
-    assert text.count("seem to be the inverse") == 1
-    assert 'write "rotates: transmitter-to-receiver" under "orientation" in the mapping' in text
-    assert "Found in the recordings, to be settled first: - 11 recordings, check_recordings: The rot" in text
-    assert (
-        "subject S03, left hand, rom; and 7 more subject S00, left hand, rom: put right, the gap of" in text
+def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
+    fitted: StudyResults, file: Study
+) -> None:
+    notes = [
+        problem_row("capture", worded("recording", NOTE, f"{n} stray"), task=f"rom{n}") for n in range(5)
+    ]
+    found = _study_of_one_fault(fitted).problems
+    many = replace(fitted, problems=[*notes, *found])
+    page = render_study(many, file)
+    shown, folded = (
+        page.partition('id="problems"')[2].partition("</section>")[0].split("<summary>3 more</summary>")
     )
+    assert shown.count("<strong>") == GRAVEST
+    assert shown.index("seem to be the inverse") < shown.index("0 stray")
+    assert folded.count("stray") == 3
+    text = outcome_text(many)
+    assert text.index("seem to be the inverse") < text.index("0 stray")
+    assert "and 3 more; see the report" in text
+    assert max(map(len, text.splitlines())) <= WIDTH
 
 
 def test_a_picture_that_fails_is_a_problem_of_the_page(
     fitted: StudyResults, file: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("shukotsu.stages.report.plots.page_pictures.draw_for_page", lambda _: {}["x"])
+    monkeypatch.setattr("shukotsu.stages.report.plots.page_pictures.page_figure", lambda _: {}["x"])
     page = render_study(replace(fitted, problems=[*fitted.problems]), file)
-    assert "<svg" not in page
     assert "Not drawn: internal error in report" in page
-    (table,) = [t for t in read_page(page).tables if t.caption.startswith("Everything that did not go")]
-    assert any("KeyError" in row[-1] for row in table.rows)
+    assert "KeyError" in page.partition('id="problems"')[2].partition("</section>")[0]
+
+
+@pytest.mark.slow
+def test_a_hundred_subjects_weigh_less_than_two_megabytes(tmp_path: Path) -> None:
+    study, folder = many_subjects(tmp_path, 100)
+    results = read_results(read_study(study), folder)
+    page = render_study(results, read_study(study))
+    assert len(page.encode()) < 2_000_000
+    table = table_called(page, "Every joint of every hand under whole-hand.")
+    assert table.rows[2][0] == "Median"
+    assert len(table.rows) == 3 + 200

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from report_samples.read_page import read_page, table_called
 from report_samples.rendered import subject_page
@@ -14,7 +13,7 @@ from shukotsu.schemas.study import Hand
 from shukotsu.schemas.verdict import UNJUDGED, judged_joint
 from shukotsu.stages.report.belief import BELIEVED, CARE, NOT
 from shukotsu.stages.report.study_results import Row, StudyResults
-from shukotsu.stages.report.trust import believed_text, joint_anchor, study_trust_table, verdicts
+from shukotsu.stages.report.trust import joint_anchor, verdicts
 
 LEFT = Hand("S01", "left")
 
@@ -77,28 +76,3 @@ def test_the_page_says_it_in_words(fitted: StudyResults) -> None:
     assert {f"#{joint_anchor(LEFT, joint, 'whole-hand')}" for joint in found} <= links
     assert {str(link).removeprefix("#") for link in links} <= rows
     assert table_called(page, "Whether to believe the joints of paper-fig4: subject S01, left hand.")
-    assert believed_text(fitted, LEFT, "whole-hand") == (
-        f"{sum(v.believed == BELIEVED for v in found.values())} of {len(found)}"
-    )
-
-
-def test_over_all_hands(fitted: StudyResults) -> None:
-    """Counts add up to the hands, and the most frequent doubt is told with its count."""
-    moved = {"right": {"range_deg": 7.0, "sd_mm": 7.0}, "left": {"range_deg": 3.0, "sd_mm": 8.0}}
-    changed = replace(
-        fitted,
-        joints=[
-            judged_joint(row | moved[row["hand"]], FINGER_MM)
-            if (row["model"], row["joint"]) == ("whole-hand", "ring_pip")
-            else row
-            for row in fitted.joints
-        ],
-    )
-    table = study_trust_table(changed, "whole-hand")
-    by_joint = {row[0]: row[1:] for row in table.blocks[0].rows}
-    for cells in by_joint.values():
-        assert int(cells[0]) == sum(map(int, cells[1:4]))
-    assert by_joint["ring_pip"][:4] == ("2", "0", "0", "2")
-    assert by_joint["ring_pip"][-1].endswith("(2 of 2)")
-    sd = [r["sd_mm"] for r in changed.joints if (r["model"], r["joint"]) == ("whole-hand", "ring_pip")]
-    assert by_joint["ring_pip"][4] == f"{np.median(sd):.2f}"

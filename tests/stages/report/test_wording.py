@@ -22,8 +22,7 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.study import Hand, Study, read_study
 from shukotsu.sentences.translation import END, FOREIGN, tr, translated
 from shukotsu.stages.report import subject, templates, wording
-from shukotsu.stages.report.movement_page.movement_page import render_movement
-from shukotsu.stages.report.movement_page.movement_results import read_movement
+from shukotsu.stages.report.movement_results import read_movement
 from shukotsu.stages.report.plots import style
 from shukotsu.stages.report.recording_page.recording_content import recording_page
 from shukotsu.stages.report.recording_results import read_recording
@@ -150,7 +149,6 @@ def test_nothing_of_a_japanese_report_is_left_in_english(
     with speaking("ja"):
         pages = [
             whole_report(fitted, read_study(fitted_made[0])),
-            render_movement(fitted, read_movement(fitted)),
         ]
         pages += [recording_page(read_recording(fitted, recording)) for recording in fitted.shown[:1]]
     assert_japanese(pages)
@@ -162,7 +160,6 @@ def test_nor_of_one_that_compares_or_in_which_much_went_wrong(
 ) -> None:
     with speaking("ja"):
         pages = [whole_report(results, study), render_study(*many, read_movement(many[0]))]
-        pages += [render_movement(own, read_movement(own)) for own in (results, many[0])]
     assert_japanese(pages)
 
 

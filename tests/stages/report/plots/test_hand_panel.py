@@ -1,56 +1,80 @@
-"""Pictures of a posed hand: joints where they are, and a gross failure shrinks nothing."""
+"""The picture of a hand: joints where they are, and a gross failure shrinks nothing."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from xml.etree import ElementTree
 
 import numpy as np
 from report_samples.made_study import HOSTILE
 
-from shukotsu.stages.report.belief import BELIEVED, NOT
-from shukotsu.stages.report.hand_motion import Chain, DrawnPoint
-from shukotsu.stages.report.plots.description import HandPanel
-from shukotsu.stages.report.plots.hand_panel import Box, free_place
-from shukotsu.stages.report.plots.hand_views import window_of
+from shukotsu.stages.report.belief import BELIEVED, CARE, NOT
+from shukotsu.stages.report.hand_motion import BoneLine, HandMotion, ShownSkeleton
+from shukotsu.stages.report.plots.hand import hand_panel
 from shukotsu.stages.report.plots.page_pictures import page_picture
+from shukotsu.stages.report.plots.panels import page_figure
+
+POINTS = ("ring_mcp", "ring_dip", "ring_tip", "little_mcp", "little_dip", "little_tip")
+PLACES = np.array([[0.0, 20, 0], [2, 60, 0], [4, 90, 0], [20, 20, 0], [12, 60, 0], [6, 90, 0]])
 
 
-def picture(title: str, hand: str, chain: Chain, receivers: np.ndarray) -> str:
-    window = window_of(receivers, [chain])
-    return page_picture(HandPanel("", title, hand, (chain,), receivers, window))
+def motion(hand: str = "right", places: np.ndarray = PLACES) -> HandMotion:
+    """Two fingers whose tips lie on each other, in the view's own axes."""
+    bones = tuple(BoneLine(i, i + 1, i // 3, i % 3, shared=False) for i in (0, 1, 3, 4))
+    skeleton = ShownSkeleton(
+        "m", 0, POINTS, places[None], None, np.ones(6), (BELIEVED, NOT, BELIEVED, CARE, BELIEVED, BELIEVED),
+        bones, (), np.zeros((1, 2)),
+    )  # fmt: skip
+    receivers = np.array([[[0.0, 0, 0], [60, 100, 0], [-40, 150, 10]]])
+    turned = np.tile([1.0, 0, 0, 0], (1, 3, 1))
+    return HandMotion(
+        hand, ("ring", "little"), np.zeros(1, np.int64), np.zeros(1), 1, ("hand", "a", "b"), receivers,
+        turned, 0, (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (skeleton,),
+    )  # fmt: skip
 
 
-def test_far_joint_is_an_arrow_and_shrinks_nothing() -> None:
-    """A joint half a metre off changes neither window nor scale; its distance is written at the edge."""
-    receivers = np.array([[0.0, 0, 0], [60, 100, 0], [-40, 150, 10]])
-    near = DrawnPoint("a", np.array([10.0, 50, 0]), BELIEVED, 5.0)
-    far = DrawnPoint("b", np.array([500.0, 40, 0]), NOT, 490.0)
-    chains = [Chain("d", ("a", "b"), (near, far))]
-    window = window_of(receivers, chains)
-    assert window.high_mm[0] < 100
-    root = ElementTree.fromstring(picture(HOSTILE, "right", chains[0], receivers))
-    assert root.findtext("title") == HOSTILE
-    assert "b 490 mm" in [text.text for text in root.iter("text")]
+def picture(of: HandMotion, title: str = "t") -> str:
+    return page_picture(hand_panel(title, of, of.skeletons[0], 0))
 
 
-def test_a_joint_not_to_believe_is_marked_and_a_point_without_a_place_left_out() -> None:
-    receivers = np.array([[0.0, 0, 0], [60, 100, 0], [-40, 150, 10]])
-    doubted = DrawnPoint("ring_dip", np.array([10.0, 50, 0]), NOT, 5.0)
-    tip = DrawnPoint("ring_tip", np.array([20.0, 90, 0]), BELIEVED, 0.0)
-    chain = Chain("ring", ("ring_mcp", "ring_dip", "ring_tip"), (None, doubted, tip))
-    drawn = picture("t", "left", chain, receivers)
-    texts = [text.text for text in ElementTree.fromstring(drawn).iter("text")]
-    assert {"ring", "from the back", "from the side"} <= set(texts)
-    assert drawn.count("var(--no)") >= 2
+def texts(drawn: str) -> list[str | None]:
+    return [text.text for text in ElementTree.fromstring(drawn.replace("xlink:href", "href")).iter("text")]
 
 
-def test_words_do_not_lie_on_each_other() -> None:
-    """Neighbouring fingertips' names, as of two crossing fingers, are moved apart; where all is taken not."""
-    taken: list[Box] = []
-    box = (0.0, 0.0, 60.0, 40.0)
-    for k, words in enumerate(("middle", "ring", "little")):
-        free_place(words, (30.0 + k, 20.0), "center", box, taken)
-    for one, other in combinations(taken, 2):
-        assert one[2] <= other[0] or other[2] <= one[0] or one[3] <= other[1] or other[3] <= one[1]
-    assert free_place("ring", (30.0, 20.0), "center", box, [box]) == (30.0, 20.0)
+def test_a_far_joint_is_named_and_shrinks_nothing() -> None:
+    places = PLACES.copy()
+    places[1, 0] = 500.0
+    near, far = motion(), motion(places=places)
+    heights = [hand_panel("", of, of.skeletons[0], 0).height_mm for of in (near, far)]
+    assert heights[1] - heights[0] < 4.0, "a line of words"
+    assert "Not in the picture: ring_dip." in texts(picture(far))
+    assert "var(--no)" not in picture(far)
+
+
+def test_joints_are_marked_by_verdict_and_a_title_is_text() -> None:
+    drawn = picture(motion("left"), HOSTILE)
+    assert ElementTree.fromstring(drawn.replace("xlink:href", "href")).findtext("title") == HOSTILE
+    assert {"ring", "little", "from the back", "from the side", "20 mm"} <= set(texts(drawn))
+    assert "var(--no)" in drawn
+    assert "var(--amber)" in drawn
+
+
+def test_no_hand_is_mirrored() -> None:
+    """From the side the back of a right hand is to the right, that of a left one to the left."""
+    for hand, sign in (("right", 1), ("left", -1)):
+        places = PLACES.copy()
+        places[1, 2] = 10.0
+        of = replace(motion(hand, places))
+        axes = page_figure(hand_panel("", of, of.skeletons[0], 0)).axes[0]
+        bones = [line.get_xdata() for line in axes.lines if line.get_linewidth() == 2.2]
+        start, end = np.asarray(bones[4], float)  # the first bone in the second view
+        assert np.sign(end - start) == sign
+
+
+def test_names_of_crossing_fingers_do_not_lie_on_each_other() -> None:
+    axes = page_figure(hand_panel("", motion(), motion().skeletons[0], 0)).axes[0]
+    names = [text for text in axes.texts if text.get_text() in ("ring", "little")]
+    for one, other in combinations(names, 2):
+        (x, y), (x2, y2) = one.get_position(), other.get_position()
+        assert abs(x - x2) > 8.0 or abs(y - y2) > 3.0

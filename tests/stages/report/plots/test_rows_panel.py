@@ -11,78 +11,69 @@ from hypothesis import strategies as st
 
 from shukotsu.stages.report.palette import MODELS, Look
 from shukotsu.stages.report.plots import page_pictures
-from shukotsu.stages.report.plots.description import (
+from shukotsu.stages.report.plots.page_pictures import page_picture, taken_failures
+from shukotsu.stages.report.plots.panels import Panel
+from shukotsu.stages.report.plots.rows import (
     Group,
     Row,
-    RowsPanel,
     Scale,
-    difference_scale,
-    even_scale,
+    locator,
+    rows_panel,
     value_scale,
 )
-from shukotsu.stages.report.plots.page_pictures import page_picture, taken_failures
-from shukotsu.stages.report.plots.rows_panel import MOST_NAMED, ticks
 
 LOOK = Look(MODELS[0], "s")
 NUMBERS = st.lists(st.floats(-500.0, 500.0).map(lambda value: round(value, 3)), min_size=1, max_size=40)
 
 
 def places(picture: str) -> np.ndarray:
-    """Give where the dots of a picture are, (n, 2)."""
-    return np.array(re.findall(r"M([\d.]+)[ ]?([\d.]+)h0", picture), float).reshape(-1, 2)
+    """Return where the dots of a picture are, (n, 2)."""
+    found = re.findall(r'<use xlink:href="#\w+" x="([\d.]+)" y="([\d.]+)" style="[^"]*opacity', picture)
+    return np.array(found, float).reshape(-1, 2)
 
 
-def panel(scale: Scale, *rows: Row, n: int) -> RowsPanel:
-    return RowsPanel("", "Thumb <1>", "mm", scale, (Group("", rows),), of_all=n)
+def panel(scale: Scale, *rows: Row, n: int) -> Panel:
+    return rows_panel("", "Thumb <1>", "mm", scale, [Group("", rows)], of_all=n)
 
 
 @given(NUMBERS)
 def test_scales_hold_every_number(values: list[float]) -> None:
-    """Differences all, errors all but those that are next to nothing on a logarithmic scale."""
+    """All but those that are next to nothing on a logarithmic scale."""
     numbers = np.array(values)
-    differences, errors = difference_scale(numbers), value_scale(np.abs(numbers))
-    assert differences.low < 0 < differences.high
-    assert differences.low <= numbers.min()
-    assert differences.high >= numbers.max()
+    errors = value_scale(np.abs(numbers))
     assert errors.high >= np.abs(numbers).max()
     assert errors.low <= max(np.abs(numbers)[numbers != 0].min(initial=500.0), errors.high / 1e4)
 
 
-@pytest.mark.parametrize(
-    ("gross", "kinds"), [(4.0, ("linear", "linear")), (150.0, ("log", "asinh")), (9000.0, ("log", "asinh"))]
-)
-def test_gross_failures_flatten_nothing(gross: float, kinds: tuple[str, str]) -> None:
+@pytest.mark.parametrize(("gross", "kind"), [(4.0, "linear"), (150.0, "log"), (9000.0, "log")])
+def test_gross_failures_flatten_nothing(gross: float, kind: str) -> None:
     """The usual numbers keep a good part of the axis beside one of centimetres."""
     usual = np.linspace(1.0, 3.0, 30)
-    found = value_scale(np.append(usual, gross)), difference_scale(np.append(usual - 2, -gross))
-    assert (found[0].kind, found[1].kind) == kinds
-    assert 0.0 in ticks(found[1])
-    assert all(len(ticks(scale)) >= 2 for scale in found)
+    assert value_scale(np.append(usual, gross)).kind == kind
 
 
 @pytest.mark.parametrize(
     ("scale", "expected"),
     [
         (Scale(-1.0, 9.3), [0, 2, 4, 6, 8]),
-        (Scale(0.0, 0.5), [0, 0.1, 0.2, 0.3, 0.4, 0.5]),
-        (Scale(1e-4, 2.0, "log"), [1e-4, 1e-3, 1e-2, 0.1, 1]),
         (Scale(0.8, 9.0, "log"), [1, 2, 5]),
-        (Scale(-30.0, 200.0, "asinh", 2.0), [-30, -10, -3, 0, 3, 10, 30, 100]),
+        (Scale(0.4, 300.0, "log"), [1, 3, 10, 30, 100, 300]),
     ],
 )
 def test_ticks_are_round_numbers(scale: Scale, expected: list[float]) -> None:
-    assert ticks(scale) == pytest.approx(expected)
+    ticks = locator(scale).tick_values(scale.low, scale.high)
+    assert [tick for tick in ticks if scale.low <= tick <= scale.high] == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("n", [3, MOST_NAMED + 1])
+@pytest.mark.parametrize("n", [3, 31])
 def test_every_subject_is_drawn(n: int) -> None:
-    """A dot a number, over its value; subjects are named while they are few, and missing ones counted."""
+    """A dot a number, over its value; missing ones are counted; the same bytes twice."""
     first = Row("a & b", LOOK, {f"S{k}": k + 1.0 for k in range(n)})
     scale = value_scale(np.arange(1.0, n + 1))
     picture = page_picture(panel(scale, first, Row("c", LOOK, {"S0": 1.0}), Row("none", LOOK), n=n))
+    assert picture == page_picture(panel(scale, first, Row("c", LOOK, {"S0": 1.0}), Row("none", LOOK), n=n))
     found = places(picture)
     assert len(found) == n + 1
-    assert picture.count("<title>S") == (n if n <= MOST_NAMED else 0)
     row = np.sort(found[found[:, 1] < found[:, 1].min() + 7][:, 0])
     along = np.arange(1.0, n + 1)
     np.testing.assert_allclose(row, np.polyval(np.polyfit(along, row, 1), along), atol=0.1)
@@ -95,8 +86,6 @@ def test_rounding_errors_stretch_no_scale() -> None:
     """They are nothing beside nothing, and at the foot beside a gross number; every dot is drawn."""
     nothing = [9e-15, 2e-13, 0.0]
     assert value_scale(nothing) == Scale(0.0, 1.0)
-    assert difference_scale(nothing) == Scale(-1.0, 1.0)
-    assert even_scale([nothing]) == Scale(-1.0, 1.0 + max(nothing))
     numbers = dict(zip("abcde", [*nothing, 1.0, 80.0], strict=True))
     scale = value_scale(list(numbers.values()))
     assert scale.kind == "log"
@@ -105,7 +94,7 @@ def test_rounding_errors_stretch_no_scale() -> None:
 
 
 def test_a_picture_that_fails_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page_pictures, "draw_for_page", lambda _: {}["<no>"])
+    monkeypatch.setattr(page_pictures, "page_figure", lambda _: {}["<no>"])
     picture = page_picture(panel(Scale(0.0, 1.0), Row("a", LOOK, {"a": 1.0}), n=1))
     assert picture.startswith("<p>Not drawn: internal error in report (Thumb &lt;1&gt;: KeyError")
     assert len(taken_failures()) == 1

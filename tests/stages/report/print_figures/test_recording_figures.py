@@ -10,9 +10,7 @@ from shukotsu.schemas.catalogue import JOINT_ANGLES, TIPS
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import read_table
 from shukotsu.stages.report.palette import MODELS
-from shukotsu.stages.report.plots.description import CurvesPanel
-from shukotsu.stages.report.print_figures.over_time import joint_angles, tip_error
-from shukotsu.stages.report.print_figures.skeletons import skeletons
+from shukotsu.stages.report.print_figures.over_time import joint_angles, thin, tip_error
 from shukotsu.stages.report.print_figures.study_figures import find_recording
 from shukotsu.stages.report.study_results import StudyResults
 
@@ -22,30 +20,38 @@ def recording(results: StudyResults) -> Recording:
     return find_recording(results, "S01", "right", "opposition")
 
 
+def test_a_peak_and_a_gap_survive_thinning() -> None:
+    time_s, error = np.arange(100_000) / 240, np.ones(100_000)
+    error[54_321], error[60_000:70_000] = 77.0, np.nan
+    trace = thin(time_s, error, 200)
+    assert trace is not None
+    assert abs(trace.x[np.nanargmax(trace.high)] - time_s[54_321]) <= time_s[-1] / 200
+    assert (np.nanmin(trace.low), np.nanmax(trace.high)) == (1.0, 77.0)
+    assert np.isnan(trace.high).sum() == np.isnan(trace.low).sum() == 1
+    inside = (trace.x > time_s[60_500]) & (trace.x < time_s[69_500])
+    assert not np.isfinite(trace.high[inside]).any()
+
+
+@pytest.mark.parametrize(("n", "breaks"), [(50, 1), (5000, 0)])
+def test_a_missing_frame_breaks_a_line_of_few_frames(n: int, breaks: int) -> None:
+    error = np.ones(n)
+    error[20] = np.nan
+    trace = thin(np.arange(n, dtype=float), error, 240)
+    assert trace is not None
+    assert np.isnan(trace.high).sum() == breaks
+
+
 def test_tip_errors_are_the_tables_and_break_at_the_gap(results: StudyResults, recording: Recording) -> None:
-    plot, caption = tip_error(results, recording)
-    panels = [panel for panel in plot.panels if isinstance(panel, CurvesPanel)]
-    line = next(line for line in panels[1].lines if line.colour == MODELS[2])
+    figure, caption = tip_error(results, recording)
+    line = next(line for line in figure.axes[1].lines if line.get_color() == MODELS[2])
     data = read_table(results.paths.study_table("tips"), TIPS).to_pylist()
     own = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
     largest = max(row["error_mm"] for row in own if row["error_mm"] is not None)
-    assert np.nanmax(line.y) == largest
-    assert np.isnan(line.y).sum() == 1
+    assert np.nanmax(line.get_ydata()) == largest
+    assert np.isnan(line.get_ydata()).sum() == 1
     assert "n = 240–300 frames" in caption
     assert "least-squares" in caption
-    assert [panel.x_label for panel in panels] == ["", "", "", "", "Device time [s]"]
-
-
-def test_skeletons_show_every_joint_and_name_what_they_cannot(results: StudyResults) -> None:
-    """The little DIP joint is doubtful and far off, the ring DIP joint has no place, where not corrected."""
-    spoiled = find_recording(results, "S01", "left", "opposition")
-    plot, caption = skeletons(results, spoiled)
-    assert len(plot.panels) == 3
-    assert (
-        "(a) paper-fig3-rest and paper-fig3; not to be believed: little_dip; outside the picture: " in caption
-    )
-    assert "(b) paper-fig4 and rigid; not to be believed: little_dip; outside" in caption
-    assert "(c) paper-fig4-corrected; not to be believed: little_dip; without a place: ring_dip." in caption
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "", "", "Device time [s]"]
 
 
 def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
@@ -66,14 +72,13 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
     ]
     write_parts(path, JOINT_ANGLES, {part_of(recording.hand, "whole-hand"): rows})
     try:
-        plot, caption = joint_angles(simulated, recording, "whole-hand")
+        figure, caption = joint_angles(simulated, recording, "whole-hand")
     finally:
         path.unlink()
-    panels = [panel for panel in plot.panels if isinstance(panel, CurvesPanel)]
-    assert [panel.heading for panel in panels] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
-    flexion = next(line for line in panels[0].lines if line.style == "-")
-    np.testing.assert_allclose(np.unique(flexion.y), 3.0 * np.arange(12))
-    assert np.isclose(flexion.x[-1], 11 / 240, atol=0.6 / 240)
+    assert [axes.get_title("right") for axes in figure.axes] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
+    flexion = figure.axes[0].lines[1]
+    np.testing.assert_allclose(np.unique(flexion.get_ydata()), 3.0 * np.arange(12))
+    assert np.isclose(np.asarray(flexion.get_xdata())[-1], 11 / 240, atol=0.6 / 240)
     assert "n = 12 frames" in caption
 
 

@@ -1,4 +1,4 @@
-"""Read the study's tables of movement, under one model, for the movement page and its figures."""
+"""Read the study's tables of movement under one model; what of it differs between levels of a factor."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ from shukotsu.schemas.movement_tables import (
     RANGES_OF_MOTION,
 )
 from shukotsu.schemas.tables import Table, open_table
-from shukotsu.stages.report.belief import BELIEVED, NOT
+from shukotsu.sentences.translation import tr
+from shukotsu.stages.report.belief import NOT
 from shukotsu.stages.report.study_results import StudyResults, recording_key
+from shukotsu.stages.report.table_cells import Column, DataTable, number, p_text, table_of, text_column
 from shukotsu.stages.report.trust import study_beliefs
 
 if TYPE_CHECKING:
     import pandas as pd
 
 RANGE = "range_deg"
-"""The quantity that the page draws; all others stand in tables."""
+"""The quantity that is drawn; all others stand in tables."""
 PLACE = ["hand", "task"]
 OF_ANGLE = ["joint", "angle"]
 SUBJECT = ["subject", "session", "hand"]
@@ -53,24 +55,43 @@ class Movement:
         sessions = self.ranges.groupby([*whose, "session"], sort=False)[RANGE].mean()
         return sessions.groupby(whose, sort=False).mean().reset_index()
 
-    @cached_property
-    def moved_most(self) -> pd.DataFrame:
-        """Joint angles by mean range, largest first: mean, std and n over subjects, hands and tasks averaged.
+    @property
+    def why_nothing(self) -> str:
+        """Why no joint angle counts: none was measured, or all hands are left out."""
+        if self.measured:
+            return tr("every hand that has joint angles has a suspect finding, and counts in nothing")
+        return tr("no recording of this study has joint angles")
 
-        Joints that are not to be believed are left out.
+    def differences_table(self) -> DataTable | None:
+        """Differences between two levels of a factor that are shown, of joints that can be believed; None
+        where no two levels were compared.
         """
-        means = self.subject_means
-        means = means[
-            means["joint"].map(lambda joint: self.believed.get(joint, BELIEVED) != NOT).astype(bool)
-        ]
-        own = means.groupby([*OF_ANGLE, "subject"], sort=False)[RANGE].mean()
-        found = own.groupby(OF_ANGLE, sort=False).agg(["mean", "std", "count"])
-        return found.sort_values("mean", ascending=False, kind="stable").reset_index()
-
-    def believable(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Rows of comparisons less those of joints that are not to be believed."""
         doubted = {joint for joint, shown in self.believed.items() if shown == NOT}
-        return rows[np.array([of.partition(" ")[0] not in doubted for of in rows["of"]], bool)]
+        rows = self.differences[self.differences["verdict"] != ""]
+        rows = rows[np.array([of.partition(" ")[0] not in doubted for of in rows["of"]], bool)]
+        if rows.empty:
+            return None
+        shown = rows[rows["verdict"] == "shown"].sort_values("p_holm", kind="stable")
+        columns = (
+            Column(
+                tr("Levels"),
+                lambda row: f"{row['factor']}: {row['level']} − {row['other_level']}",
+                is_text=True,
+            ),
+            Column(tr("Of"), lambda row: f"{row['quantity']}, {row['of']}", is_text=True),
+            text_column(tr("Hand"), "hand"),
+            text_column(tr("Task"), "task"),
+            Column(tr("Subjects"), lambda row: "/".join(str(n) for n in (row["n"], row["n_other"]) if n)),
+            Column(tr("Difference"), lambda row: f"{number(row['difference'])} {row['unit']}"),
+            Column(tr("95 % interval"), lambda row: f"{number(row['low'])} – {number(row['high'])}"),
+            Column(tr("p, corrected"), lambda row: p_text(row["p_holm"])),
+        )
+        caption = tr(
+            "Differences shown, {n} of {n_all} numbers that were tested (movement_differences.parquet).",
+            n=len(shown),
+            n_all=len(rows),
+        )
+        return table_of(caption, columns, shown.to_dict("records"))
 
 
 def read_movement(results: StudyResults) -> Movement:

@@ -1,1 +1,0 @@
-"""Say whether one skeleton model does better than another across the subjects of a study."""

@@ -1,1 +1,0 @@
-"""A study's movement page: which joints moved, whether groups differ, how it repeats, and by which models."""
