@@ -29,10 +29,8 @@ class StubbornTracker:
         return self.device.next_cycle()
 
 
-def set_up(
-    tracker: StubbornTracker, request: RecordingRequest, *, put_back: bool = False
-) -> tuple[StreamSettings, list[str]]:
-    """Set it up at a pseudo-terminal, and back; gives the settings and the warnings."""
+def set_up(tracker: StubbornTracker, request: RecordingRequest) -> tuple[StreamSettings, list[str]]:
+    """Set it up at a pseudo-terminal; gives the settings and the warnings."""
     with at_a_port(tracker) as name:
         port = open_port(name, 115200)
         conversation = Conversation(port)
@@ -40,7 +38,5 @@ def set_up(
         try:
             return driver.set_up(), driver.warnings
         finally:
-            if put_back:
-                driver.put_back()
             conversation.close()
             port.close()

@@ -82,12 +82,7 @@ def crc16(data: bytes) -> int:
     return register
 
 
-def viper_frame(
-    frame: int,
-    stations: Sequence[int],
-    unit: int = 2,
-    accelerated: bool = False,
-) -> bytes:
+def viper_frame(frame: int, stations: Sequence[int], unit: int = 2, accelerated: bool = False) -> bytes:
     """A frame of poses of VIPER; unit 0 inch, 1 foot, 2 cm, 3 m."""
     body = struct.pack("<4I", 7, frame, int(accelerated), len(stations))
     for station in stations:

@@ -45,10 +45,7 @@ def build_parser() -> argparse.ArgumentParser:
     add("--replay", type=Path, metavar="FILE", help="coach an archive that was recorded, as it came")
     add("--speed", type=float, default=1.0, help="of --replay; 0: as fast as it goes (default: 1)")
     add(
-        "--page",
-        type=Path,
-        metavar="FILE",
-        help="the page (default: beside the recording; of --replay none)",
+        "--page", type=Path, metavar="FILE", help="the page (default: beside the recording; of --replay none)"
     )
     add("--study", type=Path, help=f"the study (default: none; with --port {USUAL} of this folder, if any)")
     add("--subject", help="whose hand it is in the study")

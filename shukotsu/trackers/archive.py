@@ -70,10 +70,6 @@ _STRETCH_BYTES = 64 << 20
 """No batch is half as long, and so much of a file that grows is looked at in one go."""
 
 
-def _host_utc_offset_ns() -> int:
-    return time.time_ns() - time.perf_counter_ns()
-
-
 class ArchiveWriter:
     """Appends to an archive. Every `flush` leaves a file that can be read as it is.
 
@@ -89,13 +85,12 @@ class ArchiveWriter:
         self,
         path: Path,
         about: Mapping[str, Any],
-        utc_offset_ns: Callable[[], int] = _host_utc_offset_ns,
+        utc_offset_ns: Callable[[], int] = lambda: time.time_ns() - time.perf_counter_ns(),
     ) -> None:
         self.path = path
         self._utc_offset_ns = utc_offset_ns
         self._rows: list[tuple[int, int, int, bytes]] = []
-        self.waiting_bytes = 0
-        self._written_rows = 0
+        self.waiting_bytes = self._written_rows = self._length = 0
         self._synced = 0.0
         whole = {
             "schema": SCHEMA_NAME,
@@ -114,7 +109,6 @@ class ArchiveWriter:
             raise InputError(f"{path}: exists already; a recording is never written over") from error
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror})") from error
-        self._length = 0
         self._append(self._schema.serialize().to_pybytes())
         self._sync()
         sync_folder(path.parent)
@@ -138,9 +132,14 @@ class ArchiveWriter:
     def flush(self) -> None:
         """Append what was added since as one batch; sync to disk where that was last done a second ago."""
         if self._rows:
-            batch = _batch_bytes(self._schema, self._rows, self._written_rows)
-            self._written_rows += len(self._rows)
-            self._append(batch)
+            host_ns, offsets, kinds, data = zip(*self._rows, strict=True)
+            crcs = [zlib.crc32(piece) for piece in data]
+            numbers = range(self._written_rows, self._written_rows + len(data))
+            row_crcs = _row_crcs(numbers, host_ns, offsets, kinds, crcs)
+            columns = zip((host_ns, offsets, kinds, data, crcs, numbers, row_crcs), self._schema, strict=True)
+            arrays = [pa.array(values, column.type) for values, column in columns]
+            self._written_rows += len(data)
+            self._append(pa.record_batch(arrays, schema=self._schema).serialize().to_pybytes())
             self._rows.clear()
             self.waiting_bytes = 0
         if time.perf_counter() - self._synced >= SYNC_SECONDS:
@@ -180,18 +179,6 @@ class ArchiveWriter:
     def _sync(self) -> None:
         os.fsync(self._file)
         self._synced = time.perf_counter()
-
-
-def _batch_bytes(schema: pa.Schema, rows: Sequence[tuple[int, int, int, bytes]], first_row: int) -> bytes:
-    """Rows (host_ns, utc_offset_ns, kind, data) with their numbers and checksums, as they stand in a file."""
-    host_ns, offsets, kinds, data = zip(*rows, strict=True)
-    crcs = [zlib.crc32(piece) for piece in data]
-    numbers = range(first_row, first_row + len(rows))
-    row_crcs = _row_crcs(numbers, host_ns, offsets, kinds, crcs)
-    columns = (host_ns, offsets, kinds, data, crcs, numbers, row_crcs)[: len(schema)]
-    arrays = [pa.array(values, column.type) for values, column in zip(columns, schema, strict=True)]
-    written: bytes = pa.record_batch(arrays, schema=schema).serialize().to_pybytes()
-    return written
 
 
 def _fields(columns: Sequence[tuple[str, pa.DataType, str, str]]) -> list[pa.Field]:

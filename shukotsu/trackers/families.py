@@ -51,19 +51,9 @@ def _on_usb(name: str, product: int) -> dict[tuple[int, int], UsbTracker]:
 
 FAMILIES = {
     "liberty": Family(
-        "LIBERTY",
-        (240, 120),
-        16,
-        "--stations, --items short, --rate 120",
-        _on_usb("LIBERTY", 0xFF00),
+        "LIBERTY", (240, 120), 16, "--stations, --items short, --rate 120", _on_usb("LIBERTY", 0xFF00)
     ),
-    "patriot": Family(
-        "PATRIOT",
-        (60,),
-        2,
-        "--stations, --items short",
-        _on_usb("PATRIOT", 0xEF00),
-    ),
+    "patriot": Family("PATRIOT", (60,), 2, "--stations, --items short", _on_usb("PATRIOT", 0xEF00)),
     "viper": Family(
         "VIPER",
         (240, 120),

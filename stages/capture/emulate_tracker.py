@@ -14,7 +14,6 @@ from shukotsu.stages import command_line
 
 if TYPE_CHECKING:
     from shukotsu.trackers.emulate.pose_sources import Motion
-    from shukotsu.trackers.emulate.server import PtyPort, TcpPort
 
 RATES_HZ = (240, 120)
 _LOCAL_HOSTS = ("127.0.0.1", "localhost")
@@ -55,7 +54,7 @@ def emulate(options: argparse.Namespace) -> None:
     from shukotsu.trackers.emulate.device import EmulatedLiberty
     from shukotsu.trackers.emulate.made_capture import write_archive
     from shukotsu.trackers.emulate.pose_sources import built_in_motion
-    from shukotsu.trackers.emulate.server import Emulator, serve
+    from shukotsu.trackers.emulate.server import Emulator, PtyPort, TcpPort, serve
     from shukotsu.trackers.record.request import parse_stations
 
     if options.archive is not None:
@@ -75,7 +74,12 @@ def emulate(options: argparse.Namespace) -> None:
     if options.archive is not None:
         write_archive(device, options.archive, {"recording": options.recording.name})
         return
-    port = _open(options)
+    host, _, number = (options.tcp or "0").rpartition(":")
+    host = host or _LOCAL_HOSTS[0]
+    if host not in _LOCAL_HOSTS or not number.isdecimal() or int(number) > 65535:
+        raise InputError(f"--tcp: is {options.tcp!r}; expected a port of this machine, such as 4001")
+    link = None if options.pty == Path() else options.pty
+    port = PtyPort(link) if options.tcp is None else TcpPort(host, int(number))
     signals: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _frame: signals.append(received))
@@ -84,17 +88,6 @@ def emulate(options: argparse.Namespace) -> None:
         serve(Emulator(device, port.write, time.perf_counter_ns()), port, lambda: bool(signals))
     finally:
         port.close()
-
-
-def _open(options: argparse.Namespace) -> PtyPort | TcpPort:
-    from shukotsu.trackers.emulate.server import PtyPort, TcpPort
-
-    if options.tcp is None:
-        return PtyPort(None if options.pty == Path() else options.pty)
-    host, _, number = options.tcp.rpartition(":")
-    if (host or _LOCAL_HOSTS[0]) not in _LOCAL_HOSTS or not number.isdecimal() or int(number) > 65535:
-        raise InputError(f"--tcp: is {options.tcp!r}; expected a port of this machine, such as 4001")
-    return TcpPort(host or _LOCAL_HOSTS[0], int(number))
 
 
 def read_motion(path: Path, layout_name: str, *, loop: bool = False) -> Motion:

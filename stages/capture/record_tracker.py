@@ -15,8 +15,7 @@ from shukotsu.stages import command_line
 from shukotsu.trackers.families import FAMILIES, USUAL
 
 if TYPE_CHECKING:
-    from shukotsu.trackers.record.request import RecordingRequest
-    from shukotsu.trackers.record.session import Ending, RecordingPlan
+    from shukotsu.trackers.record.session import Ending
 
 NOT_ABOUT = ("out", "note", "devices", "ask")
 """Options that say nothing of the recording."""
@@ -64,9 +63,9 @@ def main(argv: list[str]) -> int:
 
 def record_tracker(options: argparse.Namespace) -> None:
     """Record, and say what was kept; or list the ports, or ask the tracker."""
+    from shukotsu.trackers.record import request as requests
     from shukotsu.trackers.record import session
     from shukotsu.trackers.record.port import open_port, port_lines, serial_ports, usb_devices
-    from shukotsu.trackers.record.request import StopRequest, stop_on_signals
     from shukotsu.trackers.record.tracker_check import check
 
     if options.devices:
@@ -74,13 +73,23 @@ def record_tracker(options: argparse.Namespace) -> None:
         return
     if options.port is None:
         raise InputError("--port: is missing; `shukotsu record --devices` lists those there are")
-    request = recording_request(options)
-    plan = None if options.ask else recording_plan(options, request)
-    stop = StopRequest()
-    with stop_on_signals(stop):
+    request = requests.RecordingRequest(
+        options.tracker,
+        options.items == "short",
+        options.rate,
+        None if options.stations is None else requests.parse_stations(options.stations),
+        requests.parse_hemisphere(options.hemisphere),
+        options.no_filters,
+    )
+    if options.duration is not None and not 0 < options.duration < 1e6:
+        raise InputError(f"--duration: is {options.duration:g}; expected seconds above 0")
+    if not options.ask and (options.out is None or options.out.suffix != ".arrows"):
+        raise InputError(f"--out: is {options.out or 'missing'}; expected a name that ends with .arrows")
+    stop = requests.StopRequest()
+    with requests.stop_on_signals(stop):
         port = open_port(options.port, options.baud)
         try:
-            if plan is None:
+            if options.ask:
                 for line in check(port, request, stop):
                     print(line, flush=True)
                 return
@@ -89,35 +98,13 @@ def record_tracker(options: argparse.Namespace) -> None:
                 "notes": options.note,
                 "opened_utc": datetime.now(UTC).isoformat(),
             }
+            plan = session.RecordingPlan(
+                options.out, request, options.duration, tuple(options.note), options.quiet
+            )
             ending = session.record(plan, port, LinePrinter(sys.stderr), stop, about)
         finally:
             port.close()
     _report(options.out, options.port, ending)
-
-
-def recording_request(options: argparse.Namespace) -> RecordingRequest:
-    """Check what the options say of the tracker. Raises InputError."""
-    from shukotsu.trackers.record import request
-
-    return request.RecordingRequest(
-        options.tracker,
-        options.items == "short",
-        options.rate,
-        None if options.stations is None else request.parse_stations(options.stations),
-        request.parse_hemisphere(options.hemisphere),
-        options.no_filters,
-    )
-
-
-def recording_plan(options: argparse.Namespace, request: RecordingRequest) -> RecordingPlan:
-    """Check the options. Raises InputError."""
-    from shukotsu.trackers.record.session import RecordingPlan
-
-    if options.duration is not None and not 0 < options.duration < 1e6:
-        raise InputError(f"--duration: is {options.duration:g}; expected seconds above 0")
-    if options.out is None or options.out.suffix != ".arrows":
-        raise InputError(f"--out: is {options.out or 'missing'}; expected a name that ends with .arrows")
-    return RecordingPlan(options.out, request, options.duration, tuple(options.note), options.quiet)
 
 
 def _report(out: Path, port: str, ending: Ending) -> None:

@@ -87,7 +87,7 @@ class EmulatedLiberty:
 
     @property
     def _is_binary(self) -> bool:
-        return bool(self.numbers[b"F", 0][0])
+        return self.numbers[b"F", 0] == (1,)
 
     @property
     def whoami(self) -> str:

@@ -26,7 +26,7 @@ _IDLE_S = 0.02
 class Emulator:
     """Device and clock. Time is the caller's, in ns from any beginning, and never goes back.
 
-    write : takes bytes towards the client and returns how many were taken.
+    write : takes bytes towards the client and returns how many were taken; waiting : that were not yet.
     """
 
     def __init__(self, device: EmulatedLiberty, write: Callable[[bytes], int], now_ns: int) -> None:
@@ -34,7 +34,7 @@ class Emulator:
         self._write = write
         self._rate = device.rate
         self._from_cycle, self._from_ns = device.cycle, now_ns
-        self._waiting = bytearray()
+        self.waiting = bytearray()
 
     @property
     def due_ns(self) -> int:
@@ -42,17 +42,12 @@ class Emulator:
         passed = self.device.cycle - self._from_cycle
         return self._from_ns + passed * SECOND_NS * self._rate.denominator // self._rate.numerator
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether cycles are sent, or wait for the client."""
-        return self.device.streaming or bool(self._waiting)
-
     def receive(self, data: bytes, now_ns: int) -> None:
         """Hand the client's bytes to the device and its answer to the line."""
         if not data:
             return
         self.run(now_ns)
-        self._waiting += self.device.receive(data)
+        self.waiting += self.device.receive(data)
         if self.device.rate != self._rate:
             self._from_ns, self._from_cycle = self.due_ns, self.device.cycle
             self._rate = self.device.rate
@@ -62,14 +57,14 @@ class Emulator:
         """Let every cycle pass that is due."""
         while self.due_ns <= now_ns:
             data = self.device.next_cycle()
-            if len(self._waiting) < MOST_WAITING_BYTES:
-                self._waiting += data
+            if len(self.waiting) < MOST_WAITING_BYTES:
+                self.waiting += data
         self._send()
 
     def _send(self) -> None:
-        if self._waiting:
-            taken = self._write(bytes(self._waiting))
-            del self._waiting[:taken]
+        if self.waiting:
+            taken = self._write(bytes(self.waiting))
+            del self.waiting[:taken]
 
 
 class TcpPort:
@@ -191,7 +186,7 @@ def serve(emulator: Emulator, port: TcpPort | PtyPort, stopped: Callable[[], boo
     while not stopped():
         emulator.run(time.perf_counter_ns())
         wait_s = max(0.0, (emulator.due_ns - time.perf_counter_ns()) / SECOND_NS)
-        if not emulator.is_busy:
+        if not (emulator.device.streaming or emulator.waiting):
             wait_s = max(wait_s, _IDLE_S)
         readable, _, _ = select.select(port.readable, [], [], wait_s)
         if readable:

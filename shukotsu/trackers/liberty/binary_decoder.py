@@ -71,7 +71,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
         station, command, error, reserved = (b[at + index] for index in (2, 3, 4, 5))
         body_bytes = b[at + 6].astype(np.int64) | b[at + 7].astype(np.int64) << 8
         possible = self._is_station[station] & _IS_RECORD[command] & _IS_LETTER[error] & (reserved == 0)
-        return at[possible & (HEADER_BYTES + body_bytes == self._kind.itemsize)]
+        return np.asarray(at[possible & (HEADER_BYTES + body_bytes == self._kind.itemsize)])
 
     def _records(self, b: Bytes, at: Wholes) -> Records:
         """Read the records at those bytes; nothing is checked but what cannot be right."""

@@ -36,7 +36,7 @@ POLL = b"P"
 """Ends a stream and asks for one record of each station; the only command that ends without CR."""
 
 STREAM = b"C\r"
-TEXT, BINARY = b"F0\r", b"F1\r"
+BINARY = b"F1\r"
 RESET_COUNTERS = b"Q0\r"
 WHOAMI = b"\x16\r"
 WHOAMI_NUMBERS = 3
@@ -76,18 +76,14 @@ class LibertyDriver(shared.TrackerDriver):
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
         super().__init__(conversation, request)
         self._ports = FAMILIES[request.family].connectors
-        self._before: State = {}
-        self._was_binary = False
-        self._changed: set[str] = set()
         self._switches: dict[int, bool] = {}
 
     def set_up(self) -> StreamSettings:
         """Identify the tracker, set it up and make sure that it took everything. Raises InputError."""
         whoami = self._find(self._attempt)
-        self._before = self._ask_all()
-        stations = self._choose_stations()
-        wanted = self._wanted()
-        self._changed = set(wanted)
+        before = self._ask_all()
+        stations = self._choose_stations(before["stations"])
+        wanted = self._wanted(echo=bool(before["echo"]))
         for name, value in wanted.items():
             self._conversation.send(SETTINGS[name].assignment(value))
         for station, on in self._switches.items():
@@ -109,7 +105,7 @@ class LibertyDriver(shared.TrackerDriver):
             stations,
             dict.fromkeys(every, request.items),
             dict.fromkeys(every, request.hemisphere),
-            {"whoami": whoami, "before": self._before, "after": after, "warnings": self.warnings},
+            {"whoami": whoami, "before": before, "after": after, "warnings": self.warnings},
         )
 
     def start(self) -> Mapping[str, Any]:
@@ -123,28 +119,10 @@ class LibertyDriver(shared.TrackerDriver):
         """Have it stop; it sends one more record of each station."""
         self._conversation.send(POLL)
 
-    def put_back(self) -> None:
-        """Set what was changed to what it was before; a stream that was running stays off."""
-        self.stop()
-        self._conversation.drain()
-        if not self._before:
-            return
-        for name in reversed(SETTINGS):  # units last
-            setting, before = SETTINGS[name], self._before[name]
-            for station, value in before.items() if setting.per_station else [(0, before)]:
-                if name in self._changed and value is not None:
-                    self._conversation.send(setting.assignment(value, int(station)))
-        for station in self._switches:
-            on = int(station in replies.usable_stations(self._before["stations"]))
-            self._conversation.send(SETTINGS["stations"].assignment(on, station))
-        self._conversation.send(BINARY if self._was_binary else TEXT)
-        self._conversation.drain(0.1)
-
     def _attempt(self) -> tuple[str | None, bytes]:
         """Stop a stream, have it say anything at all, and ask who it is, in binary."""
         # What a program that broke off has left of a command would swallow the first poll.
         before = self._silence(POLL, b"\r" + POLL)
-        self._was_binary |= bool(replies.binary_answers(before))
         answer = self._conversation.ask(b"\r", lambda data: data or None, ANSWER_S)
         rest, _ = self._conversation.drain(cap_s=2.0)
         heard = before + (answer or b"") + rest
@@ -190,12 +168,11 @@ class LibertyDriver(shared.TrackerDriver):
         answer = self._conversation.ask(setting.question(station), answer_in, ANSWER_S)
         return None if answer is None else answer[0]
 
-    def _choose_stations(self) -> tuple[int, ...]:
+    def _choose_stations(self, halves: tuple[int, ...] | None) -> tuple[int, ...]:
         """Return the stations to record; without --stations all that are connected, switched off or not.
 
         Raises InputError where those asked for are not connected.
         """
-        halves = self._before["stations"]
         if halves is None:
             raise InputError(f"{self._port_name}: the tracker does not say which receivers are connected")
         usable, wanted = replies.usable_stations(halves), self._request.stations
@@ -224,10 +201,10 @@ class LibertyDriver(shared.TrackerDriver):
             self.warnings.append(f"receiver {listed(off)}: cannot be switched on; not recorded")
         return active
 
-    def _wanted(self) -> dict[str, Any]:
+    def _wanted(self, *, echo: bool) -> dict[str, Any]:
         """Return the settings that a recording needs, in the order in which they are sent."""
         request = self._request
-        wanted: dict[str, Any] = {"echo": 0} if self._before["echo"] else {}
+        wanted: dict[str, Any] = {"echo": 0} if echo else {}
         wanted["units"] = CENTIMETRES
         if request.family == "liberty":
             wanted["rate"] = RATES[request.rate_hz]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -56,10 +57,10 @@ class Records:
 
 def empty_records(count: int = 0) -> Records:
     """Return records of which nothing is said yet: numbers NaN, whole numbers NONE, nothing doubtful."""
-    columns = {part.name: np.full(count, NONE, np.int64) for part in fields(Records)}
     poses = {"position_mm": np.full((count, 3), np.nan), "quaternion": np.full((count, 4), np.nan)}
-    flags = {"error": np.zeros(count, np.int64), "doubtful": np.zeros(count, bool)}
-    return Records(**(columns | poses | flags))
+    zeros = {"error": np.zeros(count, np.int64), "doubtful": np.zeros(count, bool)}
+    columns: dict[str, Any] = poses | zeros
+    return Records(*(columns.get(part.name, np.full(count, NONE, np.int64)) for part in fields(Records)))
 
 
 def concatenated(parts: Sequence[Records]) -> Records:

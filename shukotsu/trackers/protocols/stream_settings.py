@@ -49,7 +49,9 @@ def settings_from_json(loaded: Any, where: str) -> StreamSettings:
         if not all(isinstance(loaded[name], str) for name in ("family", "mode", "unit")):
             raise TypeError("a name is no text")
         settings = StreamSettings(
-            *(loaded[name] for name in ("family", "mode", "unit")),
+            loaded["family"],
+            loaded["mode"],
+            loaded["unit"],
             float(loaded["rate_hz"]),
             tuple(int(station) for station in loaded["stations"]),
             {int(s): tuple(int(i) for i in items) for s, items in loaded["items"].items()},

@@ -130,10 +130,6 @@ class Conversation:
             )
         return chunks
 
-    def finish(self) -> None:
-        """Go on to the end from here, whoever asks for it."""
-        self._stopped = lambda: False
-
     def drain(self, silence_s: float = SILENCE_S, cap_s: float = 5.0) -> tuple[bytes, bool]:
         """Wait for `silence_s` without a byte; return what came, and whether it ended within `cap_s`."""
         came = b""

@@ -31,7 +31,7 @@ _EMPTY_READS = 3
 PortEntry = tuple[str, int | None, int | None, str]
 """A serial port: its name, USB vendor, USB product, description."""
 
-WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it comes back under another number."
+WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it comes back under another number"
 HINT = (
     "A tracker on USB is no serial port by itself; on Linux, once it has its firmware, this makes it one:\n"
     "  sudo modprobe usbserial vendor=0x0f44 product=0x{product:04x}"
@@ -212,10 +212,10 @@ def port_lines(ports: Sequence[PortEntry], usb: Sequence[tuple[int, int]]) -> li
     lines = []
     for name, vendor, product, description in ports:
         tracker = USB_TRACKERS.get((vendor or 0, product or 0))
-        ids = "" if vendor is None or product is None else f" (USB {vendor:04x}:{product:04x})"
-        lines.append(f"{name}  {tracker.name if tracker else description}{ids}")
+        number = "" if vendor is None or product is None else f" (USB {vendor:04x}:{product:04x})"
+        lines.append(f"{name}  {tracker.name if tracker else description}{number}")
     for ids in usb:
-        if ids not in USB_TRACKERS or ids in [(vendor, product) for _, vendor, product, _ in ports]:
+        if ids not in USB_TRACKERS or any(ids == entry[1:3] for entry in ports):
             continue
         tracker, number = USB_TRACKERS[ids], f"{ids[0]:04x}:{ids[1]:04x}"
         lines += [f"USB {number}  {tracker.name}: {tracker.state}"]

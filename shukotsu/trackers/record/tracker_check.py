@@ -24,20 +24,19 @@ VALUE_NAMES = {"units": {0: "inch", 1: "cm"}, "rate": {3: "120 Hz", 4: "240 Hz"}
 
 
 def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[str]:
-    """Set a tracker up, yield what it answers and sends, a line at a time, and set it back.
+    """Set a tracker up as a recording would; yield what it answers and sends, a line at a time.
 
     Raises InputError where it does not answer as it must.
     """
     conversation = Conversation(port, stopped=lambda: bool(stop))
     try:
         driver = DRIVERS[request.family](conversation, request)
+        settings = driver.set_up()
+        yield from answer_lines(settings, driver.warnings, port.line_baud)
         try:
-            settings = driver.set_up()
-            yield from answer_lines(settings, driver.warnings, port.line_baud)
             yield from _stream_lines(driver, conversation, settings)
         finally:
-            conversation.finish()
-            driver.put_back()
+            driver.stop()
     except PortGoneError as error:
         raise InputError(f"{port.name}: the port is gone ({error}){perhaps_taken(port.name)}") from error
     except StoppedError:
@@ -77,7 +76,6 @@ def _stream_lines(driver: Driver, conversation: Conversation, settings: StreamSe
             decoder.add(chunk.data, chunk.host_ns)
         received_bytes = decoder.waiting_bytes
         statistics.add(decoder.decode(final=False), received_bytes, time.perf_counter_ns())
-    driver.stop()
     totals = statistics.totals(time.perf_counter_ns())
     if not totals["records"]:
         name = conversation.port.name

@@ -6,7 +6,7 @@ import importlib
 from typing import Any
 
 from shukotsu.errors import InputError
-from shukotsu.trackers.families import READY, USB_TRACKERS, WANTS_FIRMWARE
+from shukotsu.trackers.families import USB_TRACKERS, WANTS_FIRMWARE
 from shukotsu.trackers.record.port import WAIT_S, WITHOUT_FIRMWARE, Port, PortGoneError
 
 READ_BYTES = 4096
@@ -60,12 +60,10 @@ class UsbPort(Port):
                 "`shukotsu record --devices` lists them"
             )
         device, tracker = trackers[0]
-        if tracker.state == WANTS_FIRMWARE:
-            raise InputError(f"{self.name}: a {tracker.name} {tracker.state}; {WITHOUT_FIRMWARE}")
-        if tracker.state != READY or tracker.endpoints is None:
-            raise InputError(
-                f"{self.name}: a {tracker.name} is not read this way; see `shukotsu record --devices`"
-            )
+        if tracker.endpoints is None:
+            asleep = tracker.state == WANTS_FIRMWARE
+            why = f"{tracker.state}; {WITHOUT_FIRMWARE}" if asleep else "is not read this way"
+            raise InputError(f"{self.name}: a {tracker.name} {why}; see `shukotsu record --devices`")
         return device, tracker.endpoints
 
     def read(self) -> bytes:

@@ -13,8 +13,7 @@ from typing import Any
 from shukotsu.errors import InputError
 from shukotsu.trackers.protocols.records import Reply
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
-from shukotsu.trackers.record.conversation import Conversation
-from shukotsu.trackers.record.request import TRACK, RecordingRequest
+from shukotsu.trackers.record.request import TRACK
 from shukotsu.trackers.record.tracker_driver import TrackerDriver
 from shukotsu.trackers.viper import decoder as viper
 from shukotsu.trackers.viper.decoder import ANY, CONTINUOUS, GET, SENSORS, SET, command_frame
@@ -32,16 +31,12 @@ Key = tuple[int, ...]
 class ViperDriver(TrackerDriver):
     """Driver of VIPER."""
 
-    def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
-        super().__init__(conversation, request)
-        self._before: dict[Key, bytes] = {}
-
     def set_up(self) -> StreamSettings:
         """Find the tracker, set units, rate, hemispheres, stylus, and read them back. Raises InputError."""
         whoami = self._find(self._attempt)
         stations = self._stations()
         wanted = self._wanted(stations)
-        self._before = {key: self._get(*key) for key in wanted}
+        before = {key: self._get(*key) for key in wanted}
         for key, payload in wanted.items():
             self._ask(SET, key, payload)
         after = {key: self._get(*key) for key in wanted}
@@ -49,15 +44,8 @@ class ViperDriver(TrackerDriver):
             if not _same(key, after[key], payload):
                 self._require(_name(key), after[key].hex(), payload.hex())
         self._warn_of_boresights(stations)
-        told = {"before": self._before, "after": after}
-        options = {
-            **{
-                when: {_name(key): data.hex() for key, data in values.items()}
-                for when, values in told.items()
-            },
-            "whoami": whoami,
-            "warnings": self.warnings,
-        }
+        named = [{_name(key): data.hex() for key, data in values.items()} for values in (before, after)]
+        options = {"whoami": whoami, "before": named[0], "after": named[1], "warnings": self.warnings}
         hemisphere = dict.fromkeys(range(1, SENSORS + 1), self._request.hemisphere)
         rate_hz = float(self._request.rate_hz)
         return StreamSettings("viper", "binary", "cm", rate_hz, stations, {}, hemisphere, options)
@@ -70,13 +58,6 @@ class ViperDriver(TrackerDriver):
     def stop(self) -> None:
         """Have it stop."""
         self._conversation.send(command_frame(CONTINUOUS, viper.RESET))
-
-    def put_back(self) -> None:
-        """Set what was changed to what it was before; a stream that was running stays off."""
-        self.stop()
-        self._conversation.drain(0.1)
-        for key, payload in self._before.items():
-            self._ask(SET, key, payload)
 
     def _attempt(self) -> tuple[str | None, bytes]:
         heard = self._silence(*[command_frame(CONTINUOUS, viper.RESET)] * 2)
@@ -100,7 +81,7 @@ class ViperDriver(TrackerDriver):
         request = self._request
         vector = (1.0, 0.0, 0.0) if request.hemisphere == TRACK else request.hemisphere
         hemisphere = struct.pack("<I3f", int(request.hemisphere == TRACK), *vector)
-        wanted = {(HEMISPHERE, station - 1, 0): hemisphere for station in stations}
+        wanted: dict[Key, bytes] = {(HEMISPHERE, station - 1, 0): hemisphere for station in stations}
         if request.no_filters:
             off = struct.pack("<I4f", UNFILTERED, 0, 0, 0, 0)
             for kind in (ORIENTATION, POSITION):

@@ -15,15 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from stubborn_trackers import StubbornTracker
-from tracker_processes import (
-    PATIENCE_S,
-    VanishedError,
-    at_a_port,
-    capture,
-    leave_in,
-    started,
-    until_lines,
-)
+from tracker_processes import PATIENCE_S, VanishedError, at_a_port, capture, leave_in, started, until_lines
 
 from shukotsu.files.line_printer import LinePrinter
 from shukotsu.stages.capture import record_tracker

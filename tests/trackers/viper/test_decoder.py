@@ -17,10 +17,7 @@ def read(data: bytes) -> Decoded:
 @pytest.mark.parametrize(("unit", "mm"), [(0, 25.4), (1, 304.8), (2, 10.0), (3, 1000.0)])
 @pytest.mark.parametrize("accelerated", [False, True])
 def test_every_number_comes_out(unit: int, mm: float, accelerated: bool) -> None:
-    frames = [
-        viper_frame(2**32 - 1, (1, 3), unit, accelerated),
-        viper_frame(7, (16,), unit),
-    ]
+    frames = [viper_frame(2**32 - 1, (1, 3), unit, accelerated), viper_frame(7, (16,), unit)]
     records = read(b"".join(frames)).records
     assert records.station.tolist() == [1, 3, 16]
     assert records.frame.tolist() == [2**32 - 1, 2**32 - 1, 7]
