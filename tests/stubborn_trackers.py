@@ -9,6 +9,8 @@ from shukotsu.trackers.record.port import open_port
 from shukotsu.trackers.record.request import RecordingRequest
 from shukotsu.trackers.record.session import DRIVERS
 
+EVERYTHING_HEARD = b"not a command"
+
 
 class StubbornTracker:
     """A stand-in for a tracker: the bytes `unheard` come to the device as `heard`."""

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 CAPTURE = [sys.executable, "-m", "shukotsu"]
@@ -52,27 +52,13 @@ class VanishedError(Exception):
     """The tracker is gone, after some last bytes."""
 
 
-class StandIn(Protocol):
-    """What stands in for a tracker: it answers what it takes, and while it streams gives a cycle a period.
-
-    A cycle that raises VanishedError is its last, and the port is gone.
-    """
-
-    streaming: bool
-    period_s: float
-
-    def take(self, data: bytes) -> bytes:
-        """Answer commands."""
-        ...
-
-    def cycle(self) -> bytes:
-        """Give what it sends in one cycle."""
-        ...
-
-
 @contextmanager
-def at_a_port(device: StandIn) -> Iterator[str]:
-    """Let a stand-in answer and stream at a pseudo-terminal; gives the port to open."""
+def at_a_port(device: Any) -> Iterator[str]:
+    """Let a stand-in for a tracker answer and stream at a pseudo-terminal; yields the port to open.
+
+    device : take(data) answers commands; while `streaming`, cycle() is what it sends every period_s. A cycle
+    that raises VanishedError is its last, and the port is gone.
+    """
     master, slave = os.openpty()
     tty.setraw(slave)
     os.set_blocking(master, False)

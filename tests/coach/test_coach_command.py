@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from shukotsu.commands.coach_hand import main as coach
 from shukotsu.commands.new_study import main as new_study
 from shukotsu.schemas.sheets import RECORDINGS, read_sheet
 from shukotsu.stages.capture import record_tracker
+from shukotsu.trackers.archive import FollowedArchive
 
 COACH = [sys.executable, "-m", "shukotsu", "coach"]
 
@@ -106,11 +108,42 @@ def test_a_file_that_grows_is_followed_to_its_end(recorded: Path, folder: Path) 
     assert sorted(path.name for path in folder.iterdir()) == ["growing.arrows", "growing.html"]
 
 
+def test_a_page_that_can_be_written_no_more_costs_no_row(
+    recorded: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its folder is gone as the session ends."""
+
+    class Recorded(FollowedArchive):
+        notes = ("ended",)
+
+        def __init__(self, out: Path, _options: list[str]) -> None:
+            out.write_bytes(recorded.read_bytes())
+            super().__init__(out)
+
+        def stop(self) -> int:
+            if Path("pages").is_dir():
+                shutil.rmtree("pages")
+                Path("pages").touch()
+            return 0
+
+    monkeypatch.setattr("shukotsu.coach.source.Recorder", Recorded)
+    assert new_study([str(folder)]) == 0
+    (folder / "participants.tsv").write_text("subject\n03\n")
+    (folder / "pages").mkdir()
+    assert coach(["--port=made up", "--subject=03", "--page=pages/x.html"]) == 0
+    said = capsys.readouterr()
+    assert "captures/03_right_rom.arrows: entered in recordings.tsv" in said.out
+    assert said.err.count("note: no page any more: pages/x.html: ") == 1
+    assert [row["file"] for row in read_sheet(folder / "recordings.tsv", RECORDINGS)] == [
+        "captures/03_right_rom.arrows"
+    ]
+
+
 @pytest.mark.slow
 def test_a_calibration_from_a_tracker_is_a_row_of_the_study(folder: Path, tmp_path: Path) -> None:
     assert new_study([str(folder)]) == 0
     (folder / "participants.tsv").write_text("subject\n03\n")
-    with emulator(f"--recording={played(tmp_path, calibration(20.0))}") as running:
+    with emulator(f"--recording={played(tmp_path, calibration(12.0))}") as running:
         command = [*COACH, f"--port={running.name}", "--subject=03", "--", "--note=by hand"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
@@ -136,7 +169,7 @@ def test_a_calibration_from_a_tracker_is_a_row_of_the_study(folder: Path, tmp_pa
 @pytest.mark.slow
 def test_where_the_tracker_goes_away_what_came_is_kept(folder: Path, tmp_path: Path) -> None:
     assert list(folder.iterdir()) == []
-    with emulator(f"--recording={played(tmp_path, calibration(20.0))}") as running:
+    with emulator(f"--recording={played(tmp_path, calibration(7.0))}", "--loop") as running:
         command = [*COACH, f"--port={running.name}"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-from tracker_processes import StandIn, at_a_port, emulator
+from tracker_processes import at_a_port, emulator
 
 from shukotsu.files.line_printer import LinePrinter
 from shukotsu.trackers.archive import open_archive
@@ -34,7 +34,7 @@ def emulated(tmp_path: Path) -> Iterator[Callable[..., str]]:
 def recorded(tmp_path: Path) -> Callable[..., object]:
     """Record a stand-in for half a second; gives its records, its settings and the tally."""
 
-    def run(device: StandIn, request: RecordingRequest):
+    def run(device, request: RecordingRequest):
         plan = RecordingPlan(tmp_path / "rom.arrows", request, duration_s=0.5)
         with at_a_port(device) as name:
             port = open_port(name, 115200)

@@ -7,7 +7,9 @@ import pytest
 
 from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import Motion, built_in_motion
+from shukotsu.trackers.liberty import replies
 from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder
+from shukotsu.trackers.liberty.liberty_driver import SETTINGS
 from shukotsu.trackers.liberty.replies import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
@@ -38,55 +40,36 @@ def records(data: bytes, size: int) -> list[bytes]:
     return [data[at : at + size] for at in range(0, len(data), size)]
 
 
-QUERIES = {
-    # query: (ASCII body, binary body) of a device as the factory leaves it
-    b"U": (b"0", struct.pack("<i", 0)),
-    b"R": (b"4", struct.pack("<i", 4)),
-    b"Z": (b"0", struct.pack("<i", 0)),
-    b"\x05": (b"0", struct.pack("<i", 0)),
-    b"@B": (b"1", struct.pack("<i", 1)),
-    b"G": (b"   0.000    0.000    0.000 ", struct.pack("<3f", 0, 0, 0)),
-    b"X": (b" 0.200  0.200  0.800  0.950 ", struct.pack("<4f", 0.2, 0.2, 0.8, 0.95)),
-    b"Y": (b" 0.200  0.200  0.800  0.950 ", struct.pack("<4f", 0.2, 0.2, 0.8, 0.95)),
-    b"\x14": (b" ".join([b"0x00000000"] * 18), bytes(72)),
-    b"\x150": (b"ffffffff", struct.pack("<HH", 0xFFFF, 0xFFFF)),
-}
-STATION_QUERIES = {
+DEFAULTS = {
+    # query: what is answered in text, and in binary, of a device as the factory leaves it
+    b"U": (b"0", 0), b"R": (b"4", 4), b"Z": (b"0", 0), b"\x05": (b"0", 0), b"@B": (b"1", 1),
+    b"G": (b"   0.000    0.000    0.000 ", (0, 0, 0)),
+    b"X": (b" 0.200  0.200  0.800  0.950 ", (0.2, 0.2, 0.8, 0.95)),
+    b"Y": (b" 0.200  0.200  0.800  0.950 ", (0.2, 0.2, 0.8, 0.95)),
+    b"\x14": (b" ".join([b"0x00000000"] * 18), (0,) * 18), b"\x15": (b"ffffffff", (0xFFFF, 0xFFFF)),
     b"A": (
         b"   0.00   0.00   0.00\r\n   1.00   0.00   0.00\r\n   0.00   1.00   0.00\r\n",
-        struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0),
+        (0, 0, 0, 1, 0, 0, 0, 1, 0),
     ),
-    b"B": (b"   0.00    0.00    0.00 ", struct.pack("<3f", 0, 0, 0)),
-    b"H": (b"  1.000  0.000  0.000", struct.pack("<3f", 1, 0, 0)),
-    b"L": (b"0", struct.pack("<i", 0)),
-    b"N": (b" 0.000  0.000  0.000 ", struct.pack("<3f", 0, 0, 0)),
-    b"O": (b"2 4 1", struct.pack("<4i", 2, 4, 1, -1)),
-}
+    b"B": (b"   0.00    0.00    0.00 ", (0, 0, 0)), b"H": (b"  1.000  0.000  0.000", (1, 0, 0)),
+    b"L": (b"0", 0), b"N": (b" 0.000  0.000  0.000 ", (0, 0, 0)), b"O": (b"2 4 1", (2, 4, 1)),
+}  # fmt: skip
 
 
-def letter(query: bytes) -> bytes:
-    return query[:1] if query[0] >= 0x20 else bytes([query[0] + 0x60])
-
-
-@pytest.mark.parametrize("query", QUERIES)
-def test_queries_of_the_device_are_answered_in_both_modes(query: bytes) -> None:
-    tracker = device()
-    text, data = QUERIES[query]
-    assert translated(tracker, query + b"\r") == b"00" + letter(query) + b"  " + text + b"\r\n"
-    assert translated(tracker, b"F1\r") == b""
-    header = b"LY" + bytes((0, query[0], 0, 0)) + struct.pack("<h", len(data))
-    assert translated(tracker, query.lower() + b"\r") == header + data
-
-
-@pytest.mark.parametrize("query", STATION_QUERIES)
-def test_queries_of_a_station_are_answered_in_both_modes(query: bytes) -> None:
-    tracker = device()
-    text, data = STATION_QUERIES[query]
-    assert translated(tracker, query + b"7\r") == b"07" + letter(query) + b"  " + text + b"\r\n"
+@pytest.mark.parametrize("name", SETTINGS)
+def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
+    """Upper or lower case; a station that there is not is refused."""
+    tracker, setting = device(), SETTINGS[name]
+    text, numbers = DEFAULTS[setting.command]
+    station = 7 if setting.per_station else 0
+    letter = chr(setting.command[0] + 0x60 * (setting.command[0] < 0x20)).encode()
+    assert translated(tracker, setting.question(station)) == b"%02d%s  %s\r\n" % (station, letter, text)
     translated(tracker, b"F1\r")
-    header = b"LY" + bytes((7, query[0], 0, 0)) + struct.pack("<h", len(data))
-    assert translated(tracker, query + b"7\r") == header + data
-    assert translated(tracker, query + b"17\r")[4] == 2, "Invalid Station"
+    (reply,) = replies.binary_answers(translated(tracker, setting.question(station).lower()))
+    assert replies.answers(reply, setting, station)
+    assert replies.binary_value(setting, reply) == pytest.approx(numbers)
+    if setting.per_station:
+        assert translated(tracker, setting.question(17))[4] == 2, "Invalid Station"
 
 
 @pytest.mark.parametrize(

@@ -1,19 +1,18 @@
 """Setting up a LIBERTY that does not do as it is told: whatever it does not take is found."""
 
 import pytest
-from stubborn_trackers import StubbornTracker, set_up
+from stubborn_trackers import EVERYTHING_HEARD, StubbornTracker, set_up
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.liberty import liberty_driver as driver
-from shukotsu.trackers.liberty.liberty_driver import FILTER_OFF, SETTINGS
+from shukotsu.trackers.liberty.liberty_driver import SETTINGS
 from shukotsu.trackers.record.request import RecordingRequest
 
 REQUEST = RecordingRequest(
     "liberty", asked_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True
 )
-EVERYTHING_HEARD = b"not a command"
 
 
 def stubborn(unheard: bytes, heard: bytes = b"", *, before: bytes = b"") -> StubbornTracker:
@@ -71,31 +70,19 @@ def test_receivers_that_an_earlier_run_has_switched_off_are_switched_on_or_told(
     assert warnings == ([] if obeys else ["receiver 2: cannot be switched on; not recorded"])
 
 
-@pytest.mark.parametrize(
-    ("built", "bytes_of_the_manual"),
-    [
-        (SETTINGS["units"].assignment(1), b"U1\r"),
-        (SETTINGS["rate"].assignment(driver.RATES[240]), b"R4\r"),
-        (SETTINGS["rate"].assignment(driver.RATES[120]), b"R3\r"),
-        (SETTINGS["external_sync"].assignment(0), b"Z0\r"),
-        (SETTINGS["echo"].assignment(0), b"\x050\r"),
-        (SETTINGS["output_list"].assignment((8, 9, 11, 10, 12, 3, 7)), b"O*,8,9,11,10,12,3,7\r"),
-        (SETTINGS["output_list"].assignment((2, 4, 1), 12), b"O12,2,4,1\r"),
-        (SETTINGS["hemisphere"].assignment((1.0, 0.0, 0.0)), b"H*,1,0,0\r"),
-        (SETTINGS["hemisphere"].assignment((0.0, -0.5, 0.25), 3), b"H3,0,-0.5,0.25\r"),
-        (SETTINGS["stylus"].assignment(0), b"L*,0\r"),
-        (SETTINGS["stations"].assignment(1, 7), b"\x157,1\r"),
-        (SETTINGS["position_filter"].assignment(FILTER_OFF), b"X0,1,0,0\r"),
-        (SETTINGS["attitude_filter"].assignment(FILTER_OFF), b"Y0,1,0,0\r"),
-        (driver.RESET_COUNTERS, b"Q0\r"),
-        (driver.STREAM, b"C\r"),
-        (driver.POLL, b"P"),
-        (driver.WHOAMI, b"\x16\r"),
-        (SETTINGS["output_list"].question(16), b"O16\r"),
-        (SETTINGS["stations"].question(), b"\x150\r"),
-        (SETTINGS["bit_errors"].question(), b"\x14\r"),
-        (SETTINGS["usb_buffering"].question(), b"@B\r"),
-    ],
-)
-def test_commands_are_the_manuals(built: bytes, bytes_of_the_manual: bytes) -> None:
-    assert built == bytes_of_the_manual
+COMMANDS = {
+    b"U1": ("units", 1), b"R4": ("rate", 4), b"R3": ("rate", 3), b"Z0": ("external_sync", 0),
+    b"\x050": ("echo", 0), b"O12,2,4,1": ("output_list", (2, 4, 1), 12),
+    b"O*,8,9,11,10,12,3,7": ("output_list", (8, 9, 11, 10, 12, 3, 7)),
+    b"H*,1,0,0": ("hemisphere", (1.0, 0.0, 0.0)), b"H3,0,-0.5,0.25": ("hemisphere", (0.0, -0.5, 0.25), 3),
+    b"L*,0": ("stylus", 0), b"\x157,1": ("stations", 1, 7),
+    b"X0,1,0,0": ("position_filter", driver.FILTER_OFF), b"Y0,1,0,0": ("attitude_filter", driver.FILTER_OFF),
+}  # fmt: skip
+QUESTIONS = {b"O16": ("output_list", 16), b"\x150": ("stations",), b"\x14": ("bit_errors",)}
+
+
+def test_commands_are_the_manuals() -> None:
+    assert [SETTINGS[name].assignment(*value)[:-1] for name, *value in COMMANDS.values()] == [*COMMANDS]
+    assert [SETTINGS[name].question(*station)[:-1] for name, *station in QUESTIONS.values()] == [*QUESTIONS]
+    assert (driver.RESET_COUNTERS, driver.STREAM, driver.POLL) == (b"Q0\r", b"C\r", b"P")
+    assert (driver.WHOAMI, driver.RATES) == (b"\x16\r", {120: 3, 240: 4})

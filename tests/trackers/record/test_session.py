@@ -11,10 +11,11 @@ import signal
 import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from stubborn_trackers import StubbornTracker
+from stubborn_trackers import EVERYTHING_HEARD, StubbornTracker
 from tracker_processes import PATIENCE_S, VanishedError, at_a_port, capture, leave_in, started, until_lines
 
 from shukotsu.files.line_printer import LinePrinter
@@ -147,41 +148,16 @@ def test_nothing_is_lost_in_eight_seconds(stations, tcp, recording) -> None:
 # --- what goes wrong: what is kept of it, and what the user is told ----------------------------------------
 
 
-class Silent:
-    """A stand-in for a tracker that is switched off."""
+class Vanishing(StubbornTracker):
+    """A LIBERTY with four receivers that vanishes in the middle of a record, after 600 frames."""
 
-    streaming, period_s = False, 1.0
-
-    def take(self, data: bytes) -> bytes:
-        """Take commands, and answer none."""
-        del data
-        return b""
-
-    def cycle(self) -> bytes:
-        """Return nothing."""
-        return b""
-
-
-class Vanishing:
-    """A LIBERTY with four receivers that vanishes in the middle of a record, after so many frames."""
-
-    def __init__(self, frames: int) -> None:
-        self._device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3, 4}))
-        self.period_s, self._left = float(1 / self._device.rate), frames
-
-    @property
-    def streaming(self) -> bool:
-        """Whether it sends."""
-        return self._device.streaming
-
-    def take(self, data: bytes) -> bytes:
-        """Answer commands."""
-        return self._device.receive(data)
+    left = 600
 
     def cycle(self) -> bytes:
         """Return what it sends in one cycle; half a record, and it is gone."""
-        data, self._left = self._device.next_cycle(), self._left - 1
-        if self._left < 0:
+        data = super().cycle()
+        self.left -= self.device.streaming
+        if self.left < 0:
             raise VanishedError(data[:20])
         return data
 
@@ -189,7 +165,7 @@ class Vanishing:
 @pytest.mark.slow
 def test_nothing_answers(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
-    with at_a_port(Silent()) as port:
+    with at_a_port(SimpleNamespace(streaming=False, take=lambda _: b"")) as port:
         done = capture("record", "--port", port, "--out", str(out))
     assert done.returncode == 2
     assert f"error: {port}: nothing answers" in error_line(done.stderr)
@@ -205,7 +181,7 @@ def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPa
         return data if port.baud == 38400 else bytes(255 - byte for byte in data)
 
     device = EmulatedLiberty(built_in_motion(), frozenset({1}))
-    with at_a_port(StubbornTracker(device, b"not a command")) as name:
+    with at_a_port(StubbornTracker(device, EVERYTHING_HEARD)) as name:
         port = open_port(name, 115200)
         assert isinstance(port, SerialPort)
         port.line_baud = 115200
@@ -222,7 +198,8 @@ def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPa
 def test_the_tracker_vanishes_in_the_middle_of_a_record(tmp_path: Path) -> None:
     """All that came is kept, the archive is whole, the exit code is 3."""
     out = tmp_path / "rom.arrows"
-    with at_a_port(Vanishing(600)) as port:
+    device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3, 4}))
+    with at_a_port(Vanishing(device, EVERYTHING_HEARD)) as port:
         done = capture("record", "--port", port, "--out", str(out))
     assert done.returncode == 3, done.stderr
     message = error_line(done.stderr)

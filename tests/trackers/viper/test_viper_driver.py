@@ -3,12 +3,11 @@
 import struct
 from pathlib import Path
 
-import numpy as np
 import pytest
+from tracker_streams import viper_closed, viper_reply
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.viper.decoder import crc16_arc
 
 ANY = 0xFFFFFFFF
 HEMISPHERE, FILTER, BORESIGHT, RATE, UNITS, STATION_MAP, STYLUS, CONTINUOUS, WHOAMI = (
@@ -33,7 +32,7 @@ class Viper:
         self.deaf_to = deaf_to
         self.streaming = True
         self.frame = 12345
-        self.settings: dict[tuple[int, int, int], bytes] = {
+        self.settings: dict[tuple[int, ...], bytes] = {
             (UNITS, ANY, 0): struct.pack("<2I", 0, 0),
             (RATE, ANY, 0): struct.pack("<I", 2),
             (STYLUS, ANY, 0): struct.pack("<I", 3),
@@ -52,44 +51,31 @@ class Viper:
         while data:
             (size,) = struct.unpack_from("<I", data, 4)
             frame, data = data[: 8 + size], data[8 + size :]
-            assert frame == sealed(frame[:-4]), "the checksum of a command"
-            _, command, action, sensor, argument = struct.unpack_from("<5I", frame, 8)
-            out += self.answer(command, action, sensor, argument, frame[28:-4])
+            assert frame == viper_closed(frame[:4], frame[8:-4]), "the checksum of a command"
+            _, command, action, *key = struct.unpack_from("<5I", frame, 8)
+            out += self.answer(command, action, (command, *key), frame[28:-4])
         return out
 
-    def answer(self, command: int, action: int, sensor: int, argument: int, payload: bytes) -> bytes:
+    def answer(self, command: int, action: int, key: tuple[int, ...], payload: bytes) -> bytes:
         """Answer one command."""
-        key = (command, sensor, argument)
         if command == CONTINUOUS:
             self.streaming = action == 0
-            if self.streaming:
-                (self.frame,) = struct.unpack("<i", payload)
-            return self.reply(command, 3, sensor, argument)
+            self.frame = struct.unpack("<i", payload)[0] if self.streaming else self.frame
+            return viper_reply(command, b"")
         if action == 0 and command not in self.deaf_to:
             self.settings[key] = payload
-        known = key in self.settings
-        return self.reply(
-            command, 3 if known else 4, sensor, argument, self.settings.get(key, b"") if action == 1 else b""
-        )
-
-    def reply(self, command: int, action: int, sensor: int, argument: int, payload: bytes = b"") -> bytes:
-        """Give the frame of an answer."""
-        body = struct.pack("<5I", 7, command, action, sensor, argument) + payload
-        return sealed(b"VPRC" + struct.pack("<I", len(body) + 4) + body)
+        answer = self.settings.get(key, b"") if action == 1 else b""
+        return viper_reply(command, answer, 3 if key in self.settings else 4)
 
     def cycle(self) -> bytes:
-        """Give what it sends in one cycle."""
+        """Return what it sends in one cycle."""
         position, orientation = struct.unpack("<2I", self.settings[UNITS, ANY, 0])
         body = struct.pack("<4I", 7, self.frame, 0, 2)
         for sensor in (0, 2):
             info = sensor | position << 8 | orientation << 10
             body += struct.pack("<I7f", info, 10, 20, 30, 1, 0, 0, 0)
         self.frame += 1
-        return sealed(b"VPRP" + struct.pack("<I", len(body) + 4) + body)
-
-
-def sealed(frame: bytes) -> bytes:
-    return frame + struct.pack("<I", int(crc16_arc(np.frombuffer(frame, np.uint8)[None])[0]))
+        return viper_closed(b"VPRP", body)
 
 
 def test_a_viper_is_set_up_and_recorded(recorded) -> None:
