@@ -17,9 +17,6 @@ from shukotsu.trackers.families import FAMILIES, USUAL
 if TYPE_CHECKING:
     from shukotsu.trackers.record.session import Ending
 
-NOT_ABOUT = ("out", "note", "devices", "ask")
-"""Options that say nothing of the recording."""
-
 EXIT_CUT_SHORT = 3
 """The recording ended before it was asked to: the port went away, or the disk was full. What came is kept."""
 
@@ -93,8 +90,9 @@ def record_tracker(options: argparse.Namespace) -> None:
                 for line in check(port, request, stop):
                     print(line, flush=True)
                 return
+            other = ("out", "note", "devices", "ask")
             about = {
-                "options": {name: value for name, value in vars(options).items() if name not in NOT_ABOUT},
+                "options": {name: value for name, value in vars(options).items() if name not in other},
                 "notes": options.note,
                 "opened_utc": datetime.now(UTC).isoformat(),
             }

@@ -56,11 +56,6 @@ def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
     assert len(joints) == 15
     assert any(line.startswith("index_pip") and "believe" in line for line in joints)
     assert any(line.startswith("thumb_cmc") and "care     known less well" in line for line in joints)
-
-
-def test_at_the_end_it_says_what_measuring_would_bring() -> None:
-    coach, lines = calibrated()
-    assert coach.gains()
     assert any(f"What would help: {coach.gains()[0]}" in line for line in lines)
 
 

@@ -48,18 +48,19 @@ def _ending(survey: Survey) -> Iterator[str]:
 
 
 def _lost(survey: Survey) -> Iterator[str]:
-    whole = survey.gaps[survey.gaps[:, 0] == 0]
+    whole, losses = survey.gaps[survey.gaps[:, 0] == 0], survey.losses
+    frames = losses.all.frame - losses.first_frame + 1
     if len(whole):
         yield (
-            f"{survey.losses.all.lost} of {survey.frames} frames are missing for all receivers "
+            f"{losses.all.lost} of {frames} frames are missing for all receivers "
             f"(at {_places(survey, whole[:, 1], whole[:, 2] - whole[:, 1] + 1)})"
         )
     if len(survey.partial_frames):
         yield (
-            f"{len(survey.partial_frames)} of {survey.frames} frames lack a receiver "
+            f"{len(survey.partial_frames)} of {frames} frames lack a receiver "
             f"(at {_places(survey, survey.partial_frames)})"
         )
-    ends_s = survey.losses.silent_ends_s(survey.tally.started_ns, survey.tally.ended_ns)
+    ends_s = losses.silent_ends_s(survey.tally.started_ns, survey.tally.ended_ns)
     for silent_s, where in zip(ends_s, ("after the start", "before the end"), strict=True):
         if silent_s and survey.clock is not None:
             yield f"the tracker sent no pose record for {silent_s:.2f} s {where}"

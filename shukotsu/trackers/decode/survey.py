@@ -154,11 +154,6 @@ class Survey:
         """Good records of each station."""
         return {station: heard.records for station, heard in sorted(self.losses.stations.items())}
 
-    @property
-    def frames(self) -> int:
-        """Frames from the first to the last of which something came."""
-        return self.losses.all.frame - self.losses.first_frame + 1 if self.losses.cycles else 0
-
     def add(self, block: Block) -> Wholes:
         """Count what a block has beside losses; return frames and times [ns] of arrivals, (2, N)."""
         records, good = block.records, block.good

@@ -34,12 +34,6 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
     about : kept with the recording. The hemisphere is one that no receiver leaves, or following. Raises
     InputError where `out` exists.
     """
-    arrived = bytearray()
-
-    def write(data: bytes) -> int:
-        arrived.extend(data)
-        return len(data)
-
     archive = ArchiveWriter(out, {"emulated": True, **about}, utc_offset_ns=lambda: 0)
     vector, items = home_hemisphere(device.motion), ",".join(map(str, FULL_LIST))
     begin = b"F1\rU1\rO*,%s\rH*,%g,%g,%g\rQ0\rC\r" % (items.encode(), *vector)
@@ -55,7 +49,7 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
     )
     archive.settings(settings.to_json(), BEGINNING_NS)
     archive.sent(begin, BEGINNING_NS)
-    emulator = Emulator(device, write, BEGINNING_NS)
+    emulator = Emulator(device, lambda _: 0, BEGINNING_NS)  # what it sends waits until a piece takes it
     device.receive(begin)
     begun_ns = emulator.due_ns
     end_ns = begun_ns + len(device.motion.position_mm) * SECOND_NS // int(device.rate) - 1
@@ -65,10 +59,10 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
         draw = random.Random(pieces)
         now_ns = due_ns + draw.randrange(MOST_JITTER_NS)
         held_back = 0 if due_ns == end_ns else draw.randrange(_MOST_HELD_BACK_BYTES)
-        count = len(arrived) - held_back  # the others come with the next piece
+        count = len(emulator.waiting) - held_back  # the others come with the next piece
         if count > 0:
-            archive.received(bytes(arrived[:count]), now_ns)
-            del arrived[:count]
+            archive.received(bytes(emulator.waiting[:count]), now_ns)
+            del emulator.waiting[:count]
         if pieces % (SECOND_NS // PIECE_NS) == 0:
             archive.flush()
     archive.sent(b"P", now_ns)

@@ -9,7 +9,7 @@ User Manual URM03PH156.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from shukotsu.errors import InputError
@@ -181,7 +181,7 @@ class LibertyDriver(shared.TrackerDriver):
         if absent:
             raise InputError(
                 f"{self._port_name}: receiver {absent[0]} of --stations is not connected; "
-                f"connected are {listed(sorted(connected))}"
+                f"connected are {', '.join(map(str, sorted(connected))) or 'none'}"
             )
         if not connected:
             raise InputError(f"{self._port_name}: no receiver is connected; plug them in and wait a second")
@@ -198,7 +198,7 @@ class LibertyDriver(shared.TrackerDriver):
         if self._request.stations is not None or not active:
             self._require("active receivers", usable, stations)
         if off := [station for station in stations if station not in active]:
-            self.warnings.append(f"receiver {listed(off)}: cannot be switched on; not recorded")
+            self.warnings.append(f"receiver {', '.join(map(str, off))}: cannot be switched on; not recorded")
         return active
 
     def _wanted(self, *, echo: bool) -> dict[str, Any]:
@@ -223,13 +223,13 @@ class LibertyDriver(shared.TrackerDriver):
             if SETTINGS[name].per_station:
                 values = {f"{title} of receiver {station}": after[name][str(station)] for station in stations}
             for what, reported in values.items():
-                # While it follows the receiver it may well tell the present half instead of 0, 0, 0.
-                direction = name == "hemisphere" and (
-                    sent == TRACK or (reported and shared.same_direction(reported, sent))
-                )
-                # The manual gives the lowest and the highest in another order when it is asked for.
-                is_filter = name.endswith("filter") and reported
-                if not direction and not (is_filter and shared.same_value(_sorted(reported), _sorted(sent))):
+                if name == "hemisphere" and reported and shared.same_direction(reported, sent):
+                    continue
+                if name == "hemisphere" and sent == TRACK:  # it may well tell the present half
+                    continue
+                # Asked for, the lowest and the highest of a filter may be swapped.
+                told, asked = (sorted(v) if name.endswith("filter") and v else v for v in (reported, sent))
+                if told != asked:
                     self._require(what, reported, sent)
 
     def _warn_of(self, after: State, stations: tuple[int, ...]) -> None:
@@ -238,7 +238,7 @@ class LibertyDriver(shared.TrackerDriver):
             odd = [s for s in stations if after[name][str(s)] and not is_default(after[name][str(s)])]
             if odd:
                 value = shared.shown(after[name][str(odd[0])])
-                self.warnings.append(f"receiver {listed(odd)}: {text} ({value}), left as it is")
+                self.warnings.append(f"receiver {', '.join(map(str, odd))}: {text} ({value}), left as it is")
         if after["source_frame"] and not shared.is_zero(after["source_frame"]):
             turned = shared.shown(after["source_frame"])
             self.warnings.append(f"the transmitter's mounting frame is turned by {turned} deg, left as it is")
@@ -247,15 +247,6 @@ class LibertyDriver(shared.TrackerDriver):
             self.warnings.append(f"its built-in test has found faults (words {words}, see its manual)")
         if after["usb_buffering"] == 0:
             self.warnings.append("USB buffering is off, so that frames may be left out, left as it is")
-
-
-def _sorted(numbers: Iterable[float]) -> tuple[float, ...]:
-    return tuple(sorted(numbers))
-
-
-def listed(stations: Iterable[int]) -> str:
-    """Format stations for people."""
-    return ", ".join(map(str, stations)) or "none"
 
 
 def _whoami(data: bytes) -> tuple[str, bytes] | None:

@@ -9,6 +9,7 @@ from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.liberty import liberty_driver as driver
 from shukotsu.trackers.liberty.liberty_driver import SETTINGS
 from shukotsu.trackers.record.request import RecordingRequest
+from shukotsu.trackers.record.tracker_driver import is_default_alignment
 
 REQUEST = RecordingRequest(
     "liberty", asked_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True
@@ -86,3 +87,10 @@ def test_commands_are_the_manuals() -> None:
     assert [SETTINGS[name].question(*station)[:-1] for name, *station in QUESTIONS.values()] == [*QUESTIONS]
     assert (driver.RESET_COUNTERS, driver.STREAM, driver.POLL) == (b"Q0\r", b"C\r", b"P")
     assert (driver.WHOAMI, driver.RATES) == (b"\x16\r", {120: 3, 240: 4})
+
+
+def test_the_default_frame_may_be_told_in_any_unit() -> None:
+    assert is_default_alignment((0, 0, 0, 1, 0, 0, 0, 1, 0))
+    assert is_default_alignment((0, 0, 0, 508, 0, 0, 0, 508, 0))
+    assert not is_default_alignment((0, 0, 1, 1, 0, 0, 0, 1, 0))
+    assert not is_default_alignment((0, 0, 0, 0, 1, 0, -1, 0, 0))

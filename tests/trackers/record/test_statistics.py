@@ -1,8 +1,6 @@
-"""What the view and the summary count, on streams of which the losses are known."""
+"""What the summary counts of a receiver that comes and goes; losses are counted in test_losses."""
 
-import json
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 import pytest
@@ -41,27 +39,6 @@ def fed(statistics: Statistics, missing: set[tuple[int, int]], frames: range, st
         now_ns = START_NS + round(here.stop * 1e9 / RATE_HZ)
         statistics.add(block(pairs, **how), 56 * len(pairs), now_ns)
     return now_ns
-
-
-def counted(missing: set[tuple[int, int]], frames: int) -> dict[str, Any]:
-    """Totals of so many frames without those that are missing."""
-    statistics = Statistics(settings(), START_NS)
-    return statistics.totals(fed(statistics, missing, range(frames)))
-
-
-def test_all_is_well() -> None:
-    totals = counted(set(), 1200)
-    assert totals["records"] == 2400
-    assert totals["lost_frames"] == 0
-    assert totals["seconds"] == pytest.approx(5.0)
-    assert json.loads(json.dumps(totals)) == totals
-
-
-def test_lost_frames_are_of_the_receiver_that_lost_them() -> None:
-    totals = counted({(700, 2), (701, 2), (900, 1)}, 960)
-    assert totals["receivers"]["1"]["lost_frames"] == 1
-    assert totals["receivers"]["2"]["lost_frames"] == 2
-    assert totals["partial_cycles"] == 3
 
 
 def test_a_receiver_that_was_unplugged_is_absent_and_not_lossy() -> None:
