@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from typing import TextIO
 
@@ -37,9 +38,12 @@ class LinePrinter:
             self._shown = ""
 
     def _write(self, text: str) -> None:
+        if self._stream is None:
+            return
         try:
-            if self._stream is not None:
-                self._stream.write(text)
-                self._stream.flush()
-        except (OSError, ValueError):
+            self._stream.write(text)
+            self._stream.flush()
+        except OSError:  # what is left in its buffer must not fail again at the program's end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+        except ValueError:
             self._stream = None

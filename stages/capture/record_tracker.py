@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 from shukotsu.errors import InputError
 from shukotsu.files.line_printer import LinePrinter
@@ -112,19 +111,12 @@ def _report(out: Path, port: str, ending: Ending) -> None:
     if ending.totals is None:
         print(f"stopped before the first frame ({ending.reason}); no file is left", file=sys.stderr)
         return
-    _print("\n".join(display.summary(str(out), ending.reason, ending.totals, ending.notices)), sys.stdout)
+    summary = display.summary(str(out), ending.reason, ending.totals, ending.notices)
+    LinePrinter(sys.stdout).say("\n".join(summary))
     if not ending.failed:
         return
     seconds = ending.totals["seconds"]
     kept_s = ending.totals.get("seconds_kept", seconds)
     message = f"{port}: {ending.reason} after {seconds:.1f} s; {out} keeps the first {kept_s:.1f} s"
-    _print(f"error: {message}", sys.stderr)
+    LinePrinter(sys.stderr).say(f"error: {message}")
     sys.exit(EXIT_CUT_SHORT)
-
-
-def _print(text: str, stream: TextIO) -> None:
-    """Print; where the terminal is gone nobody reads, and what is left in the buffer must not fail again."""
-    try:
-        print(text, file=stream, flush=True)
-    except OSError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

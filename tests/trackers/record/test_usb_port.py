@@ -39,13 +39,15 @@ class Bus:
 
     def __init__(self, product: int = 0xFF20, claiming: str = "", reads: int = 1 << 30) -> None:
         self.product, self.claiming, self.reads = product, claiming, reads
-        self.waiting, self.lock = bytearray(), threading.Lock()
+        self.lock = threading.Lock()
         device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3}))
-        self.emulator = Emulator(device, self._sent, time.perf_counter_ns())
+        self.emulator = Emulator(device, lambda _: 0, time.perf_counter_ns())
 
-    def _sent(self, data: bytes) -> int:
-        self.waiting += data
-        return len(data)
+    def taken(self, count: int) -> bytes:
+        """Take so much of what the device has sent."""
+        data = bytes(self.emulator.waiting[:count])
+        del self.emulator.waiting[:count]
+        return data
 
     def module(self) -> SimpleNamespace:
         """Give what stands for the package."""
@@ -77,12 +79,11 @@ class Bus:
         while time.perf_counter() < end:
             with self.lock:
                 self.emulator.run(time.perf_counter_ns())
-                if len(self.waiting) % 512 or len(self.waiting) >= length:
-                    data, self.waiting = bytes(self.waiting[:length]), self.waiting[length:]
-                    return data
+                if len(self.emulator.waiting) % 512 or len(self.emulator.waiting) >= length:
+                    return self.taken(length)
             time.sleep(0.001)
         error = ERRORS["USBErrorTimeout"]()
-        error.received, self.waiting = bytes(self.waiting), bytearray()
+        error.received = self.taken(length)
         raise error
 
 
