@@ -196,7 +196,7 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
     table is made from.
     """
     layout = skeleton.layout
-    build = _Builder(_receiver_root(skeleton, poses))
+    build = _Builder(*_receiver_root(skeleton, poses))
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, skeleton.model, skeleton.joints)
         if isinstance(chain, str):
@@ -222,9 +222,9 @@ def fitted_bones(skeleton: Skeleton, poses: Poses, motion: BoneMotion) -> PosedB
 
     def placed(own: str) -> _Placed:
         pose = bone_poses.get(own, np.full((count, 7), np.nan))
-        return _Placed(pose[:, :3], pose[:, 3:])
+        return pose[:, :3], pose[:, 3:], NO_AXIS
 
-    build = _Builder(_Bone(SkeletonJoint(name, -1, segment), placed(segment), np.zeros(3)))
+    build = _Builder(SkeletonJoint(name, -1, segment), placed(segment))
     for digit in layout.digits.values():
         missing = [own for own in digit.segments if own not in bone_poses]
         if missing and bone_poses:
@@ -234,9 +234,12 @@ def fitted_bones(skeleton: Skeleton, poses: Poses, motion: BoneMotion) -> PosedB
         end = motion.tips.get(digit.name, np.full((count, 3), np.nan))
         rows = [skeleton.bones.get((digit.name, own), {}) for own in digit.segments]
         lengths_mm = [_number(row.get("length_mm")) for row in rows]
-        build.add_digit(skeleton, digit, [*own_bones, _Placed(end, own_bones[-1].quaternion)], lengths_mm)
+        turn = own_bones[-1][1]
+        build.add_digit(skeleton, digit, [*own_bones, (end, turn, NO_AXIS)], lengths_mm)
         if digit.name in motion.skin_tips:
-            build.add_skin_tip(motion.skin_tips[digit.name])
+            tip = build.joints[-1]
+            skin = replace(tip, name=f"{digit.name}_skin_tip", parent=len(build.joints) - 1)
+            build.add(skin, (motion.skin_tips[digit.name], turn, NO_AXIS), np.full(3, np.nan))
     bones = build.bones("")
     return replace(bones, axis=axes_turned_about(bones))
 
@@ -280,67 +283,53 @@ def joint_point(name: str, side: str, row: Mapping[str, Any] | None) -> Receiver
     return ReceiverPoint(name, row[f"{side}_segment"], vector_of(row, f"{side}_", "_mm"))
 
 
-@dataclass(frozen=True)
-class _Placed:
-    """A joint's positions (T, 3), its bone's rotations (T, 4), and its axis (3,) in the bone frame or NaN."""
+NO_AXIS = np.full(3, np.nan)
 
-    position_mm: Array
-    quaternion: Array
-    axis: Array = field(default_factory=lambda: np.full(3, np.nan))
-
-
-@dataclass(frozen=True)
-class _Bone:
-    """A joint, where it is, and its rest offset (3,)."""
-
-    joint: SkeletonJoint
-    placed: _Placed
-    offset_mm: Array
+_Placed = tuple[Array, Array, Array]
+"""A joint's positions (T, 3), its bone's rotations (T, 4), and its axis (3,) in the bone frame or NaN."""
 
 
 class _Builder:
-    """The bones so far, root first; left_out : digits that are not among them, and why."""
+    """The bones so far, root first: joints, where they are, rest offsets; left_out : digits, and why."""
 
-    def __init__(self, root: _Bone) -> None:
-        self._bones = [root]
+    def __init__(self, joint: SkeletonJoint, placed: _Placed) -> None:
+        self.joints, self._placed, self._offsets = [joint], [placed], [np.zeros(3)]
         self.left_out: dict[str, str] = {}
+
+    def add(self, joint: SkeletonJoint, placed: _Placed, offset_mm: Array) -> None:
+        """Add a joint."""
+        self.joints.append(joint)
+        self._placed.append(placed)
+        self._offsets.append(offset_mm)
 
     def add_digit(
         self, skeleton: Skeleton, digit: Digit, placed: Sequence[_Placed], lengths_mm: Sequence[float]
     ) -> None:
         """Add a digit's joints and its tip; lengths_mm : of its bones, NaN where not known."""
-        starts = [i for i, own in enumerate(self._bones) if own.joint.segment == digit.base]
+        starts = [index for index, joint in enumerate(self.joints) if joint.segment == digit.base]
         parent, offset = next(iter(starts), -1), np.full(3, np.nan)
         for name, segment, place, length_mm in zip(
             digit.joints, digit.segments, placed[:-1], lengths_mm, strict=True
         ):
-            dof = int(skeleton.joints.get(name, {"dof": 0})["dof"])
             row = skeleton.joints.get(name, {})
-            zero_deg = tuple(row[own] for own in ZERO_COLUMNS if row.get(own) is not None)
+            zero_deg = tuple(row[column] for column in ZERO_COLUMNS if row.get(column) is not None)
+            dof = int(row.get("dof", 0))
             joint = SkeletonJoint(name, parent, segment, digit.name, dof=dof, zero_deg=zero_deg)
-            parent = len(self._bones)
-            self._bones.append(_Bone(joint, place, offset))
+            parent = len(self.joints)
+            self.add(joint, place, offset)
             offset = np.array([length_mm, 0.0, 0.0])
         tip = SkeletonJoint(f"{digit.name}_tip", parent, digit.tip, digit.name, tip=True)
-        self._bones.append(_Bone(tip, placed[-1], offset))
-
-    def add_skin_tip(self, position_mm: Array) -> None:
-        """Add where the skin of the digit added last ends, (T, 3)."""
-        tip = self._bones[-1]
-        joint = replace(tip.joint, name=f"{tip.joint.digit}_skin_tip", parent=len(self._bones) - 1)
-        self._bones.append(_Bone(joint, replace(tip.placed, position_mm=position_mm), np.full(3, np.nan)))
+        self.add(tip, placed[-1], offset)
 
     def bones(self, root_failure: str) -> PosedBones:
-        """Join all bones that were added; each is let go of, as a long recording is not needed twice."""
-        joints = tuple(bone.joint for bone in self._bones)
-        offset = np.stack([bone.offset_mm for bone in self._bones])
-        axis = np.stack([bone.placed.axis for bone in self._bones])
-        shape = (len(self._bones[0].placed.position_mm), len(joints))
+        """Join all bones that were added; each is let go of, as it is not needed twice."""
+        axis = np.stack([axis for _, _, axis in self._placed])
+        shape = (len(self._placed[0][0]), len(self.joints))
         position, turn = np.empty((*shape, 3)), np.empty((*shape, 4))
-        for index in reversed(range(len(joints))):
-            own = self._bones.pop().placed
-            position[:, index], turn[:, index] = own.position_mm, own.quaternion
-        return PosedBones(joints, position, turn, offset, axis, self.left_out, root_failure)
+        for index in reversed(range(len(self.joints))):
+            position[:, index], turn[:, index], _ = self._placed.pop()
+        offset = np.stack(self._offsets)
+        return PosedBones(tuple(self.joints), position, turn, offset, axis, self.left_out, root_failure)
 
 
 def _replayed_length_mm(bone: Mapping[str, Any]) -> float:
@@ -364,16 +353,14 @@ def root_names(layout: Layout) -> tuple[str, str]:
 
 def _root_failure(skeleton: Skeleton) -> str:
     wrist = skeleton.layout.wrist
-    if wrist is None:
-        return ""
-    row = skeleton.joints.get(wrist.joint)
-    if row is not None and row["status"] != "failed":
+    row = None if wrist is None else skeleton.joints.get(wrist.joint)
+    if wrist is None or (row is not None and row["status"] != "failed"):
         return ""
     why = "it was not solved" if row is None else row["message"]
     return f"{wrist.joint} failed: {why}"
 
 
-def _receiver_root(skeleton: Skeleton, poses: Poses) -> _Bone:
+def _receiver_root(skeleton: Skeleton, poses: Poses) -> tuple[SkeletonJoint, _Placed]:
     """The wrist on the hand's receiver, or where a layout has no wrist that receiver itself."""
     layout = skeleton.layout
     name, segment = root_names(layout)
@@ -382,8 +369,8 @@ def _receiver_root(skeleton: Skeleton, poses: Poses) -> _Bone:
         point = joint_point(name, "child", skeleton.joints.get(name))
     axes = layout.segments[segment]
     turn = from_matrix(bone_frame(np.array(axes.distal), np.array(axes.dorsal)))
-    placed = _Placed(point.position_mm(poses), _turned(poses, segment, turn))
-    return _Bone(SkeletonJoint(name, -1, segment), placed, np.zeros(3))
+    placed = (point.position_mm(poses), _turned(poses, segment, turn), NO_AXIS)
+    return SkeletonJoint(name, -1, segment), placed
 
 
 def _receiver_digit(skeleton: Skeleton, digit: Digit, poses: Poses, metacarpal: Array) -> list[_Placed]:
@@ -394,21 +381,16 @@ def _receiver_digit(skeleton: Skeleton, digit: Digit, poses: Poses, metacarpal: 
     for index, (name, segment, point) in enumerate(zip(digit.joints, digit.segments, points, strict=True)):
         position = point.position_mm(poses)
         if index == 0 and digit.metacarpal:
-            placed.append(_Placed(position, metacarpal))
+            placed.append((position, metacarpal, NO_AXIS))
             continue
         row = skeleton.bones[digit.name, segment]
         dorsal = np.array(layout.segments[segment].dorsal)
         align = from_matrix(bone_frame(vector_of(row, "", "_mm"), dorsal))
-        turn = _turned(poses, row["driven_by"], align)
-        placed.append(_Placed(position, turn, _solved_axis(skeleton.joints.get(name), align)))
-    return [*placed, _Placed(end.position_mm(poses), placed[-1].quaternion)]
-
-
-def _solved_axis(row: Mapping[str, Any] | None, align: Array) -> Array:
-    """A hinge's axis in its bone's frame, which is turned by `align` against its receiver; NaN if none."""
-    if row is None or row["dof"] != 1 or row["axis_child_x"] is None:
-        return np.full(3, np.nan)
-    return rotate(conjugate(align), vector_of(row, "axis_child_"))
+        joint, axis = skeleton.joints.get(name), NO_AXIS
+        if joint is not None and joint["dof"] == 1 and joint["axis_child_x"] is not None:  # a hinge's
+            axis = rotate(conjugate(align), vector_of(joint, "axis_child_"))
+        placed.append((position, _turned(poses, row["driven_by"], align), axis))
+    return [*placed, (end.position_mm(poses), placed[-1][1], NO_AXIS)]
 
 
 def _turned(poses: Poses, segment: str, align: Array) -> Array:

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.skeleton.rotations import Array, conjugate, matrix, rotate, unit
@@ -60,7 +59,12 @@ def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
     for node in _joint_nodes(motion, first):
         document.add("nodes", node)
     joints = list(range(first, first + len(motion.joints)))
-    inverse = document.array(_inverse_bind_matrices(motion))
+    rest_mm, rest_turn = rest_pose(motion)
+    back = conjugate(rest_turn)
+    from_world = np.tile(np.eye(4), (len(back), 1, 1))  # at rest, to each joint
+    from_world[:, :3, :3] = matrix(back)
+    from_world[:, :3, 3] = -rotate(back, (rest_mm + motion.position_mm[0, 0]) * _SCALE)
+    inverse = document.array(from_world.transpose(0, 2, 1).astype(np.float32))
     skin = document.add(
         "skins", {"name": name, "inverseBindMatrices": inverse, "skeleton": first, "joints": joints}
     )
@@ -90,16 +94,6 @@ def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
         if joint.parent >= 0:
             nodes[joint.parent].setdefault("children", []).append(first + index)
     return nodes
-
-
-def _inverse_bind_matrices(motion: SkeletonMotion) -> npt.NDArray[np.float32]:
-    """From the world at rest to each joint (J, 4, 4), by columns."""
-    rest_mm, rest_turn = rest_pose(motion)
-    back = conjugate(rest_turn)
-    out = np.tile(np.eye(4), (len(back), 1, 1))
-    out[:, :3, :3] = matrix(back)
-    out[:, :3, 3] = -rotate(back, (rest_mm + motion.position_mm[0, 0]) * _SCALE)
-    return out.transpose(0, 2, 1).astype(np.float32)
 
 
 def _primitives(document: Document, motion: SkeletonMotion) -> list[dict[str, Any]]:

@@ -105,7 +105,14 @@ def joint_forms(motion: SkeletonMotion) -> tuple[JointForm, ...]:
     for index, name, body in zip(kept, names, bodies, strict=True):
         joint, turn = motion.joints[index], local[:, index]
         if joint.parent < 0:
-            zero, axes, values, labels = IDENTITY, *_root_turns(turn)
+            zero, best = IDENTITY, -1.0
+            for order in permutations(range(3)):  # the ground's axes in the best of their six orders
+                ground = np.eye(3)[list(order)]
+                turned = turn_angles(turn, ground)
+                upright = float(np.abs(np.cos(turned[:, 1])).min())
+                if upright > best:
+                    best, axes, values = upright, ground, turned
+                    labels: tuple[str, ...] = tuple(f"r{'xyz'[place]}" for place in order)
         else:
             zero, axes, labels = _frame(motion, index, turn)
             values = turn_angles(multiply(conjugate(zero), turn), axes)
@@ -199,17 +206,6 @@ def _turns(joint: SkeletonJoint, name: str, labels: Sequence[str], values: Array
     if joint.dof == 1 and np.abs(values[:, 1:]).max() < STILL_RAD:
         return turns[:1]
     return turns
-
-
-def _root_turns(turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
-    """Axes (3, 3), turns (T, 3) and labels of the root: the ground's axes in the best of their six orders."""
-    orders = []
-    for order in permutations(range(3)):
-        axes = np.eye(3)[list(order)]
-        values = turn_angles(turn, axes)
-        upright = float(np.abs(np.cos(values[:, 1])).min())
-        orders.append((upright, axes, values, tuple(f"r{'xyz'[place]}" for place in order)))
-    return max(orders, key=lambda order: order[0])[1:]
 
 
 def _frame(motion: SkeletonMotion, index: int, turn: Array) -> tuple[Array, Array, tuple[str, ...]]:

@@ -10,7 +10,6 @@ import numpy as np
 from shukotsu.skeleton.rotations import Array, matrix
 from shukotsu.stages.export.kinematic_tree import (
     Body,
-    Coordinate,
     JointForm,
     body_fixed_rad,
     body_of,
@@ -149,11 +148,13 @@ def _add_joint(
         coordinates = ET.SubElement(joint, "coordinates")
         for turn in form.turns:
             start = held.get(turn.name, float(turn.values[0]))
-            _add_coordinate(coordinates, turn.name, _turn_range(turn), start, turn.name in held)
+            limits = np.radians(_range(np.degrees(turn.values), _RANGE_STEP_DEG, _ROOM_DEG))
+            _add_coordinate(coordinates, turn.name, limits, start, turn.name in held)
         for shift in form.shifts:
             start = float(shift.values[0]) if form.parent < 0 else held.get(shift.name, 0.0)
             locked = shift.name in held
-            _add_coordinate(coordinates, shift.name, _shift_range(shift), start * _M_PER_MM, locked)
+            limits = np.multiply(_range(shift.values, _ROOM_MM, _ROOM_MM), _M_PER_MM)
+            _add_coordinate(coordinates, shift.name, limits, start * _M_PER_MM, locked)
     add(
         ET.SubElement(joint, "frames"),
         "PhysicalOffsetFrame",
@@ -166,28 +167,17 @@ def _add_joint(
         _add_spatial_transform(joint, form)
 
 
-def _add_coordinate(
-    parent: ET.Element, name: str, limits: tuple[float, float], start: float, locked: bool
-) -> None:
+def _add_coordinate(parent: ET.Element, name: str, limits: Array, start: float, locked: bool) -> None:
     values = {"default_value": numbers([start]), "range": numbers(limits)}
     add(parent, "Coordinate", name, **values, clamped="false", locked="true" if locked else "false")
 
 
-def _turn_range(coordinate: Coordinate) -> tuple[float, float]:
-    """Slider's range in rad: the motion's and some room, in whole tens of degrees."""
-    low, high = np.degrees(coordinate.values.min()), np.degrees(coordinate.values.max())
-    ends = (
-        np.floor((low - _ROOM_DEG) / _RANGE_STEP_DEG) * _RANGE_STEP_DEG,
-        np.ceil((high + _ROOM_DEG) / _RANGE_STEP_DEG) * _RANGE_STEP_DEG,
+def _range(values: Array, step: float, room: float) -> tuple[float, float]:
+    """Slider's range, in whole steps: the motion's and some room."""
+    return (
+        float(np.floor((values.min() - room) / step) * step),
+        float(np.ceil((values.max() + room) / step) * step),
     )
-    return float(np.radians(ends[0])), float(np.radians(ends[1]))
-
-
-def _shift_range(coordinate: Coordinate) -> tuple[float, float]:
-    """The same in m, for a translation in mm, in whole centimetres."""
-    low = np.floor(coordinate.values.min() / _ROOM_MM - 1) * _ROOM_MM
-    high = np.ceil(coordinate.values.max() / _ROOM_MM + 1) * _ROOM_MM
-    return float(low * _M_PER_MM), float(high * _M_PER_MM)
 
 
 def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:

@@ -50,6 +50,10 @@ def seconds(motion: SkeletonMotion, path: Path, program: str) -> Array:
 
 def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequence[JointForm]) -> None:
     """Write all coordinates over time: turns in degrees, shifts in metres; title : one line of ASCII."""
+    keys = ("subject", "session", "hand", "task", "trial", "model", "licence")
+    facts = {"program": f"{PROGRAM} {VERSION}", **{key: getattr(origin, key) for key in keys}}
+    # an equals sign would make a line a key of the header
+    whose = [" ".join(f"{key}: {fact}".replace("=", ":").split()) for key, fact in facts.items() if fact]
     names = ["time", *(coordinate.name for form in forms for coordinate in form.coordinates)]
     header = [
         title,
@@ -58,7 +62,7 @@ def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequ
         f"nColumns={len(names)}",
         "inDegrees=yes",
         "",
-        *_origin_lines(origin),
+        *whose,
         "",
         "endheader",
         "\t".join(names),
@@ -112,13 +116,6 @@ def seen_frames(motion: SkeletonMotion, receivers: Sequence[Triad]) -> Bools:
     own = motion.receivers
     known = known_points(own.position_mm, own.quaternion)
     return np.asarray(known[:, [triad.receiver for triad in receivers]].any(1))
-
-
-def _origin_lines(origin: Origin) -> list[str]:
-    """Lines on where the motion is from; an equals sign would make a line a key of the header."""
-    keys = ("subject", "session", "hand", "task", "trial", "model", "licence")
-    facts = {"program": f"{PROGRAM} {VERSION}", **{key: getattr(origin, key) for key in keys}}
-    return [" ".join(f"{key}: {fact}".replace("=", ":").split()) for key, fact in facts.items() if fact]
 
 
 def _write_rows(stream: BinaryIO, columns: Sequence[pa.Array]) -> None:

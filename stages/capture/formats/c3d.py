@@ -17,7 +17,7 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import FileMapping
 from shukotsu.schemas.units import UNIT_NAMES
 from shukotsu.skeleton.rotations import Array, from_matrix
-from shukotsu.stages.capture.formats.clusters import ClusterPoses, cluster_poses
+from shukotsu.stages.capture.formats.clusters import cluster_poses
 from shukotsu.stages.capture.formats.mapped import (
     Integers,
     Track,
@@ -70,8 +70,19 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
     mapping = required_mapping(path, mapping, "a C3D file")
     mapped_segments(mapping, layout)
     file = open_c3d(path)
-    _check_unit(file, mapping)
-    window = _window(file, mapping)
+    mapped_unit = mapping.config["position_unit"]
+    if file.unit and file.unit != mapped_unit:
+        raise InputError(
+            f"{path}: states its unit as {file.unit!r} (POINT:UNITS), but {mapping.where} says "
+            f"{mapped_unit!r}; correct the mapping, or the file if its unit is wrong"
+        )
+    first, last = mapping.details.get("first_frame", 1), mapping.details.get("last_frame", file.frames)
+    if not 1 <= first <= last <= file.frames:
+        raise InputError(
+            f"{mapping.where}: c3d: frames {first} to {last} are not in {path}, which has frames 1 to "
+            f"{file.frames}"
+        )
+    window = np.arange(first - 1, last)  # from 0 at the first frame stored
     tracks, notes = [], []
     for segment, receiver in mapping.receivers.items():
         if "markers" in receiver:
@@ -144,26 +155,6 @@ def _labels(group: Any) -> tuple[str, ...]:
     return tuple(label.strip() for name in names if name in group for label in group[name]["value"])
 
 
-def _check_unit(file: C3dFile, mapping: FileMapping) -> None:
-    mapped_unit = mapping.config["position_unit"]
-    if file.unit and file.unit != mapped_unit:
-        raise InputError(
-            f"{file.path}: states its unit as {file.unit!r} (POINT:UNITS), but {mapping.where} says "
-            f"{mapped_unit!r}; correct the mapping, or the file if its unit is wrong"
-        )
-
-
-def _window(file: C3dFile, mapping: FileMapping) -> Integers:
-    """Indices of the frames to read, from 0 at the first frame stored."""
-    first, last = mapping.details.get("first_frame", 1), mapping.details.get("last_frame", file.frames)
-    if not 1 <= first <= last <= file.frames:
-        raise InputError(
-            f"{mapping.where}: c3d: frames {first} to {last} are not in {file.path}, which has frames 1 to "
-            f"{file.frames}"
-        )
-    return np.arange(first - 1, last)
-
-
 def _track(file: C3dFile, window: Integers, mapping: FileMapping, poses: Array, misfit: Array) -> Track:
     rate = file.rate_hz if np.isfinite(file.rate_hz) else mapping.rate_hz or float("nan")
     return Track(
@@ -192,18 +183,13 @@ def _of_cluster(
         )
     cluster = cluster_poses(points_mm, f"{file.path}: cluster {segment}")
     poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
-    return _track(file, window, mapping, poses, cluster.misfit_mm), _note(segment, cluster)
-
-
-def _note(segment: str, cluster: ClusterPoses) -> str:
-    misfit = cluster.misfit_mm
-    posed = np.isfinite(misfit)
-    left = cluster.residual_mm[np.isfinite(cluster.residual_mm)]
-    return (
+    misfit, left = cluster.misfit_mm, cluster.residual_mm[np.isfinite(cluster.residual_mm)]
+    note = (
         f"cluster {segment}: {len(cluster.shape_mm)} markers, residual "
-        f"{np.sqrt(np.mean(left**2)):.2g} mm rms, {left.max():.2g} mm max, "
-        f"{posed.sum()} of {len(misfit)} frames"
+        f"{np.sqrt(np.mean(left**2)):.2g} mm rms, "
+        f"{left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {len(misfit)} frames"
     )
+    return _track(file, window, mapping, poses, misfit), note
 
 
 def _of_rotation(

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError
-from shukotsu.skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array, nearest_rotation
 
 THINNEST = 0.05
 """Markers whose width is less than this share of their length are on a line: the turn about it is noise."""
@@ -87,7 +87,12 @@ def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
         rotation, position = _fit(shape, points, usable.astype(float))
         back = (points - position[:, None]) @ rotation
         square = np.where(usable, ((back - shape) ** 2).sum(-1), 0.0).sum(1)
-        weight = _frame_weights(square, usable)[:, None] * seen
+        posed = usable.any(1)
+        misfit = square / np.maximum(usable.sum(1), 1)
+        scale = (
+            9 * float(np.median(misfit[posed])) + _SETTLED_MM**2
+        )  # half where it is three times the median
+        weight = np.where(posed, 1 / (1 + misfit / scale), 0.0)[:, None] * seen
         reached = weight.sum(0) > 0
         mean = np.einsum("tm,tmi->mi", weight, back) / np.where(reached, weight.sum(0), 1.0)[:, None]
         settled = bool((reached == known).all()) and float(np.abs(mean - shape).max()) < _SETTLED_MM
@@ -102,22 +107,12 @@ def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
     return shape
 
 
-def _frame_weights(square: Array, usable: Bools) -> Array:
-    """Weights (T,) of frames by their misfit: half where it is three times the median."""
-    posed = usable.any(1)
-    misfit = square / np.maximum(usable.sum(1), 1)
-    scale = 9 * float(np.median(misfit[posed])) + _SETTLED_MM**2
-    return np.where(posed, 1 / (1 + misfit / scale), 0.0)
-
-
 def _fit(shape: Array, points: Array, weight: Array) -> tuple[Array, Array]:
     """Rotations (T, 3, 3) and translations (T, 3) that lay the shape (M, 3) on the points (T, M, 3)."""
     total = np.maximum(weight.sum(1), 1.0)[:, None]
     middle, centre = weight @ shape / total, np.einsum("tm,tmi->ti", weight, points) / total
     spread = np.einsum("tm,tmi,tmj->tij", weight, points - centre[:, None], shape - middle[:, None])
-    u, _, vt = np.linalg.svd(spread)
-    u[:, :, 2] *= np.linalg.det(u @ vt)[:, None]
-    rotation = u @ vt
+    rotation = nearest_rotation(spread)
     return rotation, centre - np.einsum("tij,tj->ti", rotation, middle)
 
 

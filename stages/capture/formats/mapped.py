@@ -132,7 +132,9 @@ def samples_of_tracks(
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
     segments = mapped_segments(mapping, layout)
     if mapping.position_axes != ("x", "y", "z"):
-        tracks = [replace(track, numbers=_along(track.numbers, mapping.position_axes)) for track in tracks]
+        columns = [*("xyz".index(axis[-1]) for axis in mapping.position_axes), 3, 4, 5, 6]
+        signs = [-1.0 if axis.startswith("-") else 1.0 for axis in mapping.position_axes] + [1.0] * 4
+        tracks = [replace(track, numbers=track.numbers[:, columns] * signs) for track in tracks]
     every = [*tracks, *(still for _ in mapping.fixed)]
     rows = np.concatenate([track.row for track in every])
     parts = [
@@ -172,10 +174,3 @@ def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:
             f"{mapping.where}: rate_hz: is {mapping.rate_hz:g}, but the file's own times are of "
             f"{rates_hz[0]:.4g} Hz; find out which is right, or leave rate_hz out"
         )
-
-
-def _along(numbers: Array, position_axes: Sequence[str]) -> Array:
-    """Poses (N, 7) whose positions are in the rotations' frame; position_axes : see `FileMapping`."""
-    columns = ["xyz".index(axis[-1]) for axis in position_axes]
-    signs = [-1.0 if axis.startswith("-") else 1.0 for axis in position_axes]
-    return np.concatenate([numbers[:, columns] * signs, numbers[:, 3:]], -1)

@@ -202,7 +202,7 @@ def open_tidy_csv(path: Path) -> TextTable:
 
     Raises InputError where the file cannot be read, is empty or is not UTF-8.
     """
-    line, header = _first_record(path, partial(open_text, path), ",")
+    line, header = next(iter(_first_records(path, partial(open_text, path), ",", 1)), (0, []))
     if not header or not any(map(str.strip, header)):
         raise InputError(f"{path}: is empty; expected a tidy recording with a header line")
     expected = (
@@ -210,14 +210,9 @@ def open_tidy_csv(path: Path) -> TextTable:
     )
     names = [name.strip() for name in header]
     table = TextTable(path, partial(open_text, path), ",", tuple(names), _titles(names), line, expected)
-    return replace(table, ended=file_is_ended(path))
-
-
-def file_is_ended(path: Path) -> bool:
-    """Say whether a text file's last line is whole."""
     with open_text(path) as stream:
         stream.seek(max(0, path.stat().st_size - 1))
-        return is_ended(stream.read())
+        return replace(table, ended=is_ended(stream.read()))
 
 
 def is_ended(data: bytes) -> bool:
@@ -276,10 +271,6 @@ def _names(row: list[str], width: int) -> list[str]:
     """Return what columns are called; the row of names may end in a separator, or the others do."""
     row = row if any(row[width:]) or width > len(row) + 1 else [*row, ""][:width]
     return [name.strip() for name in row[:width]]
-
-
-def _first_record(path: Path, open_: Callable[[], BinaryIO], separator: str) -> tuple[int, list[str]]:
-    return next(iter(_first_records(path, open_, separator, 1)), (0, []))
 
 
 def _first_records(

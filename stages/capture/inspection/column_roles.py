@@ -85,7 +85,11 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     titles : all columns; numbers : those that hold numbers, title -> (N,).
     """
     numeric = [title for title in titles if title in numbers]
-    aside = [t for t in numeric if t in _inertial(numeric) or _ASIDE.search(snake_case(t))]
+    inertial = [[t for t in numeric if re.fullmatch(rf"{x}_?[xyz]", t, re.I)] for x in "agm"]
+    whole = sum(len(own) == 3 for own in inertial) > 1  # accelerometer, gyroscope, magnetometer
+    aside = [
+        t for t in numeric if (whole and any(t in own for own in inertial)) or _ASIDE.search(snake_case(t))
+    ]
     named = _named_groups([t for t in numeric if t not in aside], numbers)
     times = [t for t in numeric if _is_time(t) and t not in named]
     time = next((t for t in times if _grows(numbers[t])), None)
@@ -129,12 +133,6 @@ def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[st
         positions.remove(best)
         pairs.append((best, turning))
     return pairs
-
-
-def _inertial(titles: Sequence[str]) -> set[str]:
-    """Titles of accelerometers, gyroscopes and magnetometers where these are called a, g and m."""
-    found = {letter: {t for t in titles if re.fullmatch(rf"{letter}_?[xyz]", t, re.I)} for letter in "agm"}
-    return set().union(*found.values()) if sum(len(own) == 3 for own in found.values()) > 1 else set()
 
 
 def _counts(title: str, values: Array) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.units import SECONDS_PER_UNIT, UNIT_NAMES
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.capture.formats.cells import Cells, unwrapped_s
+from shukotsu.stages.capture.formats.cells import unwrapped_s
 from shukotsu.stages.capture.formats.mapped import snake_case, without_marks
 from shukotsu.stages.capture.formats.mapped_csv import TIME_OF_DAY
 from shukotsu.stages.capture.formats.text_table import open_table_text
@@ -49,8 +49,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     form = detect_form(path)
     text = open_table_text(path, form.config())
     cells = text.cells(text.titles)
-    of_day = _times_of_day(cells, text.titles)
-    numbers = _numbers(cells, text.titles) | of_day
+    of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), text.titles)
+    numbers = _numbers(lambda title: without_marks(cells.reals(title)), text.titles) | of_day
     roles = find_roles(text.titles, numbers)
     lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
     lines += filter(None, [text.cut_off(text.titles)])
@@ -59,7 +59,9 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
         units = units._replace(position=Unit(unit, "as the lines before the table say"))
     if roles.time:
-        lines.append(_time_line(roles.time, numbers[roles.time], units.time))
+        stated = units.time.stated
+        told = ([stated], "as its title says") if stated else (SECONDS_PER_UNIT, "")
+        lines.append(rate_line(f"time column {roles.time}", numbers[roles.time], *told))
     lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
     receivers: list[str] = []
     if roles.receiver:
@@ -90,25 +92,13 @@ def describe_table(path: Path, layout: Layout) -> Description:
     return Description(tuple(lines), draft(path, config))
 
 
-def _numbers(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
+def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, Array]:
+    """Columns that can be read so and have a number, title -> (N,)."""
     numbers = {}
     for title in titles:
-        try:
-            values = without_marks(cells.reals(title))
-        except InputError:
-            continue
-        if np.isfinite(values).any():
-            numbers[title] = values
-    return numbers
-
-
-def _times_of_day(cells: Cells, titles: Sequence[str]) -> dict[str, Array]:
-    """Columns of times as hh:mm:ss, title -> (N,) in s."""
-    times = {}
-    for title in titles:
         with suppress(InputError):
-            times[title] = unwrapped_s(cells.times_of_day_s(title))
-    return {title: values for title, values in times.items() if np.isfinite(values).any()}
+            numbers[title] = read(title)
+    return {title: values for title, values in numbers.items() if np.isfinite(values).any()}
 
 
 def _rows(numbers: Mapping[str, Array], titles: Sequence[str]) -> Array:
@@ -118,12 +108,6 @@ def _rows(numbers: Mapping[str, Array], titles: Sequence[str]) -> Array:
 
 def _range(values: Array) -> str:
     return f"{np.nanmin(values):g} to {np.nanmax(values):g}"
-
-
-def _time_line(title: str, times: Array, unit: Unit) -> str:
-    if unit.stated:
-        return rate_line(f"time column {title}", times, [unit.stated], "as its title says")
-    return rate_line(f"time column {title}", times, SECONDS_PER_UNIT)
 
 
 def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) -> list[str]:
