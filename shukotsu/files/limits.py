@@ -57,7 +57,7 @@ _KINDS = {
 
 
 def check_regular(path: Path, expected: str) -> int:
-    """Give the size of a file [bytes] before it is opened: a pipe lets one wait, a device never ends.
+    """Return the size of a file [bytes] before it is opened: a pipe lets one wait, a device never ends.
 
     Raises InputError where it is no regular file, FileNotFoundError and other OSErrors as the system does.
     """

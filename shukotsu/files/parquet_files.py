@@ -44,7 +44,7 @@ def store_digest(path: Path) -> None:
 
 
 def is_intact(path: Path) -> bool:
-    """Say whether a file has the digest that it carries; True for one that carries none (see the module).
+    """Return whether a file has the digest that it carries; True for one that carries none (see the module).
 
     Read once for as long as it stays as it is.
     """
@@ -53,7 +53,7 @@ def is_intact(path: Path) -> bool:
 
 @lru_cache(maxsize=4096)
 def _digest_holds(path: Path, *_: int) -> bool | None:
-    """Tell whether a file has the digest that it carries; None where it carries none."""
+    """Return whether a file has the digest that it carries; None where it carries none."""
     with path.open("rb") as stream:
         footer_at = _footer_at(stream)
         stored_at = footer_at - len(_MARK) - _DIGEST_BYTES

@@ -34,7 +34,7 @@ def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: 
 
 
 def decoded(path: Path, data: bytes, expected: str) -> str:
-    """Give the text of a file's bytes. Raises InputError where they are of another kind or not in UTF-8."""
+    """Return the text of a file's bytes. Raises InputError where they are of another kind or not in UTF-8."""
     refuse_other_kind(path, data[:8], expected)
     try:
         return data.decode("utf-8-sig")

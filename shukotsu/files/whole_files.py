@@ -15,7 +15,7 @@ from shukotsu.errors import InputError, StorageError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary name beside `path` to write to; it takes the place of `path` at the end.
+    """Return a temporary name beside `path` to write to; it takes the place of `path` at the end.
 
     If writing fails, `path` is left as it was and the temporary file is removed; those of processes that were
     killed are removed first. What is under the name after a power cut is the file before or the one after,
@@ -66,7 +66,7 @@ def remove_leftovers(path: Path) -> None:
 
 
 def files_in(folder: Path) -> list[Path]:
-    """Give a folder's files by name; hidden ones, which editors and writers at work leave, do not count."""
+    """Return a folder's files by name; hidden ones, which editors and writers at work leave, do not count."""
     return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
 
 
@@ -77,7 +77,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def file_sha256(path: Path) -> str:
-    """Give the SHA-256 of a file's bytes, read a piece at a time; once for as long as it stays as it is."""
+    """Return the SHA-256 of a file's bytes, read a piece at a time; once for as long as it stays as it is."""
     return _sha256(path.absolute(), *file_state(path))
 
 

@@ -1,4 +1,4 @@
-"""Define how far an angle goes: from its 2.5th to its 97.5th percentile, on every page and in every table.
+"""How far an angle goes: from its 2.5th to its 97.5th percentile, on every page and in every table.
 
 One bad frame does not change it. In a recording every frame counts alike; of what a joint is solved from
 every posture does, as joints are calibrated in turn and stay at rest most of the time.

@@ -1,4 +1,4 @@
-"""Define how many independent samples a correlated series is worth."""
+"""How many independent samples a correlated series is worth."""
 
 from __future__ import annotations
 

@@ -103,7 +103,7 @@ class PosedRecording:
 
     @property
     def is_fitted(self) -> bool:
-        """Tell whether the model fits the whole hand, so that tables have its bones' poses."""
+        """Return whether the model fits the whole hand, so that tables have its bones' poses."""
         return self.model.fitting is not None
 
     @cached_property
@@ -164,7 +164,7 @@ class PosedRecording:
             return parts.recording(self.part, own.task, own.trial, by, columns, count, frames, name)
 
     def series(self, table: Table, columns: Sequence[str]) -> dict[str, Callable[[], Array]]:
-        """Give readers of columns (T, C) of one segment, digit or joint each, as `numbers` of all frames.
+        """Return readers of columns (T, C) of one segment, digit or joint each, as `numbers` of all frames.
 
         Raises InputError where the table has no row of the recording.
         """
@@ -204,7 +204,7 @@ _ENDS = (slice(0, 3), slice(3, 6))
 
 
 def posed_recording(plan: SubjectPlan, recording: Recording, model: str) -> PosedRecording:
-    """Give a recording of a plan under one of its models."""
+    """Return a recording of a plan under one of its models."""
     hand = recording.hand.hand
     return PosedRecording(
         recording,

@@ -1,4 +1,4 @@
-"""Define where the bones of a skeleton are in a recording, whatever its model.
+"""Where the bones of a skeleton are in a recording, whatever its model.
 
 Bone frames have x distal and z dorsal (docs/conventions.md). A fitted hand moves as the fit posed its bones
 with all receivers together. Of every other skeleton each bone goes with the receiver that drives it, turned
@@ -51,7 +51,7 @@ class Skeleton:
 
 @dataclass(frozen=True)
 class BoneMotion:
-    """Hold what the tables hold of a recording frame by frame, at the T frames of its poses, NaN in gaps.
+    """What the tables hold of a recording frame by frame, at the T frames of its poses, NaN in gaps.
 
     metacarpals : (T, 4) quaternions bone to transmitter, by digit. bone_poses : (T, 7) of fitted bones by
     segment, mm then quaternion. tips, skin_tips : (T, 3) mm of fitted digits, by digit: ends of their last
@@ -171,7 +171,7 @@ class ReceiverPoint:
     point_mm: Array
 
     def position_mm(self, poses: Poses) -> Array:
-        """Give positions (T, 3) in the transmitter frame, NaN where the receiver has no valid pose."""
+        """Return positions (T, 3) in the transmitter frame, NaN where the receiver has no valid pose."""
         if not self.segment:
             return np.full((len(poses.frame), 3), np.nan)
         valid = poses.valid[:, poses.index(self.segment), None]
@@ -263,7 +263,7 @@ def rigid_positions(
 def digit_points(
     digit: Digit, layout: Layout, model: SkeletonModel, joints: Rows
 ) -> tuple[ReceiverPoint, ...]:
-    """Give a digit's joints and its tip on the receivers, nowhere where a joint failed or was not solved.
+    """Return a digit's joints and its tip on the receivers, nowhere where a joint failed or was not solved.
 
     A base that is not the wrist goes with its parent's receiver, every other joint with its child's.
     """
@@ -277,7 +277,7 @@ def digit_points(
 
 
 def joint_point(name: str, side: str, row: Mapping[str, Any] | None) -> ReceiverPoint:
-    """Give the parent or child half of a joint, from its row of joint_centres."""
+    """Return the parent or child half of a joint, from its row of joint_centres."""
     if row is None or row["status"] == "failed" or not row[f"{side}_segment"]:
         return ReceiverPoint(name, "", np.zeros(3))
     return ReceiverPoint(name, row[f"{side}_segment"], vector_of(row, f"{side}_", "_mm"))

@@ -1,4 +1,4 @@
-"""Tell which way the receiver over a thumb's metacarpal faces: the nail's side or the back of the hand.
+"""Return which way the receiver over a thumb's metacarpal faces: the nail's side or the back of the hand.
 
 Frames have x distal and z towards the back of the bone. A thumb's phalanges leave no doubt: y is their axis
 of flexion, z points to the nail's side. Its metacarpal has two backs, some 100 deg apart about its long axis.

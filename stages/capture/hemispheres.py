@@ -60,7 +60,7 @@ class Sides:
     decided: bool
 
     def sign(self, frame: Integers) -> Integers:
-        """Give 1, -1 where frames (N,) are mirrored, 0 on the way; where undecided no side is mirrored."""
+        """Return 1, -1 where frames (N,) are mirrored, 0 on the way; where undecided no side is mirrored."""
         sign = self.own.sign[self.own.piece_at(frame)]
         return sign if self.decided else np.abs(sign)
 
@@ -158,7 +158,7 @@ class _Pair:
 
 
 def _pair(parent: OwnSides, above: Poses, child: OwnSides, below: Poses, sampled: int = SAMPLED) -> _Pair:
-    """Give both where the child has poses, the parent's between its own where they are not in step."""
+    """Return both where the child has poses, the parent's between its own where they are not in step."""
     frames, positions, runs = [], [], []
     for own, (frame, numbers) in ((parent, above), (child, below)):
         piece = own.piece_at(frame)
@@ -247,7 +247,7 @@ class _Link:
 
     @classmethod
     def of(cls, pair: _Pair, signs: Integers) -> _Link:
-        """Give that of signs (C, 2) of parent and child to choose from."""
+        """Return that of signs (C, 2) of parent and child to choose from."""
         turn = np.concatenate([matrix(pair.parent[:, 3:]), -matrix(pair.child[:, 3:])], -1)
         parent, child = (
             sign[:, None] * own[:, None, :3]

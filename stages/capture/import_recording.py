@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the subcommand's argument parser."""
+    """Return the subcommand's argument parser."""
     parser = command_line.parser(
         "shukotsu import",
         "Turn a recording's file into the poses table: units and frames checked, gaps kept and named.",
@@ -55,7 +55,7 @@ def main(argv: list[str]) -> int:
 
 @dataclass
 class _Remarks:
-    """Hold what the reader says of the whole recording, see `Samples`."""
+    """What the reader says of the whole recording, see `Samples`."""
 
     notes: list[str] = field(default_factory=list)
     losses: list[str] = field(default_factory=list)

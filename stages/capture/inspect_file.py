@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the subcommand's argument parser."""
+    """Return the subcommand's argument parser."""
     parser = command_line.parser(
         "shukotsu inspect",
         "Say what is in a file, in which units it seems to be, and why.",

@@ -115,12 +115,12 @@ class PosesTable:
     _files: tuple[_RowFile, ...]
 
     def close(self) -> None:
-        """Give the temporary files back to the disk."""
+        """Return the temporary files back to the disk."""
         for file in self._files:
             file.close()
 
     def row_groups(self, row_group_frames: int = ROW_GROUP_FRAMES) -> Iterator[dict[str, Any]]:
-        """Give the columns of each row group in turn."""
+        """Return the columns of each row group in turn."""
         for segment, file in zip(self.segments, self._files, strict=True):
             rows = file.rows()
             for start in range(0, len(self.frame), row_group_frames):
@@ -148,18 +148,18 @@ class _RowFile:
         self.append(rows)
 
     def rows(self) -> Rows:
-        """Give all rows; read-only."""
+        """Return all rows; read-only."""
         self._file.seek(0)
         return np.frombuffer(self._file.read(), _ROW)
 
     def close(self) -> None:
-        """Give the memory and the file back."""
+        """Return the memory and the file back."""
         self._file.close()
 
 
 @dataclass(frozen=True)
 class _Segment:
-    """Hold what one segment's rows say together.
+    """What one segment's rows say together.
 
     usable : rows that are valid; complete : those that have all their numbers; moves : whether these differ.
     bad : of the first row in the recording's own order whose quaternion has no length of 1: its sample, frame
@@ -226,7 +226,7 @@ def poses_table(
 
 
 def _rows_of_segments(samples: Samples, start: int) -> Iterator[tuple[int, Rows]]:
-    """Give each segment's rows of a part, whose first sample is number `start` of the recording."""
+    """Return each segment's rows of a part, whose first sample is number `start` of the recording."""
     rows = np.empty(len(samples.segment), _ROW)
     rows["sample"] = start + np.arange(len(rows))
     for name in ("frame", "time_s", "numbers"):
@@ -434,12 +434,12 @@ def _counted(position_mm: Array) -> str:
 
 
 def _complete(rows: Rows) -> Bools:
-    """Tell which of rows that are checked have a pose: of the others all numbers are NaN."""
+    """Return which of rows that are checked have a pose: of the others all numbers are NaN."""
     return np.asarray(np.isfinite(rows["numbers"][:, 0]))
 
 
 def _unusable(rows: Rows) -> Bools:
-    """Tell whether the reader marked the pose as unusable, shape (N,)."""
+    """Return whether the reader marked the pose as unusable, shape (N,)."""
     return np.asarray((rows["flags"] & _INVALIDATING) != 0)
 
 

@@ -1,4 +1,4 @@
-"""Define the output of every reader: receivers' samples as they came, with the segment that carries each."""
+"""The output of every reader: receivers' samples as they came, with the segment that carries each."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def joined(parts: Iterable[Samples]) -> Samples:
 def segments_of_names(
     codes: npt.NDArray[np.int64], names: Sequence[str], layout: Layout, place: Callable[[int], str]
 ) -> npt.NDArray[np.int64]:
-    """Give every sample's index into `layout.measured` from the segment names that a recording uses.
+    """Return every sample's index into `layout.measured` from the segment names that a recording uses.
 
     codes : (N,) indices into `names`. Raises InputError at the first sample of an unknown segment.
     """
@@ -100,7 +100,7 @@ def segments_of_names(
 def segments_of_stations(
     stations: npt.NDArray[np.int64], layout: Layout, place: Callable[[int], str]
 ) -> npt.NDArray[np.int64]:
-    """Give every sample's index into `layout.measured` from the tracker's station numbers, shape (N,).
+    """Return every sample's index into `layout.measured` from the tracker's station numbers, shape (N,).
 
     Raises InputError at the first sample of a station that the layout does not name.
     """
@@ -122,7 +122,7 @@ def segments_of_stations(
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Give the nearest known name as the end of a sentence; nothing where none is near."""
+    """Return the nearest known name as the end of a sentence; nothing where none is near."""
     by_lower = {other.lower(): other for other in known}
     near = difflib.get_close_matches(name.lower(), by_lower, 1)
     return f"; did you mean {by_lower[near[0]]!r}?" if near else ""

@@ -120,7 +120,7 @@ def _frame_time_s(motion: SkeletonMotion, path: Path) -> float:
 
 
 def _is_end(motion: SkeletonMotion, index: int) -> bool:
-    """Tell whether a joint is a digit's last tip, which may be an End Site."""
+    """Return whether a joint is a digit's last tip, which may be an End Site."""
     return motion.joints[index].tip and index not in motion.parents
 
 

@@ -13,7 +13,7 @@ from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the argument parser."""
+    """Return the argument parser."""
     parser = command_line.parser(
         "shukotsu stage export.collect",
         "Link every file of some folders, and of the folders in them, into one folder.",

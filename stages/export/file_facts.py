@@ -1,4 +1,4 @@
-"""Define what goes with every file: whose motion it is, what it was made from, what was done to it."""
+"""What goes with every file: whose motion it is, what it was made from, what was done to it."""
 
 from __future__ import annotations
 

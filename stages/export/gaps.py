@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
-from shukotsu.stages.export.motion import Bools, SkeletonMotion, Whole, continuous
+from shukotsu.skeleton.rotations import conjugate, multiply, rotate
+from shukotsu.stages.export.motion import SkeletonMotion, Whole, continuous
 from shukotsu.stages.export.resampling import FILLED_FRAMES, blended, bracketed, slerped
 
 _MOST_LISTED = 10
@@ -70,8 +70,18 @@ def closed(motion: SkeletonMotion, policy: str, max_gap_s: float) -> SkeletonMot
             f"{motion.origin}: {widest}, more than the {FILLED_FRAMES} frames that are filled; use --frames "
             "to leave it out, or --gaps cut"
         )
-    if policy == "interpolate":
-        _refuse_wide(motion, gaps, max_gap_s)
+    open_end = next((gaps[row] for row in (0, -1) if not motion.whole[row]), None)
+    if policy == "interpolate" and open_end:
+        raise InputError(
+            f"{motion.origin}: {open_end}, open to one end of the recording, where nothing can be "
+            "interpolated; use --frames to leave it out, or --gaps cut or hold"
+        )
+    for gap in gaps if policy == "interpolate" else ():
+        if not gap.length_s <= max_gap_s:
+            raise InputError(
+                f"{motion.origin}: {gap}, longer than --max-gap-s {max_gap_s:g}; raise it, or use --gaps cut "
+                "or hold"
+            )
     return _filled(with_lost_frames(motion), gaps, policy)
 
 
@@ -106,15 +116,15 @@ def with_lost_frames(motion: SkeletonMotion) -> SkeletonMotion:
     if not lost.any():
         return motion
     place = np.concatenate([[0], np.cumsum(1 + lost)])
-    recorded = np.zeros(place[-1] + 1, bool)
-    recorded[place] = True
+    rows = np.arange(place[-1] + 1)
+    recorded = np.isin(rows, place)
+    blank = ~recorded[:, None, None]
     wide = motion.take(np.cumsum(recorded) - 1)
-    rows, blank = np.arange(len(recorded)), ~recorded
-
-    def blanked(array: Array) -> Array:
-        return np.where(blank[:, None, None], np.nan, array)
-
-    wide = wide.mapped(blanked, blanked, wide.receivers.valid & recorded[:, None])
+    wide = wide.mapped(
+        lambda mm: np.where(blank, np.nan, mm),
+        lambda turns: np.where(blank, np.nan, turns),
+        wide.receivers.valid & recorded[:, None],
+    )
     return replace(
         wide,
         frame=np.rint(np.interp(rows, place, motion.frame)).astype(np.int64),
@@ -135,7 +145,9 @@ def _cut(motion: SkeletonMotion) -> SkeletonMotion:
     best = int(np.argmax(ends - starts))
     kept = np.zeros(len(whole), bool)
     kept[starts[best] : ends[best]] = True
-    away = _runs(motion.frame, ~kept)
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], kept, [True]]).astype(int)))
+    pairs = zip(motion.frame[edges[::2]], motion.frame[edges[1::2] - 1], strict=True)
+    away = [f"{first}" if first == last else f"{first}-{last}" for first, last in pairs]
     more = f" and {len(away) - _MOST_LISTED} more" if len(away) > _MOST_LISTED else ""
     listed = ", ".join(away[:_MOST_LISTED]) + more
     out = motion.take(kept)
@@ -145,31 +157,10 @@ def _cut(motion: SkeletonMotion) -> SkeletonMotion:
     )
 
 
-def _runs(frame: Whole, chosen: Bools) -> list[str]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
-    pairs = zip(edges[::2], edges[1::2] - 1, strict=True)
-    return [f"{frame[a]}" if a == b else f"{frame[a]}-{frame[b]}" for a, b in pairs]
-
-
-def _refuse_wide(motion: SkeletonMotion, gaps: list[Gap], max_gap_s: float) -> None:
-    whole = motion.whole
-    if not (whole[0] and whole[-1]):
-        gap = gaps[0] if not whole[0] else gaps[-1]
-        raise InputError(
-            f"{motion.origin}: {gap}, open to one end of the recording, where nothing can be interpolated; "
-            "use --frames to leave it out, or --gaps cut or hold"
-        )
-    for gap in gaps:
-        if not gap.length_s <= max_gap_s:
-            raise InputError(
-                f"{motion.origin}: {gap}, longer than --max-gap-s {max_gap_s:g}; raise it, or use --gaps cut "
-                "or hold"
-            )
-
-
 def _filled(motion: SkeletonMotion, gaps: list[Gap], policy: str) -> SkeletonMotion:
     """Every gap filled, parents before children, so that a child is filled in its parent's frame."""
-    known = motion.known
+    known, times = motion.known, motion.time_s
+    x = times if np.isfinite(times).all() else np.arange(len(times), dtype=float)
     position, turn = motion.position_mm.copy(), motion.quaternion.copy()
     for index, joint in enumerate(motion.joints):
         blank = ~known[:, index]
@@ -180,7 +171,13 @@ def _filled(motion: SkeletonMotion, gaps: list[Gap], policy: str) -> SkeletonMot
             above = turn[:, joint.parent]
             places = rotate(conjugate(above), places - position[:, joint.parent])
             turns = multiply(conjugate(above), turns)
-        places, turns = _filled_series(motion.time_s, places, turns, known[:, index], policy)
+        rows = np.flatnonzero(known[:, index])
+        before, after, share = bracketed(x, x[rows])
+        if policy == "hold":
+            share = np.where(np.arange(len(x)) >= rows[after], 1.0, 0.0)
+        before, after = rows[before], rows[after]
+        places = blended(places[before], places[after], share)
+        turns = slerped(turns[before], turns[after], share)
         if joint.parent >= 0:
             places, turns = position[:, joint.parent] + rotate(above, places), multiply(above, turns)
         position[blank, index], turn[blank, index] = places[blank], turns[blank]
@@ -193,19 +190,4 @@ def _filled(motion: SkeletonMotion, gaps: list[Gap], policy: str) -> SkeletonMot
     length = f", the longest {longest:.3f} s" if np.isfinite(longest) else ""
     return replace(motion, position_mm=position, quaternion=continuous(turn)).noting(
         f"{len(gaps)} gaps ({frames} frames{length}) filled {how}"
-    )
-
-
-def _filled_series(
-    time_s: Array, position: Array, turn: Array, known: Bools, policy: str
-) -> tuple[Array, Array]:
-    """Positions (T, 3) and rotations (T, 4) of one joint at all times, from those that are known."""
-    rows = np.flatnonzero(known)
-    x = time_s if np.isfinite(time_s).all() else np.arange(len(known), dtype=float)
-    before, after, share = bracketed(x, x[rows])
-    if policy == "hold":
-        share = np.where(np.arange(len(known)) >= rows[after], 1.0, 0.0)
-    return (
-        blended(position[rows[before]], position[rows[after]], share),
-        slerped(turn[rows[before]], turn[rows[after]], share),
     )

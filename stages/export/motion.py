@@ -1,4 +1,4 @@
-"""Define what every format is written from: one hand's skeleton and its motion over a recording.
+"""What every format is written from: one hand's skeleton and its motion over a recording.
 
 Bone frames. Every joint carries the frame of the bone that starts there, as WebXR Hand Input and OpenXR
 define it: -Z along the bone, away from the wrist; +Y out of the back of the bone (of a thumb, the nail's
@@ -145,7 +145,7 @@ class SkeletonMotion:
 
     @cached_property
     def known(self) -> Bools:
-        """Tell which joints have a whole pose in which frames, (T, J)."""
+        """Return which joints have a whole pose in which frames, (T, J)."""
         return known_points(self.position_mm, self.quaternion)
 
     @property
@@ -234,7 +234,7 @@ def local_motion(motion: SkeletonMotion) -> tuple[Array, Array]:
 
 
 def known_points(position_mm: Array, quaternion: Array) -> Bools:
-    """Tell which points have a whole pose in which frames, (T, N)."""
+    """Return which points have a whole pose in which frames, (T, N)."""
     return np.asarray(np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1))
 
 

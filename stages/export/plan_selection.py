@@ -1,4 +1,4 @@
-"""Define which of a plan's recordings and models are exported."""
+"""Which of a plan's recordings and models are exported."""
 
 from __future__ import annotations
 

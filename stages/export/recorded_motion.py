@@ -27,8 +27,8 @@ from shukotsu.stages.export.motion import (
     nominal_rate_hz,
 )
 
-MOST_FRAMES = 120_000
-"""That are exported of a recording, a little over eight minutes at 240 Hz: within 2 GB of memory."""
+MOST_FRAMES = 100_000
+"""That are exported of a recording, seven minutes at 240 Hz: within 2 GB of memory."""
 
 Range = tuple[int | None, int | None]
 
@@ -74,14 +74,15 @@ def read_motion(posed: PosedRecording, licence: str = "", frames: Range = (None,
 
 def _poses(posed: PosedRecording, frames: Range) -> tuple[Poses, list[str]]:
     """Read receivers, of a long recording in that range and no more than MOST_FRAMES; and a note on these."""
-    if posed.n_frames <= MOST_FRAMES:
-        return posed.poses(), []
-    poses = joined_poses([block.take(_inside(block.frame, frames)) for block in posed.pose_blocks()])
-    every = -(-len(poses.frame) // MOST_FRAMES)
-    if every <= 1:
-        return poses, []
+    every = -(-posed.n_frames // MOST_FRAMES)
+    if every > 1 and frames != (None, None):
+        poses = joined_poses([block.take(_inside(block.frame, frames)) for block in posed.pose_blocks()])
+        every = -(-len(poses.frame) // MOST_FRAMES)
+        poses = poses.take(slice(None, None, every or 1))
+    else:
+        poses = posed.poses(every)
     some = f"one frame in {every}, as no more than {MOST_FRAMES} are exported; --frames has all of a part"
-    return poses.take(slice(None, None, every)), [some]
+    return poses, [some] if every > 1 else []
 
 
 def _inside(frame: Whole, frames: Range) -> Whole:

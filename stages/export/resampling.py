@@ -75,7 +75,7 @@ def _count(time_s: Array, fps: float) -> int:
 
 
 def largest_time_error_s(motion: SkeletonMotion) -> float:
-    """Give the most that a device time is off an even rate that starts with the first; 0 without times.
+    """Return the most that a device time is off an even rate that starts with the first; 0 without times.
 
     What a file loses that holds a rate and no times.
     """

@@ -1,4 +1,4 @@
-"""Define what joints are called elsewhere: tables from a hand's joints to the names of other rigs.
+"""What joints are called elsewhere: tables from a hand's joints to the names of other rigs.
 
 WebXR Hand Input has 25 names. VRM 1.0, Unity's HumanBodyBones and Mixamo
 have no metacarpals for the fingers; Unreal's mannequin has (Unreal Engine 5). Where a rig names no tips,

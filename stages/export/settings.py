@@ -1,4 +1,4 @@
-"""Define what the user asks of an export, and how a motion is made ready for a format by it."""
+"""What the user asks of an export, and how a motion is made ready for a format by it."""
 
 from __future__ import annotations
 

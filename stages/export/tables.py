@@ -21,7 +21,7 @@ FOLDER = "tables"
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the argument parser."""
+    """Return the argument parser."""
     parser = command_line.parser(
         "shukotsu stage export.tables",
         "Write tables as CSV, and what their columns mean as a Frictionless data package, for R and others.",
@@ -93,7 +93,7 @@ def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
 
 
 def table_schema(columns: Sequence[Column], key: Sequence[str]) -> dict[str, Any]:
-    """Give the Table Schema of some columns; their units stand beside, which the standard has no word for."""
+    """Return the Table Schema of some columns; units stand beside, which the standard has no word for."""
     fields = [
         {
             "name": column.name,
@@ -111,7 +111,7 @@ def table_schema(columns: Sequence[Column], key: Sequence[str]) -> dict[str, Any
 
 
 def _flat(values: pa.Array) -> pa.Array:
-    """Give values of a column; an array in a cell as its JSON."""
+    """Return values of a column; an array in a cell as its JSON."""
     import pyarrow as pa
 
     if not pa.types.is_nested(values.type):
@@ -120,7 +120,7 @@ def _flat(values: pa.Array) -> pa.Array:
 
 
 def _type(column: Column) -> str:
-    """Give a column's type of the Table Schema (https://specs.frictionlessdata.io/table-schema/)."""
+    """Return a column's type of the Table Schema (https://specs.frictionlessdata.io/table-schema/)."""
     from pyarrow import types
 
     if types.is_floating(column.type):

@@ -36,7 +36,7 @@ _MOST_FRAMES = 65535
 
 @dataclass(frozen=True)
 class C3dFile:
-    """Hold what of a C3D file matters here.
+    """What of a C3D file matters here.
 
     points : (T, P, 3) in the file's unit, NaN where a point is not seen; labels : of the P points.
     matrices : (T', R, 4, 4) of the ROTATION group, T' a whole multiple of T; rotation_labels : of the R.

@@ -117,7 +117,7 @@ def _fit(shape: Array, points: Array, weight: Array) -> tuple[Array, Array]:
 
 
 def _spread_out(shape: Array, seen: Bools) -> Bools:
-    """Tell whether the markers that a frame sees, of those known, fix a rotation, shape (T,)."""
+    """Return whether the markers that a frame sees, of those known, fix a rotation, shape (T,)."""
     patterns, codes = np.unique(seen, axis=0, return_inverse=True)
     good = [pattern.sum() >= 3 and _width(shape[pattern]) >= THINNEST for pattern in patterns]
     return np.asarray(np.array(good)[codes.ravel()], bool)

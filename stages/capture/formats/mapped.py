@@ -61,7 +61,7 @@ def snake_case(name: str) -> str:
 
 
 def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> FileMapping:
-    """Give the mapping; InputError where there is none, `what` naming the kind of file."""
+    """Return the mapping; InputError where there is none, `what` naming the kind of file."""
     if mapping is None:
         raise InputError(
             f"{path}: {what} needs a mapping that says its units and receivers; "

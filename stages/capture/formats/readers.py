@@ -60,7 +60,7 @@ AUTO = "auto"
 
 
 def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
-    """Give the reader of the mapping's format, of the named one, or for "auto" that of the file's ending.
+    """Return the reader of the mapping's format, of the named one, or for "auto" that of the file's ending.
 
     It gives the recording part by part, at least one; what a part notes is of the whole recording.
     Raises InputError where the ending is none that is known, or is one that needs a mapping.
@@ -74,7 +74,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
 
 
 def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:
-    """Give the same reader as `find_parts_reader`, one that gives the recording whole."""
+    """Return the same reader as `find_parts_reader`, one that gives the recording whole."""
     from shukotsu.stages.capture.samples import joined
 
     read = find_parts_reader(path, name, mapping)

@@ -94,7 +94,7 @@ def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
 
 
 def _header(path: Path) -> Iterator[bytes]:
-    """Give the header's lines: of NRRD up to an empty line, of MetaIO up to where its data are."""
+    """Return the header's lines: of NRRD up to an empty line, of MetaIO up to where its data are."""
     with reading(path, EXPECTED), open_text(path, EXPECTED) as stream:
         nrrd = stream.read(4) == b"NRRD"
         stream.seek(0)

@@ -134,12 +134,12 @@ class TextTable:
             yield from (table.slice(0, table.num_rows - last) for table in held)
 
     def _source(self, stream: BinaryIO) -> pa.NativeFile:
-        """Give the text with no Python in it, which aborts a process that ends while pyarrow reads ahead."""
+        """Return the text with no Python in it, which aborts a process that ends while pyarrow reads on."""
         text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
         return pa.OSFile(str(self.path)) if text is None else pa.BufferReader(text)
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
-        """Give every row, without empty lines, with the number of its (last) line."""
+        """Return every row, without empty lines, with the number of its (last) line."""
         records = text_records(self.open(), self.separator, quoted=self.quoted)
         return itertools.dropwhile(lambda record: record[0] <= self.header_lines, records)
 
@@ -171,7 +171,7 @@ class TextTable:
 
 
 def text_records(stream: BinaryIO, separator: str, *, quoted: bool = True) -> Iterator[tuple[int, list[str]]]:
-    """Give every record that is not an empty line, with the number of its (last) line."""
+    """Return every record that is not an empty line, with the number of its (last) line."""
     with io.TextIOWrapper(stream, "utf-8-sig", newline="") as text:
         reader = csv.reader(
             _lines(text), delimiter=separator, quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE
@@ -216,7 +216,7 @@ def open_tidy_csv(path: Path) -> TextTable:
 
 
 def is_ended(data: bytes) -> bool:
-    """Say whether the last line of a text is whole, so that no number there can be cut off.
+    """Return whether the last line of a text is whole, so that no number there can be cut off.
 
     An editor may leave a whole line without its end: a closing quotation mark or a blank then tells as well.
     """

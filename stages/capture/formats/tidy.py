@@ -52,13 +52,13 @@ def read_parquet(path: Path, layout: Layout, _mapping: FileMapping | None) -> It
 
 
 def csv_blocks(path: Path) -> Iterator[Cells]:
-    """Give the columns of a tidy recording, some rows at a time."""
+    """Return the columns of a tidy recording, some rows at a time."""
     table = open_tidy_csv(path)
     return table.blocks(wanted_columns(path, table.header))
 
 
 def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
-    """Give the columns of a tidy recording, some rows at a time, in whatever number types they are."""
+    """Return the columns of a tidy recording, some rows at a time, in whatever number types they are."""
     start = 0
     with open_recording(path) as file:
         names = wanted_columns(path, file.schema_arrow.names)
@@ -81,7 +81,7 @@ def open_recording(path: Path) -> Iterator[pq.ParquetFile]:
 
 
 def _parts(blocks: Iterable[Cells], path: Path, layout: Layout, loss: str = "") -> Iterator[Samples]:
-    """Give the samples of a recording's parts; loss : what is lost of it, said once."""
+    """Return the samples of a recording's parts; loss : what is lost of it, said once."""
     empty = True
     said = filter(None, [loss])
     for cells in blocks:
@@ -94,7 +94,7 @@ def _parts(blocks: Iterable[Cells], path: Path, layout: Layout, loss: str = "") 
 
 
 def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
-    """Give the columns to read, of those that the file has.
+    """Return the columns to read, of those that the file has.
 
     Raises InputError where one is missing, is given twice, or the receiver is named in two ways.
     """

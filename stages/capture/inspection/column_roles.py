@@ -51,7 +51,7 @@ _NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
 
 @dataclass(frozen=True)
 class Roles:
-    """Hold what the columns, by title, seem to be.
+    """What the columns, by title, seem to be.
 
     quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
     the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
@@ -80,7 +80,7 @@ class Roles:
 
 
 def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
-    """Tell columns apart by their numbers and, where these leave it open, by their names.
+    """Return the roles of columns, by their numbers and, where these leave it open, by their names.
 
     titles : all columns; numbers : those that hold numbers, title -> (N,).
     """
@@ -136,7 +136,7 @@ def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[st
 
 
 def _counts(title: str, values: Array) -> bool:
-    """Tell whether a column grows with every row, or is one whole number in all though it has a name."""
+    """Return whether a column grows with every row, or is one whole number in all though it has a name."""
     still = np.ptp(values) == 0 and values[0] == np.floor(values[0]) and not title.startswith("number ")
     return len(values) >= _MANY_ROWS and bool(still or (np.diff(values) > 0).all())
 
@@ -177,7 +177,7 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
 
 
 def _first_goes_round(titles: Sequence[str], numbers: Mapping[str, Array]) -> bool:
-    """Tell whether the first column counts a few small whole numbers up again and again, as stations do.
+    """Return whether the first column counts a few small whole numbers up again and again, as stations do.
 
     Rows may be lost.
     """
@@ -189,7 +189,7 @@ def _first_goes_round(titles: Sequence[str], numbers: Mapping[str, Array]) -> bo
 
 
 def _first_is_time(left: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, object]) -> bool:
-    """Tell whether the first column grows with every row and no other does that no name puts in a group."""
+    """Return whether the first column grows with every row and no other does that no name puts in a group."""
     free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
     growing = [title for title in free if (np.diff(numbers[title]) > 0).all()]
     return bool(growing) and growing == [left[0]]
@@ -221,7 +221,7 @@ def _sort(
 
 
 def _keeps(titles: Sequence[str], named: Mapping[str, list[str]]) -> bool:
-    """Tell whether the titles have every named group whole or not at all."""
+    """Return whether the titles have every named group whole or not at all."""
     return all(set(named.get(title, ())) <= set(titles) for title in titles)
 
 
@@ -270,7 +270,7 @@ def _is_receiver(title: str, values: Array | None) -> bool:
 
 
 def _is_rotation(free: Sequence[str], numbers: Mapping[str, Array], size: int) -> bool:
-    """Tell whether the next columns are a rotation, and more nearly so than those that begin a little later.
+    """Return whether the next columns are a rotation, and more nearly so than those a little later.
 
     A small z in metres before a quaternion whose last number is small has norm 1 with its first three, too.
     """

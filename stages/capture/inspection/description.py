@@ -1,4 +1,4 @@
-"""Define an inspection's result, and write its numbers."""
+"""An inspection's result, and write its numbers."""
 
 from __future__ import annotations
 

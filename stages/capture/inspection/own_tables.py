@@ -24,7 +24,7 @@ from shukotsu.stages.capture.samples import NUMBERS
 
 
 def is_tidy(path: Path) -> bool:
-    """Tell whether a text file's first line has the columns of a tidy recording."""
+    """Return whether a text file's first line has the columns of a tidy recording."""
     with path.open("rb") as stream:
         first = stream.readline(10_000).decode("utf-8", "replace")
     return _tidy_header([name.strip().strip('"') for name in first.lstrip("\ufeff").split(",")])
