@@ -47,7 +47,9 @@ def mapping_from_config(loaded: Any, where: str) -> FileMapping:
     """Check a loaded mapping, fill in its defaults; `where` names it in messages."""
     if isinstance(loaded, dict):
         # Before the schema does, and in words, what a draft or a first mapping most often gets wrong.
-        _check_edited(loaded, where)
+        if left := list(dict.fromkeys(_unedited(loaded, ""))):
+            verb = "says" if len(left) == 1 else "say"
+            raise InputError(f"{where}: {listed(left, 4)} still {verb} CHECK: put the truth there")
         _check_names(loaded, where)
     config = check_config(loaded, "mapping", where)
     odd = sorted({"csv", "c3d", "xdf"} & loaded.keys() - {config["format"]})
@@ -74,14 +76,6 @@ _UNEDITED = re.compile(r"CHECK(\d+|_\w+)?")
 """What a drafted mapping has where the file cannot say the truth."""
 
 _SEGMENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
-
-
-def _check_edited(loaded: Mapping[str, Any], where: str) -> None:
-    """Refuse a draft in which a CHECK is left, as a key or a value."""
-    left = list(dict.fromkeys(_unedited(loaded, "")))
-    if left:
-        verb = "says" if len(left) == 1 else "say"
-        raise InputError(f"{where}: {listed(left, 4)} still {verb} CHECK: put the truth there")
 
 
 def _unedited(value: object, place: str) -> Iterator[str]:
@@ -114,6 +108,8 @@ def _check_names(loaded: Mapping[str, Any], where: str) -> None:
 _NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "matrix": ()}
 _NUMBERS = {"quaternion": 4, "euler": 3, "matrix": 9}
 
+_TURNED = {"c3d": "a C3D file needs", "sequence": "a sequence's transforms need"}
+
 _RECEIVER_KEYS = {
     "wide": ("position", "orientation", "time", "quality"),
     "long": ("value",),
@@ -132,6 +128,8 @@ def _check_orientation(config: Mapping[str, Any], where: str) -> None:
     orientation = config.get("orientation")
     if orientation is None:
         return
+    if config["format"] in _TURNED:
+        raise InputError(f"{where}: orientation: {_TURNED[config['format']]} none; leave it out")
     kind = orientation["kind"]
     missing = [key for key in _NEEDED[kind] if key not in orientation]
     if missing:
@@ -241,14 +239,7 @@ def _check_pair(
         raise InputError(f"{where}: csv.{keys[0]}: no {column} column is named")
 
 
-def _check_sequence(config: Mapping[str, Any], where: str) -> None:
-    if "orientation" in config:
-        raise InputError(f"{where}: orientation: a sequence's transforms need none; leave it out")
-
-
 def _check_c3d(config: Mapping[str, Any], where: str) -> None:
-    if "orientation" in config:
-        raise InputError(f"{where}: orientation: a C3D file needs none; leave it out")
     for segment, receiver in config["receivers"].items():
         if len(receiver) != 1:
             raise InputError(f"{where}: receivers.{segment}: needs either 'markers' or 'rotation'")
@@ -275,5 +266,4 @@ _CHECKS: dict[str, Callable[[Mapping[str, Any], str], None]] = {
     "csv": _check_csv,
     "c3d": _check_c3d,
     "capture": _check_capture,
-    "sequence": _check_sequence,
 }

@@ -6,7 +6,6 @@ import argparse
 import sys
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -53,17 +52,6 @@ def main(argv: list[str]) -> int:
     return command_line.run(build_parser, argv, import_recording, record_failure)
 
 
-@dataclass
-class _Remarks:
-    """What the reader says of the whole recording, see `Samples`."""
-
-    notes: list[str] = field(default_factory=list)
-    losses: list[str] = field(default_factory=list)
-    missing_frames: int = 0
-    tracker: str = ""
-    orientation: str = ""
-
-
 def import_recording(arguments: argparse.Namespace) -> None:
     """Read the recording, check it, write the table; notes on what is not there go to stderr."""
     from shukotsu.errors import reading_what_was_brought
@@ -72,20 +60,17 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from shukotsu.stages.capture.formats.readers import find_parts_reader
     from shukotsu.stages.capture.hemispheres import expected_joints
     from shukotsu.stages.capture.poses_table import poses_table
+    from shukotsu.stages.capture.samples import joined
 
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     read = find_parts_reader(arguments.file, arguments.format, mapping)
-    remarks = _Remarks()
+    remarks: list[Samples] = []
 
     def parts() -> Iterator[Samples]:
         with reading_what_was_brought():
             for part in read(arguments.file, layout, mapping):
-                remarks.notes.extend(part.notes)
-                remarks.losses.extend(part.losses)
-                remarks.missing_frames += part.missing_frames
-                remarks.tracker = remarks.tracker or part.tracker
-                remarks.orientation = remarks.orientation or part.orientation
+                remarks.append(part.take(slice(0)))
                 yield part
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
@@ -98,14 +83,14 @@ def import_recording(arguments: argparse.Namespace) -> None:
         repair_hemisphere=arguments.repair_hemisphere,
     )
     with closing(table) as poses:
-        _write(arguments, layout, poses, remarks, mapping)
+        _write(arguments, layout, poses, joined(remarks), mapping)
 
 
 def _write(
     arguments: argparse.Namespace,
     layout: Layout,
     poses: PosesTable,
-    remarks: _Remarks,
+    remarks: Samples,
     mapping: FileMapping | None,
 ) -> None:
     from shukotsu.schemas.catalogue import POSES
@@ -121,9 +106,9 @@ def _write(
         print(f"note: {arguments.file}: {note}", file=sys.stderr)
     inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
     inputs += [] if arguments.mapping is None else [arguments.mapping]
-    parameters = {**_parameters(arguments, layout.name, absent), "notes": remarks.notes}
+    parameters = {**_parameters(arguments, layout.name, absent), "notes": list(remarks.notes)}
     parameters |= {} if mapping is None else {"mapping": _declared(mapping)}
-    parameters |= {"losses": remarks.losses, "missing_frames": remarks.missing_frames}
+    parameters |= {"losses": list(remarks.losses), "missing_frames": remarks.missing_frames}
     told = {"tracker": remarks.tracker, "orientation": remarks.orientation}
     parameters |= {key: value for key, value in told.items() if value}
     parameters |= {"breaks": poses.breaks} if poses.breaks else {}

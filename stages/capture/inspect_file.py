@@ -45,14 +45,8 @@ def inspect(arguments: argparse.Namespace) -> None:
 
     description = describe(arguments.file, arguments.layout)
     print("\n".join(description.lines))
-    is_whole_program = (
-        find_spec("yaml") is not None
-    )  # the computer beside a tracker may have the recorder alone
-    if (
-        not description.draft
-        and is_whole_program
-        and (description.recording or _is_poses_table(arguments.file))
-    ):
+    whole = find_spec("yaml") is not None  # the computer beside a tracker may have the recorder alone
+    if whole and not description.draft and (description.recording or _is_poses_table(arguments.file)):
         print("".join(f"{line}\n" for line in finding_lines(arguments)), end="")
     target = arguments.write_mapping
     if target is not None:
@@ -153,13 +147,7 @@ def describe(path: Path, layout: Layout | str) -> Description:
             f"{path}: inspect reads text, C3D and this project's files; import it as it is, and "
             "where its names are no segments, write a mapping (docs/mappings.md)"
         )
-    return _text(path, layout)
-
-
-def _text(path: Path, layout: Layout) -> Description:
     from shukotsu.stages.capture.inspection.own_tables import describe_tidy_csv, is_tidy
     from shukotsu.stages.capture.inspection.text_tables import describe_table
 
-    if is_tidy(path):
-        return describe_tidy_csv(path, layout)
-    return describe_table(path, layout)
+    return (describe_tidy_csv if is_tidy(path) else describe_table)(path, layout)

@@ -6,7 +6,7 @@ import bisect
 import difflib
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -47,6 +47,12 @@ class Samples:
     missing_frames: int = 0
     tracker: str = ""
     orientation: str = ""
+
+    def take(self, rows: slice) -> Samples:
+        """Return some of the samples, with all that is said of the recording."""
+        names = ("segment", "frame", "time_s", "numbers")
+        flags = {flag: marked[rows] for flag, marked in self.flags.items()}
+        return replace(self, flags=flags, **{name: getattr(self, name)[rows] for name in names})
 
 
 def joined(parts: Iterable[Samples]) -> Samples:
