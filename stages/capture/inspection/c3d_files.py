@@ -15,9 +15,6 @@ from shukotsu.stages.capture.formats.c3d import C3dFile, open_c3d
 from shukotsu.stages.capture.inspection.description import CHECK, Description, draft, extent_line
 from shukotsu.stages.capture.inspection.rigid_groups import rigid_groups
 
-RIGID_SHARE = 0.05
-"""A cluster whose distances vary (interquartile) by less than this share of them is taken for rigid."""
-
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
 def describe_c3d(path: Path, layout: Layout) -> Description:
@@ -39,50 +36,10 @@ def describe_c3d(path: Path, layout: Layout) -> Description:
     if file.rotation_labels:
         ratio = len(file.matrices) / max(file.frames, 1)
         lines.append(f"ROTATION labels: {', '.join(file.rotation_labels)}, {ratio:g} a frame")
-    clusters = _stems(file.labels)
-    variations = {stem: _variation(file, labels) for stem, labels in clusters.items()}
-    lines += [
-        f"markers {', '.join(clusters[stem])}: {_rigidity(distance, spread, file.unit)}"
-        for stem, (distance, spread) in variations.items()
-    ]
-    rigid = {stem: clusters[stem] for stem, (d, spread) in variations.items() if spread < RIGID_SHARE * d}
-    named = {label for group in rigid.values() for label in group}
-    free = [index for index, label in enumerate(file.labels) if label not in named]
-    found = rigid_groups(file.points[:, free], [file.labels[index] for index in free])
-    for stem, own in found.items():
-        rigid[stem] = [file.labels[free[index]] for index in own]
-        lines.append(f"markers {', '.join(rigid[stem])}: keep their distances: a rigid cluster")
+    groups = rigid_groups(file.points, file.labels)
+    rigid = {label: [file.labels[index] for index in group] for label, group in groups.items()}
+    lines += [f"markers {', '.join(own)}: keep their distances: a rigid cluster" for own in rigid.values()]
     return Description(tuple(lines), _draft(file, rigid, layout))
-
-
-def _stems(labels: Sequence[str]) -> dict[str, list[str]]:
-    """Labels that differ in their last number only, where there are three or more."""
-    groups: dict[str, list[str]] = {}
-    for label in labels:
-        match = re.fullmatch(r"(.*?\D)[ _.-]?\d+", label)
-        if match:
-            groups.setdefault(match[1].rstrip(" _.-"), []).append(label)
-    return {stem: group for stem, group in groups.items() if len(group) >= 3}
-
-
-def _variation(file: C3dFile, labels: Sequence[str]) -> tuple[float, float]:
-    """Median distance between a group's markers, and the largest interquartile range; NaN if unseen."""
-    points = file.points[:, [file.labels.index(label) for label in labels]]
-    first, second = np.triu_indices(len(labels), 1)
-    distance = np.linalg.norm(points[:, first] - points[:, second], axis=-1)
-    seen = distance[:, np.isfinite(distance).any(0)]
-    if seen.shape[1] < 3:
-        return float("nan"), float("nan")
-    low, middle, high = np.nanpercentile(seen, [25, 50, 75], axis=0)
-    return float(np.median(middle)), float((high - low).max())
-
-
-def _rigidity(distance: float, spread: float, unit: str) -> str:
-    if np.isnan(distance):
-        return "never seen together"
-    verdict = "a rigid cluster" if spread < RIGID_SHARE * distance else "not rigid"
-    in_unit = f" {unit}" if unit else ""
-    return f"distances about {distance:.3g}{in_unit}, varying by {spread:.2g}{in_unit}: {verdict}"
 
 
 def _draft(file: C3dFile, rigid: Mapping[str, Sequence[str]], layout: Layout) -> str:

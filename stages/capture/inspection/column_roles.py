@@ -104,7 +104,9 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     receiver = receiver or next(iter(guessed), None)
     text = [title for title in titles if title not in numbers and title != receiver]
     left = [title for title in numeric if title not in (time, frame, receiver)]
-    if time is None and _first_is_time(left, numbers, named):
+    free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
+    growing = [title for title in free if (np.diff(numbers[title]) > 0).all()]
+    if time is None and growing and growing == left[:1]:  # and no other that no name puts in a group
         time = left.pop(0)
         guessed.add(time)
     quality = [title for title in left if _QUALITY.search(title) and title not in named]
@@ -188,13 +190,6 @@ def _first_goes_round(titles: Sequence[str], numbers: Mapping[str, Array]) -> bo
     return bool(small and np.mean(np.diff(codes) % len(names) == 1) > _NORM_SHARE)
 
 
-def _first_is_time(left: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, object]) -> bool:
-    """Return whether the first column grows with every row and no other does that no name puts in a group."""
-    free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
-    growing = [title for title in free if (np.diff(numbers[title]) > 0).all()]
-    return bool(growing) and growing == [left[0]]
-
-
 def _sort(
     free: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, list[str]], roles: Roles
 ) -> None:
@@ -202,7 +197,9 @@ def _sort(
     run: list[str] = []
     while free:
         group = named.get(free[0], [])
-        size = next((n for n in (9, 4) if _is_rotation(free, numbers, n) and _keeps(free[:n], named)), 0)
+        sizes = [n for n in (9, 4) if _is_rotation(free, numbers, n)]
+        # every named group whole or not at all
+        size = next((n for n in sizes if all({*named.get(t, ())} <= {*free[:n]} for t in free[:n])), 0)
         if not size and not set(group) <= set(free):
             group = []
         if not (size or group):
@@ -218,11 +215,6 @@ def _sort(
             (roles.matrices if len(taken) == 9 else roles.quaternions).append(taken)
         free = [title for title in free if title not in taken]
     _sort_triples(run, numbers, roles)
-
-
-def _keeps(titles: Sequence[str], named: Mapping[str, list[str]]) -> bool:
-    """Return whether the titles have every named group whole or not at all."""
-    return all(set(named.get(title, ())) <= set(titles) for title in titles)
 
 
 def _named_angles(titles: Sequence[str]) -> bool:

@@ -195,13 +195,11 @@ def test_a_c3d_file_names_its_rigid_clusters(run: Run) -> None:
     facts = ["C3D: 6 points, 40 frames numbered from 1", "rate 50 Hz", "unit mm (POINT:UNITS)"]
     for fact in (*facts, "missing: Dot1 25 %"):
         assert fact in out
-    assert re.search(r"Arm1, Arm2, Arm3: .*: a rigid cluster", out)
-    assert re.search(r"Dot1, Dot2, Dot3: .*: not rigid", out)
-    assert re.search(r"Arm1, .*: distances about [\d.]+ mm, varying by \S+ mm: ", out)
+    assert "markers Arm1, Arm2, Arm3: keep their distances: a rigid cluster" in out
     draft = run.mapping.read_text()
     assert "first_frame" not in draft
     assert "#   last_frame: 40  # frames count from 1 at the first stored frame" in draft
-    samples = run.imported(path, {"CHECK_Arm": "upper_arm"})
+    samples = run.imported(path, {"CHECK_Arm1": "upper_arm"})
     np.testing.assert_allclose(samples.numbers[:, :3], rigid[:, 0], atol=1e-3)
     assert samples.notes[0].startswith("cluster upper_arm: 3 markers")
 
