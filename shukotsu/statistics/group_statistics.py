@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from shukotsu.statistics.multiple_comparisons import LEVEL
-from shukotsu.statistics.paired_statistics import EQUAL, Array, Difference, effect_of
+from shukotsu.statistics.paired_statistics import EQUAL, Array, Difference, Interval, effect_of
 
 FEWEST_IN_GROUP = 4
 """Subjects: fewer cannot tell how much a group spreads."""
@@ -30,7 +30,7 @@ def group_difference(values: Array, others: Array) -> Difference:
     each = 2.0 * stats.t.sf(abs(t), np.array([n, m]) - 1)
     p = float(np.average(each, weights=squares + EQUAL**2))
     pooled = math.sqrt((values.var() * n + others.var() * m) / (n + m - 2))
-    effect = (None, None)
+    effect: tuple[float, Interval] | tuple[None, None] = (None, None)
     if pooled > EQUAL:
         effect = effect_of(float(values.mean() - others.mean()) / pooled, n + m - 2, n * m / (n + m))
     ends = stats.ttest_ind(values, others, equal_var=False).confidence_interval(1.0 - LEVEL)

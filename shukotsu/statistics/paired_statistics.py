@@ -52,7 +52,8 @@ def paired_difference(differences: Array) -> Difference:
     from scipy.special import stdtrit
 
     d = np.where(np.abs(differences) <= EQUAL, 0.0, differences)
-    n, interval, effect = len(d), None, (None, None)
+    n, interval = len(d), None
+    effect: tuple[float, Interval] | tuple[None, None] = (None, None)
     if n >= FEWEST_SUBJECTS:
         half = float(stdtrit(n - 1, 1.0 - LEVEL / 2) * d.std(ddof=1)) / math.sqrt(n)
         interval = float(d.mean()) - half, float(d.mean()) + half

@@ -38,9 +38,11 @@ class Events:
     def of(cls, source: str, own_clock: bool, rows: Iterable[Sequence[Any]], *notes: str) -> Events:
         """Put events together from rows of name, time_s, duration_s, value[, sd_s[, channel]]."""
         whole = [(*row, *(0.0, 0)[len(row) - 4 :]) for row in rows]
-        numbers = [np.array([row[place] for row in whole], float) for place in range(1, 6)]
+        time_s, duration_s, value, sd_s, channel = (
+            np.array([row[place] for row in whole], float) for place in range(1, 6)
+        )
         names = tuple(str(row[0]) for row in whole)
-        return cls(source, own_clock, names, *numbers[:4], numbers[4].astype(np.int64), notes)
+        return cls(source, own_clock, names, time_s, duration_s, value, sd_s, channel.astype(np.int64), notes)
 
     def named(self, name: str) -> npt.NDArray[np.bool_]:
         """Whether an event has that name, shape (N,)."""

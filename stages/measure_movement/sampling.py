@@ -69,12 +69,12 @@ def grid_of(time_s: Array) -> Grid | None:
     return Grid(place, int(place[-1]) + 1, step_s)
 
 
-def bridged(values: Array, step_s: float) -> Array:
-    """Series (T, C) with gaps of at most MOST_GAP_S filled by straight lines; longer ones stay NaN.
+def bridged(values: Array, step_s: float, most_s: float = MOST_GAP_S) -> Array:
+    """Series (T, C) with gaps of at most most_s filled by straight lines; longer ones stay NaN.
 
     A gap before a series' first value or after its last stays, too.
     """
-    longest, out = int(MOST_GAP_S / step_s + 1e-9), values
+    longest, out = int(most_s / step_s + 1e-9), values
     for column in np.flatnonzero(np.isnan(values).any(0)):
         known = np.flatnonzero(~np.isnan(values[:, column]))
         short = np.flatnonzero((np.diff(known) > 1) & (np.diff(known) <= longest + 1))

@@ -19,6 +19,7 @@ from scipy.signal import savgol_filter
 from shukotsu.anatomy.recorded_movement import RecordedMovement
 from shukotsu.skeleton.rotations import Array, rotate, unit
 from shukotsu.stages.measure_movement.events import StruckEvent
+from shukotsu.stages.measure_movement.sampling import bridged, grid_of
 
 Row = dict[str, Any]
 
@@ -47,7 +48,7 @@ earlier."""
 MOST_CONTACT_SD_S, SHAPE_SHARE = 0.01, 0.03
 """1-sigma above which a contact is not sure; 1-sigma of its speed, of it: strokes are no parabolas."""
 
-_BRIDGED_S, _PEAK_S, _PEAK_NOISE = 0.02, 0.0167, 76.0
+BRIDGED_S, _PEAK_S, _PEAK_NOISE = 0.02, 0.0167, 76.0
 """Gaps that are bridged; what the largest speed is a mean over, and what noise of 1 mm leaves of it at 240
 Hz, mm/s."""
 
@@ -101,32 +102,24 @@ def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> It
 
 
 def _window(movement: RecordedMovement, time_s: Array, event: StruckEvent) -> _Window | None:
-    """Frames about an event, gaps of at most _BRIDGED_S filled; None where hardly any is there."""
+    """Frames about an event, gaps of at most BRIDGED_S filled; None where hardly any is there."""
     onset_s = event.row["onset_s"]
     rows = slice(*np.searchsorted(time_s, [onset_s - BACK_S, onset_s + AHEAD_S]).tolist())
     own_s = time_s[rows]
-    if len(own_s) < 8 or not own_s[0] < onset_s < own_s[-1]:
+    grid = grid_of(own_s) if len(own_s) >= 8 and own_s[0] < onset_s < own_s[-1] else None
+    if grid is None:
         return None
-    step_s = float(np.median(np.diff(own_s)))
-    even_s = own_s[0] + step_s * np.arange(1 + round(float(own_s[-1] - own_s[0]) / step_s))
-    columns = []
+    columns, sds = [], []
     for name, tip in movement.fingertips.items():
         base = movement.bases[movement.posed.layout.digits[name].base][rows][..., 0]
-        in_room = rotate(base[:, 3:], tip.place_mm[rows][..., 0]) + base[:, :3]
-        columns.append(np.concatenate([in_room, tip.pointing[rows][..., 0]], -1))
-    even = np.full((len(even_s), len(columns), 6), np.nan)
-    for index, values in enumerate(columns):
-        known = np.flatnonzero(np.isfinite(values).all(-1))
-        if len(known) > 1:
-            after = np.clip(np.searchsorted(own_s[known], even_s - 1e-6), 1, len(known) - 1)
-            near = own_s[known[after]] - own_s[known[after - 1]] <= max(_BRIDGED_S, 1.5 * step_s)
-            near &= (even_s > own_s[known[0]] - 1e-6) & (even_s < own_s[known[-1]] + 1e-6)
-            filled = [np.interp(even_s, own_s[known], column) for column in values[known].T]
-            even[:, index] = np.where(near[:, None], np.transpose(filled), np.nan)
-    sd_mm = [np.append(own[np.isfinite(own)], [])
-             for own in (tip.sd_mm[rows][:, 0, 0] for tip in movement.fingertips.values())]  # fmt: skip
-    sds = np.array([np.median(own) if len(own) else np.nan for own in sd_mm])
-    return _Window(even_s, even[..., :3], even[..., 3:], sds)
+        columns.append(rotate(base[:, 3:], tip.place_mm[rows][..., 0]) + base[:, :3])
+        columns.append(tip.pointing[rows][..., 0])
+        sd_mm = tip.sd_mm[rows]
+        sds.append(np.nanmedian(sd_mm) if np.isfinite(sd_mm).any() else np.nan)
+    even = bridged(grid.spread(np.concatenate(columns, -1)), grid.step_s, BRIDGED_S)
+    paths = even.reshape(grid.count, len(sds), 6)
+    even_s = own_s[0] + grid.step_s * np.arange(grid.count)
+    return _Window(even_s, paths[..., :3], paths[..., 3:], np.array(sds))
 
 
 def _losses(window: _Window, event: StruckEvent) -> tuple[Array, Array, Array]:
