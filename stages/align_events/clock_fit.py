@@ -119,7 +119,7 @@ def fit_clock(r: Array, o: Array) -> ClockFit | str:
         if len(j) > 2 * FEWEST_PULSES:
             sd_s = max(1e-4, 1.4826 * float(np.median(np.abs(r[i] - line(o[j])))))
             within_s = min(within_s, max(5 * sd_s, 0.003))
-        i, j = nearest_pairs(r, line(o), within_s)
+        i, j = _nearest_pairs(r, line(o), within_s)
     line = Line.through(o[j], r[i], sd_s)
     error = r[i] - line(o[j])
     residual_s = float(np.sqrt(error @ error / (len(j) - 2))) if len(j) > 2 else USUAL_JITTER_S
@@ -157,7 +157,7 @@ def _best_window(r: Array, o: Array, within_s: float) -> tuple[Integers, Integer
         good = np.flatnonzero(count == count.max())
         moved = np.searchsorted(r, window[0] + differences[good] + within_s) - start
         at = int(good[np.abs(moved).argmin()])
-        i, j = nearest_pairs(r, window + float(differences[at : ends[at]].mean()), within_s)
+        i, j = _nearest_pairs(r, window + float(differences[at : ends[at]].mean()), within_s)
         chance = len(r) * len(window) * float(binom.sf(len(j) - 2, len(window) - 1, share))
         if len(j) > 1 and chance < best[2]:
             best = i, start + j, chance
@@ -169,30 +169,23 @@ def _followed(r: Array, o: Array, i: Integers, j: Integers, within_s: float) -> 
     while True:
         line = Line.through(o[j], r[i], min(USUAL_JITTER_S, within_s / 5))
         sure = np.flatnonzero((2.5 * line.sd_s(o) < within_s) | ((o >= o[j[0]]) & (o <= o[j[-1]])))
-        more_i, more_j = nearest_pairs(r, line(o[sure]), within_s)
+        more_i, more_j = _nearest_pairs(r, line(o[sure]), within_s)
         if len(more_j) <= len(j):
             return i, j
         i, j = more_i, sure[more_j]
 
 
-def nearest_pairs(reference_s: Array, expected_s: Array, within_s: float) -> tuple[Integers, Integers]:
-    """Pairs (i, j) of a pulse and the expected time that is nearest to it, each pulse in one pair."""
+def _nearest_pairs(reference_s: Array, expected_s: Array, within_s: float) -> tuple[Integers, Integers]:
+    """Pairs (i, j) of a pulse and an expected time that are nearest to each other; both ascending."""
     at = _nearest(reference_s, expected_s)
-    error = np.abs(reference_s[at] - expected_s)
-    order = np.flatnonzero(error <= within_s)
-    order = order[np.argsort(error[order], kind="stable")]
-    _, best = np.unique(at[order], return_index=True)
-    chosen = np.sort(order[best])
-    keeps_order = np.diff(at[chosen], prepend=-1) > 0
-    return at[chosen][keeps_order], chosen[keeps_order]
+    mutual = _nearest(expected_s, reference_s)[at] == np.arange(len(expected_s))
+    chosen = np.flatnonzero(mutual & (np.abs(reference_s[at] - expected_s) <= within_s))
+    return at[chosen], chosen
 
 
-def _nearest(reference_s: Array, expected_s: Array) -> Integers:
-    """Index of the pulse nearest to each expected time."""
-    right = np.clip(np.searchsorted(reference_s, expected_s), 0, len(reference_s) - 1)
-    left = np.maximum(right - 1, 0)
-    closer = np.abs(expected_s - reference_s[left]) <= np.abs(reference_s[right] - expected_s)
-    return np.where(closer, left, right).astype(np.int64)
+def _nearest(times_s: Array, to_s: Array) -> Integers:
+    """Index of the time, of those ascending, that is nearest to each other one."""
+    return np.searchsorted((times_s[1:] + times_s[:-1]) / 2, to_s)
 
 
 def _left(count: int, matched: Integers, ran: slice) -> bool:

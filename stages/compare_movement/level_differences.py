@@ -7,11 +7,12 @@ digits in every hand and task, for one pair of levels under one model.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from shukotsu.schemas.quantities import Quantity
-from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair, level_pairs, places
-from shukotsu.stages.compare_movement.movement_values import Recorded, subject_means
+from shukotsu.stages.compare_movement.level_pairs import WITHIN, LevelPair
+from shukotsu.stages.compare_movement.movement_values import subject_means
 from shukotsu.statistics.group_statistics import FEWEST_IN_GROUP, group_difference
 from shukotsu.statistics.multiple_comparisons import LEVEL, holm
 from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS, Difference, paired_difference
@@ -24,28 +25,26 @@ Row = dict[str, Any]
 SHOWN, NOT_SHOWN = "shown", "not-shown"
 
 
-def difference_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
-    """Rows of movement_differences for one quantity, over every factor, but for what `judge` adds.
+def difference_rows(quantity: Quantity, numbers: pd.DataFrame, pairs: Sequence[LevelPair]) -> Iterator[Row]:
+    """Rows of movement_differences for one quantity, over all pairs of levels, but for what `judge` adds.
 
     numbers : as `numbers_of` gives them.
     """
-    for factor in everything.factors:
+    for factor, of_factor in groupby(pairs, key=lambda pair: pair.factor):
         columns = [column for column in ("hand", "task") if column != factor]
         wide = subject_means(numbers, factor, [*columns, "model", "of"]).unstack("level", sort=False)
         families = dict(list(wide.groupby([*columns, "model"], sort=False))) if len(wide) else {}
-        for place in places(everything, factor):
-            for pair in level_pairs(everything, factor, place):
-                where = {"hand": "", "task": "", **place, "factor": factor, "quantity": quantity.name}
-                where |= {"level": pair.level, "other_level": pair.other, "design": pair.design}
-                for key, family in families.items():
-                    if key[:-1] != tuple(place.values()):
-                        continue
-                    for of, rows in family.reindex(columns=[pair.level, pair.other]).groupby(
-                        "of", sort=False
-                    ):
-                        values = rows.droplevel([name for name in rows.index.names if name != "subject"])
-                        row = where | {"model": key[-1], "of": of, "unit": quantity.unit}
-                        yield row | _row(values, pair)
+        for pair in of_factor:
+            where = {"hand": "", "task": "", **pair.place, "factor": factor, "quantity": quantity.name}
+            where |= {"level": pair.level, "other_level": pair.other, "design": pair.design}
+            for key, family in families.items():
+                if key[:-1] != tuple(pair.place.values()):
+                    continue
+                levels = family.reindex(columns=[pair.level, pair.other])
+                for of, rows in levels.groupby("of", sort=False):
+                    values = rows.droplevel([name for name in rows.index.names if name != "subject"])
+                    row = where | {"model": key[-1], "of": of, "unit": quantity.unit}
+                    yield row | _row(values, pair)
 
 
 def judge(rows: Sequence[Row]) -> None:

@@ -18,7 +18,7 @@ WITHIN, BETWEEN = "within", "between"
 
 @dataclass(frozen=True)
 class LevelPair:
-    """Two levels of a factor in one place (a hand and a task, less the factor itself).
+    """Two levels of a factor in one place: a hand and a task, less the factor itself.
 
     design : within where at least as many of the study's subjects have both levels as have one, else between.
     levels_of : each subject's levels among the two, recordings that count or not; between groups those that
@@ -27,6 +27,7 @@ class LevelPair:
     """
 
     factor: str
+    place: Mapping[str, str]
     level: str
     other: str
     design: str
@@ -58,31 +59,32 @@ class LevelPair:
         return sum(name not in used for name in self.levels_of) + len(self.without), text
 
 
-def level_pairs(everything: Recorded, factor: str, place: Mapping[str, str]) -> Iterator[LevelPair]:
-    """Pairs of the factor's levels in a place, in the sheet's order, which is one for all places."""
-    column, in_place = level_column(factor), everything.rows
-    for name, value in place.items():
-        in_place = in_place[in_place[name] == value]
-    study = everything.rows[everything.rows[column] != ""]
-    here = in_place[in_place[column] != ""]
-    without = list(dict.fromkeys(in_place.loc[~in_place["subject"].isin(here["subject"]), "subject"]))
-    for levels in combinations([level for level in in_order(study, column) if level in {*here[column]}], 2):
-        rows = here[here[column].isin(levels)]
-        anywhere, levels_of = (_levels_of(own[own[column].isin(levels)], column) for own in (study, rows))
-        design = WITHIN if 2 * sum(len(own) == 2 for own in anywhere.values()) >= len(anywhere) else BETWEEN
-        if design == BETWEEN:
-            levels_of = {subject: anywhere[subject] for subject in levels_of}
-        share = (rows["left_out"] != "").groupby(rows["subject"], sort=False).mean()
-        suspect = {str(name): SUSPECT + " in part" * (of < 1) for name, of in share.items() if of > 0}
-        yield LevelPair(factor, *levels, design, levels_of, suspect, without)
+def level_pairs(everything: Recorded) -> Iterator[LevelPair]:
+    """Pairs of every factor's levels, in every hand and task of the study, less the one that is the factor.
+
+    Levels stand in the sheet's order, which is one for all places.
+    """
+    for factor in everything.factors:
+        column = level_column(factor)
+        study = everything.rows[everything.rows[column] != ""]
+        order = in_order(study, column)
+        names = [name for name in ("hand", "task") if name != factor]
+        for place, in_place in everything.rows.groupby(names, sort=False):
+            here = in_place[in_place[column] != ""]
+            without = in_place.loc[~in_place["subject"].isin(here["subject"]), "subject"].unique().tolist()
+            for levels in combinations([level for level in order if level in {*here[column]}], 2):
+                rows = here[here[column].isin(levels)]
+                anywhere = _levels_of(study[study[column].isin(levels)], column)
+                both = sum(len(own) == 2 for own in anywhere.values())
+                design = WITHIN if 2 * both >= len(anywhere) else BETWEEN
+                levels_of = _levels_of(rows, column)
+                if design == BETWEEN:
+                    levels_of = {subject: anywhere[subject] for subject in levels_of}
+                share = (rows["left_out"] != "").groupby(rows["subject"], sort=False).mean()
+                suspect = {str(name): SUSPECT + " in part" * (of < 1) for name, of in share.items() if of > 0}
+                where = {str(name): str(value) for name, value in zip(names, place, strict=True)}
+                yield LevelPair(factor, where, *levels, design, levels_of, suspect, without)
 
 
 def _levels_of(rows: pd.DataFrame, column: str) -> dict[str, frozenset[str]]:
     return {str(subject): frozenset(own) for subject, own in rows.groupby("subject", sort=False)[column]}
-
-
-def places(everything: Recorded, factor: str) -> Iterator[dict[str, str]]:
-    """Every hand and task of the study, less the one that is the factor."""
-    columns = [column for column in ("hand", "task") if column != factor]
-    for key in everything.rows[columns].drop_duplicates().itertuples(index=False, name=None):
-        yield dict(zip(columns, key, strict=True))

@@ -13,6 +13,7 @@ from shukotsu.schemas.quantities import QUANTITIES, Quantity
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, read_table, write_table
 from shukotsu.stages.compare_movement.level_differences import difference_rows, judge
+from shukotsu.stages.compare_movement.level_pairs import level_pairs
 from shukotsu.stages.compare_movement.movement_values import (
     RECORDING,
     Recorded,
@@ -45,8 +46,9 @@ def compare_study(
     provenance = Provenance.of([*sheets, *inputs], factors=list(factors))
     differences: list[Row] = []
     reliabilities: list[Row] = []
+    pairs = list(level_pairs(everything))
     for quantity, numbers in _numbers(results, everything):
-        differences += difference_rows(quantity, numbers, everything)
+        differences += difference_rows(quantity, numbers, pairs)
         reliabilities += reliability_rows(quantity, numbers, everything)
     judge(differences)
     for table, rows in ((MOVEMENT_DIFFERENCES, differences), (MOVEMENT_RELIABILITY, reliabilities)):

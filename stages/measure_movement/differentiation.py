@@ -23,18 +23,14 @@ _MAD_TO_SD = 1.4826
 
 def half_width(step_s: float) -> int:
     """Frames on either side of the window's middle; 1 at rates too low for the cut-off."""
-    width = 1
-    while width < _MOST_HALF_WIDTH and _response(width + 1, step_s) >= np.sqrt(0.5):
-        width += 1
-    return width
+    from scipy.signal import savgol_coeffs
 
-
-def _response(width: int, step_s: float) -> float:
-    """Give by what a sine of CUTOFF_HZ is multiplied where a parabola's value replaces it."""
-    k = np.arange(-width, width + 1)
-    m2, m4 = float((k**2).sum()), float((k**4).sum())
-    weights = (m4 - m2 * k**2) / (len(k) * m4 - m2**2)
-    return float(weights @ np.cos(2 * np.pi * CUTOFF_HZ * step_s * k))
+    width, left = 1, 1.0
+    while left >= np.sqrt(0.5) and width < _MOST_HALF_WIDTH:
+        width += 1  # what is left of a sine of CUTOFF_HZ where a parabola's value replaces it
+        sine = np.cos(2 * np.pi * CUTOFF_HZ * step_s * np.arange(-width, width + 1))
+        left = float(savgol_coeffs(2 * width + 1, 2) @ sine)
+    return max(1, width - 1)
 
 
 def velocity(values: Array, step_s: float) -> Array:

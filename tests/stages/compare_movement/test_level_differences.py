@@ -9,6 +9,7 @@ import pandas as pd
 
 from shukotsu.schemas.quantities import QUANTITIES
 from shukotsu.stages.compare_movement.level_differences import difference_rows, judge
+from shukotsu.stages.compare_movement.level_pairs import level_pairs
 from shukotsu.stages.compare_movement.movement_values import Recorded, level_column
 
 SUBJECTS = [f"P{number}" for number in range(24)]
@@ -28,8 +29,8 @@ def rows_of(values: np.ndarray, levels: dict[str, list[str]]) -> dict[str, dict[
     numbers = pd.concat(
         recordings.assign(model="m", of=of, value=values[:, index]) for index, of in enumerate(ANGLES)
     )
-    found = difference_rows(QUANTITIES[0], numbers.dropna(subset="value"), Recorded(recordings, ("group",)))
-    found = list(found)
+    pairs = list(level_pairs(Recorded(recordings, ("group",))))
+    found = list(difference_rows(QUANTITIES[0], numbers.dropna(subset="value"), pairs))
     judge(found)
     return {row["of"]: row for row in found}
 
