@@ -71,7 +71,7 @@ def _compare(
     if metric.fitted_only or len(models) == 1:
         baseline = PRIOR if PRIOR in present else models[0]
         others = [baseline]
-    of_metric = {"metric": metric.name, "unit": metric.unit}
+    of_metric: Row = {"metric": metric.name, "unit": metric.unit}
     scopes = dict(_scopes(study, seen))
     references = [name for name in metric.references if name in present]
     for digit, places in scopes.items():
@@ -82,7 +82,7 @@ def _compare(
     of_metric |= {"table": metric.table, "held_out": held_out, "n_subjects": len(study.subjects)}
     for other in others:
         for family in ([ALL_DIGITS], [digit for digit in scopes if digit != ALL_DIGITS]):
-            rows = []
+            rows: list[Row] = []
             for model in models:
                 for digit in family if model != other else ():
                     shared = _shared(scopes[digit], model, other)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,15 +38,29 @@ def build_parser() -> argparse.ArgumentParser:
 
 def measure(arguments: argparse.Namespace) -> None:
     """Measure every recording under every whole skeleton, write the tables."""
+    from shukotsu.schemas.catalogue import TABLES
+    from shukotsu.schemas.parts import parts_writer
     from shukotsu.schemas.plan import read_plan
+    from shukotsu.schemas.poses import usable_poses
+    from shukotsu.schemas.results import MEASURED_TABLES
     from shukotsu.stages.measure_movement.events import cycles_of, events_of
     from shukotsu.stages.measure_movement.movement_rows import cycle_rows
 
     plan = read_plan(arguments.plan, arguments.inputs)
-    with _written_tables(arguments, plan) as tables:
+    made_of = [plan.table(name) for name in ("joint_centres", "bone_lengths", "metacarpals")]
+    made_of += [path for name in ("joint_angles", "posed_tips", "bone_poses") for path in plan.files_of(name)]
+    poses = [*subject_stage.poses_files(plan), *filter(None, (arguments.events, arguments.clocks))]
+    provenance = subject_stage.provenance_of(plan, made_of, poses)
+    with ExitStack() as stack:
+        tables = {
+            name: stack.enter_context(
+                parts_writer(arguments.out / f"{name}.parquet", TABLES[name], provenance)
+            )
+            for name in MEASURED_TABLES
+        }
         by_model = [table for name, table in tables.items() if name != CYCLES]
+        events: Mapping[Recording, Sequence[TimedEvent]] = {}
         for hand in plan.hands:
-            events: Mapping[Recording, Sequence[TimedEvent]] = {}
             with subject_stage.recording_failure(arguments, plan.part(hand), tables[CYCLES]):
                 events = events_of(plan, hand, arguments.events, arguments.clocks)
                 rows = [
@@ -55,50 +69,18 @@ def measure(arguments: argparse.Namespace) -> None:
                     for row in cycle_rows(cycles_of(plan, recording, of_recording))
                 ]
                 tables[CYCLES].rows(plan.part(hand), rows)
-            for part in plan.whole_parts:
-                if part.hand == hand:
-                    with subject_stage.recording_failure(arguments, part, *by_model):
-                        _measure_part(plan, part, events, tables)
-
-
-@contextmanager
-def _written_tables(arguments: argparse.Namespace, plan: SubjectPlan) -> Iterator[dict[str, PartsWriter]]:
-    """Open the tables, made of skeletons, fits, poses and events."""
-    from contextlib import ExitStack
-
-    from shukotsu.schemas.catalogue import TABLES
-    from shukotsu.schemas.parts import parts_writer
-    from shukotsu.schemas.results import MEASURED_TABLES
-
-    events = [path for path in (arguments.events, arguments.clocks) if path is not None]
-    made_of = [plan.table(name) for name in ("joint_centres", "bone_lengths", "metacarpals")]
-    for name in ("joint_angles", "posed_tips", "bone_poses"):
-        made_of += plan.files_of(name)
-    provenance = subject_stage.provenance_of(plan, made_of, [*subject_stage.poses_files(plan), *events])
-    with ExitStack() as stack:
-        yield {
-            name: stack.enter_context(
-                parts_writer(arguments.out / f"{name}.parquet", TABLES[name], provenance)
-            )
-            for name in MEASURED_TABLES
-        }
-
-
-def _measure_part(
-    plan: SubjectPlan,
-    part: Part,
-    events: Mapping[Recording, Sequence[TimedEvent]],
-    tables: Mapping[str, PartsWriter],
-) -> None:
-    """Write the rows of one model."""
-    from shukotsu.schemas.poses import usable_poses
-
-    for name, table in tables.items():
-        if name != CYCLES:
-            table.rows(part, [])
-    for recording in (*plan.evaluated(part.hand), *_calibrations(plan, part)):
-        if usable_poses([plan.poses(recording)])[0]:  # else its import failed: the recordings table says why
-            _measure_recording(plan, part, recording, events.get(recording, ()), tables)
+            # what only calibrates can be posed without the tables of its metacarpals
+            has_metacarpals = any(digit.metacarpal for digit in plan.layouts[hand].digits.values())
+            for part in (own for own in plan.whole_parts if own.hand == hand):
+                recordings = [*plan.evaluated(hand)]
+                if not has_metacarpals or plan.models[part.model].fitting is not None:
+                    recordings += plan.recordings_of(hand, "calibration")
+                with subject_stage.recording_failure(arguments, part, *by_model):
+                    for table in by_model:
+                        table.rows(part, [])
+                    for recording in recordings:
+                        if usable_poses([plan.poses(recording)])[0]:  # else the recordings table says why
+                            _measure_recording(plan, part, recording, events.get(recording, ()), tables)
 
 
 def _measure_recording(
@@ -135,14 +117,6 @@ def _measure_recording(
     write("fingertip_paths", movement_rows.path_rows(movement.fingertips, grid))
     if strokes := struck_events(recording, events, [*posed.layout.digits]):
         write("event_strokes", stroke_rows(movement, strokes))
-
-
-def _calibrations(plan: SubjectPlan, part: Part) -> list[Recording]:
-    """Recordings that only calibrate a hand and can be posed: without the tables of its metacarpals."""
-    has_metacarpals = any(digit.metacarpal for digit in plan.layouts[part.hand].digits.values())
-    if has_metacarpals and plan.models[part.model].fitting is None:
-        return []
-    return list(plan.recordings_of(part.hand, "calibration"))
 
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
