@@ -94,7 +94,7 @@ CLOCKS = Table(
 
 RANGES_OF_MOTION = Table(
     "ranges_of_motion",
-    3,
+    2,
     "how far and how fast an angle of a joint moved in a recording",
     (
         *_OF_MODEL,
@@ -107,6 +107,8 @@ RANGES_OF_MOTION = Table(
         real("median_deg", "median of the angle: the posture"),
         real("range_sd_deg", "1-sigma error of range_deg: what skin and skeleton leave uncertain"),
         real("median_sd_deg", "the same of median_deg"),
+        real("range_session_sd_deg", "of range_sd_deg, what differs when the receivers are put on anew"),
+        real("median_session_sd_deg", "the same of median_sd_deg"),
         real("speed_median_deg_s", "median of the angle's speed"),
         real("speed_p95_deg_s", "95th percentile of the angle's speed"),
         N_FRAMES,

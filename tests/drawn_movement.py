@@ -66,6 +66,7 @@ def range_row(row: Row, model: str, joint: str, value: float, sd: float | None) 
         "angle": "flexion",
         "range_deg": value,
         "range_sd_deg": sd,
+        "range_session_sd_deg": sd,
         "full_range_deg": value + 3.0,
         "n_frames": 100,
         "status": "ok",

@@ -18,7 +18,7 @@ from shukotsu.skeleton.rotations import Array, conjugate, rotate
 
 ANGLES = ("flexion", "abduction", "rotation")
 
-ERRORS = ("sd_deg", "change_sd_deg")
+ERRORS = ("sd_deg", "change_sd_deg", "session_sd_deg", "session_change_sd_deg")
 """Columns of joint_angles, without the angle's name."""
 
 _FACING_FRAMES = 512

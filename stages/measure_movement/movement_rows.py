@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from shukotsu.anatomy.recorded_movement import ERRORS, AngleSeries, FingertipPath
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.measure_movement.angle_ranges import angle_range
+from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
 from shukotsu.stages.measure_movement.cycles import Cycle
 from shukotsu.stages.measure_movement.differentiation import speed
 from shukotsu.stages.measure_movement.sampling import Grid, bridged
@@ -35,7 +35,7 @@ def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
     errors_deg = [np.full(int(known.sum()), np.nan)] * len(ERRORS)
     if series.errors_deg is not None:
         errors_deg = [series.errors_deg[:, index, 0][known] for index in range(len(ERRORS))]
-    row |= angle_range(series.angle_deg[known], *errors_deg)
+    row |= angle_range(series.angle_deg[known], AngleErrors(*errors_deg))
     if grid is not None:
         row |= _speed_columns(_speeds(series.angle_deg[:, None, None], grid), "deg_s")
     status = "weak" if series.status == "weak" or series.errors_deg is None else "ok"

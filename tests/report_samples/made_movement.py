@@ -72,6 +72,8 @@ def _range(subject: str, session: str, model: str, joint: str, angle: str, rng: 
         "median_deg": value / 2,
         "range_sd_deg": 1.5,
         "median_sd_deg": 1.0,
+        "range_session_sd_deg": 0.8,
+        "median_session_sd_deg": 0.6,
         "speed_median_deg_s": value,
         "speed_p95_deg_s": 3.0 * value,
         "n_frames": 300,
