@@ -39,11 +39,7 @@ def leading_model(models: Mapping[str, SkeletonModel], layouts: Iterable[Layout]
 
 
 def no_whole_hand(layout: Layout, model: str) -> str:
-    """Why a model that fits the whole hand cannot be taken for a layout; empty where it can.
-
-    Without known anatomy nothing tells where receivers sit: on a real arm it stated 1 mm at a wrist whose
-    receivers disagree by 5.
-    """
+    """Why a model that fits the whole hand cannot be taken for a layout; empty where it can."""
     if known_digits(layout):
         return ""
     return (

@@ -54,11 +54,7 @@ def check_recording(
     left_out: Mapping[str, Mapping[str, int]] | None = None,
     breaks: Sequence[Values] = (),
 ) -> CheckedRecording:
-    """Test what was declared about a recording against its poses.
-
-    left_out : by flag of LEFT_OUT and segment, how many poses the import left out, or put back. breaks : what
-    it says of moments from which on it left poses out.
-    """
+    """Test what was declared about a recording against its poses; left_out, breaks : of its import."""
     broken = _breaks(breaks)
     seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
     line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
@@ -127,7 +123,7 @@ def _explained(
 ) -> tuple[list[Finding], Search]:
     """Findings of flips, spikes and all that a hypothesis undoes."""
     declared_mm = line.position_mm
-    jumping = timeline.jumping_share(line) > 0.5
+    jumping = sum(timeline.jumps(line, place) for place in range(len(segments))) > 0.5 * len(segments)
     sign = np.ones(line.valid.shape, np.int8) if jumping else timeline.sides(line)
     if (sign < 0).any():
         line = replace(line, position_mm=line.position_mm.copy(), valid=line.valid & (sign != 0))
@@ -169,6 +165,13 @@ def _first(line: Timeline, row: int) -> Values:
     return {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
 
 
+def _most(line: Timeline, poses: npt.NDArray[np.bool_], segments: Sequence[str]) -> Values:
+    """The segment with most of some poses (T, S), how many there are, and when it has the first."""
+    place = int(np.argmax(poses.sum(0)))
+    first = _first(line, int(np.argmax(poses[:, place])))
+    return {"segment": segments[place], "count": int(poses.sum()), **first}
+
+
 def _flips(line: Timeline, sign: npt.NDArray[np.int8], segments: Sequence[str]) -> list[Finding]:
     changes = timeline.away(sign)
     if not changes.any():
@@ -188,9 +191,7 @@ def _spikes(line: Timeline, frame: np.ndarray, odd: np.ndarray, segments: Sequen
     """Name the poses; frame : (T,) as the file or the mapping counts them."""
     if not odd.any():
         return []
-    place = int(np.argmax(odd.sum(0)))
-    row = int(np.argmax(odd[:, place]))
-    seen = {"segment": segments[place], "count": int(odd.sum()), **_first(line, row)}
+    seen = _most(line, odd, segments)
     spiked = [
         [
             segments[place],
@@ -222,10 +223,7 @@ def _zeros(line: Timeline, segments: Sequence[str]) -> list[Finding]:
     empty = timeline.zeros(line)
     if not empty.any():
         return []
-    place = int(np.argmax(empty.sum(0)))
-    row = int(np.argmax(empty[:, place]))
-    seen = {"segment": segments[place], "count": int(empty.sum()), **_first(line, row)}
-    return [Finding("zeros", SUSPECT, "", seen)]
+    return [Finding("zeros", SUSPECT, "", _most(line, empty, segments))]
 
 
 def _alike(line: Timeline, segments: Sequence[str], declared: Declared) -> list[Finding]:

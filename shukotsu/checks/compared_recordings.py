@@ -34,9 +34,7 @@ class Measured:
     scale: float
 
 
-def compared(
-    recordings: Sequence[tuple[str, str, CheckedRecording]],
-) -> list[CheckedRecording]:
+def compared(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> list[CheckedRecording]:
     """Add what a comparison says to a subject's recordings: task, hand and findings each, as in the sheet.
 
     Of one file named twice, that is the copy of which more is found: a right hand's under the name of a left.

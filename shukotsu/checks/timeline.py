@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -224,13 +224,8 @@ def _turned_deg(line: Timeline, place: int, rows: Rows, stride: int) -> Array:
     return _windows(rows, stride, turned)
 
 
-def jumping_share(line: Timeline) -> float:
-    """Share of receivers whose poses jump about in most frames, as no body moves."""
-    jumping: Sequence[bool] = [_jumps(line, place) for place in range(line.valid.shape[1])]
-    return float(np.mean(jumping)) if len(jumping) else 0.0
-
-
-def _jumps(line: Timeline, place: int) -> bool:
+def jumps(line: Timeline, place: int) -> bool:
+    """Whether a receiver's poses jump about in most frames, as no body moves."""
     rows = np.flatnonzero(line.valid[:, place])
     if len(rows) < 5:
         return False

@@ -91,9 +91,7 @@ def _import(recording: Recording, poses: Path) -> None:
 
     output = io.StringIO()
     with redirect_stderr(output), redirect_stdout(output):
-        status = import_recording.main(
-            ["--record-failure", *import_options(recording), f"--out={poses}"],
-        )
+        status = import_recording.main(["--record-failure", *import_options(recording), f"--out={poses}"])
     if status:
         raise InputError(output.getvalue().strip().removeprefix("error: "))
 

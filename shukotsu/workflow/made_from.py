@@ -38,11 +38,7 @@ SAME_TIME_S = 1e-5
 def recall(
     kept: Path, outputs: Collection[str], outdated: Collection[str], digests: FileDigests
 ) -> list[str]:
-    """Put lost notes and times of outputs back; return those that are not as a run left them.
-
-    kept : the file that `keep` wrote. outputs : what a run makes. outdated : to be made anew whatever is in
-    them.
-    """
+    """Put lost notes and times of outputs back; return those that are not as a run left them."""
     memory = FilePersistence()
     made = {path: (job, *entry) for job in _read(kept) for path, entry in job["outputs"].items()}
     spoiled = []

@@ -131,11 +131,7 @@ class StudyFiles:
         return f"not as a run left them, and made anew: {listed(named)}" if named else ""
 
     def write_changed_plans(self) -> None:
-        """Write plans anew that say something else than the study.
-
-        Not a job does that: Snakemake does not ask jobs below one that runs whether their own parameters
-        changed.
-        """
+        """Write plans anew that say something else than the study; Snakemake asks no job for it."""
         for token, plan in self._plans.items():
             path, text = plan.folder / "plan.json", plan_text(self._contents[token])
             if path.is_file() and path.read_bytes() != text.encode():

@@ -97,9 +97,7 @@ def _estimate_part(
         except InputError as error:  # digits without numbers then say why
             rows, fitted_bones = failed_joints(projected, str(error)), {}
         hand = build_hand(_by("joint", rows), layout, model, reader, fitted_bones)
-    parameters = {
-        "calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration],
-    }
+    parameters = {"calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration]}
     keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}
     suspects = [own.title for own in plan.suspect if own.hand.hand == part.hand]
     hand = judged(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {})

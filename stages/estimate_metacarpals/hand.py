@@ -89,11 +89,7 @@ def pose_metacarpals(
     recording: PosesReader,
     fitted: Callable[[str, Index], Array | None] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Columns of the metacarpals table of one recording from digit on, digit by digit and block by block.
-
-    fitted : quaternions (T, 4) of a segment at frames (T,) as the fit of the whole hand poses it, where there
-    is one.
-    """
+    """Columns of metacarpals by digit and block; fitted : quaternions (T, 4) of a segment at frames."""
     for metacarpal in hand.metacarpals:
         neutral = neutral_posture(metacarpal, layout, model, recording)
         for poses in recording(metacarpal.chain.digit.base, *metacarpal.chain.receivers):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,7 @@ def metacarpal_columns(
     layout: Layout,
     model: SkeletonModel,
     poses: Poses,
-    neutral: Neutral | None,
+    neutral: tuple[Reference, Array] | None,
     fitted: Array | None,
 ) -> dict[str, Any]:
     """Frame, quaternion (qw..qz), swing_deg, twist_deg, length_mm and flags at some frames, (T,) each.
@@ -47,9 +46,10 @@ def metacarpal_columns(
     if mode == "estimated":
         quaternion = np.full((len(poses.frame), 4), np.nan)
         if neutral is not None:
-            posture = _posture(chain, layout, model, poses, neutral.reference)
+            reference, bone = neutral
+            posture = _posture(chain, layout, model, poses, reference)
             hand = turned(poses, chain.digit.base)
-            quaternion = multiply(hand, multiply(posture.change, neutral.bone))
+            quaternion = multiply(hand, multiply(posture.change, bone))
     elif mode == "fitted":
         assert fitted is not None, "the fit of the whole hand poses this metacarpal"
         quaternion, usable = fitted, np.isfinite(fitted[:, 0])
@@ -88,18 +88,10 @@ def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, p
     return multiply(turned(poses, bone.driven_by), own)
 
 
-@dataclass(frozen=True)
-class Neutral:
-    """Where postures by Eq. 8-11 start; bone : (4,) posture at the mean twist, seen from the hand."""
-
-    reference: Reference
-    bone: Array
-
-
 def neutral_posture(
     metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, recording: PosesReader
-) -> Neutral | None:
-    """Where an estimated metacarpal starts, by the first frame that shows all of its receivers, else None."""
+) -> tuple[Reference, Array] | None:
+    """Where an estimated metacarpal starts: the first whole frame, and its bone (4,) at the mean twist."""
     chain = metacarpal.chain
     needed = (chain.digit.base, *chain.receivers)
     if metacarpal.mode != "estimated":
@@ -125,7 +117,7 @@ def neutral_posture(
         ]
     )
     mean_twist_rad = float(np.angle(np.mean(np.exp(1j * twist_rad))))
-    return Neutral(reference, multiply(from_matrix(start), about_axis(np.eye(3)[0], -mean_twist_rad)))
+    return reference, multiply(from_matrix(start), about_axis(np.eye(3)[0], -mean_twist_rad))
 
 
 def _posture(

@@ -83,11 +83,7 @@ def twist(vector: Array, normal_metacarpal: Array, normal_proximal: Array) -> tu
 def estimate_posture(
     vector: Array, normal_proximal: Array, reference: Reference, twist_factor: float
 ) -> Posture:
-    """Swing first, then twist about the swung bone, both relative to the reference frame.
-
-    vector : (T, 3) mm, v(k). normal_proximal : (T, 3) unit. twist_factor : Eq. 11's, of the metacarpal's
-    twist.
-    """
+    """Swing first, then twist about the swung bone; vector : (T, 3) mm, v(k), normal : (T, 3) unit."""
     swung, swing_rad = swing(reference.vector_mm, vector)
     carried = rotate(swung, reference.normal)
     angle, across = twist(vector, carried, normal_proximal)

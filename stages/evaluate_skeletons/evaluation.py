@@ -11,9 +11,14 @@ from shukotsu.schemas.parts import open_parts
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.study import Recording
-from shukotsu.stages.evaluate_skeletons.references import distal_receiver_row, true_skeleton_row
 from shukotsu.stages.evaluate_skeletons.scored_skeleton import Row, ScoredSkeleton, read_prior, read_skeleton
-from shukotsu.stages.evaluate_skeletons.scores import EvaluatedRecording, evaluated_recording, score_skeleton
+from shukotsu.stages.evaluate_skeletons.scores import (
+    EvaluatedRecording,
+    distal_receiver_row,
+    evaluated_recording,
+    score_skeleton,
+    true_skeleton_row,
+)
 from shukotsu.stages.evaluate_skeletons.truth import Truth, read_truth
 from shukotsu.stages.evaluate_skeletons.truth_errors import joint_errors, truth_for
 

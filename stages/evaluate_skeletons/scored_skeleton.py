@@ -9,15 +9,7 @@ from typing import Any, TypeVar
 
 from shukotsu.anatomy.known_digits import known_digits
 from shukotsu.errors import InputError, TableError, joined
-from shukotsu.schemas.catalogue import (
-    BONE_LENGTHS,
-    BONE_POSES,
-    JOINT_CENTRES,
-    METACARPALS,
-    POSED_TIPS,
-    TIP_ERRORS,
-    TIPS,
-)
+from shukotsu.schemas import catalogue
 from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.parts import Part, PartsReader
 from shukotsu.schemas.plan import SubjectPlan
@@ -114,19 +106,19 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
 
     reasons: list[str] = []
     stated = _stated(of, reasons)
-    errors = of(TIP_ERRORS).rows(reasons)
+    errors = of(catalogue.TIP_ERRORS).rows(reasons)
     posed_tips = None
     if plan.models[part.model].fitting is not None:
-        file = plan.fit_table(part.hand, part.model, POSED_TIPS.name)
-        posed_tips = PartTable(opened, file, POSED_TIPS, part)
+        file = plan.fit_table(part.hand, part.model, catalogue.POSED_TIPS.name)
+        posed_tips = PartTable(opened, file, catalogue.POSED_TIPS, part)
     calibrating = plan.calibrating(part.hand, part.model, part.made_without)
     return ScoredSkeleton(
         part=part,
         calibrated_on=";".join(", ".join(filter(None, (r.task, r.trial))) for r in calibrating),
         tasks=tuple(recording.task for recording in calibrating),
         stated=stated,
-        tips=of(TIPS),
-        metacarpals=of(METACARPALS),
+        tips=of(catalogue.TIPS),
+        metacarpals=of(catalogue.METACARPALS),
         posed_tips=posed_tips,
         tip_messages={(row["task"], row["trial"], row["digit"]): row["message"] for row in errors},
         message=joined(reasons),
@@ -153,8 +145,8 @@ def read_prior(opened: Opened, plan: SubjectPlan, hand: str) -> ScoredSkeleton |
         tasks=tuple(recording.task for recording in plan.all_calibrating(hand)),
         stated=stated,
         tips=None,
-        metacarpals=None if reasons else of(BONE_POSES),
-        posed_tips=None if reasons else of(POSED_TIPS),
+        metacarpals=None if reasons else of(catalogue.BONE_POSES),
+        posed_tips=None if reasons else of(catalogue.POSED_TIPS),
         tip_messages={
             (recording.task, recording.trial, digit): unknown
             for recording in plan.evaluated(hand)
@@ -166,5 +158,5 @@ def read_prior(opened: Opened, plan: SubjectPlan, hand: str) -> ScoredSkeleton |
 
 
 def _stated(of: Callable[[Table], PartTable], reasons: list[str]) -> Stated:
-    joints, bones = of(JOINT_CENTRES).rows(reasons), of(BONE_LENGTHS).rows(reasons)
+    joints, bones = of(catalogue.JOINT_CENTRES).rows(reasons), of(catalogue.BONE_LENGTHS).rows(reasons)
     return Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})

@@ -98,10 +98,10 @@ def _evaluate_recording(
             return parts.recording(part, *keys, len(frames), frames, digit)
 
     reader = poses_reader([plan.poses(recording)], skeleton.layout.measured)
-    for replayed in replay_recording(skeleton, reader, turns):
-        if replayed.columns is not None:
-            tips.columns(part, {**keys, **replayed.columns})
-        errors.rows(part, [{**row_keys, **row} for row in replayed.rows])
+    for columns, rows in replay_recording(skeleton, reader, turns):
+        if columns is not None:
+            tips.columns(part, {**keys, **columns})
+        errors.rows(part, [{**row_keys, **row} for row in rows])
 
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:

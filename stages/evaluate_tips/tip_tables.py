@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,18 +29,10 @@ Index = npt.NDArray[np.int64]
 BINDINGS = ("first-frame", "least-squares")
 
 
-@dataclass(frozen=True)
-class DigitReplay:
-    """Columns of tips of one digit at some frames, or its rows of tip_errors, without keys."""
-
-    columns: dict[str, Any] | None = None
-    rows: Sequence[dict[str, Any]] = ()
-
-
 def replay_recording(
     skeleton: Skeleton, recording: PosesReader, metacarpals: Callable[[str, Index], Mapping[str, Array]]
-) -> Iterator[DigitReplay]:
-    """Replay every digit of the layout in a recording, block by block; its rows come after its columns.
+) -> Iterator[tuple[dict[str, Any] | None, list[dict[str, Any]]]]:
+    """Columns of tips of every digit in a recording, block by block, then its rows of tip_errors.
 
     metacarpals : quaternions (T, 4) by digit at some frames (T,), or nothing. A digit at a time, for the
     bones of all take several times the memory of the recording.
@@ -59,11 +51,11 @@ def replay_recording(
                 metacarpal = turns.get(digit.name) if digit.metacarpal else None
                 tip_mm = tips_least_squares(bones)[digit.name]
                 del bones
-                yield DigitReplay(replay.columns(chain, poses, metacarpal, tip_mm))
+                yield replay.columns(chain, poses, metacarpal, tip_mm), []
         if isinstance(chain, str) or reason is not None:
-            yield DigitReplay(rows=unavailable_rows(digit.name, reason or "", n_frames))
+            yield None, unavailable_rows(digit.name, reason or "", n_frames)
         else:
-            yield DigitReplay(rows=replay.rows(chain))
+            yield None, replay.rows(chain)
 
 
 class _Replay:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,17 +47,23 @@ def build_parser() -> argparse.ArgumentParser:
 
 def fit(arguments: argparse.Namespace) -> None:
     """Fit every part of the hand and write what it is and how it moved."""
+    from shukotsu.schemas.parts import parts_writer
     from shukotsu.schemas.poses import usable_poses
     from shukotsu.schemas.tables import Provenance
     from shukotsu.stages.fit_hand.compile_kernel import held_kernel
-    from shukotsu.stages.fit_hand.hand_tables import FIT, open_tables
+    from shukotsu.stages.fit_hand.hand_tables import FIT
 
     with held_kernel(alone=False):
         plan = _plan(arguments)
     parts = _parts(arguments, plan)
     files = [*subject_stage.poses_files(plan), *arguments.other_poses]
     files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
-    with open_tables(arguments.out, FIT, Provenance.of(files, plan.folder)) as tables:
+    provenance = Provenance.of(files, plan.folder)
+    with ExitStack() as stack:
+        tables = {
+            name: stack.enter_context(parts_writer(arguments.out / f"{name}.parquet", table, provenance))
+            for name, table in FIT.items()
+        }
         for part in parts:
             recorded = dict(tables)
             calibration = plan.calibrating(part.hand, part.model, part.made_without)
@@ -110,12 +117,7 @@ def _fit_part(
     from shukotsu.schemas.poses import recording_name, usable_poses
     from shukotsu.stages.fit_hand.calibration import calibrated_hand, partner_poses, read_thinned
     from shukotsu.stages.fit_hand.gains import gains
-    from shukotsu.stages.fit_hand.hand_tables import (
-        bone_rows,
-        joint_rows,
-        moved_rows,
-        receiver_rows,
-    )
+    from shukotsu.stages.fit_hand.hand_tables import bone_rows, joint_rows, moved_rows, receiver_rows
     from shukotsu.stages.fit_hand.loose_receivers import moved_in
     from shukotsu.stages.fit_hand.posed_tables import posed_blocks, posed_sample
 

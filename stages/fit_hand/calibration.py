@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -17,14 +16,7 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import HandFitting
 from shukotsu.schemas.parts import Part
 from shukotsu.schemas.plan import SubjectPlan
-from shukotsu.schemas.poses import (
-    Poses,
-    RecordingName,
-    frame_count,
-    read_every,
-    recording_name,
-    usable_poses,
-)
+from shukotsu.schemas.poses import Poses, RecordingName, frame_count, read_every, recording_name, usable_poses
 from shukotsu.schemas.sheets import Row
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.contacts import find_contacts
@@ -53,35 +45,32 @@ repeats itself: 200 move the mean errors, which are millimetres, by 0.001 mm and
 """
 
 
-@dataclass(frozen=True)
-class Calibration:
-    """A fitted hand, the recordings that it was fitted to, as thinned, and what was displaced in them."""
-
-    fit: HandFit
-    recordings: Mapping[RecordingName, Poses]
-    unsteady: Unsteady
-
-
 def calibrated_hand(
     plan: SubjectPlan, part: Part, other_poses: Sequence[Path] = ()
 ) -> tuple[Fingertips, Unsteady]:
-    """Fit a part's hand, with its fingertips, and the person's other one where they share lengths of bones.
-
-    other_poses : calibration of the other hand (`partner_poses`). Raises InputError as `fit_calibration`; of
-    the other hand it is only a note on stderr.
-    """
+    """A part's hand with its fingertips, fitted beside the person's other one where they share lengths."""
     poses = [plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)]
-    own = fit_calibration(plan, part, part.hand, poses)
+    fit, recordings, unsteady = fit_calibration(plan, part, part.hand, poses)
     if other_poses and _fitting(plan, part).share_lengths:
         other_hand = "left" if part.hand == "right" else "right"
         try:
-            other = fit_calibration(plan, part, other_hand, other_poses)
-            own = replace(own, fit=share_lengths(own.fit, other.fit)[0])
+            other = fit_calibration(plan, part, other_hand, other_poses)[0]
+            fit = share_lengths(fit, other)[0]
         except TableError:
             raise
         except InputError as error:
             print(f"note: the other hand's lengths are not shared: {error}", file=sys.stderr)
-    return _with_fingertips(plan, part, own), own.unsteady
+    tips, fitting = fingertips(fit), _fitting(plan, part)
+    if not fitting.steps:
+        return tips, unsteady
+    tips = with_touches(tips, _touches(plan, part.hand, recordings, tips))
+    contacts = [  # in opposition
+        contact
+        for name, recorded in recordings.items()
+        if name.task in fitting.contacts
+        for contact in find_contacts(tips, recorded)
+    ]
+    return with_touches(tips, contacts), unsteady
 
 
 def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
@@ -115,8 +104,10 @@ def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
     return fitting
 
 
-def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path]) -> Calibration:
-    """Fit one of the person's hands to its calibration recordings and to what a calliper measured on it.
+def fit_calibration(
+    plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Path]
+) -> tuple[HandFit, Mapping[RecordingName, Poses], Unsteady]:
+    """Fit one of the person's hands to its calibration, as thinned, and to what a calliper measured on it.
 
     Frames in which a receiver was displaced are left out where they make centres worse. Raises InputError
     where no recording can be read or the sheet names what is not there, and as `fit_hand` does.
@@ -151,7 +142,7 @@ def fit_calibration(plan: SubjectPlan, part: Part, hand: str, poses: Sequence[Pa
                 left_out = share_left_out(recordings, kept)
                 fit, recordings = without, kept
     by_name = dict(zip(names, recordings, strict=True))
-    return Calibration(fit, by_name, Unsteady(names, displaced, errors, left_out))
+    return fit, by_name, Unsteady(names, displaced, errors, left_out)
 
 
 def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FRAMES) -> Poses:
@@ -172,24 +163,11 @@ def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurem
     return [Measurement(row["quantity"], row["value_mm"], row["sd_mm"]) for row in rows]
 
 
-def _with_fingertips(plan: SubjectPlan, part: Part, calibration: Calibration) -> Fingertips:
-    """The hand with what its fingertips touched: points that are known, and in opposition each other."""
-    tips, fitting = fingertips(calibration.fit), _fitting(plan, part)
-    if not fitting.steps:
-        return tips
-    tips = with_touches(tips, _touches(plan, part.hand, calibration, tips))
-    contacts = [
-        contact
-        for name, poses in calibration.recordings.items()
-        if name.task in fitting.contacts
-        for contact in find_contacts(tips, poses)
-    ]
-    return with_touches(tips, contacts)
-
-
-def _touches(plan: SubjectPlan, hand: str, calibration: Calibration, tips: Fingertips) -> list[Touch]:
+def _touches(
+    plan: SubjectPlan, hand: str, by_name: Mapping[RecordingName, Poses], tips: Fingertips
+) -> list[Touch]:
     """The sheet's touches in recordings that calibrate the hand."""
-    recordings = {(name.task, name.trial): poses for name, poses in calibration.recordings.items()}
+    recordings = {(name.task, name.trial): poses for name, poses in by_name.items()}
     own = [r for r in plan.touches if r["hand"] == hand and (r["task"], r["trial"]) in recordings]
     met = Counter(frozenset((row["digit"], row["meets"])) for row in own if not row["sd_mm"])
     touches = []

@@ -139,11 +139,7 @@ def fit_hand(
 
 
 def _model(
-    layout: Layout,
-    convention: Convention,
-    everything: Frames,
-    frames: Frames,
-    scale: tuple[float, float],
+    layout: Layout, convention: Convention, everything: Frames, frames: Frames, scale: tuple[float, float]
 ) -> HandModel:
     """Lay out the chains that this layout and these recordings allow."""
     receivers, root = convention.receivers, root_of(layout)

@@ -16,7 +16,7 @@ from shukotsu.stages.fit_hand.chain_builder import bone, receiver
 from shukotsu.stages.fit_hand.compiled_equations import pose, residuals
 from shukotsu.stages.fit_hand.fit import HandFit
 from shukotsu.stages.fit_hand.gauss_newton import first_guess
-from shukotsu.stages.fit_hand.normal_equations import Frames, Problem, Residuals
+from shukotsu.stages.fit_hand.normal_equations import Frames, Problem
 
 CHUNK_FRAMES = 256
 LEAST_RECEIVERS = 2
@@ -108,15 +108,11 @@ def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, 
     origins = np.stack(
         [fit.evidence.convention.world(*marks[receiver(name)])[1] for name in fit.evidence.model.receivers], 1
     )
-    return point.y, position, from_matrix(rotation), origins, _rms_mm(problem, current)
-
-
-def _rms_mm(problem: Problem, current: Residuals) -> Array:
-    """Root mean square distance, (F,), of predicted to measured receivers that are valid."""
     total, count = np.zeros(len(current.frame_cost)), np.zeros(len(current.frame_cost))
     for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
         for i, (_, s) in enumerate(receivers):
             if problem.sd[s, 0] < _UNSEEN / 1e3:
                 total += (r[i, :, :3] ** 2).sum(-1) * problem.sd[s, 0] ** 2
                 count += problem.frames.valid[:, s]
-    return np.asarray(np.sqrt(total / np.maximum(count, 1)))
+    rms_mm = np.sqrt(total / np.maximum(count, 1))
+    return point.y, position, from_matrix(rotation), origins, rms_mm

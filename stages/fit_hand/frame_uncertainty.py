@@ -92,10 +92,7 @@ class PosedErrors:
 
 
 def posed_errors(
-    tips: Fingertips,
-    posed: PosedHand,
-    frames: Frames,
-    reference_deg: Mapping[str, Array] | None = None,
+    tips: Fingertips, posed: PosedHand, frames: Frames, reference_deg: Mapping[str, Array] | None = None
 ) -> PosedErrors:
     """Errors of posed frames; reference_deg : from which angles change, else the mean of these."""
     chosen, nearest = _postures(posed, frames.valid)
@@ -280,9 +277,7 @@ def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _Branch
     by_root = np.array([_by_root(point, arm) for arm in arms]).reshape(*raw.shape[:-1], 6)
     by_states = raw @ branch.per_state(point.x)
     return _BranchBones(
-        tuple(columns),
-        branch.by_unknown(raw, point.y),
-        np.concatenate([by_states, by_root], -1),
+        tuple(columns), branch.by_unknown(raw, point.y), np.concatenate([by_states, by_root], -1)
     )
 
 

@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from shukotsu.errors import joined
-from shukotsu.schemas.catalogue import (
-    BONE_LENGTHS,
-    BONE_POSES,
-    BONE_TIP,
-    GAINS,
-    JOINT_ANGLES,
-    JOINT_CENTRES,
-    MOVED_RECEIVERS,
-    POSED_TIPS,
-    RECEIVERS,
-)
+from shukotsu.schemas import catalogue
 from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.parts import PartsWriter, parts_writer
 from shukotsu.schemas.poses import RecordingName
-from shukotsu.schemas.tables import Provenance, Table, vector_columns
+from shukotsu.schemas.tables import Table, vector_columns
 from shukotsu.schemas.verdict import UNJUDGED, noted
 from shukotsu.sentences.translation import listed
 from shukotsu.skeleton.joint_angles import joint_angles
@@ -43,31 +30,19 @@ STEP, SLIDE, FIELD = "step", "slide", "field"
 Row = dict[str, Any]
 
 FIT: Mapping[str, Table] = {
-    "fitted_joints": JOINT_CENTRES,
-    "fitted_bones": BONE_LENGTHS,
-    "receivers": RECEIVERS,
-    "moved_receivers": MOVED_RECEIVERS,
-    "gains": GAINS,
-    "joint_angles": JOINT_ANGLES,
-    "bone_poses": BONE_POSES,
-    "posed_tips": POSED_TIPS,
+    "fitted_joints": catalogue.JOINT_CENTRES,
+    "fitted_bones": catalogue.BONE_LENGTHS,
+    "receivers": catalogue.RECEIVERS,
+    "moved_receivers": catalogue.MOVED_RECEIVERS,
+    "gains": catalogue.GAINS,
+    "joint_angles": catalogue.JOINT_ANGLES,
+    "bone_poses": catalogue.BONE_POSES,
+    "posed_tips": catalogue.POSED_TIPS,
 }
 """File to table, of a fit of the whole hand."""
 
 _UNWEIGHED = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
 """Errors of the hand that anatomy expects: none are stated, as nothing was weighed."""
-
-
-@contextmanager
-def open_tables(
-    folder: Path, tables: Mapping[str, Table], provenance: Provenance
-) -> Iterator[Mapping[str, PartsWriter]]:
-    """Open the tables of a folder for writing, by file; all take their names when they close."""
-    with ExitStack() as stack:
-        yield {
-            name: stack.enter_context(parts_writer(folder / f"{name}.parquet", table, provenance))
-            for name, table in tables.items()
-        }
 
 
 def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
@@ -122,7 +97,7 @@ def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
             "digit": digit.name,
             "bone": segment,
             "starts_at": digit.joints[index],
-            "ends_at": (*digit.joints, BONE_TIP)[index + 1],
+            "ends_at": (*digit.joints, catalogue.BONE_TIP)[index + 1],
             "length_mm": fit.bones[segment].length_mm,
             "sd_mm": fit.bones[segment].sd_mm if weighed else None,
             "driven_by": "",

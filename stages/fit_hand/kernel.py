@@ -54,9 +54,7 @@ def _inlined(function: _Function) -> _Function:
 
 
 class Plan(NamedTuple):
-    """Steps in a row: kind (P,); place (P,) of the operation or mark; constant (P, 12), an axis, or a
-    rotation row by row and then a translation (mm).
-    """
+    """Steps: kind (P,); place (P,) of the operation or mark; constant (P, 12), axis or whole pose."""
 
     kind: Index
     place: Index
@@ -66,13 +64,11 @@ class Plan(NamedTuple):
 class FlatChains(NamedTuple):
     """B branches with O operations, K terms, M marks and N measured receivers, numbered throughout.
 
-    plan : all steps, every branch begins at the root; depth : side branches within each other at most.
-    rotates, moves : (O,) whether an operation rotates, and depends on the states. amount : (O,) constants.
-    terms_from : (O + 1,) where an operation's terms begin; coefficient, unknown, state : (K,), -1 where a
-    factor is left out; x_column, y_column : (K,) their places among those of their branch.
-    mark, receiver : (N,) of a receiver, its place in frames. upstream_from : (N + 1,) where the operations
-    `upstream` begin that move it; by_state (N, most s), by_unknown (N, most g) : whether a branch's states
-    and unknowns do. receivers_from, states_from, unknowns_from : (B + 1,) where those of a branch begin.
+    depth : side branches within each other at most. rotates, moves : (O,) whether an operation rotates, and
+    depends on states. terms_from : (O + 1,) where an operation's terms begin; coefficient, unknown, state :
+    (K,), -1 where left out; x_column, y_column : (K,) their places in their branch. mark, receiver : (N,).
+    upstream_from : (N + 1,) where the operations `upstream` begin that move a receiver; by_state (N, most s),
+    by_unknown (N, most g) : whether a branch's do. receivers_from, states_from, unknowns_from : (B + 1,).
     """
 
     plan: Plan
@@ -100,7 +96,7 @@ class FlatChains(NamedTuple):
 
 
 class Amounts(NamedTuple):
-    """Hold what operations amount to: steady (O,) and so much of the state of each term more (K,)."""
+    """What operations amount to: steady (O,) and so much of the state of each term more (K,)."""
 
     steady: Array
     slope: Array
@@ -115,10 +111,7 @@ class Poses(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """Poses of S receivers, rotation (S, 3, 3, F), position_mm (S, 3, F), valid (S, F); their sd (S, 2).
-
-    turned : (S, K, 3, F) how the last K unknowns of every branch turn what is measured.
-    """
+    """Poses of S receivers, valid (S, F), their sd (S, 2); turned : (S, K, 3, F) by the last K unknowns."""
 
     rotation: Array
     position_mm: Array
@@ -128,9 +121,7 @@ class Measured(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Hold, of the states: mean (S,), precision (B, most s, most s) branch by branch. Of residuals: their
-    temper, and the norm beyond which they count less.
-    """
+    """Of states: mean (S,), precision (B, most s, most s). Of residuals: temper, and limit."""
 
     mean: Array
     precision: Array
@@ -139,7 +130,7 @@ class Prior(NamedTuple):
 
 
 class Reached(NamedTuple):
-    """Hold where chains reach: axis, origin_mm (O, 3, F), rotation (M, 3, 3, F), position_mm (M, 3, F)."""
+    """Where chains reach: axis, origin_mm (O, 3, F), rotation (M, 3, 3, F), position_mm (M, 3, F)."""
 
     axis: Array
     origin_mm: Array
@@ -452,10 +443,7 @@ def jacobian(
     J_y: Array,
     J: Array,
 ) -> None:
-    """A branch's weighted derivatives by states J_y (s, m, F) and by root and unknowns J (columns, m, F).
-
-    J without unknowns : x is fixed.
-    """
+    """A branch's derivatives by states J_y (s, m, F), root and unknowns J (columns, m, F), or root."""
     first, n_receivers = chains.receivers_from[b], chains.receivers_from[b + 1] - chains.receivers_from[b]
     free_x = len(J) > 6
     velocity = np.empty(at.root_mm.shape)
@@ -744,10 +732,7 @@ def condensed(chains: FlatChains, amounts: Amounts) -> Plan:
 
 
 class Room(NamedTuple):
-    """Hold where a block of frames is posed: the point that is tried and what `reach` and `residuals` find;
-    one branch's J_y and J; all branches' inverse (B, most s, most s, F), by_rest (B, 6, most s, F) and rhs
-    (B, most s, F) of `Eliminated`; H_rr, g_r, root_inverse and root_rhs of roots; d_root (6, F), their step.
-    """
+    """Where a block of frames is posed: the point tried and what is found there, by branch; roots' step."""
 
     tried: Poses
     reached: Reached
@@ -767,13 +752,7 @@ class Room(NamedTuple):
 
 @_inlined
 def _step(
-    chains: FlatChains,
-    amounts: Amounts,
-    seen: Measured,
-    prior: Prior,
-    damping: Array,
-    at: Poses,
-    room: Room,
+    chains: FlatChains, amounts: Amounts, seen: Measured, prior: Prior, damping: Array, at: Poses, room: Room
 ) -> None:
     """Try the step from a point where `reach` and `residuals` were, x being fixed."""
     for i in range(6):
@@ -832,9 +811,7 @@ def pose(
     at: Poses,
     room: Room,
 ) -> None:
-    """Fit states and roots, in place, with x as it is: Levenberg-Marquardt, each frame on its own and for no
-    longer than a step gains least_gain of its cost. plan : condensed.
-    """
+    """Fit states and roots, in place, x fixed, each frame while a step gains least_gain; plan : condensed."""
     n_going = n = len(room.found.cost)
     goes_on, damping, cost = np.ones(n, np.bool_), np.empty(n), np.empty(n)
     _evaluate(chains, plan, amounts, seen, prior, at, room)

@@ -212,10 +212,7 @@ class Branch:
         """Derivative of the marks' poses by the amounts: (marks, F, 6, O), 3 rows of mm, 3 of rotation."""
         out = np.zeros((len(marks), reached.axis.shape[1], 6, len(self._rotates)))
         for i, mark in enumerate(marks):
-            turning, sliding = (
-                self.upstream[mark] & self._rotates,
-                self.upstream[mark] & ~self._rotates,
-            )
+            turning, sliding = (self.upstream[mark] & self._rotates, self.upstream[mark] & ~self._rotates)
             axis, origin_mm = reached.axis[turning], reached.origin_mm[turning]
             out[i, :, :3, turning] = cross(axis, reached.position_mm[mark] - origin_mm)
             out[i, :, 3:, turning] = axis

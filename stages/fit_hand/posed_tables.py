@@ -144,11 +144,7 @@ def tip_columns(
     ends_mm: Mapping[str, Array],
     errors: PosedErrors | None = None,
 ) -> Columns:
-    """Columns of posed_tips for the frames of poses, digit after digit.
-
-    left_out : rows that are posed without the distal receivers' positions as well. ends_mm : (T, D, 3) of the
-    digits of `tipped`, by the column's prefix (`ENDS`). errors : where they are known.
-    """
+    """Columns of posed_tips, digit after digit; left_out : rows posed without distal receivers as well."""
     digits = tipped(fit)
     receivers = [posed.receivers.index(digit.tip) for digit in digits]
     measured = poses.position_mm[:, [poses.index(digit.tip) for digit in digits]]

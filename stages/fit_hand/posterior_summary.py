@@ -172,11 +172,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
 
 
 def _fixed(
-    joint: str,
-    ends: tuple[str, str],
-    segment: str,
-    seen: tuple[Array, Array],
-    evidence: Evidence,
+    joint: str, ends: tuple[str, str], segment: str, seen: tuple[Array, Array], evidence: Evidence
 ) -> FittedJoint:
     """A centre that anatomy places, `seen` by a receiver; ends : parent and child segment."""
     by_x = evidence.convention.point_matrix(segment) @ seen[1]

@@ -12,14 +12,7 @@ from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.tables import vector_columns, vector_of
 from shukotsu.schemas.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, noted
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.project_planes.plane import (
-    Projection,
-    centre_sd_mm,
-    correct,
-    gap_rms_mm,
-    leave_uncut,
-    project,
-)
+from shukotsu.stages.project_planes import plane
 from shukotsu.stages.project_planes.unseen_error import unseen_covariance
 
 
@@ -66,18 +59,18 @@ def place_joint(
     return row | noted(doubts)
 
 
-def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> Projection | None:
+def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> plane.Projection | None:
     """The centre where the plane cuts its axis; as it was solved where planes cut nothing."""
     p_mm, q_mm = vector_of(solution, "parent_", "_mm"), vector_of(solution, "child_", "_mm")
     axes = vector_of(solution, "null_parent_"), vector_of(solution, "null_child_")
     covariance_mm2 = np.reshape(solution["covariance_mm2"], (6, 6))
     if not cut:
-        return Projection(p_mm, q_mm, 0.0, None, covariance_mm2)
+        return plane.Projection(p_mm, q_mm, 0.0, None, covariance_mm2)
     if joint.plane.frame == "none":
         per_sample = solution["gap_rms_free_mm"] ** 2 / 3 / solution["n_effective"]
         along = per_sample / max(solution["singular_values"][5] ** 2, 1e-12)
-        return leave_uncut(p_mm, q_mm, *axes, covariance_mm2, solution["slide_to_free_mm"], along)
-    return project(
+        return plane.leave_uncut(p_mm, q_mm, *axes, covariance_mm2, solution["slide_to_free_mm"], along)
+    return plane.project(
         p_mm,
         q_mm,
         *axes,
@@ -90,12 +83,12 @@ def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> Proj
 
 
 def _centre(
-    solution: Mapping[str, Any], placed: Projection, shift_mm: Array, model: SkeletonModel
+    solution: Mapping[str, Any], placed: plane.Projection, shift_mm: Array, model: SkeletonModel
 ) -> dict[str, Any]:
     """The centre after the correction, the size of its gap and how far it can be trusted."""
     mean_rotation = _mean_rotation(solution)
-    p_mm, q_mm = correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
-    gap = gap_rms_mm(
+    p_mm, q_mm = plane.correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
+    gap = plane.gap_rms_mm(
         solution["gap_rms_free_mm"],
         solution["singular_values"][5],
         vector_of(solution, "null_parent_"),
@@ -110,14 +103,14 @@ def _centre(
         **vector_columns("child_", q_mm, "_mm"),
         "gap_rms_mm": gap if model.planes.cut else solution["gap_rms_mm"],
         "covariance_mm2": placed.covariance_mm2.ravel(),
-        "sd_mm": centre_sd_mm(placed.covariance_mm2),
+        "sd_mm": plane.centre_sd_mm(placed.covariance_mm2),
         "slide_mm": placed.slide_mm,
         "axis_plane_deg": placed.axis_plane_deg,
     }
 
 
 def _whole_error(
-    joint: Joint, layout: Layout, placed: Projection, solution: Mapping[str, Any]
+    joint: Joint, layout: Layout, placed: plane.Projection, solution: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The centre's error with what its frames cannot show; the scatter's part in a column of its own."""
     unseen_mm2 = unseen_covariance(
@@ -131,8 +124,8 @@ def _whole_error(
     )
     covariance_mm2 = placed.covariance_mm2 + unseen_mm2
     return {
-        "scatter_sd_mm": centre_sd_mm(placed.covariance_mm2),
-        "sd_mm": centre_sd_mm(covariance_mm2),
+        "scatter_sd_mm": plane.centre_sd_mm(placed.covariance_mm2),
+        "sd_mm": plane.centre_sd_mm(covariance_mm2),
         "covariance_mm2": covariance_mm2.ravel(),
     }
 

@@ -71,11 +71,7 @@ def leave_uncut(
     slide_to_free_mm: float,
     variance_along_mm2: float,
 ) -> Projection:
-    """The centre of the six-unknown fit, for a joint without a plane.
-
-    covariance_mm2 : (6, 6) without the axis direction; variance_along_mm2 : along (axis_parent, axis_child) /
-    sqrt(2).
-    """
+    """The centre of the six-unknown fit, for a joint without a plane; covariance : without the axis."""
     null = np.concatenate([axis_parent, axis_child]) / np.sqrt(2)
     across = np.eye(6) - np.outer(null, null)
     return Projection(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.skeleton import rotations
 from shukotsu.skeleton.rotations import Array
@@ -27,12 +26,10 @@ _ANGLES = (
 
 
 def contact_postures(hand: Hand, starts_deg: Array, realism: Realism) -> Array:
-    """Bend thumb and finger until their pads meet, as nearly as the hand's joints allow; regularised
-    Gauss-Newton.
-
-    starts_deg : (4, J, 2) one posture per finger, whose other joints stay as they are. Returns (4, J, 2).
-    """
-    joints, columns = _where()
+    """Bend thumb and fingers (4, J, 2) until their pads meet, if they can; regularised Gauss-Newton."""
+    named = [[name if name in JOINTS else f"{digit}_{name}" for name, *_ in _ANGLES] for digit in FINGERS]
+    joints = np.array([[JOINTS.index(name) for name in names] for names in named])
+    columns = np.array([column for _, column, *_ in _ANGLES])
     usual, spread, least, most = np.array([angle[2:] for angle in _ANGLES]).T
     angles = np.tile(usual, (len(FINGERS), 1))
     n = len(usual)
@@ -52,15 +49,6 @@ def contact_postures(hand: Hand, starts_deg: Array, realism: Realism) -> Array:
     met = starts_deg.copy()
     met[rows, joints, columns] = angles
     return met
-
-
-def _where() -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """The angles' places in a posture: joint (4, n) per finger, column (n,)."""
-    joints = [
-        [JOINTS.index(name if name in JOINTS else f"{digit}_{name}") for name, *_ in _ANGLES]
-        for digit in FINGERS
-    ]
-    return np.array(joints), np.array([column for _, column, *_ in _ANGLES])
 
 
 def _misfit(hand: Hand, postures_deg: Array, realism: Realism) -> Array:

@@ -72,7 +72,38 @@ class Truth:
         realism: Realism,
     ) -> Truth:
         """The truth of a recording; ridden, recorded : receivers on the skin, and as the tracker has them."""
-        joints = _joints(layout, hand, mounts, angles_rad, bones, ridden, recorded, realism)
+        joints = {}
+        for joint in layout.solvable:
+            index = JOINTS.index(joint.name)
+            centre_mm = bones[0][:, index + 1]
+            axis = flexion_axis(hand, index, angles_rad, bones[1])
+            child = mounts.segments.index(joint.child)
+            child_mm, axis_child = _in_receiver(ridden, child, centre_mm, axis)
+            parent_mm, axis_parent, gap_mm = (
+                np.full(3, np.nan),
+                np.full(3, np.nan),
+                np.full(len(axis), np.nan),
+            )
+            worn = joint.parent_receiver in mounts.segments
+            if worn:
+                parent = mounts.segments.index(joint.parent_receiver)
+                parent_mm, axis_parent = _in_receiver(ridden, parent, centre_mm, axis)
+                apart = _to_transmitter(recorded, parent, parent_mm) - _to_transmitter(
+                    recorded, child, child_mm
+                )
+                gap_mm = np.linalg.norm(apart, axis=-1)
+            joints[joint.name] = TrueJoint(
+                joint.name,
+                joint.parent_receiver if worn else "",
+                joint.child,
+                1 if realism.hinges_only else joint.dof,
+                parent_mm,
+                child_mm,
+                axis_parent,
+                axis_child,
+                float(np.degrees(np.ptp(angles_rad[:, index, FLEXION]))),
+                gap_mm,
+            )
         tip_mm = _ends_mm(hand.length_mm[TIP_BONES], *bones)
         skin_tip_mm = _ends_mm(hand.length_mm[TIP_BONES] + hand.soft_tip_mm, *bones)
         pointing = rotations.rotate(bones[1][:, mounts.bone], np.array([1.0, 0.0, 0.0]))
@@ -85,46 +116,6 @@ def _ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) 
     along = np.zeros((len(DIGITS), 3))
     along[:, 0] = length_mm
     return bone_position_mm[:, TIP_BONES] + rotations.rotate(bone_quaternion[:, TIP_BONES], along)
-
-
-def _joints(
-    layout: Layout,
-    hand: Hand,
-    mounts: Mounts,
-    angles_rad: Array,
-    bones: tuple[Array, Array],
-    ridden: tuple[Array, Array],
-    recorded: tuple[Array, Array],
-    realism: Realism,
-) -> dict[str, TrueJoint]:
-    """Joints of the layout, by name."""
-    joints = {}
-    for joint in layout.solvable:
-        index = JOINTS.index(joint.name)
-        centre_mm = bones[0][:, index + 1]
-        axis = flexion_axis(hand, index, angles_rad, bones[1])
-        child = mounts.segments.index(joint.child)
-        child_mm, axis_child = _in_receiver(ridden, child, centre_mm, axis)
-        parent_mm, axis_parent, gap_mm = np.full(3, np.nan), np.full(3, np.nan), np.full(len(axis), np.nan)
-        worn = joint.parent_receiver in mounts.segments
-        if worn:
-            parent = mounts.segments.index(joint.parent_receiver)
-            parent_mm, axis_parent = _in_receiver(ridden, parent, centre_mm, axis)
-            apart = _to_transmitter(recorded, parent, parent_mm) - _to_transmitter(recorded, child, child_mm)
-            gap_mm = np.linalg.norm(apart, axis=-1)
-        joints[joint.name] = TrueJoint(
-            joint.name,
-            joint.parent_receiver if worn else "",
-            joint.child,
-            1 if realism.hinges_only else joint.dof,
-            parent_mm,
-            child_mm,
-            axis_parent,
-            axis_child,
-            float(np.degrees(np.ptp(angles_rad[:, index, FLEXION]))),
-            gap_mm,
-        )
-    return joints
 
 
 def _in_receiver(

@@ -104,11 +104,7 @@ def _cupped() -> Array:
 
 
 def _opposition(
-    rng: np.random.Generator,
-    stiffness: np.random.Generator,
-    hand: Hand,
-    realism: Realism,
-    n_frames: int,
+    rng: np.random.Generator, stiffness: np.random.Generator, hand: Hand, realism: Realism, n_frames: int
 ) -> tuple[Array, Array]:
     """Script of the thumb's tip meeting each fingertip in turn: keyframes (K, J, 2), durations (K - 1,)."""
     rest = rest_posture()

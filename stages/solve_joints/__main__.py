@@ -5,13 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from shukotsu.stages import command_line, subject_stage
-
-if TYPE_CHECKING:
-    from shukotsu.schemas.plan import SubjectPlan
-    from shukotsu.stages.solve_joints.part_solutions import PartRequest
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -34,13 +29,22 @@ def solve(arguments: argparse.Namespace) -> None:
     from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
     from shukotsu.schemas.parts import parts_writer
     from shukotsu.schemas.tables import Provenance
-    from shukotsu.stages.solve_joints.part_solutions import solve_parts
+    from shukotsu.stages.solve_joints.part_solutions import PartRequest, solve_parts
 
     plan = subject_stage.plan_of(arguments)
     if not plan.models:
         raise InputError("--model: none is given; expected a skeleton model that ships, or a path")
     provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder)
-    outcomes = solve_parts(part_requests(plan))
+    requests = [
+        PartRequest(
+            part,
+            tuple(plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)),
+            plan.layouts[part.hand],
+            plan.models[part.model].solving,
+        )
+        for part in plan.parts()
+    ]
+    outcomes = solve_parts(requests)
     with parts_writer(arguments.out, JOINT_SOLUTIONS, provenance) as write:
         for part, outcome in outcomes.items():
             with subject_stage.recording_failure(arguments, part, write):
@@ -50,21 +54,6 @@ def solve(arguments: argparse.Namespace) -> None:
                 if isinstance(outcome, Exception):
                     raise outcome
                 write.rows(part, [{**plan.who._asdict(), **row} for row in outcome])
-
-
-def part_requests(plan: SubjectPlan) -> list[PartRequest]:
-    """List the inputs to solve every part of the plan from."""
-    from shukotsu.stages.solve_joints.part_solutions import PartRequest
-
-    return [
-        PartRequest(
-            part,
-            tuple(plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)),
-            plan.layouts[part.hand],
-            plan.models[part.model].solving,
-        )
-        for part in plan.parts()
-    ]
 
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:

@@ -151,11 +151,7 @@ def _left_vectors(M: Array, V: Array) -> Array:
 def _centre(
     normal: NormalEquations, one_minus_s2: Array, s: Array, U: Array, V: Array, n_singular_values: int
 ) -> tuple[Array, Array]:
-    """Least-squares p and q, singular pair by singular pair.
-
-    Pair 0 belongs to the axis; with five values only its part with singular value 1 + s is solved, as without
-    the smallest in Eq. 7.
-    """
+    """Least-squares p and q; with five values only 1 + s of pair 0, the axis, is solved (Eq. 7)."""
     right = -(V.T @ normal.C_Dd)
     solved = np.arange(3) >= (6 - n_singular_values)
     components = np.where(solved, right / np.where(solved, one_minus_s2, 1.0), 0.0)

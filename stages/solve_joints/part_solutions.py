@@ -3,17 +3,32 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from shukotsu.errors import TableError, joined
-from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.layout import Joint, Layout
 from shukotsu.schemas.model import JointSolving
 from shukotsu.schemas.parts import Part
 from shukotsu.schemas.poses import usable_poses
-from shukotsu.stages.solve_joints.solution_rows import Row, solution_rows
+from shukotsu.schemas.tables import vector_columns
+from shukotsu.stages.solve_joints.closed import JointSolution
 from shukotsu.stages.solve_joints.solve import solve_recordings, stream_recordings
+
+Row = dict[str, Any]
+
+_SCALARS = (
+    "gap_rms_mm",
+    "gap_rms_free_mm",
+    "slide_to_free_mm",
+    "range_deg",
+    "spread_deg",
+    "axis_sd_deg",
+    "n_frames",
+    "n_effective",
+)
 
 
 @dataclass(frozen=True)
@@ -60,3 +75,37 @@ def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[R
         why = f"no calibration recording: {joined(reasons) or 'the study names none'}"
         rows = {own: [{**row, "message": why} for row in failed] for own, failed in rows.items()}
     return rows
+
+
+def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) -> list[Row]:
+    """A row for every solvable joint of the layout, but not for an optional receiver not worn."""
+    rows = []
+    for joint in layout.solvable:
+        solution = solutions[joint.name]
+        optional = layout.segments[joint.parent_receiver].optional or layout.segments[joint.child].optional
+        if not (optional and isinstance(solution, str)):
+            rows.append(solution_row(joint, solution))
+    return rows
+
+
+def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
+    """The row of one joint, failed where `solution` is the reason why there is none."""
+    names = {"joint": joint.name, "parent_segment": joint.parent_receiver, "child_segment": joint.child}
+    if isinstance(solution, str):
+        return {**names, "reason_values": "", "status": "failed", "message": solution, "n_frames": 0}
+    return {
+        **names,
+        **vector_columns("parent_", solution.p_mm, "_mm"),
+        **vector_columns("child_", solution.q_mm, "_mm"),
+        **vector_columns("null_parent_", solution.null_parent),
+        **vector_columns("null_child_", solution.null_child),
+        **vector_columns("mean_rotation_x", solution.mean_rotation[0]),
+        **vector_columns("mean_rotation_y", solution.mean_rotation[1]),
+        **vector_columns("mean_rotation_z", solution.mean_rotation[2]),
+        "singular_values": solution.singular_values,
+        "covariance_mm2": solution.covariance_mm2.ravel(),
+        **{name: getattr(solution, name) for name in _SCALARS},
+        "reason_values": "",
+        "status": "ok",
+        "message": "",
+    }

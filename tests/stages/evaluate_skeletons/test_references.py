@@ -8,8 +8,7 @@ import pytest
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.tables import Provenance
-from shukotsu.stages.evaluate_skeletons.references import true_skeleton_row
-from shukotsu.stages.evaluate_skeletons.scores import EvaluatedRecording
+from shukotsu.stages.evaluate_skeletons.scores import EvaluatedRecording, true_skeleton_row
 from shukotsu.stages.evaluate_skeletons.truth import read_truth
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import simulate

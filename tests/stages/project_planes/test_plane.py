@@ -17,7 +17,7 @@ from shukotsu.schemas.verdict import doubts_of, judged_joint
 from shukotsu.stages.project_planes.place import place_joint
 from shukotsu.stages.project_planes.plane import Projection, centre_sd_mm, project
 from shukotsu.stages.solve_joints.closed import JointSolution, solve_closed
-from shukotsu.stages.solve_joints.solution_rows import solution_row
+from shukotsu.stages.solve_joints.part_solutions import solution_row
 
 SEEDS = st.integers(0, 2**32 - 1)
 LAYOUT = chain_layout(random_chain(0, 2))
