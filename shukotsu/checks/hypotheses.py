@@ -109,8 +109,11 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
         columns = [3, 0, 1, 2] if order == "xyzw" else [1, 2, 3, 0]
         values = {"read": read, "true": true, "order": order, "rotates": rotates}
         for variant, sign in (("order", np.ones(4)), ("inverse-too", INVERSE)):
-            undo = _requaternioned(recorded, lambda q, sign=sign: q[..., columns] * sign)
-            yield Hypothesis("quaternion-order", undo, variant, values)
+
+            def reordered(q: Array, sign: Array = sign) -> Array:
+                return q[..., columns] * sign
+
+            yield Hypothesis("quaternion-order", _requaternioned(recorded, reordered), variant, values)
     if declared.format != "c3d":  # clusters of markers have no orientations that could be inverse
         undo = _requaternioned(recorded, lambda q: q * INVERSE)
         yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})

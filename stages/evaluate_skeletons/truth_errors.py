@@ -56,8 +56,9 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
         bone, length = stated.bones.get(joint.child), truth.bones.get(joint.child, {}).get("length_mm")
         # a bone that starts at the wrist, or ends at the distal receiver, is not the bone itself
         whole = bone and bone["starts_at"] == joint.name and bone["ends_at"] != DISTAL_RECEIVER
-        if bone and whole and None not in (bone["length_mm"], length):
-            off_mm = float(bone["length_mm"]) - length
+        stated_mm = bone["length_mm"] if bone and whole else None
+        if stated_mm is not None and length is not None:
+            off_mm = float(stated_mm) - length
             row |= {"bone": joint.child, "bone_error_mm": off_mm, "bone_error_percent": 100 * off_mm / length}
         rows.append(row)
     return rows

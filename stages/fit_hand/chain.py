@@ -82,7 +82,8 @@ def hand_model(
     builder = Builder(layout, scale, frozenset(seen))
     root, digits = root_of(layout), known_digits(layout)
     worn = [builder.scale.times(-float(v)) for v in wrist_mm]
-    branches = [builder.receiver_steps(root, worn) if digits else [Mark(receiver(root))]]
+    base = builder.receiver_steps(root, worn) if digits else [Mark(receiver(root))]
+    branches: list[Sequence[Step]] = [base]
     branches += [_DigitChain(builder, digit, anatomy[digit.name]).steps() for digit in digits]
     states = builder.states
     for digit in digits:  # a finger's last two joints bend together, which tells them apart

@@ -126,7 +126,7 @@ def fit_hand(
     measured = Observations(*(np.concatenate([getattr(o, n) for o in every]) for n in ("rows", "values")))
     problem = _problem(model, frames, measured, field)
     problem, solution = _solved(problem, model, everything, settings)
-    seen = {name for name, any_valid in zip(model.receivers, frames.valid.any(0), strict=True) if any_valid}
+    seen = {model.receivers[i] for i in np.flatnonzero(frames.valid.any(0))}
     bones = {name for digit in known_digits(layout) for name in digit.segments}
     if settings.rounds and any(name not in seen and layout.segments[name].measured for name in bones):
         point = without_noise_bias(problem, solution.point)

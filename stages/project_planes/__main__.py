@@ -52,7 +52,7 @@ def _placed_rows(joints_file: Path, plan: SubjectPlan, part: Part) -> list[dict[
 
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     rows_of_hand = [row for row in plan.corrections if row["hand"] == part.hand and model.planes.corrections]
-    corrections_mm = {row["joint"]: vector_of(row, "d", "_mm") for row in rows_of_hand}
+    corrections_mm = {row["joint"]: vector_of(row.values, "d", "_mm") for row in rows_of_hand}
     rows = []
     for solution in rows_of(read_part(joints_file, JOINT_SOLUTIONS, part)):
         joint = layout.joints.get(solution["joint"])
