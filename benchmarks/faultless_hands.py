@@ -7,8 +7,8 @@ and where one does.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
 
@@ -42,15 +42,11 @@ THUMB = "thumb_metacarpal"
 
 @dataclass(frozen=True)
 class Planted:
-    """Poses after a mistake, the hand as declared, what the mapping says of the numbers.
-
-    truth : by joint its centre (2, 3) in the parent's and the child's receiver, mm.
-    """
+    """Poses after a mistake, the hand as declared, what the mapping says of the numbers."""
 
     poses: Poses
     hand: str
     declared: Declared = TIDY
-    truth: Mapping[str, Array] = field(default_factory=dict)
 
     def findings(self) -> list[Finding]:
         """Return the findings, notes left out but those of receivers that hang."""
@@ -72,9 +68,7 @@ def own_hand(
 ) -> Planted:
     """Record a hand of the project's own drawing; task : rom or opposition. simulated : as of `simulate`."""
     made = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], **simulated)
-    made = facing_the_nail(made) if at_nail else made
-    truth = {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in made.truth.joints.items()}
-    return Planted(made.poses(), hand, truth=truth)
+    return Planted((facing_the_nail(made) if at_nail else made).poses(), hand)
 
 
 def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:
@@ -92,7 +86,7 @@ FACINGS: tuple[Facing, ...] = ("nail", "between", "hand")
 def _other(person: other_hands.Person, seed: int, hand: str, task: str, **recorded: Any) -> Planted:
     movement = "calibration" if task == "rom" else task
     own = other_hands.record(person, hand, movement, seed=seed, **{"duration_s": 7.5, **recorded})
-    return Planted(own.poses, hand, truth=true_halves(own))
+    return Planted(own.poses, hand)
 
 
 def true_halves(recording: other_hands.Recording) -> dict[str, Array]:
@@ -132,19 +126,15 @@ def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Itera
     plain = own_hand(seed, hand, task)
     yield "usual hand", plain
     yield "thumb's receiver on the nail's side", own_hand(seed, hand, task, at_nail=True)
-    yield "very small hand (0.68 times)", _scaled(plain, 0.68)
-    yield "very large hand (1.22 times)", _scaled(plain, 1.22)
+    for what, factor in (("small", 0.68), ("large", 1.22)):
+        scaled = changed(plain, position_mm=plain.poses.position_mm * factor)
+        yield f"very {what} hand ({factor} times)", scaled
     yield "loose receivers (skin 3 times)", own_hand(seed, hand, task, artefact=3.0)
     yield "dropouts, one receiver dead", _with_dropouts(plain, rng)
     yield "with a receiver on the forearm", own_hand(seed, hand, task, forearm=True)
     yield "stiff finger joints (a tenth)", _stiff(seed, hand, task, ("pip", "dip"))
     yield "stiff thumb and index (a tenth)", _stiff(seed, hand, task, ("thumb", "index"))
     yield "deformed (ulnar drift, a short bone)", _deformed(seed, hand, task, rng)
-
-
-def _scaled(planted: Planted, factor: float) -> Planted:
-    truth = {name: factor * centre_mm for name, centre_mm in planted.truth.items()}
-    return replace(changed(planted, position_mm=planted.poses.position_mm * factor), truth=truth)
 
 
 def exchanged(poses: Poses, *pairs: tuple[str, str]) -> Poses:

@@ -5,7 +5,6 @@ simulator but the table of poses it ends in.
 """
 
 from benchmarks.other_hands.drawn_recording import Recording, record, true_centres
-from benchmarks.other_hands.gestures import TASKS
 from benchmarks.other_hands.person import Person, draw_person
 
-__all__ = ["TASKS", "Person", "Recording", "draw_person", "record", "true_centres"]
+__all__ = ["Person", "Recording", "draw_person", "record", "true_centres"]

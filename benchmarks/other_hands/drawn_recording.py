@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.other_hands.carriage import carry, placed
 from benchmarks.other_hands.gestures import move_arm, move_joints, wander
-from benchmarks.other_hands.person import DIGITS, Array, Person
+from benchmarks.other_hands.person import Array, Person
 from benchmarks.other_hands.room import draw_field, lost_frames, measure, quaternions, table_stands
 from benchmarks.other_hands.taped_skin import carry_receiver, settle
 from shukotsu.schemas.poses import Poses
@@ -20,20 +20,16 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class Recording:
-    """Hold what the tracker said, and what it should have said of whom. World: the transmitter's frame, mm.
+    """Hold what the tracker said, and what it should have said. World: the transmitter's frame, mm.
 
     poses : as measured; true_pose : the same receivers where they really were; true_centre_mm : by joint,
-    (T, 3); true_tip_mm : by digit, (T, 3) of the skin's tip; true_angles_deg : by joint, (T, D) from the flat
-    drawing, bending first; true_lengths_mm : by bone, from its joint to the next, the last to the skin's tip.
+    (T, 3); true_angles_deg : by joint, (T, D) from the flat drawing, bending first; true_lengths_mm : by
+    bone, from its joint to the next, the last to the skin's tip.
     """
 
-    person: Person
-    side: str
-    task: str
     poses: Poses
     true_pose: Poses
     true_centre_mm: dict[str, Array]
-    true_tip_mm: dict[str, Array]
     true_angles_deg: dict[str, Array]
     true_lengths_mm: dict[str, float]
 
@@ -49,28 +45,24 @@ def record(
     forearm: bool = False,
     stiff: tuple[str, ...] = (),
     dropouts: bool = False,
-    angles_deg: dict[str, Array] | None = None,
-    place_mm: Array | None = None,
 ) -> Recording:
-    """Record a person's hand at a task (`gestures.TASKS`), with the receivers as `person.worn` has them.
+    """Record a person's hand at a task of `gestures`, with the receivers as `person.worn` has them.
 
     Recordings of one person share bones, skin, receivers and room; `seed` draws the movement and the noise.
-    stiff : joints of the layout that hardly move. angles_deg : of all joints, in place of the task's own.
-    place_mm : (3,) from the transmitter about which the palm moves, in place of one that is drawn.
+    stiff : joints of the layout that hardly move.
     """
     moves, skins, tracker = (np.random.default_rng([seed, part]) for part in range(3))
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
-    if angles_deg is None:
-        angles_deg = move_joints(person, task, moves, time_s, stiff)
-    palm_mm, turned, on_table = move_arm(task, table_stands(person.seed), moves, time_s, place_mm)
+    angles_deg = move_joints(person, task, moves, time_s, stiff)
+    palm_mm, turned, on_table = move_arm(task, table_stands(person.seed), moves, time_s)
     bones, centres = carry(person, angles_deg)
     worn = [one for one in person.worn[side] if forearm or one.bone != "forearm"]
-    extras = {one.bone: _wander_on_skin(one.bone, time_s, skins) for one in worn}
+    slow = {one.bone: wander(skins, time_s, 6, (0.4, 3.0)) * ([0.12] * 3 + [0.0025] * 3) for one in worn}
+    extras = {name: own * (0.4 if name.endswith("distal") else 1.0) for name, own in slow.items()}  # nails
     followed = settle(angles_deg, person, time_s, skins)
     rides = [carry_receiver(person, one, bones, followed, on_table, extras[one.bone]) for one in worn]
     place, turning = (np.stack(parts, axis=1) for parts in zip(*rides, strict=True))
-    tips = {digit: placed(bones[f"{digit}_distal"], person.bones[f"{digit}_distal"].end) for digit in DIGITS}
-    marks = {name: centre for name, centre in centres.items() if forearm or name != "wrist"} | tips
+    marks = {name: centre for name, centre in centres.items() if forearm or name != "wrist"}
     points = np.concatenate([place, np.stack(list(marks.values()), axis=1)], axis=1)
     points -= placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))[:, None]  # the palm, which the arm holds
     points = np.einsum("tij,tkj->tki", turned.as_matrix(), points) + palm_mm[:, None]
@@ -79,15 +71,10 @@ def record(
         points, turning = points * MIRROR, MIRROR[:, None] * turning * MIRROR
     names = tuple(one.bone for one in worn)
     poses, true_pose = _track(person, names, time_s, points[:, : len(names)], turning, tracker)
-    true_mm = {name: points[:, len(names) + column] for column, name in enumerate(marks)}
     return Recording(
-        person=person,
-        side=side,
-        task=task,
         poses=_without(poses, rate_hz, tracker) if dropouts else poses,
         true_pose=true_pose,
-        true_centre_mm={name: at for name, at in true_mm.items() if name not in DIGITS},
-        true_tip_mm={name: at for name, at in true_mm.items() if name in DIGITS},
+        true_centre_mm={name: points[:, len(names) + column] for column, name in enumerate(marks)},
         true_angles_deg=angles_deg,
         true_lengths_mm={name: bone.length_mm for name, bone in person.bones.items() if "_" in name},
     )
@@ -100,12 +87,6 @@ def true_centres(recording: Recording, joint: str, segment: str) -> Array:
     from_it = recording.true_centre_mm[joint] - pose.position_mm[:, at]
     turning = Rotation.from_quat(pose.quaternion[:, at], scalar_first=True)
     return np.asarray(turning.inv().apply(from_it).mean(axis=0))
-
-
-def _wander_on_skin(bone: str, time_s: Array, rng: np.random.Generator) -> Array:
-    """Give (T, 6) mm and radians by which skin stirs without a cause: a nail less."""
-    slow = wander(rng, time_s, 6, (0.4, 3.0)) * ([0.12] * 3 + [0.0025] * 3)
-    return np.asarray(slow * (0.4 if bone.endswith("distal") else 1.0))
 
 
 def _track(

@@ -17,8 +17,6 @@ Posture = dict[str, float]
 Score = list[tuple[Posture, float]]
 """Postures, and the seconds it takes to come to each from the one before."""
 
-TASKS = ("calibration", "grip", "typing", "piano", "opposition")
-
 
 def _all(joint: str, deg: float) -> Posture:
     return {f"{finger}_{joint}": deg for finger in FINGERS}
@@ -219,7 +217,7 @@ def move_joints(
 
 
 def move_arm(
-    task: str, stands: Rotation, rng: np.random.Generator, time_s: Array, place_mm: Array | None = None
+    task: str, stands: Rotation, rng: np.random.Generator, time_s: Array
 ) -> tuple[Array, Rotation, Array]:
     """Return the palm's place, (T, 3) mm from the transmitter, its rotation to it, and how much of the
     hand's weight lies on the table, (T,) 0 to 1. `stands` turns the table to the transmitter.
@@ -230,16 +228,12 @@ def move_arm(
         "typing": (15.0, 4.0, 3.0),
         "piano": (60.0, 6.0, 2.0),
         "opposition": (40.0, 18.0, 4.0),
-        "keyboard": (30.0, 0.0, 4.0),
     }[task]
     middle = np.array([rng.uniform(270, 380), rng.uniform(-90, 90), rng.uniform(-70, 70)])
-    middle = middle if place_mm is None else place_mm
     knots = 2 + int(time_s[-1] // every_s) + 1
     at_s = np.cumsum(rng.uniform(0.6, 1.4, knots)) * every_s
     at_s -= at_s[0]
     places = np.clip(rng.normal(0, roams_mm, (knots, 3)), -120, 120)
-    if task == "keyboard":  # the arm goes along it, and all keys are one level
-        places[:, 2] = 0.0
     turns = np.deg2rad(rng.normal(0, tilts_deg, (knots, 3)))
     lies_s = min(rng.uniform(1, 4), time_s[-1] / 6) if task == "calibration" and rng.random() < 0.6 else 0.0
     back_s = time_s[-1] - rng.uniform(1, 3) if lies_s and rng.random() < 0.5 else np.inf

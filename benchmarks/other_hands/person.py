@@ -20,7 +20,6 @@ Facing = Literal["nail", "hand", "between"]
 
 FINGERS = ("index", "middle", "ring", "little")
 _PHALANGES = ("proximal", "middle", "distal")
-DIGITS = ("thumb", *FINGERS)
 SKIN_SHARE = {"thin": 0.6, "usual": 1.0, "thick": 1.45}
 
 # Right hand, (distal, radial, dorsal) of the capitate's head; mm: base of the metacarpal, its head.

@@ -74,7 +74,7 @@ def files_of(seed: int, hand: str) -> Files:
 
 def _second_half(planted: Planted) -> Planted:
     half = planted.poses.take(slice(len(planted.poses.frame) // 2, None))
-    return Planted(half, planted.hand, planted.declared, planted.truth)
+    return Planted(half, planted.hand, planted.declared)
 
 
 def check_sheet(rows: Sequence[Row], files: Files) -> Result:
