@@ -84,57 +84,35 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
 @pytest.mark.parametrize(
     ("told", "message"),
     [
-        (
-            put(put(WIDE, "rate_hz", "CHECK"), "orientation.order", "CHECK"),
-            "orientation.order, rate_hz still say CHECK: put the truth there",
-        ),
+        (put(put(WIDE, "rate_hz", "CHECK"), "orientation.order", "CHECK"),
+         "orientation.order, rate_hz still say CHECK: put the truth there"),
         (put(WIDE, "position_unit", "miles"), "position_unit: is 'miles'; expected one of"),
-        (
-            put(C3D, "receivers.hand.markers", ["CHECK", "CHECK2", "CHECK3"]),
-            "mapping.yaml: receivers.hand.markers still says CHECK: put the truth there",
-        ),
-        (
-            put(C3D, "receivers.hand.markers", ["GloveR1", "GloveR2"]),
-            "receivers.hand.markers: has 2; expected 3 or more of a rigid cluster",
-        ),
-        (
-            put(LONG, "csv.position", ["x", "y"]),
-            "csv.position: has 2; expected at least 3: long: the columns",
-        ),
-        (
-            put(WIDE, "receivers.hand.orientation", ["a"]),
-            "receivers.hand.orientation: has 1; expected at least 3: csv with one row a frame",
-        ),
-        (
-            put(C3D, "receivers.Right-Hand", {}),
-            "receivers: 'Right-Hand' is no segment's name; names are lower case letters, digits and "
-            "underscores; did you mean 'right_hand'?",
-        ),
-        (
-            put(WIDE, "position_axes", ["x", "-x", "z"]),
-            "position_axes: is x, -x, z; expected each of x, y and z once",
-        ),
-        (
-            put(C3D, "position_axes", ["x", "z", "-y"]),
-            "position_axes: a C3D file has positions and rotations in one frame; leave it out",
-        ),
+        (put(C3D, "receivers.hand.markers", ["CHECK", "CHECK2", "CHECK3"]),
+         "mapping.yaml: receivers.hand.markers still says CHECK: put the truth there"),
+        (put(C3D, "receivers.hand.markers", ["GloveR1", "GloveR2"]),
+         "receivers.hand.markers: has 2; expected 3 or more of a rigid cluster"),
+        (put(LONG, "csv.position", ["x", "y"]),
+         "csv.position: has 2; expected at least 3: long: the columns"),
+        (put(WIDE, "receivers.hand.orientation", ["a"]),
+         "receivers.hand.orientation: has 1; expected at least 3: csv with one row a frame"),
+        (put(C3D, "receivers.Right-Hand", {}),
+         "receivers: 'Right-Hand' is no segment's name; names are lower case letters, digits and "
+         "underscores; did you mean 'right_hand'?"),
+        (put(WIDE, "position_axes", ["x", "-x", "z"]),
+         "position_axes: is x, -x, z; expected each of x, y and z once"),
+        (put(C3D, "position_axes", ["x", "z", "-y"]),
+         "position_axes: a C3D file has positions and rotations in one frame; leave it out"),
         (put(WIDE, "position_unit", None), "the key 'position_unit' is missing"),
-        (
-            put(WIDE, "orientation", None),
-            "the key 'orientation' is missing: a receiver has positions and turns",
-        ),
+        (put(WIDE, "orientation", None),
+         "the key 'orientation' is missing: a receiver has positions and turns"),
         (put(WIDE, "orientation.order", None), "orientation: quaternion needs the key 'order'"),
         (put(WIDE, "orientation.axes", "ZYX"), "orientation.axes: does not belong to quaternion"),
         (put(LONG, "orientation.axes", "ZZX"), "orientation.axes: ZZX turns twice in a row about one axis"),
         (put(WIDE, "receivers.hand.position", None), "receivers.hand: the key 'position' is missing"),
-        (
-            put(WIDE, "receivers.hand.orientation", ["a", "b", "c"]),
-            "receivers.hand.orientation: has 3 columns; quaternion means 4",
-        ),
-        (
-            put(WIDE, "receivers.hand.markers", ["a", "b", "c"]),
-            "receivers.hand.markers: does not belong to csv with",
-        ),
+        (put(WIDE, "receivers.hand.orientation", ["a", "b", "c"]),
+         "receivers.hand.orientation: has 3 columns; quaternion means 4"),
+        (put(WIDE, "receivers.hand.markers", ["a", "b", "c"]),
+         "receivers.hand.markers: does not belong to csv with"),
         (put(WIDE, "csv.receiver", "r"), "csv.receiver: is for long rows"),
         (put(WIDE, "csv.quality", "q"), "csv.quality: is for long rows"),
         (put(WIDE, "csv.time", "t"), "csv.time: needs csv.time_unit"),
@@ -142,10 +120,8 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         (put(WIDE, "receivers.hand.quality", "q"), "receivers.hand.quality: needs csv.quality_above or"),
         (put(WIDE, "csv.quality_above", 3), "csv.quality_above: no quality column is named"),
         (put(WIDE, "csv.decimal", ","), "csv.decimal: the comma cannot both"),
-        (
-            put(WIDE, "csv.header", False),
-            "receivers.hand.position: 'x' is a name; without a header give numbers",
-        ),
+        (put(WIDE, "csv.header", False),
+         "receivers.hand.position: 'x' is a name; without a header give numbers"),
         (put(WIDE, "csv.in_step", False), "csv.in_step: receivers that are not in step need a time column"),
         (put(WIDE, "fixed", ["hand"]), "fixed: hand has a receiver too"),
         (put(WIDE, "xdf", {}), "xdf: is for another format"),
@@ -160,7 +136,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         (put(C3D, "receivers.CHECK_1", {}), "receivers.CHECK_1 still says CHECK"),
         (put(C3D, "c3d.first_frame", 0), "c3d.first_frame: is 0; expected at least 1"),
     ],
-)
+)  # fmt: skip
 def test_what_does_not_belong_together_is_refused(tmp_path: Path, told: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)) as caught:
         check(told)

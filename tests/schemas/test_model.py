@@ -32,33 +32,21 @@ def test_the_papers_tables() -> None:
     ("text", "message"),
     [
         ("model: yours\ndescription: d", "model: is 'yours'; expected the file's own name, 'mine'"),
-        (
-            "model: mine\ndescription: d\nmetacarpals: {rest_direction: [0, 0, 0]}",
-            "metacarpals.rest_direction: has no length",
-        ),
+        ("model: mine\ndescription: d\nmetacarpals: {rest_direction: [0, 0, 0]}",
+         "metacarpals.rest_direction: has no length"),
         ("model: mine", "the key 'description' is missing"),
-        (
-            "model: mine\ndescription: d\njoints: {solver: anatomical}",
-            "joints.solver: anatomical left in 0.2: take solver closed",
-        ),
-        (
-            "model: mine\ndescription: d\nplanes: {cut: false, corrections: true}",
-            "planes.corrections: is true, but planes.cut: false makes centres final",
-        ),
-        (
-            "model: mine\ndescription: d\nmetacarpals: {unmeasured: fitted}",
-            "metacarpals.unmeasured: is fitted, but no whole hand is fitted",
-        ),
-        (
-            "model: mine\ndescription: d\nfit: {whole_hand: true}",
-            "planes.cut: is true; a fit of the whole hand places its joints itself",
-        ),
-        (
-            "model: mine\ndescription: d\nfit: {whole_hand: true}\nplanes: {cut: false}",
-            "metacarpals: a fit of the whole hand poses them all",
-        ),
+        ("model: mine\ndescription: d\njoints: {solver: anatomical}",
+         "joints.solver: anatomical left in 0.2: take solver closed"),
+        ("model: mine\ndescription: d\nplanes: {cut: false, corrections: true}",
+         "planes.corrections: is true, but planes.cut: false makes centres final"),
+        ("model: mine\ndescription: d\nmetacarpals: {unmeasured: fitted}",
+         "metacarpals.unmeasured: is fitted, but no whole hand is fitted"),
+        ("model: mine\ndescription: d\nfit: {whole_hand: true}",
+         "planes.cut: is true; a fit of the whole hand places its joints itself"),
+        ("model: mine\ndescription: d\nfit: {whole_hand: true}\nplanes: {cut: false}",
+         "metacarpals: a fit of the whole hand poses them all"),
     ],
-)
+)  # fmt: skip
 def test_a_mistake_is_refused(tmp_path: Path, text: str, message: str) -> None:
     (tmp_path / "mine.yaml").write_text(text)
     with pytest.raises(InputError, match=message):

@@ -73,37 +73,19 @@ def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
     ("sheet", "lines", "message"),
     [
         (RECORDINGS, [RECORDING[0], "\tright\trom\tboth\tr.csv"], "row 2, column subject: is empty"),
-        (
-            RECORDINGS,
-            [RECORDING[0], "", "01\tRight\trom\tboth\tr.csv"],
-            "row 3, column hand: is 'Right'; expected right or left",
-        ),
-        (
-            RECORDINGS,
-            [RECORDING[0], "01\tright\trom\ttest\tr.csv"],
-            "row 2, column role: is 'test'; expected calibration, evaluation or both",
-        ),
-        (
-            RECORDINGS,
-            [RECORDING[0] + "\tformat", RECORDING[1] + "\tc3d"],
-            "row 2, column format: is 'c3d'; expected auto, csv, parquet, capture or xdf",
-        ),
-        (
-            RECORDINGS,
-            [RECORDING[0], "01\tright\tr\x07m\tboth\tr.csv"],
-            "column task: holds a control character",
-        ),
-        (
-            RECORDINGS,
-            [RECORDING[0], "\x9b31m\tright\trom\tboth\tr.csv"],
-            "column subject: holds a control character",
-        ),
+        (RECORDINGS, [RECORDING[0], "", "01\tRight\trom\tboth\tr.csv"],
+         "row 3, column hand: is 'Right'; expected right or left"),
+        (RECORDINGS, [RECORDING[0], "01\tright\trom\ttest\tr.csv"],
+         "row 2, column role: is 'test'; expected calibration, evaluation or both"),
+        (RECORDINGS, [RECORDING[0] + "\tformat", RECORDING[1] + "\tc3d"],
+         "row 2, column format: is 'c3d'; expected auto, csv, parquet, capture or xdf"),
+        (RECORDINGS, [RECORDING[0], "01\tright\tr\x07m\tboth\tr.csv"],
+         "column task: holds a control character"),
+        (RECORDINGS, [RECORDING[0], "\x9b31m\tright\trom\tboth\tr.csv"],
+         "column subject: holds a control character"),
         (RECORDINGS, [RECORDING[0], RECORDING[1] + "\tx"], "row 2: has 6 cells; expected 5"),
-        (
-            RECORDINGS,
-            [*RECORDING, RECORDING[1]],
-            "row 3: subject '01', hand 'right', task 'rom' already stands in row 2",
-        ),
+        (RECORDINGS, [*RECORDING, RECORDING[1]],
+         "row 3: subject '01', hand 'right', task 'rom' already stands in row 2"),
         (CORRECTIONS, [CORRECTION[0] + "\twhy"], "row 1: unknown column why; known are subject, hand"),
         (RECORDINGS, ["subject\thand\ttsak\trole\tfile"], "unknown column tsak; did you mean 'task'?"),
         (RECORDINGS, [RECORDING[0] + "\tsesion"], "unknown column sesion; did you mean 'session'?"),
@@ -120,13 +102,10 @@ def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
         (PARTICIPANTS, ["subject\thand_breadth_mm", "01\t8.5"], "is '8.5'; expected millimetres, 30 to 200"),
         (PARTICIPANTS, ["subject\thand_length_mm", "01\t1_80"], "is '1_80'; expected a number"),
         (PARTICIPANTS, ["subject", "01", "02", "01"], "row 4: subject '01' already stands in row 2"),
-        (
-            MEASUREMENTS,
-            ["subject\thand\tquantity\tvalue_mm\tsd_mm", "01\tleft\tindex_proximal\t40\t-1"],
-            "row 2, column sd_mm: is '-1'; expected a number above zero",
-        ),
+        (MEASUREMENTS, ["subject\thand\tquantity\tvalue_mm\tsd_mm", "01\tleft\tindex_proximal\t40\t-1"],
+         "row 2, column sd_mm: is '-1'; expected a number above zero"),
     ],
-)
+)  # fmt: skip
 def test_a_bad_cell_is_named(tmp_path: Path, sheet: Sheet, lines: list[str], message: str) -> None:
     path = written(tmp_path, lines)
     with pytest.raises(InputError, match=message) as caught:

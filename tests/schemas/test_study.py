@@ -83,26 +83,17 @@ def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
     ("rows", "more", "message"),
     [
         ((), "", "recordings.tsv: has no recording; add a row a recording"),
-        (
-            ("01 right a both a.csv", "01 right A both b.csv"),
-            "",
-            "row 3: its results would have the path of row 2; rename",
-        ),
-        (
-            ("01 right a_b both a.csv", "01 right a both b.csv b"),
-            "",
-            "row 3: its results would have the path of row 2",
-        ),
-        (
-            ("01 right a both a.csv", "01 right b both b.csv - arm"),
-            "",
-            "row 3, column layout: arm has other bodies, joints or digits than liberty16",
-        ),
+        (("01 right a both a.csv", "01 right A both b.csv"), "",
+         "row 3: its results would have the path of row 2; rename"),
+        (("01 right a_b both a.csv", "01 right a both b.csv b"), "",
+         "row 3: its results would have the path of row 2"),
+        (("01 right a both a.csv", "01 right b both b.csv - arm"), "",
+         "row 3, column layout: arm has other bodies, joints or digits than liberty16"),
         (("01 right a both a.csv - arn",), "", "layout 'arn' is neither .*did you mean 'arm'"),
         (("01 right a both a.csv",), "participants: no.tsv\n", "no.tsv: no such file; expected the sheet of"),
         (("01 right a both a.csv",), "particpants: no.tsv\n", "unknown key 'particpants'.*'participants'"),
     ],
-)
+)  # fmt: skip
 def test_a_contradiction_is_refused(tmp_path: Path, rows: tuple[str, ...], more: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         study(tmp_path, *rows, more=more)
