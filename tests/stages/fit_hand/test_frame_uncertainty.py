@@ -30,7 +30,7 @@ def only(poses: Poses, worn: tuple[str, ...]) -> Poses:
     return replace(poses, valid=poses.valid & np.isin(np.array(poses.segments), worn))
 
 
-@pytest.fixture(scope="module", params=["right", "left"])
+@pytest.fixture(scope="module", params=["right", pytest.param("left", marks=pytest.mark.slow)])
 def tips(request: pytest.FixtureRequest) -> Fingertips:
     return fingertips(fitted(request.param))
 
