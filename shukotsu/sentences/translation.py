@@ -116,15 +116,6 @@ _PARTS: Mapping[str, str] = {
 }
 """Joints and bones of a digit by the last part of their names; English pages show the names themselves."""
 
-_ABBREVIATED: Mapping[str, str] = {
-    "cmc": N_("carpometacarpal joint"),
-    "mcp": N_("metacarpophalangeal joint"),
-    "pip": N_("proximal interphalangeal joint"),
-    "dip": N_("distal interphalangeal joint"),
-    "ip": N_("interphalangeal joint"),
-}
-"""What the abbreviation of a joint stands for."""
-
 _WORDS = (
     N_("axial rotation"), N_("right"), N_("left"), N_("Right"), N_("Left"), N_("Right hand"),
     N_("Left hand"), N_("thumb"), N_("index"), N_("middle"), N_("ring"), N_("little"), N_("Thumb"),
@@ -139,14 +130,6 @@ _WORDS = (
 """Other words of tables and layouts, for the catalogues."""
 
 _NAME = re.compile(r"(thumb|index|middle|ring|little)_([a-z]+)")
-
-
-def full_name(joint: str) -> str:
-    """Name a joint with its abbreviation and, in another language than English, what that stands for."""
-    part = joint.rpartition("_")[2]
-    if language() == ENGLISH or part not in _ABBREVIATED:
-        return word(joint)
-    return f"{word(joint)} ({tr(_ABBREVIATED[part])})"
 
 
 def word(name: str) -> str:

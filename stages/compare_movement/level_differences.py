@@ -90,7 +90,6 @@ def _row(values: pd.DataFrame, pair: LevelPair) -> Row:
     elif not is_within and min(n, m) < FEWEST_IN_GROUP:
         row["message"] = f"not tested: groups of {n} and {m} subjects, a test needs {FEWEST_IN_GROUP} in each"
     elif found is not None:
-        low, high = found.interval or (None, None)
-        test = "signs flipped" if is_within else "Welch's t, Cochran's p"
-        row |= {"p": found.p, "low": low, "high": high, "test": test}
+        row |= {"p": found.p, "test": "signs flipped" if is_within else "Welch's t, Cochran's p"}
+        row["low"], row["high"] = found.interval or (None, None)
     return row

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -10,7 +9,6 @@ from shukotsu.schemas import verdict
 from shukotsu.schemas.layout import Layout
 from shukotsu.sentences.translation import N_, listed, tr, translated, word
 from shukotsu.stages.report.palette import AMBER, INK, NO, WEAK_LINE, Mark
-from shukotsu.stages.report.table_cells import alike
 
 BELIEVED, CARE, NOT = N_("✓ yes"), N_("◆ with care"), N_("✕ no")
 BELIEFS = (BELIEVED, CARE, NOT)
@@ -98,19 +96,3 @@ def commonest(beliefs: Iterable[str]) -> str:
     """Return the verdict of the middle one of several hands, of two middle ones the worse."""
     ordered = sorted(beliefs, key=BELIEFS.index)
     return ordered[len(ordered) // 2]
-
-
-def joints_text(joints: Iterable[str]) -> str:
-    """Names of joints in words, digits with the same ones together: MCP and PIP of index and ring; wrist."""
-    kinds: dict[str, list[str]] = defaultdict(list)
-    for joint in joints:
-        digit, _, kind = joint.rpartition("_")
-        kinds[digit or joint].append(kind.upper() if digit else "")
-    groups = alike(kinds)
-    texts = (
-        listed(map(word, own))
-        if kinds[own[0]] == [""]
-        else tr("{kinds} of {own}", kinds=listed(kinds[own[0]]), own=listed(map(word, own)))
-        for own in groups
-    )
-    return "; ".join(texts)

@@ -254,7 +254,7 @@ def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
 def receivers_at(motion: HandMotion, frame: int) -> Array:
     """Valid receivers (n, 3) of the frame of that index in the view's axes, mm."""
     receivers = seen(motion, np.array([frame]), motion.receiver_mm[frame : frame + 1])[0]
-    return receivers[np.isfinite(receivers).all(-1)]
+    return np.asarray(receivers[np.isfinite(receivers).all(-1)])
 
 
 def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None) -> tuple[BoneLine, ...]:

@@ -44,7 +44,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     hands = hands_counted(results, len({hand_of(row) for row in rows}))
     believed = sum(row["verdict"] == verdict.BELIEVE for row in rows)
     sds = [row["sd_mm"] for row in rows if row["sd_mm"] is not None]
-    typical = tr("typical error of a joint: median of the stated ones, 1 sigma")
+    typical = tr("is the typical error of a joint: the median of the stated ones, 1 sigma")
     for judged in judged_models(results):
         if judged.metric == TRUTH and model in judged.values:
             values = list(judged.values[model].values())
@@ -57,7 +57,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
             tr("of {joints}", joints=ngettext("{n} joint", "{n} joints", len(rows))),
             tr("can be believed as {model} places them, {hands} taken together", model=model, hands=hands)
             if rows
-            else tr("no hand that counts has a joint under {model}", model=model),
+            else tr("can be believed: no hand that counts has a joint under {model}", model=model),
         ),
         BigNumber(shown("sd_mm", median(sds) if sds else None), "mm", typical),
         BigNumber(

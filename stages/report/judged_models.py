@@ -77,12 +77,12 @@ def model_to_take(results: StudyResults) -> str:
         )
     ours = [row for row in judged.differences if row["model"] == leading]
     if not ours:
-        values = judged.values[leading].values()
-        sentence = _amount(judged, leading, sum(values) / len(values))
+        own = judged.values[leading].values()
+        sentence = _amount(judged, leading, sum(own) / len(own))
         return tr(
             "{claim} ({test}).",
             claim=sentence,
-            test=ngettext("{n} subject", "{n} subjects", len(values)),
+            test=ngettext("{n} subject", "{n} subjects", len(own)),
         )
     paper = the_papers(results.models.values())
     row = min(ours, key=lambda row: (round(row["other_mean"], 6), row["other"] != paper))

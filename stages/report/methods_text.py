@@ -217,7 +217,7 @@ def movement_paragraph(movement: Movement) -> str:
 def _software() -> str:
     return tr(
         "All computations were made with Shukotsu {VERSION}; configuration, versions and the "
-        "SHA-256 of every input file are listed in the study's report.",
+        "SHA-256 of every input file stand in the study's tables.",
         VERSION=VERSION,
     )
 

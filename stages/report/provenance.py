@@ -6,14 +6,11 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from shukotsu.errors import InputError
 from shukotsu.schemas.finding_groups import Fault, faults
 from shukotsu.schemas.findings import STAGE
-from shukotsu.schemas.study import Recording
-from shukotsu.schemas.tables import read_metadata
 from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
 from shukotsu.stages.report.study_results import Row, StudyResults, hand_of, recording_key
-from shukotsu.stages.report.table_cells import Block, DataTable, number_column, table_of, text_column
+from shukotsu.stages.report.table_cells import DataTable, number_column, table_of, text_column
 
 _RECORDING_TEXTS = (
     N_("File"),
@@ -56,36 +53,6 @@ def recordings_table(results: StudyResults, whose: str = N_("of the study's shee
         text_column(tr("Message"), "message"),
     )
     return table_of(tr("Every recording {whose}.", whose=tr(whose)), columns, rows)
-
-
-def problems_table(results: StudyResults, whose: str = N_("as the study asked")) -> DataTable | None:
-    """Everything that did not go as the study asked, but what the findings say; None where all did.
-
-    A row of what went wrong in the same way.
-    """
-    rows = [_problem_cells(fault) for fault in faults(results.other_problems)]
-    messages = {row["message"] for row in results.problems}
-    for recording in results.recordings:
-        status, message = results.status_of(recording)
-        if status != "used" and not (message and message in messages):
-            why = translated(message) or tr("no reason given")
-            reason = f"{word(status)}: {why}"
-            rows.append((recording.file_as_written, "recordings", reason))
-    if not rows:
-        return None
-    return DataTable(
-        tr("Everything that did not go {whose}.", whose=tr(whose)),
-        (Block((tr("Where"), tr("Stage"), tr("What happened")), tuple(rows)),),
-        (),
-        frozenset({0, 1, 2}),
-    )
-
-
-def _problem_cells(fault: Fault) -> tuple[str, str, str]:
-    stage, places = fault.seen[0].row["stage"], "; ".join(places_of(fault))
-    if any(seen.what for seen in fault.seen):
-        return ngettext("{n} recording", "{n} recordings", len(fault.seen)), stage, f"{fault.text} {places}"
-    return places, stage, fault.text
 
 
 @dataclass(frozen=True)
@@ -163,23 +130,3 @@ def where(problem: Row) -> str:
         tr("model {model}", model=problem["model"]) if problem["model"] else "",
     )
     return tr(", ").join(filter(None, named)) or tr("the study")
-
-
-def inputs_table(results: StudyResults, whose: str = N_("of the study")) -> DataTable:
-    """SHA-256 of the files that each recording's poses were made from."""
-    rows = [row for recording in results.recordings for row in _input_rows(results, recording)]
-    return DataTable(
-        tr("Input files {whose} and their SHA-256.", whose=tr(whose)),
-        (Block((tr("Recording"), tr("Input file"), tr("SHA-256")), tuple(rows)),),
-        () if rows else (tr("No poses table is there to read hashes from."),),
-        frozenset({0, 1, 2}),
-    )
-
-
-def _input_rows(results: StudyResults, recording: Recording) -> list[tuple[str, str, str]]:
-    try:
-        inputs = read_metadata(results.poses(recording)).get("inputs", [])
-    except InputError:
-        return []
-    name = ", ".join(part for part in recording_key(recording) if part)
-    return [(name, entry["file"], entry["sha256"]) for entry in inputs]

@@ -40,8 +40,6 @@ from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS
 
 FEW_HANDS = 30
 """As many rows of bone lengths as are shown unfolded."""
-GRAVEST = 3
-"""So many problems are shown, the others folded."""
 MOST_TRIED = 8
 """Recordings that are tried for one whose hand can be shown in motion."""
 PACKAGES = ("numpy", "pyarrow", "scipy", "snakemake")
@@ -62,6 +60,7 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
     panels = model_panels(results)
     parts: dict[str, Any] = {
         "view": _front(results),
+        "schema": _schema(results),
         "pictures": [page_picture(panel) for panel in panels],
         "ranges": [page_picture(panel) for panel in range_panels(movement)] if movement else [],
     }
@@ -79,7 +78,6 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         joints=joint_picture(results),
         classes=class_texts(),
         problems=all_problems(results),
-        gravest=GRAVEST,
         accepted=found(results.accepted),
         differences=movement.differences_table() if movement else None,
         subjects=subject_cards(results),
@@ -111,6 +109,12 @@ def _front(results: StudyResults) -> View | None:
         )
         return view_of(title, motion)
     return None
+
+
+def _schema(results: StudyResults) -> Markup | None:
+    """The first hand with lengths as a schema, for where none can be shown in motion."""
+    hands = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
+    return small_hand(results, hands[0], results.leading) if hands else None
 
 
 def subject_cards(results: StudyResults) -> list[SubjectCard]:

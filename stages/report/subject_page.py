@@ -20,14 +20,14 @@ from shukotsu.stages.report.paper_tables import (
 )
 from shukotsu.stages.report.plots.page_pictures import page_picture
 from shukotsu.stages.report.print_figures.lengths import lengths_panel
-from shukotsu.stages.report.score_tables import digit_tables, in_sample_table, score_table
+from shukotsu.stages.report.score_tables import score_table
 from shukotsu.stages.report.skeleton_stills import hand_still
 from shukotsu.stages.report.skeleton_tables import bone_table, receiver_tables
 from shukotsu.stages.report.study_results import StudyResults, Trial
 from shukotsu.stages.report.table_cells import Folded
 from shukotsu.stages.report.templates import render
 from shukotsu.stages.report.trust import believed_counts, joint_table
-from shukotsu.stages.report.truth_tables import joint_error_tables, truth_table
+from shukotsu.stages.report.truth_tables import truth_table
 
 
 def render_subject(results: StudyResults) -> str:
@@ -46,15 +46,13 @@ def render_subject(results: StudyResults) -> str:
         recordings=recording_links(results.shown, results.paths, page, who),
         opening=opening(results),
         used=used_text(results),
-        findings=provenance.found(results.findings),
+        problems=provenance.all_problems(results),
         accepted=provenance.found(results.accepted),
-        problems=provenance.problems_table(results, tr("as the study asked: {who}", who=who)),
         name=who.label,
         model=results.leading,
         hands=[_hand_part(results, hand) for hand in reversed(hands)],
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
         truth=truth_table(results, who),
-        joint_errors=joint_error_tables(results, who),
         lengths=page_picture(lengths) if lengths else "",
         folded=_folded(results, who),
     )
@@ -82,12 +80,9 @@ def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
 def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
     """One evaluated task: scores, None without any, and the study's tables beside the paper's."""
     beside = is_the_papers_hand(results, trial)
-    in_sample = in_sample_table(results, trial)
-    folded = [Folded(tr("In-sample scores, of skeletons made with this task too"), in_sample)]
     return {
         "title": trial.title,
         "scores": score_table(results, trial),
-        "folded": [*(folded if in_sample else []), *digit_tables(results, trial)],
         "pairs": [
             {
                 "title": table_title(model),

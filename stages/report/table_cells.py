@@ -64,16 +64,12 @@ class Block:
 
 @dataclass(frozen=True)
 class DataTable:
-    """A captioned table of one block or more; columns are numbers except those named in text_columns.
-
-    row_ids : identifiers of the first block's rows, where something links to them.
-    """
+    """A captioned table of one block or more; columns are numbers except those named in text_columns."""
 
     caption: str
     blocks: tuple[Block, ...]
     notes: tuple[str, ...] = ()
     text_columns: frozenset[int] = frozenset({0})
-    row_ids: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

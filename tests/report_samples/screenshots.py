@@ -22,8 +22,8 @@ from shukotsu.schemas.results import Results
 
 FOLDER = Path("docs/screenshots")
 WIDTH, SCALE = 1000, 1.5
-COLOURS = 128
-"""Of a kept picture: enough for these pages, and a third of the bytes."""
+COLOURS = 256
+"""Of a kept picture: enough for these pages, and half of the bytes."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,8 @@ def screenshots(results: Results, subject: str, recording: Path) -> dict[str, Sc
     study, one = results.report, results.subject_page(subject)
     drawn = "document.querySelector('.viewer canvas').width > 0"
     return {
-        "study": Screenshot(study, "", 760),
+        "study": Screenshot(study, "", 760, ready=drawn),
         "subject": Screenshot(one, "", 1000),
-        "models": Screenshot(study, "#compared", 820),
         "recording": Screenshot(recording, "#time", 720, ready=drawn),
         "viewer": Screenshot(recording, "#hand", 620, ready=drawn),
     }

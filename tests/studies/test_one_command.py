@@ -51,12 +51,12 @@ def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
     command = done.stderr.partition("\n")[0]
     assert command.startswith("$ ")
     assert command.endswith("--configfile study.yaml --quiet rules --cores 2")
-    first, last = done.stdout.splitlines()
-    assert first.startswith("1 of 1 recording was used. ")
+    first, *_, last = done.stdout.splitlines()
+    assert first.startswith("Study piano: 1 of 1 recording used")
     assert last == "report: results/piano/report.html"
 
     printed = shukotsu(folder, "report", "--print").stdout
-    assert printed.startswith("Study piano: 1 of 1 recording was used.")
+    assert printed.startswith("Study piano: 1 of 1 recording used.")
     assert printed.endswith("\nresults/piano/report.html\n")
     exported = shukotsu(folder, "export", "study.yaml", "--formats", "csv", "--out", "out")
     assert exported.returncode == 0, exported.stderr

@@ -87,14 +87,3 @@ def test_no_page_is_wider_than_its_window(
         with watched(browser, viewport={"width": width, "height": 900}) as page:
             page.open(path)
             assert page.value("document.documentElement.scrollWidth") <= width
-
-
-def test_a_joint_in_the_picture_leads_to_its_row(browser: Browser, report: tuple[Study, Results]) -> None:
-    """By pointer and from the keyboard; the row's table is folded before."""
-    with watched(browser) as page:
-        page.open(report[1].subject_page("plain"))
-        row = page.page.locator("[id='joint-paper-fig4-right-index_pip']")
-        assert row.is_hidden()
-        page.page.locator(".index a[href='#joint-paper-fig4-right-index_pip']").press("Enter")
-        row.wait_for()
-        assert row.locator("th").inner_text() == "index_pip"

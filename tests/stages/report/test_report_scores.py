@@ -28,24 +28,21 @@ def _truth_table(page: str) -> ReadTable:
 
 
 def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -> None:
-    """Held-out rows and references, in-sample rows apart; every cell the mean over both hands' digits."""
+    """Held-out rows, in-sample ones, references; every cell the mean over both hands' digits."""
     table = table_called(fitted_page, SCORES)
-    seen = table_called(fitted_page, f"In-sample, m{SCORES[1:]}")
-    assert [row[:3] for row in seen.rows[1:]] == [
-        ["paper-fig4", "opposition", "○ no"],
-        ["whole-hand", "opposition", "○ no"],
-    ]
     assert [row[:3] for row in table.rows] == [
         ["Skeleton", "Made from", "Held out"],
         ["paper-fig4", "rom", "yes"],
         ["whole-hand", "rom", "yes"],
+        ["paper-fig4", "opposition", "○ no"],
+        ["whole-hand", "opposition", "○ no"],
         ["Reference", "Made from", "Held out"],
         ["prior-only", "–", "–"],
         ["distal-receiver", "–", "–"],
         ["true-skeleton", "–", "–"],
     ]
     names = ("replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm", "metacarpal_deg")
-    for cells in (row for row in [*table.rows, *seen.rows] if row[1] != "Made from"):
+    for cells in (row for row in table.rows if row[1] != "Made from"):
         made_from = "" if cells[1] == "–" else cells[1]
         rows = rows_where(fitted.scores, model=cells[0], calibrated_on=made_from)
         expected = [_mean(rows, name) for name in (*names, "true_tip_mean_mm")]
@@ -69,7 +66,7 @@ def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> Non
         axes = [row["axis_deg"] for row in rows if row["axis_deg"] is not None]
         within = [row["within_95"] for row in rows if row["within_95"] is not None]
         expected = [np.median(error), np.quantile(error, 0.9), error.max()]
-        medians = [0.8 * np.median(error), 0.6 * np.median(error), np.median(axes), np.median(error)]
+        medians = [np.median(axes), np.median(error)]
         assert cells[2:] == [
             "29 of 30",
             *(f"{value:.2f}" for value in expected),

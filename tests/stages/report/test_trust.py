@@ -1,19 +1,18 @@
-"""Whether to believe a joint: the words follow from the table, and models are compared where both are."""
+"""Whether to believe a joint: the words follow from the table."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import pytest
-from report_samples.read_page import read_page, table_called
-from report_samples.rendered import subject_page
+from report_samples.read_page import rows_where
 
 from shukotsu.schemas.layout import FINGER_MM
 from shukotsu.schemas.study import Hand
 from shukotsu.schemas.verdict import UNJUDGED, judged_joint
 from shukotsu.stages.report.belief import BELIEVED, CARE, NOT
 from shukotsu.stages.report.study_results import Row, StudyResults
-from shukotsu.stages.report.trust import joint_anchor, verdicts
+from shukotsu.stages.report.trust import believed_counts, joint_table
 
 LEFT = Hand("S01", "left")
 
@@ -26,11 +25,6 @@ def _with(results: StudyResults, model: str, joint: str, **changes: object) -> S
         return judged_joint(row | UNJUDGED | changes, FINGER_MM) if mine else row
 
     return replace(results, joints=[of(row) for row in results.joints])
-
-
-def _verdict(results: StudyResults, model: str, joint: str) -> tuple[str, str]:
-    (found,) = [v for v in verdicts(results, LEFT, model) if v.joint == joint]
-    return found.believed, found.why
 
 
 @pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
@@ -52,27 +46,18 @@ def _verdict(results: StudyResults, model: str, joint: str) -> tuple[str, str]:
 def test_the_words_are_of_the_columns(
     fitted: StudyResults, model: str, changes: dict[str, object], believed: str, why: str
 ) -> None:
-    changed = _with(fitted, model, "index_pip", **changes)
-    assert _verdict(changed, model, "index_pip") == (believed, why)
+    table = joint_table(_with(fitted, model, "index_pip", **changes), LEFT, model)
+    (row,) = (row for row in table.blocks[0].rows if row[0] == "index_pip")
+    assert (row[1], row[-1]) == (believed, why)
 
 
-def test_the_page_says_it_in_words(fitted: StudyResults) -> None:
-    """Every joint, each reason once below; the picture of the hand leads to every row."""
-    page = subject_page(fitted, "S01")
-    caption = "Whether to believe the joints of whole-hand: subject S01, left hand."
-    table = table_called(page, caption)
-    found = {v.joint: v for v in verdicts(fitted, LEFT, "whole-hand")}
-    assert [row[0] for row in table.rows[1:]] == list(found)
-    for row in table.rows[1:]:
-        assert row[1] == found[row[0]].believed
-    whys = [verdict.why for verdict in found.values() if verdict.why]
-    text = " ".join(read_page(page).text)
-    assert whys
-    for why in set(whys):
-        assert text.count(f": {why}.") >= 1
-    tags = read_page(page).tags
-    links = {attrs["href"] for tag, attrs in tags if tag == "a" and "aria-label" in attrs}
-    rows = {attrs["id"] for tag, attrs in tags if tag == "tr" and "id" in attrs}
-    assert {f"#{joint_anchor(LEFT, joint, 'whole-hand')}" for joint in found} <= links
-    assert {str(link).removeprefix("#") for link in links} <= rows
-    assert table_called(page, "Whether to believe the joints of paper-fig4: subject S01, left hand.")
+def test_every_joint_stands_with_its_numbers(fitted: StudyResults) -> None:
+    rows = rows_where(fitted.joints, subject="S01", hand="left", model="whole-hand")
+    block = joint_table(fitted, LEFT, "whole-hand").blocks[0]
+    assert block.header[:4] == ("Joint", "Believe it?", "SD of the centre [mm]", "Moved [deg]")
+    for row, cells in zip(rows, block.rows, strict=True):
+        sd, moved = row["sd_mm"], row["range_deg"]
+        assert cells[0] == row["joint"]
+        assert cells[2:4] == ("–" if sd is None else f"{sd:.2f}", "–" if moved is None else f"{moved:.1f}")
+    counted = [len(rows_where(rows, verdict=verdict)) for verdict in ("believe", "care", "no")]
+    assert believed_counts(rows) == "{} to believe, {} with care, {} not".format(*counted)
