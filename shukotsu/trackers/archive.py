@@ -61,8 +61,7 @@ _FIRST_COLUMNS = COLUMNS[:5]
 SYNC_SECONDS = 1.0
 _AS_THEY_ARE: int = getattr(os, "O_BINARY", 0)
 """Windows would write a line feed as two bytes."""
-_END_OF_STREAM = b"\xff\xff\xff\xff\x00\x00\x00\x00"
-_CONTINUATION = b"\xff\xff\xff\xff"
+_CONTINUATION, _END_OF_STREAM = b"\xff\xff\xff\xff", b"\xff\xff\xff\xff\x00\x00\x00\x00"
 _MOST_HEAD_BYTES = 1 << 20
 """What an archive says of itself is shorter."""
 _WINDOW_BYTES = 8 << 20

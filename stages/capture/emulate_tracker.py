@@ -15,7 +15,6 @@ from shukotsu.stages import command_line
 if TYPE_CHECKING:
     from shukotsu.trackers.emulate.pose_sources import Motion
 
-RATES_HZ = (240, 120)
 _LOCAL_HOSTS = ("127.0.0.1", "localhost")
 
 
@@ -37,7 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
     add("--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, at once")
     add = parser.add_argument
     add("--stations", metavar="1-16", help="plugged receivers, such as 1-4,7 (default: all)")
-    add("--rate", type=int, choices=RATES_HZ, default=RATES_HZ[0], help="frames a second at power-up")
+    add("--rate", type=int, choices=(240, 120), default=240, help="frames a second at power-up")
     add("--recording", type=Path, help="play this recording instead of the built-in motion")
     add("--layout", default="liberty16", help="which segment sits on which station (default: liberty16)")
     add("--loop", action="store_true", help="begin the recording again at its end")

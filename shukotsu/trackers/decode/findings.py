@@ -12,10 +12,8 @@ from shukotsu.trackers.decode.losses import JITTER_S
 from shukotsu.trackers.decode.survey import Sightings, Survey, survey_archive
 from shukotsu.trackers.protocols.records import Wholes
 
-NAMED_PLACES = 3
-"""Places of a kind that are named; more are counted."""
-
-CLOCK_JUMP_S = 0.1
+NAMED_PLACES, CLOCK_JUMP_S = 3, 0.1
+"""Places of a kind that are named (more are counted); the host's clock was moved by more."""
 
 
 def findings(survey: Survey) -> list[str]:
@@ -84,18 +82,18 @@ def _damage(survey: Survey) -> Iterator[str]:
         (survey.doubtful, "hold numbers that cannot be right"),
         (survey.out_of_order, "have a frame or receiver that fits no neighbour"),
     ):
-        if sightings.total:
-            yield f"{sightings.total} records {what} ({_sighted(survey, sightings)}); not used"
+        if sightings.records.total():
+            yield f"{sightings.records.total()} records {what} ({_sighted(survey, sightings)}); not used"
 
 
 def _device(survey: Survey) -> Iterator[str]:
     for letter, sightings in survey.errors.items():
         yield (
-            f"the tracker reported error {letter!r} with {sightings.total} records "
+            f"the tracker reported error {letter!r} with {sightings.records.total()} records "
             f"({_sighted(survey, sightings)})"
         )
     metal = survey.distorted
-    if metal.total:
+    if metal.records.total():
         worst, count = metal.records.most_common(1)[0]
         share = 100 * count / max(1, survey.records.get(worst, 0))
         yield (

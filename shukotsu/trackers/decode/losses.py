@@ -57,11 +57,6 @@ class Losses:
         """Cycles that lack a lost record."""
         return self._partial_cycles + int(np.count_nonzero(self._lacking))
 
-    @property
-    def lost_records(self) -> int:
-        """Lost records of all receivers."""
-        return sum(heard.lost for heard in self.stations.values())
-
     def closed(self) -> tuple[Losses, Wholes, Wholes]:
         """Return the count if nothing follows, and what that finds (see `add`)."""
         losses = deepcopy(self)

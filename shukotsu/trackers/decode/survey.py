@@ -112,11 +112,6 @@ class Sightings:
     first: int = 0
     last: int = 0
 
-    @property
-    def total(self) -> int:
-        """Count the records of all stations."""
-        return sum(self.records.values())
-
     def add(self, records: Records, which: Bools) -> None:
         """Count some of the records, of which frames do not fall."""
         frame = records.frame[which]

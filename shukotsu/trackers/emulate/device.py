@@ -24,8 +24,7 @@ from shukotsu.trackers.liberty.replies import ITEMS, MOST_ITEMS, TAGS
 from shukotsu.trackers.protocols.records import Array, Bools, Wholes
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT
 
-WRAP = 1 << 32
-BLOCK_CYCLES = 120
+WRAP, BLOCK_CYCLES = 1 << 32, 120
 FOLLOWING = (0.0, 0.0, 0.0)
 """The hemisphere that stands for "keep track of the receiver": no position flips."""
 

@@ -23,8 +23,7 @@ from shukotsu.trackers.protocols.stream_settings import StreamSettings
 BEGINNING_NS = 3_360_000_000
 """The made-up clock's reading when the recorder starts the stream."""
 
-PIECE_NS, MOST_JITTER_NS = 10_000_000, 1_000_000
-_MOST_HELD_BACK_BYTES = 80
+PIECE_NS, MOST_JITTER_NS, _MOST_HELD_BACK_BYTES = 10_000_000, 1_000_000, 80
 
 
 def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) -> None:

@@ -14,9 +14,6 @@ MAX_STATION = 16
 PERIOD_CYCLES = 960
 """The built-in motion repeats after so many cycles: 4 s at 240 Hz."""
 
-_MAX_STRETCH = 10
-"""Frame numbers that span more than so many times their count are no count, and are numbered anew."""
-
 
 @dataclass(frozen=True)
 class Motion:
@@ -83,7 +80,7 @@ def recorded_motion(
     if len(numbers) > 1:
         step = max(1, int(np.median(np.diff(numbers))))
         counted = np.rint((numbers - numbers[0]) / step).astype(np.int64)
-        if counted[-1] >= _MAX_STRETCH * len(numbers) or (np.diff(counted) == 0).any():
+        if counted[-1] >= 10 * len(numbers) or (np.diff(counted) == 0).any():
             remark = ["its frame numbers are no count; its frames are played one after the other"]
         else:
             rows = counted[rows]

@@ -14,8 +14,7 @@ from pathlib import Path
 from shukotsu.errors import InputError
 from shukotsu.trackers.emulate.device import EmulatedLiberty
 
-SECOND_NS = 1_000_000_000
-READ_BYTES = 4096
+SECOND_NS, READ_BYTES = 1_000_000_000, 4096
 MOST_WAITING_BYTES = 8 << 20
 """What is kept for a client that reads late; beyond it whole cycles are left out."""
 

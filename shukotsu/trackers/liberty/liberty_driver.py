@@ -45,8 +45,6 @@ WHOAMI_NUMBERS = 3
 RATES = {120: 3, 240: 4}
 """Frames a second -> the number that stands for it."""
 
-CENTIMETRES = 1
-
 SETTINGS = {
     "units": Setting(b"U"),
     "rate": Setting(b"R"),
@@ -67,7 +65,7 @@ SETTINGS = {
 }
 """What is asked for before and after a set-up, in that order."""
 
-ANSWER_S = 1.0
+CENTIMETRES, ANSWER_S = 1, 1.0
 
 
 class LibertyDriver(shared.TrackerDriver):
@@ -176,7 +174,7 @@ class LibertyDriver(shared.TrackerDriver):
         if halves is None:
             raise InputError(f"{self._port_name}: the tracker does not say which receivers are connected")
         usable, wanted = replies.usable_stations(halves), self._request.stations
-        connected = {s for s in (*usable, *replies.half_stations(halves)) if s <= self._ports}
+        connected = {s for s in replies.stations_of(halves[0] | halves[1]) if s <= self._ports}
         absent = [] if wanted is None else sorted(set(wanted) - connected)
         if absent:
             raise InputError(

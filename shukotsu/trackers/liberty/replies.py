@@ -175,13 +175,9 @@ def usable_stations(halves: tuple[int, ...]) -> tuple[int, ...]:
 
     The manual does not leave it beyond doubt which half says which, and only what is in both can send.
     """
-    return _stations(halves[0] & halves[1])
+    return stations_of(halves[0] & halves[1])
 
 
-def half_stations(halves: tuple[int, ...]) -> tuple[int, ...]:
-    """Stations that are connected and switched off, or switched on and not connected."""
-    return _stations(halves[0] ^ halves[1])
-
-
-def _stations(bits: int) -> tuple[int, ...]:
+def stations_of(bits: int) -> tuple[int, ...]:
+    """Stations whose bits are set, the lowest of station 1."""
     return tuple(station for station in STATIONS if bits & 1 << (station - 1))

@@ -11,7 +11,6 @@ BITS_PER_BYTE = 10
 """8N1: a start bit, eight data bits, a stop bit."""
 
 VIPER_HEAD_BYTES, VIPER_RECORD_BYTES = 28, 32
-
 MUCH_MISSING_PERCENT = 20.0
 
 

@@ -24,9 +24,7 @@ from shukotsu.trackers.families import POLHEMUS, READY, USB_TRACKERS, WANTS_FIRM
 WAIT_S = 0.1
 """Longest time that a read waits for a first byte."""
 
-_READ_BYTES = 65536
-_QUANTUM_S = 0.005
-_EMPTY_READS = 3
+_READ_BYTES, _QUANTUM_S, _EMPTY_READS = 65536, 0.005, 3
 
 PortEntry = tuple[str, int | None, int | None, str]
 """A serial port: its name, USB vendor, USB product, description."""

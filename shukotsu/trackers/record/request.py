@@ -16,7 +16,6 @@ from shukotsu.trackers.liberty.replies import FULL_LIST, SHORT_LIST
 LARGEST_STATION = 16
 TRACK = (0.0, 0.0, 0.0)
 """Hemisphere of a tracker that follows the receiver."""
-FORWARD = (1.0, 0.0, 0.0)
 
 STOP_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 IGNORED_SIGNALS = ("SIGTSTP", "SIGTTOU")
@@ -36,7 +35,7 @@ class RecordingRequest:
     short: bool = False
     asked_hz: int | None = None
     stations: tuple[int, ...] | None = None
-    hemisphere: tuple[float, float, float] = FORWARD
+    hemisphere: tuple[float, float, float] = (1.0, 0.0, 0.0)
     no_filters: bool = False
 
     def __post_init__(self) -> None:

@@ -33,8 +33,7 @@ DRIVERS: Mapping[str, type[LibertyDriver] | type[ViperDriver]]
 DRIVERS = {"liberty": LibertyDriver, "patriot": LibertyDriver, "viper": ViperDriver}
 
 TICK_S, FLUSH_S, LOOK_S = 0.05, 0.25, 1.0
-CLOCK_JUMP_NS = 100_000_000
-LAST_BYTES_S, SILENCE_S = 0.5, 0.3
+LAST_BYTES_S, SILENCE_S, CLOCK_JUMP_S = 0.5, 0.3, 0.1
 MOST_WAITING_BYTES = 8 << 20
 """More is written and decoded before its time, so that memory has a bound whatever comes."""
 
@@ -174,8 +173,8 @@ class _Session:
 
     def _over(self) -> bool:
         """Whether to end; the failure that made it so is kept."""
-        duration_s = self._plan.duration_s
-        if duration_s is not None and self._elapsed_s() >= duration_s:
+        duration_s, elapsed_ns = self._plan.duration_s, time.perf_counter_ns() - self._start_ns
+        if duration_s is not None and elapsed_ns * 1e-9 >= duration_s:
             self._stop.ask(f"--duration {duration_s:g}")
         if self._conversation.gone and not self._failure:
             self._fail(PORT_GONE, self._conversation.gone[0])
@@ -195,7 +194,7 @@ class _Session:
     def _watch_clock(self) -> None:
         """Note that somebody set the host's clock: the monotonic time of every row is not concerned."""
         seconds = (self._utc_offset_ns() - self._offset_ns) * 1e-9
-        if abs(seconds) * 1e9 > CLOCK_JUMP_NS:
+        if abs(seconds) > CLOCK_JUMP_S:
             self._offset_ns += round(seconds * 1e9)
             self._archive.event("clock-jumped", time.perf_counter_ns(), seconds=seconds)
             self._notice(f"the host's clock was set by {seconds:+.1f} s; times of frames are not concerned")
@@ -260,9 +259,6 @@ class _Session:
     def _notice(self, text: str) -> None:
         self._notices.append(text)
         self._printer.say(f"note: {text}")
-
-    def _elapsed_s(self) -> float:
-        return (time.perf_counter_ns() - self._start_ns) * 1e-9
 
     def _end(self) -> Ending:
         """Stop the tracker, keep its last bytes, close the archive."""

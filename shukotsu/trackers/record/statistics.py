@@ -12,8 +12,6 @@ from shukotsu.trackers.decode.stream import Block
 from shukotsu.trackers.protocols.records import Wholes
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
-NEVER_HEARD = Heard(0, 0, 0)
-
 
 @dataclass
 class Receiver:
@@ -83,7 +81,7 @@ class Statistics:
 
         receivers = {}
         for station, receiver in sorted(self.receivers.items()):
-            heard = losses.stations.get(station, NEVER_HEARD)
+            heard = losses.stations.get(station, Heard(0, 0, 0))
             receivers[str(station)] = {
                 "records": heard.records,
                 "lost_frames": heard.lost,
@@ -95,7 +93,7 @@ class Statistics:
         return {
             "seconds": end_s,
             "records": losses.all.records,
-            "lost_frames": losses.lost_records,
+            "lost_frames": sum(heard.lost for heard in losses.stations.values()),
             "lost_cycles": losses.all.lost,
             "cycles": losses.cycles,
             "partial_cycles": losses.partial_cycles,
