@@ -166,7 +166,7 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
     log:
         f"{logs}/check_recordings/sub-{{subject}}.log",
     resources:
-        **study.resources(1, 5),
+        **study.resources(1, 5, 2200),
     params:
         code=code,
         plan=study.recordings_plan,
@@ -333,7 +333,7 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
     log:
         f"{logs}/evaluate_skeletons/sub-{{subject}}.log",
     resources:
-        **study.resources(2, 10),
+        **study.resources(2, 10, 2200),
     params:
         code=code,
         plan=study.plan,

@@ -29,8 +29,6 @@ def read(file):
         bpy.ops.import_anim.bvh(filepath=str(file), rotate_mode="NATIVE", use_fps_scale=False, **axes)
     elif file.suffix == ".fbx":
         bpy.ops.import_scene.fbx(filepath=str(file))
-    elif file.suffix == ".usda":
-        bpy.ops.wm.usd_import(filepath=str(file))
     else:
         bpy.ops.import_scene.gltf(filepath=str(file))
 
