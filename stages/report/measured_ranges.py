@@ -9,7 +9,15 @@ from shukotsu.schemas.study import Hand
 from shukotsu.schemas.tables import rows_of
 from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.study_results import Row, StudyResults
-from shukotsu.stages.report.table_cells import Column, DataTable, number, number_column, table_of, text_column
+from shukotsu.stages.report.table_cells import (
+    Column,
+    DataTable,
+    number,
+    number_column,
+    quantity_column,
+    table_of,
+    text_column,
+)
 
 
 def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
@@ -38,8 +46,8 @@ def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> Da
         number_column(tr("Full range [deg]"), "full_range_deg", 1),
         Column(tr("Median [deg]"), lambda row: _with_sd(row, "median")),
         number_column(tr("Speed, median [deg/s]"), "speed_median_deg_s", 1),
-        number_column(tr("Speed, 95 % [deg/s]"), "speed_p95_deg_s", 1),
-        number_column(tr("Valid [%]"), "valid_percent", 1),
+        quantity_column("speed_p95_deg_s"),
+        quantity_column("valid_percent"),
     )
     return table_of(caption, columns, rows)
 

@@ -10,7 +10,7 @@ from shukotsu.schemas.finding_groups import Fault, faults
 from shukotsu.schemas.findings import STAGE
 from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
 from shukotsu.stages.report.study_results import Row, StudyResults, hand_of, recording_key
-from shukotsu.stages.report.table_cells import DataTable, number_column, table_of, text_column
+from shukotsu.stages.report.table_cells import DataTable, quantity_column, table_of, text_column
 
 _RECORDING_TEXTS = (
     N_("File"),
@@ -47,9 +47,7 @@ def recordings_table(results: StudyResults, whose: str = N_("of the study's shee
             for heading in (*_RECORDING_TEXTS, _STATUS)
             if heading != "Session" or results.has_sessions
         ),
-        number_column(tr("Frames"), "n_frames", 0),
-        number_column(tr("Duration [s]"), "duration_s"),
-        number_column(tr("Valid [%]"), "valid_percent", 1),
+        *map(quantity_column, ("n_frames", "duration_s", "valid_percent")),
         text_column(tr("Message"), "message"),
     )
     return table_of(tr("Every recording {whose}.", whose=tr(whose)), columns, rows)

@@ -34,7 +34,6 @@ QUANTITIES: Mapping[str, Quantity] = {
     "posed_mean_mm": Quantity(N_("Posed hand to distal receivers"), "mm", 2),
     "replay_mean_mm": Quantity(N_("Tip error of the replay"), "mm", 2),
     "wrist_mcp_sd_mm": Quantity(N_("SD of wrist to MCP"), "mm", 2),
-    "median_deg": Quantity(N_("Median"), "deg", 1),
     "speed_p95_deg_s": Quantity(N_("Speed, 95 %"), "deg/s", 1),
     "valid_percent": Quantity(N_("Valid"), "%", 1),
     "duration_s": Quantity(N_("Duration"), "s", 2),
