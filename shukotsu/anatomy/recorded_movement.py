@@ -21,6 +21,9 @@ ANGLES = ("flexion", "abduction", "rotation")
 ERRORS = ("sd_deg", "change_sd_deg", "session_sd_deg", "session_change_sd_deg")
 """Columns of joint_angles, without the angle's name."""
 
+LONG_FRAMES = 1 << 18
+"""Of more frames, 18 minutes at 240 Hz, numbers are held in single precision, far below their noise."""
+
 _FACING_FRAMES = 512
 """Frames of a recording, evenly spaced, that show which way a thumb's receiver faces."""
 
@@ -76,7 +79,7 @@ class RecordedMovement:
                 continue
             status, each = _reliability(self.posed, digit, joint), columns.shape[1] // len(ANGLES)
             for index, angle in enumerate(ANGLES):
-                angle_deg = running_on(columns[:, index * each])[:, 0]
+                angle_deg = running_on(columns[:, index * each].astype(np.float64))[:, 0]
                 errors = columns[:, index * each + 1 : (index + 1) * each]
                 yield AngleSeries(joint, angle, angle_deg, errors if each > 1 else None, *status)
 
@@ -192,7 +195,8 @@ def _fingertips(posed: PosedRecording, poses: Poses, bones: PosedBones) -> dict[
 
 def _columns(count: int, width: int) -> Array:
     """Return columns (T, C, 1) of no number, each in one piece of memory."""
-    return np.full((width, count), np.nan).T[..., None]
+    kind = np.float32 if count > LONG_FRAMES else np.float64
+    return np.full((width, count), np.nan, kind).T[..., None]
 
 
 def _base(posed: PosedRecording, digit: Digit, poses: Poses, bones: PosedBones) -> tuple[Array, Array]:
