@@ -102,5 +102,5 @@ def of_each_person(measured: Callable[[int], T], n_people: int, seed: int) -> li
 
 
 def workers() -> ProcessPoolExecutor:
-    """Give two processes to work in, that start anew."""
+    """Return two processes to work in, that start anew."""
     return ProcessPoolExecutor(2, mp_context=get_context("spawn"))

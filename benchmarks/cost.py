@@ -40,7 +40,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(subjects: Sequence[int] = (1, 10), rounds: int = 5) -> Iterator[TextTable]:
-    """Give the tables; the last study is run again, and with a subject more."""
+    """Return the tables; the last study is run again, and with a subject more."""
     with tempfile.TemporaryDirectory() as name:
         simulated, rows = Path(name, "simulated"), list[tuple[Cell, ...]]()
         for index in range(SIMULATED):
@@ -99,7 +99,7 @@ def _row(name: str, usage: Usage) -> tuple[Cell, ...]:
 
 
 def hand_table(rounds: int, frames: tuple[int, int] = (6000, 4000)) -> TextTable:
-    """Give what a hand takes; frames : of the calibration and of the task that is posed."""
+    """Return what a hand takes; frames : of the calibration and of the task that is posed."""
     calibration, task = (_recorded(name, n) for name, n in zip(ROLES, frames, strict=True))
     layout = read_layout(LAYOUT)
     tips = fingertips(fit_hand([calibration], layout, "right"))

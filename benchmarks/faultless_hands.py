@@ -55,7 +55,7 @@ class Planted:
 
 
 def faultless(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, str, Planted]]:
-    """Give the drawing, what is odd, and the recording of hands that are odd and right."""
+    """Return the drawing, what is odd, and the recording of hands that are odd and right."""
     for task in FRAMES:
         for name, own in _own_odd(seed, hand, task, rng):
             yield "own", f"{name}, {task}", own
@@ -90,7 +90,7 @@ def _other(person: other_hands.Person, seed: int, hand: str, task: str, **record
 
 
 def true_halves(recording: other_hands.Recording) -> dict[str, Array]:
-    """Give by joint its true centre (2, 3) in the parent's and the child's receiver, mm."""
+    """Return by joint its true centre (2, 3) in the parent's and the child's receiver, mm."""
     return {
         joint.name: np.array([other_hands.true_centres(recording, joint.name, end) for end in ends])
         for joint in read_layout(LAYOUT).solvable
@@ -138,7 +138,7 @@ def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Itera
 
 
 def exchanged(poses: Poses, *pairs: tuple[str, str]) -> Poses:
-    """Give poses as they come where receivers, two and two, are taken for each other."""
+    """Return poses as they come where receivers, two and two, are taken for each other."""
     order = list(range(len(poses.segments)))
     for one, other in pairs:
         i, j = poses.index(one), poses.index(other)
@@ -148,7 +148,7 @@ def exchanged(poses: Poses, *pairs: tuple[str, str]) -> Poses:
 
 
 def changed(planted: Planted, **arrays: Any) -> Planted:
-    """Give the recording with other arrays of its poses."""
+    """Return the recording with other arrays of its poses."""
     return replace(planted, poses=replace(planted.poses, **arrays))
 
 
@@ -233,7 +233,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(n_hands: int = 12, seed: int = FIRST_SEED) -> Iterator[TextTable]:
-    """Give the table over that many hands of each drawing."""
+    """Return the table over that many hands of each drawing."""
     hands = of_each_person(moved_receivers, n_hands, seed)
     rows: list[tuple[Cell, ...]] = []
     for key in hands[0]:
@@ -251,7 +251,7 @@ def run(n_hands: int = 12, seed: int = FIRST_SEED) -> Iterator[TextTable]:
 
 
 def moved_receivers(seed: int) -> dict[tuple[str, str, str], tuple[str, list[str]]]:
-    """Give by drawing, task and what is planted the receiver that was moved, and those that are named."""
+    """Return by drawing, task and what is planted the receiver that was moved, and those that are named."""
     rng, hand, named = np.random.default_rng(seed), ("right", "left")[seed % 2], {}
     realism, facing = Realism(), FACINGS[seed % len(FACINGS)]
     person = other_hands.draw_person(seed, thumb_facing=facing)

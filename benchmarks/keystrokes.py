@@ -41,7 +41,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[TextTable]:
-    """Give the table over that many people."""
+    """Return the table over that many people."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         truth = write_study(folder, people, seed)

@@ -48,12 +48,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(n_hands: int = 30, seed: int = FIRST_SEED) -> Iterator[TextTable]:
-    """Give the tables over that many people."""
+    """Return the tables over that many people."""
     yield from tables_of(of_each_person(one_person, n_hands, seed))
 
 
 def tables_of(people: Sequence[Person]) -> list[TextTable]:
-    """Give the tables of what `one_person` gives of each."""
+    """Return the tables of what `one_person` gives of each."""
     once = f"{len(people)} people; every mistake once each, what it concerns drawn at random."
     both = "First: one of the two is named first. All: both are named."
     return [

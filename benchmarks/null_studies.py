@@ -34,7 +34,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(studies: int = STUDIES) -> Iterator[TextTable]:
-    """Give the tables over that many studies a row."""
+    """Return the tables over that many studies a row."""
     for make in (over_families, within_families):
         yield make(studies)
 

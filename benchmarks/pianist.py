@@ -92,7 +92,7 @@ class _Piece:
         ]  # fmt: skip
 
     def played(self, motion: Motion) -> Motion:
-        """Give the motion of somebody who plays in place of another, from where its arm begins."""
+        """Return the motion of somebody who plays in place of another, from where its arm begins."""
         time_s = np.arange(len(motion.wrist_mm)) / RATE_HZ
         shifts = np.cumsum(self.rng.choice([-1, 0, 1], 1 + int(time_s[-1] // 4)) * KEY_MM)
         distal = rotate(motion.forearm[0], np.array([1.0, 0.0, 0.0])) * np.array([1.0, 1.0, 0.0])

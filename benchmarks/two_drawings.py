@@ -90,7 +90,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[TextTable]:
-    """Give the tables over that many hands of each drawing."""
+    """Return the tables over that many hands of each drawing."""
     hands = [
         hand for drawing in (OWN, OTHER) for hand in of_each_person(partial(one_hand, drawing), n_hands, seed)
     ]
@@ -100,7 +100,7 @@ def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[TextTable]:
 
 
 def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[Length]]:
-    """Give the errors of a hand that is drawn, calibrated once and fitted."""
+    """Return the errors of a hand that is drawn, calibrated once and fitted."""
     drawn = DRAWINGS[drawing](seed, ("right", "left")[seed % 2])
     fit = fit_hand([drawn.poses], read_layout(LAYOUT), drawn.hand)
     return list(joint_errors(drawing, drawn, fit)), list(length_errors(drawing, drawn, fit))
@@ -182,7 +182,7 @@ def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
 
 
 def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> TextTable:
-    """Give errors of centres, lengths and angles by drawing."""
+    """Return errors of centres, lengths and angles by drawing."""
     rows = []
     for name, own in _by_drawing(joints).items():
         child, posed = [one.child_mm for one in own], [one.posed_mm for one in own]
@@ -220,7 +220,7 @@ def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> Te
 
 
 def kinds_table(joints: Sequence[JointErrors]) -> TextTable:
-    """Give errors and coverage by kind of joint."""
+    """Return errors and coverage by kind of joint."""
     kinds = {joint: kind for kind, names in JOINT_TYPES.items() for joint in names}
     rows = []
     for name, own in _by_drawing(joints).items():

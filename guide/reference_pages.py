@@ -24,7 +24,7 @@ NOTE = "<!-- Made by `make docs` from the schemas; change those, not this page. 
 
 
 def pages() -> dict[str, str]:
-    """Give the pages by file name."""
+    """Return the pages by file name."""
     return {
         "tables.md": tables_page(),
         "configuration.md": configuration_page(),
@@ -33,7 +33,7 @@ def pages() -> dict[str, str]:
 
 
 def tables_page() -> str:
-    """Give the page of tables: what a row is, its key and every column, those of many tables once."""
+    """Return the page of tables: what a row is, its key and every column, those of many tables once."""
     shared = _shared_columns()
     lines = [
         NOTE,
@@ -73,7 +73,7 @@ def _shared_columns() -> dict[str, Column]:
 
 
 def configuration_page() -> str:
-    """Give the page of configuration files and sheets: every key and every column."""
+    """Return the page of configuration files and sheets: every key and every column."""
     lines = [
         NOTE,
         "# Configuration",

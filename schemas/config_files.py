@@ -88,7 +88,7 @@ _StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _m
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """Give the JSON Schema of a kind of configuration file: study, layout or model."""
+    """Return the JSON Schema of a kind of configuration file: study, layout or model."""
     loaded: dict[str, Any] = json.loads((SCHEMA_FOLDER / f"{kind}.schema.json").read_text("utf-8"))
     return loaded
 
@@ -121,7 +121,7 @@ def loaded_yaml(text: str, where: str) -> Any:
 
 
 def yaml_text(content: Any) -> str:
-    """Give plain mappings, lists and values as YAML, in any version of it."""
+    """Return plain mappings, lists and values as YAML, in any version of it."""
     return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
 
 
@@ -145,7 +145,7 @@ def _check_nesting(text: str) -> None:
 
 
 def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
-    """Give the number of values in a node, an alias counted as what it stands for.
+    """Return the number of values in a node, an alias counted as what it stands for.
 
     Raises YAMLError where they are too many, or where an alias stands for what holds it.
     """

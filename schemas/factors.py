@@ -14,7 +14,7 @@ MOST_NUMBERS = 4
 
 
 def factor_levels(study: Study) -> list[dict[str, str]]:
-    """Give a row for every evaluated recording: subject, session, hand, task, trial, and a level a factor.
+    """Return a row for every evaluated recording: subject, session, hand, task, trial, and a level a factor.
 
     Factors are named in the study file under `factors`: session, hand, task, or a further
     column of the participants or the recordings sheet. A level is text; it is empty where the recording or

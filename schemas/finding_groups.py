@@ -45,12 +45,12 @@ class Fault:
 
 
 def is_declared(row: Row) -> bool:
-    """Tell whether the row is one of the sentences of docs/mistakes.md, and so has a cure."""
+    """Return whether the row is one of the sentences of docs/mistakes.md, and so has a cure."""
     return key_of(row["kind"], row["variant"]) in WHAT
 
 
 def row_sentence(row: Row) -> str:
-    """Give the sentence of one row."""
+    """Return the sentence of one row."""
     text = sentence_of(row["kind"], row["variant"], values_of(row["values"]), row["accepted"])
     return text or foreign(row["message"])
 

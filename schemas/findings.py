@@ -49,7 +49,7 @@ class Finding:
         }
 
     def accept(self, reason: str) -> Finding:
-        """Give the finding as a study that gives a reason has it: a suspect one becomes a note."""
+        """Return the finding as a study that gives a reason has it: a suspect one becomes a note."""
         if not reason or self.severity != SUSPECT:
             return self
         return replace(self, severity=NOTE, accepted=reason)
@@ -231,7 +231,7 @@ def unchecked(message: str) -> Finding:
 
 
 def mistakes_page() -> str:
-    """Give the guide's page of mistakes: every kind with its cause and cure."""
+    """Return the guide's page of mistakes: every kind with its cause and cure."""
     lines = [
         "# Mistakes that are named",
         "",

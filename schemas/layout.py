@@ -126,7 +126,7 @@ class Layout:
 
     @property
     def is_hand(self) -> bool:
-        """Tell whether it is of a hand: it has a wrist, or digits that are named as a hand's."""
+        """Return whether it is of a hand: it has a wrist, or digits that are named as a hand's."""
         return self.wrist is not None or bool(FINGERS & {*self.digits})
 
     @property
@@ -150,7 +150,7 @@ class Layout:
         return replace(self, segments=segments)
 
     def is_as(self, other: Layout) -> bool:
-        """Tell whether both have the same bodies, joints and digits, so that they may differ only in which
+        """Return whether both have the same bodies, joints and digits, so that they may differ only in which
         receivers are worn and what their station numbers are.
         """
         bodies, others = (

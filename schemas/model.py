@@ -79,7 +79,7 @@ class SkeletonModel:
 
     @property
     def is_reference(self) -> bool:
-        """Say whether it is the hand that anatomy expects, with no word from the data."""
+        """Return whether it is the hand that anatomy expects, with no word from the data."""
         return self.fitting is not None and not self.fitting.steps
 
 

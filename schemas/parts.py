@@ -113,7 +113,7 @@ def parts_writer(path: Path, table: Table, provenance: Provenance) -> Iterator[P
 
 
 def part_metadata(path: Path, table: Table) -> dict[Part, dict[str, Any]]:
-    """Give the parameters of every part of a subject table, `failure` among them where it failed.
+    """Return the parameters of every part of a subject table, `failure` among them where it failed.
 
     Raises InputError where the file is not that table or lists no parts.
     """
@@ -141,7 +141,7 @@ def check_subject(path: Path, subject: str, session: str = "") -> None:
 
 
 def one_hand_of(path: Path, table: Table, subject: str | None, session: str | None, hand: str | None) -> Hand:
-    """Give the one hand that a subject table is of, or that of the subject, session and side given.
+    """Return the one hand that a subject table is of, or that of the subject, session and side given.
 
     Raises InputError where the table is of several hands and none is given.
     """
@@ -168,7 +168,7 @@ class PartsReader:
         self._parts = _parts_of(file, path)
 
     def rows(self, part: Part) -> list[dict[str, Any]]:
-        """Give one part's rows of a short table, which is read as a whole the first time.
+        """Return one part's rows of a short table, which is read as a whole the first time.
 
         Raises InputError as `part` does.
         """

@@ -102,7 +102,7 @@ class SubjectPlan:
         return self._input(self.fits(hand, model) / f"{name}.parquet")
 
     def _given(self, path: Path) -> Path | None:
-        """Give the input at a path's place in a folder of the subject's; None where none is."""
+        """Return the input at a path's place in a folder of the subject's; None where none is."""
         if self.inputs is None or not path.is_relative_to(self.folder):
             return path
         place = (self.folder.name, *path.relative_to(self.folder).parts)
@@ -206,7 +206,7 @@ class SubjectPlan:
             raise InputError(f"no calibration recording is left: {sentences[0]}")
 
     def part(self, hand: str, model: str = "", made_without: str = "") -> Part:
-        """Give a part of the subject's tables."""
+        """Return a part of the subject's tables."""
         return Part(hand, model, made_without, self.subject, self.session)
 
     def parts(self, *models: str) -> list[Part]:
@@ -239,7 +239,7 @@ class StudyPlans:
                 self._rows[name].setdefault(row["subject"], []).append(dict(row.values))
 
     def content(self, subject: str, session: str = "") -> dict[str, Any]:
-        """Give a subject's plan as JSON types."""
+        """Return a subject's plan as JSON types."""
         study = self._study.of_session(subject, session)
         asked = study.config["wanted_mm"]
         sizes = next(iter(self._rows["participants"].get(subject, [])), {})
@@ -293,7 +293,7 @@ SheetRow = TypeVar("SheetRow", Row, dict[str, Any])
 
 
 def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> list[SheetRow]:
-    """Give a subject's rows of a sheet that are for a session: its own, and those for all that it has not."""
+    """Return a subject's rows of a sheet for a session: its own, and those for all that it has not."""
     key = [column for column in sheet.key if column != "session"]
     own = [row for row in rows if row["session"] == session]
     named = {tuple(row[column] for column in key) for row in own}
@@ -400,12 +400,12 @@ def plan_of_poses(
 
 
 def plan_text(plan: Mapping[str, Any]) -> str:
-    """Give a plan as the text of its file; the same plan, the same text."""
+    """Return a plan as the text of its file; the same plan, the same text."""
     return json.dumps(plan, ensure_ascii=False, indent=1) + "\n"  # in the order of layouts and models
 
 
 def plan_digest(*contents: Any) -> str:
-    """Give a digest of parts of a plan, for the workflow to see when they change."""
+    """Return a digest of parts of a plan, for the workflow to see when they change."""
     return hashlib.sha256(json.dumps(contents, sort_keys=True).encode()).hexdigest()[:16]
 
 

@@ -94,7 +94,7 @@ PosesReader = Callable[..., Iterator[Poses]]
 
 
 def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
-    """Give a reader of recordings, of which `segments` are all; it raises InputError as `read_poses` does.
+    """Return a reader of recordings, of which `segments` are all; it raises InputError as `read_poses` does.
 
     Short recordings are kept between calls, with all segments; of long ones only what is asked for is read,
     some frames at a time.
@@ -111,7 +111,7 @@ def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
 
 
 def recording_name(path: Path) -> RecordingName:
-    """Give the recording's name from a poses file's metadata, also where its making failed."""
+    """Return the recording's name from a poses file's metadata, also where its making failed."""
     try:
         with reading(path, f"a {POSES.name} table"):
             check_regular(path, f"a {POSES.name} table")
@@ -175,7 +175,7 @@ def _arrays(poses: Poses) -> tuple[npt.NDArray[Any], ...]:
 
 
 def _is_short(path: Path, segments: Sequence[str]) -> bool:
-    """Say whether a recording may be in memory as a whole."""
+    """Return whether a recording may be in memory as a whole."""
     return frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4
 
 
@@ -228,7 +228,7 @@ def check_layout(path: Path, layout: Layout) -> None:
 
 
 def frame_count(path: Path) -> int:
-    """Give the number of frames of a poses file, which its footer tells."""
+    """Return the number of frames of a poses file, which its footer tells."""
     with open_table(path, POSES) as file:
         groups = next(iter(_row_groups(path, file).values()), [])
         return sum(file.metadata.row_group(group).num_rows for group in groups)
@@ -248,7 +248,7 @@ class _SegmentRows:
         self.n_rows: int = self._ends[-1]
 
     def of(self, columns: Sequence[str]) -> _SegmentRows:
-        """Give other columns of the same rows."""
+        """Return other columns of the same rows."""
         return _SegmentRows(self._path, self._file, self._groups, columns)
 
     def pieces(self, start: int, count: int) -> Iterator[tuple[slice, dict[str, npt.NDArray[Any]]]]:
@@ -335,7 +335,7 @@ def _empty(segments: Sequence[str], n_frames: int) -> Poses:
 
 
 def one_hand(paths: Sequence[Path], subject: str | None, session: str | None, hand: str | None) -> Hand:
-    """Give the hand that all the poses files are of, or the one given where there is no file.
+    """Return the hand that all the poses files are of, or the one given where there is no file.
 
     Raises InputError where the files disagree with each other or with what is given.
     """

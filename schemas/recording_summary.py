@@ -20,7 +20,7 @@ Row = dict[str, Any]
 
 
 def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]]:
-    """Give the recording's row of the recordings table, and the problems with it.
+    """Return the recording's row of the recordings table, and the problems with it.
 
     poses : the recording's poses table; an excluded recording needs none.
     """

@@ -40,7 +40,7 @@ class Cell:
     unless: str = ""
 
     def needed(self, given: Collection[str]) -> bool:
-        """Say whether it must be there, where those other columns are."""
+        """Return whether it must be there, where those other columns are."""
         return self.required and not (self.unless and self.unless in given)
 
 

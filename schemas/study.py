@@ -230,7 +230,7 @@ def shown(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
 def levels_of(
     recordings: Iterable[Recording], participants: Iterable[Row], names: Iterable[str]
 ) -> list[dict[str, str]]:
-    """Give a row for every recording: its key, and its level of each factor, empty where it has none."""
+    """Return a row for every recording: its key, and its level of each factor, empty where it has none."""
     people = {row["subject"]: row.values for row in participants}
     further = [name for name in names if name not in OWN_FACTORS]
     rows = []
@@ -292,7 +292,7 @@ def _export_settings(config: dict[str, Any], models: dict[str, Path], where: str
 
 
 def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:
-    """Say, a sentence a row, which corrections cannot be applied: no such hand or no such joint."""
+    """Return, a sentence a row, which corrections cannot be applied: no such hand or no such joint."""
     known_hands = set(hands)
     known_hands |= {replace(hand, session="") for hand in known_hands}  # a row may be for all sessions
     joints = [joint.name for joint in layout.solvable]
@@ -311,7 +311,7 @@ def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], 
 
 
 def unmatched_rows(study: Study) -> list[str]:
-    """Say, a sentence each, which rows of the sheets of measurements and touches are of no hand of the study,
+    """Return, a sentence each, which rows of measurements and touches are of no hand of the study,
     and whose names the sheet of participants and that of recordings write otherwise.
     """
     hands = set(study.hands) | {replace(hand, session="") for hand in study.hands}
@@ -338,7 +338,7 @@ def unmatched_rows(study: Study) -> list[str]:
 
 
 def columns_handed_on(study: Study) -> list[str]:
-    """Say, in a sentence if there are any, which columns of the recordings sheet the study does not use."""
+    """Return, in a sentence if there are any, the recordings sheet's columns that the study does not use."""
     names = [name for name, _ in study.recordings[0].more if name not in study.factors]
     where = study.sheets["recordings"].name
     use = "not used, but handed on to recordings.parquet as they stand"
@@ -409,7 +409,7 @@ def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
 
 
 def _why_unusable(recording: Recording) -> str:
-    """Say why no file can have the names that a row asks for; empty where they can."""
+    """Return why no file can have the names that a row asks for; empty where they can."""
     names = (*recording.hand.who, recording.task, recording.trial)
     n_bytes = sum(len(path_token(name).encode()) for name in names)
     if n_bytes > NAMES_BYTES:
@@ -445,7 +445,7 @@ def _mapping(row: Row, folder: Path, mapping: Path | None) -> Path | None:
 def _recordings(
     sheet: Path, folder: Path, layout: Path, mapping: Path | None, factors: Sequence[str]
 ) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
-    """Give the recordings of the sheet, and the rows that can be none.
+    """Return the recordings of the sheet, and the rows that can be none.
 
     layout, mapping : of rows that name none.
     """

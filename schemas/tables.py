@@ -57,14 +57,14 @@ class Table:
         assert set(self.key) <= set(names), f"{self.name}: the key names a column that is not there"
 
     def column(self, name: str) -> Column:
-        """Give the column of that name; KeyError where there is none."""
+        """Return the column of that name; KeyError where there is none."""
         for column in self.columns:
             if column.name == name:
                 return column
         raise KeyError(name)
 
     def arrow_schema(self, metadata: Mapping[str, Any]) -> pa.Schema:
-        """Give the Arrow schema, units and meanings in the fields, everything again in one JSON object."""
+        """Return the Arrow schema, units and meanings in the fields, everything again in one JSON object."""
         fields = [
             pa.field(c.name, c.type, c.nullable, {"unit": c.unit, "description": c.description})
             for c in self.columns
@@ -104,7 +104,7 @@ class Provenance:
         return cls(hashed, parameters)
 
     def metadata(self) -> dict[str, Any]:
-        """Give the part of a file's metadata that says where it came from."""
+        """Return the part of a file's metadata that says where it came from."""
         return {
             "inputs": [{"file": name, "sha256": digest} for name, digest in self.inputs],
             "parameters": dict(self.parameters),
@@ -198,7 +198,7 @@ def open_table(path: Path, table: Table) -> pq.ParquetFile:
 
 
 def read_metadata(path: Path) -> dict[str, Any]:
-    """Give the JSON object that this program wrote into the file; InputError where there is none.
+    """Return the JSON object that this program wrote into the file; InputError where there is none.
 
     All that `Table.arrow_schema` and `Provenance.metadata` write is there, and of its type.
     """
@@ -213,17 +213,17 @@ def rows_of(table: pa.Table) -> Iterator[dict[str, Any]]:
 
 
 def column_array(table: pa.Table, name: str) -> npt.NDArray[Any]:
-    """Give a numeric column as a NumPy array; null as NaN."""
+    """Return a numeric column as a NumPy array; null as NaN."""
     return np.asarray(table.column(name).to_numpy())
 
 
 def vector_columns(prefix: str, vector: npt.NDArray[np.float64], suffix: str = "") -> dict[str, float]:
-    """Give a vector (3,) as the columns of a row that are named by its axes."""
+    """Return a vector (3,) as the columns of a row that are named by its axes."""
     return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}
 
 
 def vector_of(row: Mapping[str, Any], prefix: str, suffix: str = "") -> npt.NDArray[np.float64]:
-    """Give the columns of a row that are named by the axes of a vector as (3,); null as NaN."""
+    """Return the columns of a row that are named by the axes of a vector as (3,); null as NaN."""
     return np.array([row[f"{prefix}{axis}{suffix}"] for axis in "xyz"], float)
 
 
@@ -254,7 +254,7 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
 
 
 def arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
-    """Give columns as one Arrow table of that schema; ValueError where they are not those declared."""
+    """Return columns as one Arrow table of that schema; ValueError where they are not those declared."""
     if set(columns) != {c.name for c in table.columns}:
         odd = sorted(set(columns) ^ {c.name for c in table.columns})
         raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")

@@ -1,4 +1,4 @@
-"""Say whether to believe a joint or a bone: the one rule, for every model, joint and layout, and its words.
+"""Whether to believe a joint or a bone: the one rule, for every model, joint and layout, and its words.
 
 What decides is the stated error. A centre is believed where its sd_mm (1 sigma, three-dimensional) is at most
 what the study asks, `wanted_mm`, and nothing contradicts that error; with care up to CARE_TIMES as much. Its
@@ -109,7 +109,7 @@ def doubts_of(row: Mapping[str, Any]) -> dict[str, Values]:
 
 
 def judged_joint(row: Mapping[str, Any], wanted_mm: float, doubts: Doubts | None = None) -> dict[str, Any]:
-    """Give a row of joint_centres with verdict, reason, reason_values and status, of its numbers and doubts.
+    """Return a row of joint_centres with verdict, reason, reason_values, status, by its numbers and doubts.
 
     doubts : beside those that its stage noted. wanted_mm : 1-sigma error in 3-D that the study asks.
     """
@@ -122,7 +122,7 @@ def judged_joint(row: Mapping[str, Any], wanted_mm: float, doubts: Doubts | None
 def judged_bone(
     bone: Mapping[str, Any], joints: Mapping[str, Mapping[str, Any]], wanted_mm: float, *, is_whole: bool
 ) -> dict[str, Any]:
-    """Give a row of bone_lengths with its verdict: the worst of the joints at its ends and of its own error.
+    """Return a row of bone_lengths with its verdict: the worst of the joints at its ends and its error.
 
     joints : judged rows of joint_centres by joint. is_whole : whether it is the bone itself, and neither
     starts at the wrist nor ends at a receiver.

@@ -27,7 +27,7 @@ class InputError(Exception):
 
 
 def on_one_line(text: str) -> str:
-    """Give text as a message may quote it: one line of printable letters, not too many."""
+    """Return text as a message may quote it: one line of printable letters, not too many."""
     printable = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
     return shortened(printable, MOST_LETTERS)
 

@@ -37,7 +37,7 @@ are added up in one order, whatever the machine has, and small matrices gain not
 def parser(
     program: str, description: str, example: str, *, records_failure: bool = True
 ) -> argparse.ArgumentParser:
-    """Give a parser in the house's style: what it does, an example, one way to record failures."""
+    """Return a parser in the house's style: what it does, an example, one way to record failures."""
     built = argparse.ArgumentParser(
         prog=program,
         description=description,
@@ -57,7 +57,7 @@ def parser(
 
 
 def _path(text: str) -> Path:
-    """Give an argument as a path; an empty one, as of a shell's variable that is not set, is no folder."""
+    """Return an argument as a path; an empty one, as of a shell's variable that is not set, is no folder."""
     if not text:
         raise argparse.ArgumentTypeError("is empty; expected a path")
     return Path(text)
@@ -142,7 +142,7 @@ def ended(command: Callable[[], int | None]) -> int:
 
 
 def _refused(why: str) -> int:
-    """Say why on stderr, where that can be written; give the exit code."""
+    """Print why on stderr, where that can be written; return the exit code."""
     try:
         print(f"error: {why}", file=sys.stderr, flush=True)
     except OSError:
@@ -151,7 +151,7 @@ def _refused(why: str) -> int:
 
 
 def _nowhere() -> TextIO:
-    """Give what takes the place of a standard stream that is closed or takes no more, where Python would fail
+    """Return what stands for a standard stream that is closed or takes no more, where Python would fail
     at what is left in it once more when it ends.
     """
     return open(os.devnull, "r+", encoding="utf-8")  # noqa: PTH123
@@ -202,7 +202,7 @@ def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
 
 
 def _same_file(first: Path, second: Path) -> bool:
-    """Tell whether two paths are of one file, be it by a link; a folder takes several."""
+    """Return whether two paths are of one file, be it by a link; a folder takes several."""
     try:
         if first.is_dir() or second.is_dir():
             return False

@@ -110,7 +110,7 @@ def plan_of(arguments: argparse.Namespace, joints: tuple[Path, Table] | None = N
 
 
 def config_files(arguments: argparse.Namespace) -> list[Path]:
-    """Give the files that say how a hand is worked on: the plan, or those behind --layout and --model."""
+    """Return the files that say how a hand is worked on: the plan, or those behind --layout and --model."""
     from shukotsu.schemas.config_files import config_path
 
     given = vars(arguments)
@@ -121,7 +121,7 @@ def config_files(arguments: argparse.Namespace) -> list[Path]:
 
 
 def poses_files(plan: SubjectPlan) -> list[Path]:
-    """Give the poses files of every recording of a plan that is not excluded.
+    """Return the poses files of every recording of a plan that is not excluded.
 
     Raises TableError where one is of another recording than the plan says, or was imported with a layout
     of other segments than the plan's.

@@ -12,7 +12,7 @@ LINKED = sorted(path.name for path in PACKAGE.iterdir() if path.is_symlink())
 
 
 def package_files(folder: Path = PACKAGE, suffix: str = "") -> Iterator[Path]:
-    """Give every file of the package through the links, sorted; none that a run has left."""
+    """Return every file of the package through the links, sorted; none that a run has left."""
     for path in sorted(folder.iterdir()):
         if path.is_dir() and path.name not in ("__pycache__", "recordings"):
             yield from package_files(path, suffix)

@@ -41,7 +41,7 @@ def fitted(side: str = "right") -> HandFit:
 
 @cache
 def hand_of(seed: int, hand: str = "right", task: str = "rom", n_frames: int = 900) -> Planted:
-    """Give a hand without a fault, as the checks take it."""
+    """Return a hand without a fault, as the checks take it."""
     return Planted(recorded(hand, task, seed=seed, n_frames=n_frames)[1], hand)
 
 

@@ -27,7 +27,7 @@ class StubbornTracker:
         return self.device.receive(data.replace(self.unheard, self.heard))
 
     def cycle(self) -> bytes:
-        """Give what it sends in one cycle."""
+        """Return what it sends in one cycle."""
         return self.device.next_cycle()
 
 

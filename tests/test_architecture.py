@@ -72,7 +72,7 @@ def room(module: str) -> str:
 
 
 def offence(module: str, target: str) -> str:
-    """Say what is wrong with an import; empty where nothing is."""
+    """Return what is wrong with an import; empty where nothing is."""
     own, other = room(module), room(target)
     if other not in (own, "shukotsu", *BELOW.get(own, [other])):
         return f"{module} imports {target}, but {own} may import only {', '.join(BELOW[own]) or 'nothing'}"

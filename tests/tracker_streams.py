@@ -159,7 +159,7 @@ def decode(decoder: PiecewiseDecoder, data: bytes) -> Decoded:
 
 
 def skipped_bytes(decoded: Decoded) -> list[int]:
-    """Give the places of all skipped bytes."""
+    """Return the places of all skipped bytes."""
     return [i for skip in decoded.skipped for i in range(skip.offset, skip.offset + skip.size)]
 
 

@@ -25,12 +25,12 @@ def carry(person: Person, angles_deg: dict[str, Array]) -> tuple[dict[str, Motio
 
 
 def placed(motion: Motion, place: Array) -> Array:
-    """Give places (3,) or (T, 3) of the table where a motion takes them, (T, 3)."""
+    """Return places (3,) or (T, 3) of the table where a motion takes them, (T, 3)."""
     return np.asarray((motion[0] @ place[..., None])[..., 0] + motion[1])
 
 
 def _move(joint: Joint, angles: Array) -> tuple[Array, Array, Array]:
-    """Give turning, shift and centre of a joint: the middle between the lines about which it turns."""
+    """Return turning, shift and centre of a joint: the middle between the lines about which it turns."""
     bend = angles[:, 0]
     shift = np.column_stack([np.sin(bend), 1 - np.cos(bend)]) @ joint.glide_mm.T
     turning = np.broadcast_to(np.eye(3), (len(bend), 3, 3))
@@ -44,7 +44,7 @@ def _move(joint: Joint, angles: Array) -> tuple[Array, Array, Array]:
 
 
 def touching(person: Person, posture: dict[str, float], finger: str) -> dict[str, float]:
-    """Give the posture with the thumb's pad laid on a finger's, by the least change that does it."""
+    """Return the posture with the thumb's pad laid on a finger's, by the least change that does it."""
     free = [f"thumb_{name}" for name in ("cmc.bend", "cmc.sway", "mcp.bend", "ip.bend")]
     free += [f"{finger}_{name}" for name in ("mcp.bend", "mcp.sway", "pip.bend", "dip.bend")]
     start = np.array([posture.get(name, 0.0) for name in free])

@@ -81,7 +81,7 @@ def record(
 
 
 def true_centres(recording: Recording, joint: str, segment: str) -> Array:
-    """Give a joint's centre (3,) in a receiver's frame as it rode: the mean over all frames, mm."""
+    """Return a joint's centre (3,) in a receiver's frame as it rode: the mean over all frames, mm."""
     pose = recording.true_pose
     at = pose.index(segment)
     from_it = recording.true_centre_mm[joint] - pose.position_mm[:, at]
@@ -97,7 +97,7 @@ def _track(
     turning: Array,
     rng: np.random.Generator,
 ) -> tuple[Poses, Poses]:
-    """Give the poses as the tracker says them in this person's room, and as they are."""
+    """Return the poses as the tracker says them in this person's room, and as they are."""
     shape = place.shape[:2]
     facing = Rotation.from_matrix(turning.reshape(-1, 3, 3))
     off = draw_field(np.random.default_rng([person.seed, 33])).at(place)
@@ -110,7 +110,7 @@ def _track(
 
 
 def _without(poses: Poses, rate_hz: float, rng: np.random.Generator) -> Poses:
-    """Give the poses with gaps, in which numbers are NaN."""
+    """Return the poses with gaps, in which numbers are NaN."""
     lost = lost_frames(poses.valid.shape, rate_hz, rng)
     position, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
     position[lost] = quaternion[lost] = np.nan

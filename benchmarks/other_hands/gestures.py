@@ -191,7 +191,7 @@ _SCORES: dict[str, Callable[[_Player, float], Score]] = {
 def move_joints(
     person: Person, task: str, rng: np.random.Generator, time_s: Array, stiff: tuple[str, ...]
 ) -> dict[str, Array]:
-    """Give each joint's angles, (T, D) degrees."""
+    """Return each joint's angles, (T, D) degrees."""
     player = _Player(person, rng)
     score = _SCORES[task](player, float(time_s[-1]))
     names = list(player.names)
@@ -245,7 +245,7 @@ def move_arm(
 
 
 def rounded(track: Array, time_s: Array, width_s: float) -> Array:
-    """Give tracks (T,) or (T, K) with their corners rounded off over a time."""
+    """Return tracks (T,) or (T, K) with their corners rounded off over a time."""
     half = max(1, round(width_s / (time_s[1] - time_s[0]) / 2))
     weights = np.hanning(2 * half + 3)[1:-1]
     columns = track.reshape(len(track), -1)
@@ -255,7 +255,7 @@ def rounded(track: Array, time_s: Array, width_s: float) -> Array:
 
 
 def wander(rng: np.random.Generator, time_s: Array, count: int, periods_s: tuple[float, float]) -> Array:
-    """Give (T, count) slow random motion of sd 1, the same at every rate of frames."""
+    """Return (T, count) slow random motion of sd 1, the same at every rate of frames."""
     turns = 2 * np.pi / rng.uniform(*periods_s, (8, 1, count))
     phases = rng.uniform(0, 2 * np.pi, (8, 1, count))
     return np.asarray(np.sin(turns * time_s[:, None] + phases).sum(axis=0) / 2)

@@ -122,12 +122,12 @@ class Person:
 
 
 def unit(vector: Array) -> Array:
-    """Give it with length 1."""
+    """Return it with length 1."""
     return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))
 
 
 def turned(vector: Array, axis: Array, deg: float) -> Array:
-    """Give it turned about an axis through the origin."""
+    """Return it turned about an axis through the origin."""
     return np.asarray(Rotation.from_rotvec(np.deg2rad(deg) * axis).apply(vector))
 
 
@@ -182,7 +182,7 @@ class _Drawing:
         self.bones["forearm"] = Bone(np.array([0.0, -240.0 * size, 4.0]), np.zeros(3), _UP)
 
     def _off(self, vector: Array, *turns: tuple[Array, float]) -> Array:
-        """Give a direction turned about some others by random angles of these sd, deg."""
+        """Return a direction turned about some others by random angles of these sd, deg."""
         for axis, sd_deg in turns:
             vector = turned(vector, axis, self.rng.normal(0, sd_deg))
         return vector
@@ -201,7 +201,7 @@ class _Drawing:
         self.joints.append(Joint("wrist", "forearm", "hand", turns, self.rng.normal(0, 0.5, (3, 2))))
 
     def _start(self, digit: str) -> tuple[Array, Array]:
-        """Give the digit's own lengths and where it begins, mm."""
+        """Return the digit's own lengths and where it begins, mm."""
         usual = np.array(_LENGTHS[digit])
         lengths = usual * self.size * self.rng.normal(1.0, 0.035, len(usual))
         return lengths, _table(_BASE[digit]) * self.size + self.rng.normal(0, 0.8, 3)

@@ -20,7 +20,7 @@ class Field:
     adds: Array
 
     def at(self, place_mm: Array) -> Array:
-        """Give (..., 6) what a receiver at a place (..., 3) is off by."""
+        """Return (..., 6) what a receiver at a place (..., 3) is off by."""
         return np.asarray(np.sin(place_mm @ self.waves.T + self.phases) @ self.adds)
 
 
@@ -40,7 +40,7 @@ def table_stands(seed: int) -> Rotation:
 
 
 def measure(place_mm: Array, turning: Rotation, off: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Give positions (T, S, 3) and quaternions (T, S, 4) as the tracker says them; `off` is the field's."""
+    """Return positions (T, S, 3) and quaternions (T, S, 4) as the tracker says them; `off` is the field's."""
     shape = place_mm.shape[:2]
     noise_mm, noise_deg = rng.uniform(0.05, 0.15), rng.uniform(0.03, 0.10)
     grows = np.clip((np.linalg.norm(place_mm, axis=-1, keepdims=True) / 330) ** 2, 0.3, 4)
@@ -51,7 +51,7 @@ def measure(place_mm: Array, turning: Rotation, off: Array, rng: np.random.Gener
 
 
 def quaternions(turning: Rotation, shape: tuple[int, ...]) -> Array:
-    """Give (..., 4) w, x, y, z that run on without changing sign from frame to frame."""
+    """Return (..., 4) w, x, y, z that run on without changing sign from frame to frame."""
     quaternion = turning.as_quat(scalar_first=True).reshape(*shape, 4)
     steps = np.sign(np.einsum("tsi,tsi->ts", quaternion[1:], quaternion[:-1]))
     quaternion[1:] *= np.cumprod(steps, axis=0)[..., None]
@@ -59,7 +59,7 @@ def quaternions(turning: Rotation, shape: tuple[int, ...]) -> Array:
 
 
 def lost_frames(shape: tuple[int, int], rate_hz: float, rng: np.random.Generator) -> npt.NDArray[np.bool_]:
-    """Give (T, S) where nothing was received: short gaps, now and then of all receivers at once."""
+    """Return (T, S) where nothing was received: short gaps, now and then of all receivers at once."""
     lost = np.zeros(shape, bool)
     for _ in range(rng.integers(4, 12)):
         first = int(rng.integers(0, shape[0]))

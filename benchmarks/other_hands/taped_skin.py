@@ -66,7 +66,7 @@ def _straps(person: Person, worn: Worn) -> Straps:
 def settle(
     angles_deg: dict[str, Array], person: Person, time_s: Array, rng: np.random.Generator
 ) -> dict[str, Array]:
-    """Give each angle as the skin follows it, (T,) rad: with play, which creep takes back."""
+    """Return each angle as the skin follows it, (T,) rad: with play, which creep takes back."""
     names = [angle for joint in person.joints for angle in joint.angles]
     angles_rad = np.deg2rad(np.hstack([angles_deg[joint.name] for joint in person.joints]))
     play = rng.uniform(0.03, 0.12, angles_rad.shape[1])
@@ -88,7 +88,7 @@ def carry_receiver(
     pressed: Array,
     extra: Array,
 ) -> Motion:
-    """Give a receiver's places (T, 3) and turnings (T, 3, 3), before the arm carries the whole hand.
+    """Return a receiver's places (T, 3) and turnings (T, 3, 3), before the arm carries the whole hand.
 
     followed : each angle as the skin follows it, (T,) rad; pressed : (T,) the hand's weight on the table;
     extra : (T, 6) mm and radians by which the receiver moves on top, in the skin's axes.
@@ -111,7 +111,7 @@ def carry_receiver(
 
 
 def _left_behind(parent: Motion, child: Motion, joint: Joint, left: Array) -> Motion:
-    """Give the child's motion with a rotation vector (T, 3) of it, seen from the parent, taken off."""
+    """Return the child's motion with a rotation vector (T, 3) of it, seen from the parent, taken off."""
     turning = np.swapaxes(parent[0], 1, 2) @ child[0]
     whole = Rotation.from_matrix(turning).as_rotvec()
     less = parent[0] @ Rotation.from_rotvec(whole - left).as_matrix()

@@ -321,7 +321,7 @@ EFFECTS: Mapping[str, str] = {
 
 
 def key_of(kind: str, variant: str) -> str:
-    """Give the name of a kind's variant in the tables of this module."""
+    """Return the name of a kind's variant in the tables of this module."""
     return f"{kind}/{variant}" if variant else kind
 
 
@@ -368,12 +368,12 @@ def what_and_cure(what: str, cure: str) -> str:
 
 
 def accepted_text(finding: str, reason: str) -> str:
-    """Give the finding with the reason, if there is any, to let it stand."""
+    """Return the finding with the reason, if there is any, to let it stand."""
     return tr("{finding} Accepted: {given}", finding=finding, given=reason) if reason else finding
 
 
 def in_quotes(text: str) -> str:
-    """Give text for a terminal: what is to be written stands in quotes, not in backticks."""
+    """Return text for a terminal: what is to be written stands in quotes, not in backticks."""
     return text.replace("`", '"')
 
 
@@ -402,7 +402,7 @@ def evidence_of(values: Values) -> str:
 
 
 def _placeholders(values: Values) -> dict[str, Any]:
-    """Give the values, and the phrases that are made of several of them."""
+    """Return the values, and the phrases that are made of several of them."""
     given: dict[str, Any] = {"n": values.get("count", 1), **values}
     if "first_s" in values:
         given["at"] = tr("at {time_s:.2f} s", time_s=values["first_s"])

@@ -41,7 +41,7 @@ def translating(code: str, translations: gettext.NullTranslations) -> Iterator[N
 
 
 def language() -> str:
-    """Give the code of the language in use."""
+    """Return the code of the language in use."""
     return _current.get()[0]
 
 
@@ -133,7 +133,7 @@ _NAME = re.compile(r"(thumb|index|middle|ring|little)_([a-z]+)")
 
 
 def word(name: str) -> str:
-    """Give a joint, segment, digit, hand or angle as prose and pictures call it."""
+    """Return a joint, segment, digit, hand or angle as prose and pictures call it."""
     if language() == ENGLISH:
         return name
     found = _NAME.fullmatch(name.lower().replace(" ", "_"))

@@ -10,7 +10,7 @@ from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage compare_models",
         "Compare a study's skeleton models over its subjects: every subject's number under each model, and "

@@ -91,7 +91,7 @@ class Observation(NamedTuple):
 def observations(
     study: ScoredStudy, metric: Metric, names: Collection[str], *, held_out: bool
 ) -> pd.DataFrame:
-    """Give the numbers of models and references in every place, a row as an Observation; without one, why.
+    """Return the numbers of models and references in every place, a row as an Observation; without one, why.
 
     A reference was made from nothing, so it counts as held out and as in-sample. A joint's error is held out
     where the skeleton has held-out scores.
@@ -112,7 +112,7 @@ def observations(
 
 
 def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
-    """Give why a place has no number: the messages of its rows that count, or that none does."""
+    """Return why a place has no number: the messages of its rows that count, or that none does."""
     groups = rows.groupby(_PLACE, sort=False)
     rows = rows[groups["value"].transform("count") == 0]
     rows = rows[rows["counts"] | ~rows.groupby(_PLACE)["counts"].transform("any")]
@@ -126,7 +126,7 @@ def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
 
 
 def _score_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
-    """Give rows of skeleton_scores with place, number and kind (whether it is held out)."""
+    """Return rows of skeleton_scores with place, number and kind (whether it is held out)."""
     scores = study.scores
     return scores.assign(
         place=_recordings(scores), number=scores[metric.name].astype(float), kind=scores["held_out"]
@@ -134,7 +134,7 @@ def _score_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
 
 
 def _error_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
-    """Give rows of joint_errors with digit (the joint itself where it is of none), place, number and kind."""
+    """Return rows of joint_errors with digit (of none the joint itself), place, number and kind."""
     kinds = study.scores[[*_SKELETON, "held_out"]].drop_duplicates().rename(columns={"held_out": "kind"})
     joints = study.errors.merge(kinds, how="left", on=_SKELETON)
     digits = {
@@ -158,13 +158,13 @@ def _sessions(rows: pd.DataFrame) -> pd.Series[str]:
 
 
 def _recordings(rows: pd.DataFrame) -> pd.Series[str]:
-    """Give the names of recordings as places."""
+    """Return the names of recordings as places."""
     trials = (", trial " + rows["trial"]).where(rows["trial"] != "", "")
     return _sessions(rows) + rows["hand"] + " hand, " + rows["task"] + trials
 
 
 def _unscored(study: ScoredStudy, names: Collection[str]) -> Iterator[Observation]:
-    """Give the evaluated recordings without any score, with what became of them."""
+    """Return the evaluated recordings without any score, with what became of them."""
     key = ["subject", "session", "hand", "task", "trial"]
     scored = set(study.scores[key].itertuples(index=False, name=None))
     rows = study.recordings[study.recordings["role"] != "calibration"]

@@ -10,7 +10,7 @@ from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage compare_movement",
         "Compare the movement of a study's subjects over its factors, and say how well it repeats.",

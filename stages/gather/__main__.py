@@ -10,7 +10,7 @@ from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage gather",
         "Put the tables of every hand and model of a study together, and list what went wrong.",

@@ -107,7 +107,7 @@ def _recording_rows(plan: SubjectPlan, problems: list[Row]) -> Iterator[Row]:
 
 
 def _finding_rows(plan: SubjectPlan, recordings: Sequence[Row]) -> Iterator[Row]:
-    """Give a subject's findings; a recording that one refuses is no longer called used."""
+    """Return a subject's findings; a recording that one refuses is no longer called used."""
     by_name = {tuple(row[key] for key in RECORDINGS.key): row for row in recordings}
     for row in rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)):
         recording = by_name[tuple(row[key] for key in RECORDINGS.key)]

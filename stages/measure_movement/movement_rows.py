@@ -22,7 +22,7 @@ NO_TIMES = "the recording has no times, so there are no speeds"
 
 
 def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
-    """Give the row of ranges_of_motion of an angle.
+    """Return the row of ranges_of_motion of an angle.
 
     An angle that a joint lacks beside another that it has is none.
     """

@@ -11,7 +11,7 @@ from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage report",
         "Write the page of a study's results, which opens offline. "

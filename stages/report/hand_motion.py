@@ -152,7 +152,7 @@ def view_base(layout: Layout) -> str:
 def receiver_skeleton(
     layout: Layout, model: SkeletonModel, place: int, joints: Rows, tip_error_mm: Array, poses: Poses
 ) -> ShownSkeleton:
-    """Give a skeleton whose joints receivers carry.
+    """Return a skeleton whose joints receivers carry.
 
     joints : rows of joint_centres by joint. tip_error_mm : (T, D).
     """
@@ -173,7 +173,7 @@ def fitted_skeleton(
     posed: PosedBones,
     tip_error_mm: Array,
 ) -> ShownSkeleton:
-    """Give a fitted hand, its bones as posed; each digit ends at the end of its distal bone.
+    """Return a fitted hand, its bones as posed; each digit ends at the end of its distal bone.
 
     joints : rows of joint_centres by joint; worn : rows of receivers by segment. tip_error_mm : (T, D).
     """
@@ -192,7 +192,7 @@ def fitted_skeleton(
 
 
 def shown_first(motion: HandMotion) -> tuple[int, ...]:
-    """Tell which skeletons a view shows before any is chosen: the last fitted one that was posed in this
+    """Return which skeletons a view shows before any is chosen: the last fitted one that was posed in this
     recording, else the first; beside it the paper's or else the first of the others, if there are any.
     """
     posed = [np.isfinite(skeleton.position_mm).any() for skeleton in motion.skeletons]

@@ -90,7 +90,7 @@ def _recorded(results: StudyResults) -> str:
 
 
 def _left_out(results: StudyResults) -> str:
-    """Tell which hands are in no statistic, and why; empty where all are."""
+    """Return which hands are in no statistic, and why; empty where all are."""
     hands = sorted(tr("{hand}", hand=hand) for hand in results.suspect)
     if not hands:
         return ""

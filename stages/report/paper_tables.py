@@ -91,7 +91,7 @@ def table_title(model: SkeletonModel) -> str:
 
 
 def is_the_papers_hand(results: StudyResults, trial: Trial) -> bool:
-    """Tell whether the trial's layouts have the digits of the paper's tables."""
+    """Return whether the trial's layouts have the digits of the paper's tables."""
     layouts = (results.layouts[recording.hand] for recording in trial.recordings.values())
     return all(tuple(layout.digits) == PAPER_DIGITS for layout in layouts)
 

@@ -165,7 +165,7 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
 
 
 def read_angles(results: StudyResults, recording: Recording, model: str) -> dict[str, Callable[[], Array]]:
-    """Give readers of the angles (T, 3) of each joint, as ANGLES, under a model that fits the whole hand.
+    """Return readers of the angles (T, 3) of each joint, as ANGLES, under a model that fits the whole hand.
 
     Raises InputError where the recording has none.
     """
@@ -175,7 +175,7 @@ def read_angles(results: StudyResults, recording: Recording, model: str) -> dict
 def read_tip_errors(
     results: StudyResults, recording: Recording, model: str
 ) -> dict[str, Callable[[], Array]]:
-    """Give readers of the replay's tip error (T, 1) of each digit, mm, NaN in gaps; InputError where there is
+    """Return readers of the replay's tip error (T, 1) by digit, mm, NaN in gaps; InputError where there is
     none.
     """
     return _posed(results, recording, model).series(TIPS, ["error_mm"])

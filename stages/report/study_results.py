@@ -122,7 +122,7 @@ class StudyResults:
 
     @property
     def has_sessions(self) -> bool:
-        """Tell whether the sheet names any session."""
+        """Return whether the sheet names any session."""
         return any(who.session for who in self.sessions)
 
     @cached_property
@@ -170,7 +170,7 @@ class StudyResults:
 
     @property
     def of_hands(self) -> bool:
-        """Tell whether all layouts are of hands; else what the tables call a hand is a side of a body."""
+        """Return whether all layouts are of hands; else what the tables call a hand is a side of a body."""
         return all(layout.is_hand for layout in self.layouts.values())
 
     @cached_property

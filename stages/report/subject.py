@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the argument parser."""
+    """Return the argument parser."""
     parser = command_line.parser(
         "shukotsu stage report.subject",
         "Write a subject's pages of the report: one of the subject, one of each evaluated recording.",

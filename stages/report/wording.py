@@ -24,7 +24,7 @@ _TEXT = re.compile(r"(<(script|style)\b.*?</\2>|<title>.*?</title>|<[^>]*>)", re
 
 
 def languages() -> list[str]:
-    """Give the codes of all languages: English, and those that have a catalogue."""
+    """Return the codes of all languages: English, and those that have a catalogue."""
     return [ENGLISH, *sorted(path.stem for path in CATALOGUES.glob("*.po"))]
 
 
@@ -51,12 +51,12 @@ def translations_of(code: str) -> gettext.NullTranslations:
 
 
 def speaking(code: str) -> AbstractContextManager[None]:
-    """Give the context in which everything is said in a language."""
+    """Return the context in which everything is said in a language."""
     return translating(code, translations_of(code))
 
 
 def typeset(page: str) -> str:
-    """Give a page with what stays English as elements with their language."""
+    """Return a page with what stays English as elements with their language."""
     if language() == ENGLISH:
         return page
     parts = _TEXT.split(page)  # text, element, its name, text, ...
@@ -66,7 +66,7 @@ def typeset(page: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Give text without marks of what stays English, for where no element can stand."""
+    """Return text without marks of what stays English, for where no element can stand."""
     return text.replace(FOREIGN, "").replace(END, "")
 
 

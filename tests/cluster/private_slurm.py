@@ -58,7 +58,7 @@ PartitionName={partition} Nodes={host} Default=YES MaxTime=60 State=UP
 
 
 def missing() -> str:
-    """Say why no private Slurm can be started here; empty where it can."""
+    """Return why no private Slurm can be started here; empty where it can."""
     if os.geteuid() != 0:
         return "a private Slurm needs root"
     absent = [program for program in PROGRAMS if shutil.which(program) is None]
@@ -105,11 +105,11 @@ class PrivateSlurm:
             SYSTEM_CONF.unlink()
 
     def jobs(self, states: str = "PENDING,RUNNING,COMPLETING", folder: Path | None = None) -> list[str]:
-        """Give the numbers of the jobs that are in one of the states, submitted from the folder."""
+        """Return the numbers of the jobs that are in one of the states, submitted from the folder."""
         return list(self.states(folder, states))
 
     def states(self, folder: Path | None = None, states: str = "all") -> dict[str, str]:
-        """Give the state, such as COMPLETED or TIMEOUT, of every such job by its number."""
+        """Return the state, such as COMPLETED or TIMEOUT, of every such job by its number."""
         listed = _run("squeue", "--noheader", "--format=%i|%T|%Z", f"--states={states}").splitlines()
         rows = [line.split("|", 2) for line in listed]
         return {job: state for job, state, origin in rows if folder is None or Path(origin) == folder}

@@ -74,7 +74,7 @@ class Brought:
         return replace(self, table=table)
 
     def with_columns(self, **columns: Any) -> Brought:
-        """Give the file with other columns."""
+        """Return the file with other columns."""
         return replace(self, table={**self.table, **columns})
 
 

@@ -37,7 +37,7 @@ def obeyed(brought: Brought, right: Brought) -> tuple[Result, Result]:
 
 
 def to_do(own: Result) -> list[str]:
-    """Give the sentences that say to do something: a repair says that nothing more has to be."""
+    """Return the sentences that say to do something: a repair says that nothing more has to be."""
     messages = [finding.message for finding in own.findings]
     return [message for message in messages if not re.search("nothing (more )?has to be done", message)]
 

@@ -24,7 +24,7 @@ FINGER: dict[str, Any] = {
 
 
 def changed(path: str, value: Any) -> dict[str, Any]:
-    """Give the finger with one key, such as joints.mcp.parent, set; None takes it out."""
+    """Return the finger with one key, such as joints.mcp.parent, set; None takes it out."""
     config: dict[str, Any] = yaml.safe_load(yaml.safe_dump(FINGER))
     *folders, name = path.split(".")
     part = config

@@ -109,7 +109,7 @@ def opened(study: StudyRun) -> Mapping[Command, set[Path]]:
 
 
 def declared(study: StudyRun) -> dict[Command, tuple[str, set[Path]]]:
-    """Give every job's rule and its input, output and log files, by its command, as a dry run lists them."""
+    """Return every job's rule and input, output and log files, by its command, as a dry run lists them."""
     with TemporaryDirectory() as program:
         for name in ("shukotsu", "config", "captions", "profiles"):
             Path(program, name).symlink_to(REPOSITORY / name)
@@ -137,7 +137,7 @@ def declared(study: StudyRun) -> dict[Command, tuple[str, set[Path]]]:
 def undeclared(
     opened: Mapping[Command, set[Path]], jobs: Mapping[Command, tuple[str, set[Path]]], study: StudyRun
 ) -> dict[str, set[str]]:
-    """Give the files that jobs opened and that are no file, nor in a folder, that their rules declare."""
+    """Return the files that jobs opened and that are no file, nor in a folder, that their rules declare."""
     found: dict[str, set[str]] = {}
     for argv, paths in opened.items():
         rule, known = jobs[argv]

@@ -151,7 +151,7 @@ class TextTable:
         return f"{self.path}: row {row + 1}"
 
     def _refuse_lines(self, error: Exception) -> None:
-        """Say which line pyarrow stumbled over; do nothing where there is no row at all."""
+        """Name the line that pyarrow stumbled over; do nothing where there is no row at all."""
         some = False
         try:
             for line, record in self._records():

@@ -104,7 +104,7 @@ def label(text: str) -> str:
 
 
 def without_controls(text: str) -> str:
-    """Give a text as XML can hold it."""
+    """Return a text as XML can hold it."""
     return "".join(_code(c) if category(c) in ("Cc", "Cs") else c for c in text)
 
 
@@ -136,7 +136,7 @@ def width_in_letters(words: str) -> int:
 
 
 def width_mm(words: str, points: float = SMALL_PT) -> float:
-    """Give about how wide a text is in letters of that size."""
+    """Return about how wide a text is in letters of that size."""
     return 0.22 * points * width_in_letters(words)
 
 
@@ -146,7 +146,7 @@ def wrapped(text: str, width: int) -> list[str]:
 
 
 def fonts_of(own: str) -> list[str]:
-    """Give the names of fonts that write a language, the best first: its translation of DejaVu Sans."""
+    """Return the names of fonts that write a language, the best first: its translation of DejaVu Sans."""
     return translations_of(own).gettext(FONT).split(", ")
 
 

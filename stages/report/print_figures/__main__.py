@@ -10,7 +10,7 @@ from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Give the stage's argument parser."""
+    """Return the stage's argument parser."""
     parser = command_line.parser(
         "shukotsu stage report.print_figures",
         "Draw a study's figures, or with --recording one recording's, for print: NAME.svg, NAME.pdf and the "

@@ -22,7 +22,7 @@ from shukotsu.stages.report.wording import plain
 
 
 def study_text(results: StudyResults) -> str:
-    """Tell which study it is, how many subjects and hands it has, and whether its recordings are real."""
+    """Return which study it is, how many subjects and hands it has, and whether its recordings are real."""
     subjects = ngettext("{n} subject", "{n} subjects", len(results.subjects))
     hands = ngettext("{n} hand", "{n} hands", len(results.hands))
     kind = tr("simulated recordings of ") if results.simulated else ""

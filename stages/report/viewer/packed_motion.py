@@ -95,7 +95,7 @@ def packed(blocks: Sequence[Block]) -> tuple[bytes, list[dict[str, Any]]]:
 
 
 def playing_times_s(time_s: Array) -> Array:
-    """Tell when each frame is shown, (T,), from 0 and never backwards.
+    """Return when each frame is shown, (T,), from 0 and never backwards.
 
     Device times as recorded; a frame without one stands between its neighbours, and a recording that has
     none at all is shown at NOMINAL_HZ.
@@ -144,7 +144,7 @@ def _held(values: npt.NDArray[Any], known: npt.NDArray[np.bool_]) -> npt.NDArray
 
 
 def _codes(block: Block) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
-    """Tell which of (T, N) are there, and the coded differences (N W, T)."""
+    """Return which of (T, N) are there, and the coded differences (N W, T)."""
     there = np.asarray(np.isfinite(block.values).all(-1))
     steps = np.rint(np.where(there[..., None], block.values, 0.0) / block.step).astype(np.int64)
     change = np.diff(_held(steps, there), axis=0, prepend=0)

@@ -41,7 +41,7 @@ def samples_of(*rows: tuple[str, int, float, tuple[float, ...]]) -> Samples:
 
 
 def table_rows(table: PosesTable) -> list[dict[str, Any]]:
-    """Give the table's rows as dictionaries, NaN as None."""
+    """Return the table's rows as dictionaries, NaN as None."""
     columns = {
         name: values.tolist() if isinstance(values, np.ndarray) else values.to_pylist()
         for name, values in columns_of(table).items()

@@ -32,7 +32,7 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
 
 @pytest.fixture(scope="session")
 def export_tool() -> Callable[[str], Path]:
-    """Give the path of a program that reads exports, by its place in the folder of such programs.
+    """Return the path of a program that reads exports, by its place in the folder of such programs.
 
     The folder is .tools, or what SHUKOTSU_TOOLS names; the test is skipped where it lacks the program, or
     where node is needed and absent.

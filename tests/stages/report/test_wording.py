@@ -36,7 +36,7 @@ OTHERS = languages()[1:]
 
 
 def _extracted() -> set[str]:
-    """Give all that is to be translated, as `pybabel extract` finds it (docs/languages.md)."""
+    """Return all that is to be translated, as `pybabel extract` finds it (docs/languages.md)."""
     with (REPOSITORY / "babel.cfg").open(encoding="utf-8") as stream:
         methods, options = parse_mapping_cfg(stream)
     keywords = DEFAULT_KEYWORDS | {"tr": None, "N_": None, "plural": (1, 2)}
@@ -51,7 +51,7 @@ def _catalogue(code: str) -> Catalog:
 
 
 def _texts(message: Translation) -> tuple[list[str], list[str]]:
-    """Give the English texts of a message, and its translations."""
+    """Return the English texts of a message, and its translations."""
     english, own = message.id, message.string
     return [*english] if isinstance(english, tuple) else [english], [*own] if isinstance(own, tuple) else [
         own

@@ -112,7 +112,7 @@ def counts(came: dict[int, set[int]], rate_hz: float) -> tuple[int, int, int, di
 def record_and_decode(
     path: Path, settings: StreamSettings, line: list[Sent], draw: random.Random, stall: tuple[float, float]
 ) -> tuple[dict[str, Any], Survey]:
-    """Give the recorder's totals and the decoder's survey; stall : while the host reads nothing."""
+    """Return the recorder's totals and the decoder's survey; stall : while the host reads nothing."""
     archive = ArchiveWriter(path, {}, lambda: 0)
     archive.settings(settings.to_json(), 0)
     decoder, statistics = ChunkDecoder(settings), Statistics(settings, 0)

@@ -22,7 +22,7 @@ class FloodedPort(Port):
         self.stop: StopRequest | None = None
 
     def read(self) -> bytes:
-        """Give junk at once."""
+        """Return junk at once."""
         return PIECE
 
     def write(self, data: bytes) -> None:

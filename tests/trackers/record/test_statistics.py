@@ -32,7 +32,7 @@ def block(pairs: list[tuple[int, int]], *, position_mm=(300.0, 0.0, 0.0), **colu
 
 
 def fed(statistics: Statistics, missing: set[tuple[int, int]], frames: range, step: int = 48, **how) -> int:
-    """Give frames in looks of 0.2 s, without those that are missing; gives the host's time after the last."""
+    """Return frames in looks of 0.2 s, without those that are missing, and the host's time after the last."""
     for first in range(frames.start, frames.stop, step):
         here = range(first, min(first + step, frames.stop))
         pairs = [(f, s) for f in here for s in statistics.receivers if (f, s) not in missing]

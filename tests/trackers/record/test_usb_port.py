@@ -50,7 +50,7 @@ class Bus:
         return data
 
     def module(self) -> SimpleNamespace:
-        """Give what stands for the package."""
+        """Return what stands for the package."""
         device, context = SimpleNamespace(open=lambda: self), SimpleNamespace(open=int, close=int)
         device.getVendorID, device.getProductID = (lambda: 0x0F44), (lambda: self.product)
         context.getDeviceIterator = lambda **_: [device]
