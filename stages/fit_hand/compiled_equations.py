@@ -41,7 +41,11 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class Steps:
-    """`Reduced`, frames last; of every branch what is eliminated, and the unknowns that move it."""
+    """Normal equations with all states and roots eliminated, as in `Reduced`, but frames last.
+
+    root_inverse : (6, 6, F), root_by_x : (G, 6, F), root_rhs : (6, F); eliminated, unknowns : of
+    every branch.
+    """
 
     matrix: Array
     gradient: Array
@@ -207,7 +211,9 @@ def residuals(problem: Problem, point: Point) -> Residuals:
 
 
 class Jacobian(NamedTuple):
-    """A branch's weighted r (F, m), derivatives by its states, the root and its unknowns: (F, m, s), 6, g."""
+    """A branch's residuals r (F, m) with robust weights and tempering in, and their derivatives by its states
+    (F, m, s), by the root (F, m, 6) and by its unknowns (F, m, g).
+    """
 
     r: Array
     by_states: Array

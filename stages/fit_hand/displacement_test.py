@@ -92,7 +92,9 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Courses:
-    """Ways to leave a place: share (P, I) gone in each interval, moments (P,), whether it returns (P,)."""
+    """Ways in which a receiver may leave its place: share (P, I) of the way in each interval between moments,
+    the moments (P,) between which it goes, and whether it comes back (P,).
+    """
 
     share: Array
     start: Index
@@ -102,7 +104,10 @@ class Courses:
 
 @cache
 def courses(n_intervals: int, *, from_start: bool = False) -> Courses:
-    """Steps, slides, what comes back; from_start : whether a receiver may sit elsewhere all along."""
+    """Return the steps, the slides and what comes back, in a recording of so many intervals.
+
+    from_start : whether a receiver may have sat elsewhere all along, as in another recording than its hand's.
+    """
     last, at = n_intervals - SHORTEST, np.arange(n_intervals)
     grid = range(0, n_intervals + 1, SLIDE_GRID)
     steps = [(k, k) for k in [0] * from_start + [*range(SHORTEST, last + 1)]]
@@ -203,11 +208,11 @@ class ScoreTest:
         return Displacement(receiver, int(start), int(end), self.step[receiver, course])
 
     def rivals(self) -> list[Displacement]:
-        """The likeliest displacement, the same receiver's in the other way (at once or slid), and others' on
-        the same course.
+        """The likeliest displacement, the same receiver's if it came loose at once rather than slid or the
+        other way round, and those of other receivers on the same course that explain nearly as much.
 
-        Which it is, only fits with them can tell: to first order a turned receiver on the middle of a finger
-        is much like one on its tip that slid.
+        Which of them it is, only the fits with them can tell: to first order a turned receiver on the middle
+        of a finger is much like one on its tip that slid.
         """
         first = self.likeliest()
         if first is None:
@@ -260,7 +265,9 @@ def _skin(problem: Problem, point: Point, receivers: Sequence[int], sd: Array) -
 def _by_interval(
     left: Eliminated, branch: EliminatedBranch, skin: Array, cuts: Index
 ) -> dict[int, tuple[Array, Array]]:
-    """Slope (I, 6), curvature (6 I, 6 I) by receivers' displacements, less what skin and unknowns take."""
+    """Slope (I, 6) and curvature (6 I, 6 I) by a displacement of each receiver of a branch in each interval,
+    when skin (F, n, R, 6) may take any part of it, and the hand's unknowns theirs.
+    """
     n_frames, n, n_ways, _ = skin.shape
     by_x = branch.by_x.reshape(6 * n * n_frames, -1)
     slope = (branch.slope.ravel() - by_x @ (left.covariance @ left.gradient)).reshape(n_frames, n, 6)

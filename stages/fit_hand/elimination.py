@@ -17,11 +17,12 @@ from shukotsu.stages.fit_hand.normal_equations import Point, Problem, Reduced
 
 @dataclass(frozen=True)
 class EliminatedBranch:
-    """What the cost does if n receivers of a branch are displaced in their own frames, m = 6 n.
+    """What the cost does if receivers of a branch, n of them, m = 6 n, are displaced in their own
+    frames.
 
-    slope (F, m) and curvature (F, m, m) by their displacements in each frame, states and root eliminated;
-    by_x (F, m, G) : how these pull at the hand's unknowns. root (F, m, 6) : what the root took of the
-    curvature.
+    receivers : their numbers. slope (F, m) and curvature (F, m, m) of the cost by their displacements in each
+    frame, with its states and root eliminated; by_x (F, m, G) : how these displacements pull at the hand's
+    unknowns. root (F, m, 6) : what the root takes of the curvature, already gone from it.
     """
 
     receivers: tuple[int, ...]
@@ -64,7 +65,9 @@ class Eliminated:
 
 
 def _left(reduced: Reduced, index: int, jacobian: Jacobian) -> tuple[Array, Array, Array, Array]:
-    """A branch's r (F, m), derivatives by states, root and x, states and roots eliminated, orthonormal."""
+    """A branch's residuals (F, m) and their derivatives by x (F, m, G), states and roots eliminated; between
+    them orthonormal derivatives by states (F, m, s) and roots (F, m, 6).
+    """
     gone = reduced.eliminated[index]
     states = jacobian.by_states @ gone.inverse.swapaxes(-1, -2)
     of_branch = jacobian.by_unknowns - states @ gone.by_rest[..., 6:]

@@ -44,7 +44,10 @@ less than any tracker's noise."""
 
 
 def prior_precision(groups: Sequence[str], x: Array, covariance: Array, before: Array) -> Array:
-    """Precision (G,) of the priors (1: as published), one a family, solved with `before` (G,)."""
+    """Precision (G,) of the unknowns' priors (1: as published), one for each family.
+
+    x (G,), covariance (G, G) : of the unknowns, solved with the precision `before` (G,).
+    """
     group = np.array(groups)
     precision = np.ones(len(group))
     for members in FAMILIES.values():
@@ -57,7 +60,11 @@ def prior_precision(groups: Sequence[str], x: Array, covariance: Array, before: 
 
 
 def independent_samples(problem: Problem, current: Residuals) -> float:
-    """Independent samples in frames in a row: as many as three quarters of the residuals have."""
+    """Number of independent samples in frames that follow each other evenly.
+
+    From the autocorrelation of every receiver's residuals; that which three quarters of them exceed, at
+    least LEAST_SAMPLES.
+    """
     counts = []
     for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
         for i, (_, s) in enumerate(receivers):
@@ -74,7 +81,11 @@ def independent_samples(problem: Problem, current: Residuals) -> float:
 def residual_sd(
     problem: Problem, current: Residuals, jacobians: Sequence[Jacobian], reduced: Reduced, published: Array
 ) -> Array:
-    """Sd (S, 2) of residuals, mm and rad, by the degrees of freedom that a frame's own unknowns leave."""
+    """Sd (S, 2) of every receiver's residuals, position in mm and rotation in rad.
+
+    The squares are divided by the degrees of freedom that the frame's own unknowns leave, as their leverage
+    says. jacobians : every branch's. published : (S, 2) the published ones.
+    """
     out = published.copy()
     for index, ((r, weight, _), jacobian) in enumerate(zip(current.branches, jacobians, strict=True)):
         eliminated = reduced.eliminated[index]

@@ -50,7 +50,9 @@ _PRIOR = np.diag(np.repeat(DISTURBED_SD, 3) ** -2.0)
 
 @dataclass(frozen=True)
 class Field:
-    """The tracker's error, growing towards a source (3,): `error` (6,), mm and rad, at `nearest` (3,)."""
+    """An error of the tracker that grows towards a source (3,), beside the place `nearest` (3,) where a
+    receiver came nearest to it: there `error` (6,), mm and rad in the transmitter's axes.
+    """
 
     source: Array
     nearest: Array
@@ -122,7 +124,9 @@ def _room(frames: Frames) -> Array:
 
 
 def _by_amounts(problem: Problem, point: Point, share: Array) -> tuple[Array, Array]:
-    """Slope (6 K,), curvature (6 K, 6 K) by K errors of which receivers have their share (F, S, K)."""
+    """Slope (6 K,) and curvature (6 K, 6 K) of the cost by the amounts, mm and rad in the transmitter's axes,
+    of K errors of which each receiver has its share (F, S, K) in each frame.
+    """
     left, frames = Eliminated.of(problem, point), problem.frames
     n_frames, n_own = len(share), 6 * share.shape[-1]
     slope, curvature = np.zeros(n_own), np.zeros((n_own, n_own))

@@ -70,14 +70,19 @@ class _Spread:
 
 @dataclass(frozen=True)
 class PosedErrors:
-    """1-sigma errors of posed frames; NaN where a frame was not posed, and of an axis that a joint lacks.
+    """1-sigma errors of posed frames; NaN where a frame was not posed.
 
-    centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`. angles_deg : joint to (F, 3). tips_mm :
-    (F, D, 2) in 3-D of the ends of bone and skin of known digits. by_hand_deg, reference_deg : joint to (F,
-    3, H) and (3, H), what the hand's unknowns do to each frame and to the reference, as maps of H standard
-    normal numbers. changes_deg : joint to (F, 3), of how far an angle is from the reference: what the
-    unknowns do to both alike is no error. session_deg, session_changes_deg : of the hand's part, what differs
-    with the receivers put on anew.
+    centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`; angles_deg : joint to (F, 3), flexion,
+    abduction and rotation, NaN of an axis that the joint lacks.
+
+    tips_mm : (F, D, 2) in 3-D of the ends of bone and skin of known digits.
+
+    changes_deg : joint to (F, 3), of how far an angle is from the reference: what the hand's unknowns do to
+    both alike is no error of the change. reference_deg : joint to (3, H), what they do to the reference, as
+    maps of H standard normal numbers. by_hand_deg : joint to (F, 3, H), what they do to each frame.
+
+    session_deg, session_changes_deg : joint to (F, 3), of the hand's part alone, what differs when the same
+    hand puts the receivers on anew.
     """
 
     centre_mm: Array
@@ -94,7 +99,11 @@ class PosedErrors:
 def posed_errors(
     tips: Fingertips, posed: PosedHand, frames: Frames, reference_deg: Mapping[str, Array] | None = None
 ) -> PosedErrors:
-    """Errors of posed frames; reference_deg : from which angles change, else the mean of these."""
+    """Errors of frames as `pose_hand` posed them, without what the hand's unknowns do to each.
+
+    frames : that they were posed from. reference_deg : from which angles change; the mean of these frames if
+    none is given.
+    """
     chosen, nearest = _postures(posed, frames.valid)
     few = _joined(
         [
@@ -150,7 +159,11 @@ def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
 
 
 def _wander_deg(postures: Postures, joint: str) -> Array:
-    """Errors (F, 3) of a joint of one axis, which varies by some degrees as it turns."""
+    """Errors (F, 3) of a joint that the fit lets turn about one axis alone, as its child has no receiver.
+
+    An axis varies by some degrees as the joint turns: the further from the mean, the more of flexion is
+    abduction and rotation.
+    """
     names, evidence = postures.posed.angle_names, postures.tips.fit.evidence
     out = np.zeros((len(postures.posed.posed), 3))
     if (joint, KINDS[0]) in names and (joint, KINDS[1]) not in names:
@@ -163,9 +176,9 @@ def _wander_deg(postures: Postures, joint: str) -> Array:
 def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_], new_share: float) -> Array:
     """Square root (H, H) of what differs in another session, in the numbers that root (G, H) takes.
 
-    root : of the covariance C of G unknowns, whose error is the pull of the priors, C L C with their
-    precisions L (G,), and what residuals do, the rest. In another session the pull on what is put on anew is
-    another, and new_share of the rest.
+    root : of the covariance C of G unknowns; precision : (G,) of their priors. An unknown's error is the pull
+    of the priors, C L C with their precisions L, and what residuals do, the rest of C. For the same hand in
+    another session the pull on what is put on anew is another, and new_share of the residuals' part.
     """
     pulled, kept = ((root.T * (precision * of)) @ root for of in (put_on, ~put_on))
     return square_root(new_share * (np.eye(root.shape[1]) - kept) + (1.0 - new_share) * pulled)
@@ -236,7 +249,9 @@ def _norm(maps: Array) -> Array:
 
 @dataclass(frozen=True)
 class _BranchBones:
-    """Derivatives of `columns` of bones: by unknowns (n, F, 6, g), by states and root (n, F, 6, s + 6)."""
+    """Derivatives of the places and rotations of a branch's bones: by its unknowns (n, F, 6, g), and by its
+    states and the root (n, F, 6, s + 6); columns : which of all bones these are.
+    """
 
     columns: tuple[int, ...]
     by_unknowns: Array
@@ -282,7 +297,10 @@ def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _Branch
 
 
 def _spread_of(postures: Postures, frames: Frames) -> _Spread:
-    """How far posed frames may be off, in numbers of the hand, then six of the root and one a state."""
+    """Compute how far posed frames may be off. frames : the receivers' poses, of which those valid count.
+
+    Its numbers are those of the hand, then six of the root and one of each state.
+    """
     evidence, point, root = postures.tips.fit.evidence, postures.point, postures.tips.root
     problem = replace(
         evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)

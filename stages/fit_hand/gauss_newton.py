@@ -75,9 +75,10 @@ def _with_likeliest_bends(
 ) -> Point:
     """The point with the joints that no two receivers show bent as fits the digit's receivers best.
 
-    A finger of which only the tip is seen can be bent two ways, and a solution stays with the way that it
-    begins with: with none bent backwards. shown : (F, S) whether two receivers show a state; may_bend :
-    states that are tried.
+    A finger of which only the tip is seen can be bent two ways, knuckle up or knuckle down, and a solution
+    stays with the way that it begins with: so it begins with none that is bent backwards.
+
+    shown : (F, S) whether two receivers show a state; may_bend : states that are tried where none do.
     """
     y = point.y.copy()
     for branch, receivers in zip(problem.branches, problem.receivers, strict=True):

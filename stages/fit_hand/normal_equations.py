@@ -70,10 +70,11 @@ class Observations:
 class Problem:
     """What is fitted to what.
 
-    receivers : per branch, pairs (mark in the branch, receiver in frames). sd : (S, 2) of position (mm) and
-    rotation (rad) per component. temper : independent samples per frame. state_mean, state_sd : (S,) rad.
-    precision : (G,) of the prior of x. state_link : (S, S) from states less their means to what has that sd.
-    field : what turns receivers in the room.
+    receivers : per branch, pairs (mark in the branch, receiver in frames). sd : (S, 2) of a receiver's
+    position (mm) and rotation (rad) per component. temper : independent samples per frame.
+    state_mean, state_sd : (S,) in rad. precision : (G,) of the prior of x. state_link : (S, S) that takes
+    states less their means to what has that sd, where one is expected to follow another in its branch.
+    field : what turns receivers in the room, if that is fitted.
     """
 
     branches: tuple[Branch, ...]
@@ -106,7 +107,9 @@ class Problem:
 
 
 class BranchResiduals(NamedTuple):
-    """Residuals (receivers, F, 6) over sd, robust weights (receivers, F), where the chain reached."""
+    """One branch's residuals (receivers, F, 6) over their sd, position before rotation and zero where not
+    valid; their robust weights (receivers, F); and where the chain reached.
+    """
 
     r: Array
     weight: Array
@@ -115,7 +118,10 @@ class BranchResiduals(NamedTuple):
 
 @dataclass(frozen=True)
 class Residuals:
-    """Residuals in the measured receivers' own frames, by branch; the cost, and each frame's (F,)."""
+    """Residuals at a point, by branch; the cost, and each frame's part (F,) of it.
+
+    Residuals are in the measured receiver's own frame, wherever the transmitter is.
+    """
 
     branches: tuple[BranchResiduals, ...]
     cost: float
@@ -160,7 +166,10 @@ class Elimination:
 
 @dataclass(frozen=True)
 class Reduced:
-    """States and roots eliminated: (G, G), (G,), (F, 6, 6), (F, 6, G), (F, 6); and every branch's states."""
+    """Normal equations with all states and roots eliminated.
+
+    matrix : (G, G), gradient : (G,). root_inverse : (F, 6, 6), root_by_x : (F, 6, G), root_rhs : (F, 6).
+    """
 
     matrix: Array
     gradient: Array
