@@ -30,13 +30,12 @@ COLOURS = 256
 class Screenshot:
     """A window of a page: from `start` (a selector; empty is the top) on, `height` CSS pixels of it.
 
-    unfold : a selector of folded parts to open first. ready : a JavaScript expression to wait for.
+    ready : a JavaScript expression to wait for.
     """
 
     page: Path
     start: str
     height: int
-    unfold: str = ""
     ready: str = "true"
 
 
@@ -48,7 +47,7 @@ def screenshots(results: Results, subject: str, recording: Path) -> dict[str, Sc
         "study": Screenshot(study, "", 760, ready=drawn),
         "subject": Screenshot(one, "", 1000),
         "recording": Screenshot(recording, "#time", 720, ready=drawn),
-        "viewer": Screenshot(recording, "#hand", 620, ready=drawn),
+        "viewer": Screenshot(recording, ".viewer", 590, ready=drawn),
     }
 
 
@@ -57,8 +56,6 @@ def take(page: WatchedPage, wanted: Screenshot, picture: Path) -> None:
     page.page.set_viewport_size({"width": WIDTH, "height": wanted.height})
     page.open(wanted.page.absolute())
     page.wait(wanted.ready)
-    if wanted.unfold:
-        page.value("(css) => document.querySelector(css).open = true", wanted.unfold)
     top = "(css) => css ? document.querySelector(css).getBoundingClientRect().top + scrollY - 12 : 0"
     page.value(f"(css) => scrollTo(0, ({top})(css))", wanted.start)
     page.page.wait_for_timeout(300)  # canvases are drawn when they come into view
