@@ -44,18 +44,18 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     hands = hands_counted(results, len({hand_of(row) for row in rows}))
     believed = sum(row["verdict"] == verdict.BELIEVE for row in rows)
     sds = [row["sd_mm"] for row in rows if row["sd_mm"] is not None]
-    typical = tr("is the typical error of a joint: the median of the stated ones, 1 sigma")
+    typical = tr("is the error that the model states of a joint: the median, 1 sigma in 3-D")
     for judged in judged_models(results):
         if judged.metric == TRUTH and model in judged.values:
             values = list(judged.values[model].values())
             truth = shown(TRUTH, sum(values) / len(values))
-            typical += tr("; mean distance from the truth {truth} mm", truth=truth)
+            typical += tr("; the true error, known of simulated hands, is {truth} mm on average", truth=truth)
     found = {hand_of(row) for row in results.findings}
     return (
         BigNumber(
             str(believed),
             tr("of {joints}", joints=ngettext("{n} joint", "{n} joints", len(rows))),
-            tr("can be believed as {model} places them, {hands} taken together", model=model, hands=hands)
+            tr("can be believed under the model {model}, of all joints of {hands}", model=model, hands=hands)
             if rows
             else tr("can be believed: no hand that counts has a joint under {model}", model=model),
         ),
@@ -63,9 +63,9 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
         BigNumber(
             str(len(found)),
             tr("of {hands}", hands=hands_counted(results, len(results.hands))),
-            tr("have a finding in their recordings, and count in no statistic unless it is accepted")
+            tr("have recordings in which a mistake was found, and are in no statistic unless accepted")
             if found
-            else tr("have a finding in their recordings"),
+            else tr("have recordings in which a mistake was found"),
         ),
     )
 

@@ -96,26 +96,27 @@ def model_to_take(results: StudyResults) -> str:
     if row["other"] == PRIOR:
         sentence += tr("; anatomy alone, without data, by {amount} mm", **values)
     else:
-        sentence += tr("; those of {other} are {amount} mm off", **values)
+        sentence += tr("; those of the model {other} are {amount} mm off", **values)
     return tr("{claim} ({test}).", claim=sentence, test=_test(row))
 
 
 def _amount(judged: JudgedModels, model: str, mean: float) -> str:
     values = {"model": model, "mean": shown(judged.metric, mean)}
     if judged.metric == TRUTH:
-        return tr("Take {model}: its joints are {mean} mm from the true ones on average", **values)
+        return tr("Take the model {model}: its joints are {mean} mm from the true ones on average", **values)
     if judged.metric == LEFT_OUT:
         return tr(
-            "Take {model}: it misses fingertip receivers that are hidden from it by {mean} mm", **values
+            "Take the model {model}: it misses fingertip receivers that are hidden from it by {mean} mm",
+            **values,
         )
-    return tr("Take {model}: its fingertips are {mean} mm from the true ones on average", **values)
+    return tr("Take the model {model}: its fingertips are {mean} mm from the true ones on average", **values)
 
 
 def _test(row: Row) -> str:
     """How far a difference can be relied on."""
     subjects = ngettext("{n} subject", "{n} subjects", row["n_compared_subjects"])
     if row["smallest_p_holm"] > LEVEL:
-        return tr("{subjects}, too few for a test", subjects=subjects)
+        return tr("{subjects}, too few to test the difference", subjects=subjects)
     if row["p_holm"] > LEVEL:
         return tr("{subjects}; no difference is shown, {p}", subjects=subjects, p=p_text(row["p_holm"]))
     return tr("{subjects}; {p}, corrected by Holm", subjects=subjects, p=p_text(row["p_holm"]))

@@ -50,8 +50,8 @@ def means(results: StudyResults, metric: str) -> dict[str, float]:
 def test_a_known_truth_judges_first(twelve: StudyResults) -> None:
     mean = means(twelve, "error_mm")
     assert model_to_take(twelve) == (
-        f"Take whole-hand: its joints are {mean[OURS]:.2f} mm from the true ones on average; those of "
-        f"paper-fig4 are {mean[PAPER]:.2f} mm off (12 subjects; p = 0.00049, corrected by Holm)."
+        f"Take the model whole-hand: its joints are {mean[OURS]:.2f} mm from the true ones on average; those "
+        f"of the model paper-fig4 are {mean[PAPER]:.2f} mm off (12 subjects; p = 0.00049, corrected by Holm)."
     )
 
 
@@ -59,11 +59,12 @@ def test_the_model_that_is_shown_to_be_better_is_taken(twelve: StudyResults) -> 
     """Also where it is not the one that pages show first."""
     swapped = [{**row, "model": {OURS: PAPER, PAPER: OURS}.get(row["model"], row["model"])}
                for row in twelve.joint_errors]  # fmt: skip
-    assert model_to_take(compared(replace(twelve, joint_errors=swapped))).startswith("Take paper-fig4: ")
+    taken = model_to_take(compared(replace(twelve, joint_errors=swapped)))
+    assert taken.startswith("Take the model paper-fig4: ")
 
 
 def test_few_subjects_test_nothing_and_say_so(twelve: StudyResults) -> None:
-    assert model_to_take(first(twelve, 2)).endswith("(2 subjects, too few for a test).")
+    assert model_to_take(first(twelve, 2)).endswith("(2 subjects, too few to test the difference).")
 
 
 def test_what_is_not_shown_is_said(twelve: StudyResults) -> None:
@@ -83,8 +84,8 @@ def test_without_a_truth_hidden_receivers_judge_fitted_hands(twelve: StudyResult
     real = without_truth(twelve)
     mean = means(real, "left_out_mean_mm")
     assert model_to_take(real).startswith(
-        f"Take whole-hand: it misses fingertip receivers that are hidden from it by {mean[OURS]:.2f} mm; "
-        f"anatomy alone, without data, by {mean['prior-only']:.2f} mm (12 subjects; p = "
+        f"Take the model whole-hand: it misses fingertip receivers that are hidden from it by "
+        f"{mean[OURS]:.2f} mm; anatomy alone, without data, by {mean['prior-only']:.2f} mm (12 subjects; p = "
     )
 
 

@@ -64,7 +64,7 @@ def test_the_three_numbers_are_the_tables(fitted: StudyResults, fitted_study_pag
     joints, error, findings = big_numbers(fitted)
     assert (joints.value, joints.unit) == (str(len(believed)), f"of {len(rows)} joints")
     assert (error.value, error.unit) == (f"{sd_mm:.2f}", "mm")
-    assert error.of.endswith(f"the truth {sum(errors) / len(errors):.2f} mm")
+    assert error.of.endswith(f"{sum(errors) / len(errors):.2f} mm on average")
     assert (findings.value, findings.unit) == ("0", "of 2 hands")
     text = " ".join(" ".join(read_page(fitted_study_page).text).split())
     for number in (joints, error, findings):
