@@ -56,7 +56,7 @@ def take(page: WatchedPage, wanted: Screenshot, picture: Path) -> None:
     page.page.set_viewport_size({"width": WIDTH, "height": wanted.height})
     page.open(wanted.page.absolute())
     page.wait(wanted.ready)
-    top = "(css) => css ? document.querySelector(css).getBoundingClientRect().top + scrollY - 12 : 0"
+    top = "(css) => css ? document.querySelector(css).getBoundingClientRect().top + scrollY - 3 : 0"
     page.value(f"(css) => scrollTo(0, ({top})(css))", wanted.start)
     page.page.wait_for_timeout(300)  # canvases are drawn when they come into view
     page.page.screenshot(path=picture)
