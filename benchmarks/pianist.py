@@ -21,12 +21,9 @@ FIRST_PITCH, LIFTS_MM = 60, (4.0, 12.0)
 
 @dataclass(frozen=True)
 class Struck:
-    """A keystroke: the digit, when it began to fall, reached the key's bottom and left it, the key, and how
-    fast it came.
-    """
+    """A keystroke: the digit, when it reached the key's bottom and left it, the key, and how fast it came."""
 
     digit: str
-    falls_s: float
     contact_s: float
     up_s: float
     pitch: int
@@ -218,6 +215,5 @@ class _Piece:
             octave, step = divmod(white, 7)
             pitch = FIRST_PITCH + 12 * octave + (0, 2, 4, 5, 7, 9, 11)[step]
             at_s = starts_s + touch.contact_s
-            falls_s, up_s = at_s - touch.fall_s, at_s + touch.held_s
-            found.append(Struck(DIGITS[touch.digit], falls_s, at_s, up_s, pitch, speed))
+            found.append(Struck(DIGITS[touch.digit], at_s, at_s + touch.held_s, pitch, speed))
         return found

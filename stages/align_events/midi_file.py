@@ -28,6 +28,8 @@ def read_midi(path: Path) -> Events:
         check_regular(path, EXPECTED)
         try:
             file = mido.MidiFile(path)
+        except MemoryError:
+            raise
         except Exception as error:  # mido raises whatever its code runs into
             why = str(error) or "it is cut off"
             raise InputError(f"{path}: cannot be read as {EXPECTED}: {why}; save or copy it again") from error

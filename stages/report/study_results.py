@@ -21,7 +21,7 @@ from shukotsu.schemas.model import SkeletonModel, read_model
 from shukotsu.schemas.parts import part_metadata
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.recording_summary import recording_row
-from shukotsu.schemas.results import FAILED_PAGES, GATHERED_TABLES, MODEL_COMPARISONS, Results
+from shukotsu.schemas.results import FAILED_PAGES, GATHERED_TABLES, Results
 from shukotsu.schemas.study import Hand, Recording, Study, SubjectSession, path_token
 from shukotsu.schemas.tables import Table, open_table, read_metadata, read_table, rows_of
 from shukotsu.sentences.translation import tr
@@ -43,7 +43,8 @@ _ROWS_OF = {
     "joint_errors": "joint_errors",
     "receivers": "receivers",
     "gains": "gains",
-    **{name: name for name in MODEL_COMPARISONS},
+    "model_values": "model_values",
+    "model_differences": "model_differences",
 }
 """The tables that are read, and what StudyResults calls their rows."""
 
@@ -105,7 +106,6 @@ class StudyResults:
     receivers: list[Row]
     gains: list[Row]
     model_values: list[Row]
-    model_pairs: list[Row]
     model_differences: list[Row]
     factors: Mapping[str, str] = field(default_factory=dict)
     """Every factor of the study, and why its levels are not compared; empty where they are."""
@@ -301,7 +301,7 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
         where = {**vars(recording.hand), "task": recording.title}
         rows["problems"] += [problem_row("capture", one, **where) for one in problems]
     rows["problems"] += _findings(plan)
-    rows |= {name: [] for name in MODEL_COMPARISONS}
+    rows |= {"model_values": [], "model_differences": []}
     for name, stage in GATHERED_TABLES.items():
         rows[name] = (
             [] if name not in _ROWS_OF else _subject_rows(plan, TABLES[name], stage, rows["problems"])

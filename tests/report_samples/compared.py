@@ -35,7 +35,7 @@ def with_comparisons(results: StudyResults, found: ComparedModels) -> StudyResul
     """The results with these comparisons, every column as the tables have it."""
     empty = dict.fromkeys(("interval_95_low", "interval_95_high", "effect_size", "p"))
     differences = [empty | row for row in found.differences]
-    return replace(results, model_values=found.values, model_pairs=found.pairs, model_differences=differences)
+    return replace(results, model_values=found.values, model_differences=differences)
 
 
 def _frame(table: Table, rows: Sequence[Row]) -> pd.DataFrame:

@@ -60,7 +60,7 @@ class KnownHand:
             name: []
             for name in (
                 *("problems", "bones", "tip_errors", "scores", "joint_errors"),
-                *("gains", "model_values", "model_pairs", "model_differences"),
+                *("gains", "model_values", "model_differences"),
             )
         }
         return StudyResults(
