@@ -7,17 +7,15 @@ from __future__ import annotations
 import argparse
 import json
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
 
-from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.catalogue import HAND_KEY, RECORDING_KEY, TABLES, shared_columns
 from shukotsu.schemas.config_files import json_schema, shipped
 from shukotsu.schemas.findings import mistakes_page
 from shukotsu.schemas.sheets import SHEETS, Cell
-from shukotsu.schemas.table_columns import OF_RECORDING
 from shukotsu.schemas.tables import Column, Table
 
 NOTE = "<!-- Made by `make docs` from the schemas; change those, not this page. -->"
@@ -34,7 +32,7 @@ def pages() -> dict[str, str]:
 
 def tables_page() -> str:
     """Return the page of tables: what a row is, its key and every column, those of many tables once."""
-    shared = _shared_columns()
+    shared = {column.name: column for columns in shared_columns().values() for column in columns}
     lines = [
         NOTE,
         "# Tables",
@@ -63,13 +61,6 @@ def tables_page() -> str:
     for table in TABLES.values():
         lines += ["", *_table(table, shared)]
     return "\n".join(lines) + "\n"
-
-
-def _shared_columns() -> dict[str, Column]:
-    """Columns that three tables or more have with the same meaning, by name."""
-    columns = [column for table in TABLES.values() for column in table.columns]
-    uses = Counter(columns)
-    return {column.name: column for column in columns if uses[column] >= 3}
 
 
 def configuration_page() -> str:
@@ -121,8 +112,8 @@ def _table(table: Table, shared: Mapping[str, Column]) -> Iterator[str]:
 def _key(names: tuple[str, ...]) -> str:
     """Names of a key, with a word for those that a hand or a recording has."""
     listed = ", ".join(f"`{name}`" for name in names)
-    for word, known in (("recording", OF_RECORDING), ("hand", OF_RECORDING[:3])):
-        listed = listed.replace(", ".join(f"`{column.name}`" for column in known), f"*{word}*")
+    for word, key in (("recording", RECORDING_KEY), ("hand", HAND_KEY)):
+        listed = listed.replace(", ".join(f"`{name}`" for name in key), f"*{word}*")
     return listed
 
 

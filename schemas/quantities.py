@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shukotsu.schemas.movement_tables import FINGERTIP_PATHS, RANGES_OF_MOTION
+from shukotsu.schemas.catalogue import FINGERTIP_PATHS, RANGES_OF_MOTION
 from shukotsu.schemas.tables import Table
 
 

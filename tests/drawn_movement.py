@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.schemas.movement_tables import (
+from shukotsu.schemas.catalogue import (
     FINGERTIP_PATHS,
     RANGES_OF_MOTION,
 )

@@ -47,7 +47,7 @@ def build_parser() -> argparse.ArgumentParser:
 def align(arguments: argparse.Namespace) -> None:
     """Align every recording's events; one whose events cannot be read costs only its own."""
     from shukotsu.errors import InputError
-    from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
+    from shukotsu.schemas.catalogue import CLOCKS, EVENTS
     from shukotsu.schemas.parts import parts_writer
     from shukotsu.schemas.plan import read_plan
     from shukotsu.schemas.tables import Provenance
@@ -128,7 +128,7 @@ def _alone(arguments: argparse.Namespace) -> Named:
 
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write why no event was brought over, of every hand."""
-    from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
+    from shukotsu.schemas.catalogue import CLOCKS, EVENTS
     from shukotsu.schemas.plan import read_plan
 
     if arguments.plan is None:

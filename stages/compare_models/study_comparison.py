@@ -5,9 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from shukotsu.schemas.catalogue import JOINT_ERRORS, PROBLEMS, RECORDINGS, SKELETON_SCORES
+from shukotsu.schemas.catalogue import (
+    JOINT_ERRORS,
+    MODEL_DIFFERENCES,
+    MODEL_PAIRS,
+    MODEL_VALUES,
+    PROBLEMS,
+    RECORDINGS,
+    SKELETON_SCORES,
+)
 from shukotsu.schemas.model import read_model
-from shukotsu.schemas.model_tables import MODEL_DIFFERENCES, MODEL_PAIRS, MODEL_VALUES
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.study import Study
 from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, read_table, write_table

@@ -7,8 +7,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shukotsu.schemas.catalogue import PROBLEMS
-from shukotsu.schemas.movement_tables import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY
+from shukotsu.schemas.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, PROBLEMS
 from shukotsu.schemas.quantities import QUANTITIES, Quantity
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, read_table, write_table

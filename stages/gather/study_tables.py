@@ -15,6 +15,7 @@ from shukotsu.errors import INTERNAL
 from shukotsu.files.whole_files import write_text
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.schemas.catalogue import (
+    CLOCKS,
     FINDINGS,
     JOINT_CENTRES,
     JOINT_SOLUTIONS,
@@ -35,14 +36,12 @@ from shukotsu.schemas.findings import (
     worded,
 )
 from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.movement_tables import CLOCKS
 from shukotsu.schemas.parts import part_metadata
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.recording_summary import recording_row
 from shukotsu.schemas.results import GATHERED_TABLES, Results
 from shukotsu.schemas.sheets import CORRECTIONS, read_sheet
 from shukotsu.schemas.study import Study, columns_handed_on, correction_problems, unmatched_rows
-from shukotsu.schemas.table_columns import TEXT
 from shukotsu.schemas.tables import (
     Column,
     Provenance,
@@ -90,7 +89,8 @@ def _with_further_columns(study: Study, rows: Sequence[Row]) -> Table:
     more = {tuple(one.key.values()): one.more for one in study.recordings}
     for row in rows:
         row |= {names[name]: text for name, text in more[tuple(row[key] for key in RECORDINGS.key)]}
-    columns = [Column(name, TEXT, "", "as in the recordings sheet", nullable=True) for name in names.values()]
+    text = pa.string()
+    columns = [Column(name, text, "", "as in the recordings sheet", nullable=True) for name in names.values()]
     return replace(RECORDINGS, columns=(*RECORDINGS.columns, *columns))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
+from shukotsu.schemas.catalogue import CLOCKS, EVENTS
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import pose_blocks
 from shukotsu.schemas.study import Recording

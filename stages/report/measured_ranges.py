@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.movement_tables import RANGES_OF_MOTION
+from shukotsu.schemas.catalogue import RANGES_OF_MOTION
 from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.study import Hand
 from shukotsu.schemas.tables import rows_of

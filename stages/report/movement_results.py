@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.schemas.movement_tables import (
+from shukotsu.schemas.catalogue import (
     MOVEMENT_DIFFERENCES,
     MOVEMENT_RELIABILITY,
     RANGES_OF_MOTION,

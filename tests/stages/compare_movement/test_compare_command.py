@@ -8,8 +8,7 @@ import drawn_movement as drawn
 import pytest
 from small_study import write_study
 
-from shukotsu.schemas.catalogue import PROBLEMS
-from shukotsu.schemas.movement_tables import MOVEMENT_DIFFERENCES
+from shukotsu.schemas.catalogue import MOVEMENT_DIFFERENCES, PROBLEMS
 from shukotsu.schemas.results import MOVEMENT_COMPARISONS, Results
 from shukotsu.schemas.tables import read_metadata, read_table
 from shukotsu.stages.compare_movement.__main__ import main

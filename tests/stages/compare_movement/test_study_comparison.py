@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shukotsu.schemas.catalogue import PROBLEMS
+from shukotsu.schemas.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, PROBLEMS
 from shukotsu.schemas.findings import STAGE, SUSPECT, Finding, problem_row
-from shukotsu.schemas.movement_tables import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.tables import read_table
 from shukotsu.stages.compare_movement.study_comparison import compare_study

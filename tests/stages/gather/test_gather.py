@@ -10,9 +10,8 @@ import yaml
 from small_study import write_plans, write_study
 
 from shukotsu.errors import TableError
-from shukotsu.schemas.catalogue import FINDINGS, POSES, TABLES
+from shukotsu.schemas.catalogue import CLOCKS, FINDINGS, POSES, TABLES
 from shukotsu.schemas.findings import REFUSED, Finding
-from shukotsu.schemas.movement_tables import CLOCKS
 from shukotsu.schemas.parts import Part, parts_writer
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results

@@ -12,9 +12,8 @@ from planned_subject import QUICK, PlannedSubject, planned_subject
 from simulated_poses import recorded
 
 from shukotsu.anatomy.neutral_bones import neutral_rotations
-from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.catalogue import CLOCKS, EVENTS, TABLES
 from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
 from shukotsu.schemas.parts import part_metadata, read_part
 from shukotsu.schemas.results import MEASURED_TABLES
 from shukotsu.schemas.tables import (

@@ -12,8 +12,7 @@ from planned_subject import QUICK, PlannedSubject, planned_subject
 from simulated_poses import write_poses
 
 from benchmarks.pianist import Played, play
-from shukotsu.schemas.catalogue import TABLES
-from shukotsu.schemas.movement_tables import CLOCKS, EVENTS
+from shukotsu.schemas.catalogue import CLOCKS, EVENTS, TABLES
 from shukotsu.schemas.parts import part_metadata
 from shukotsu.schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_table
 from shukotsu.stages.measure_movement.__main__ import main
