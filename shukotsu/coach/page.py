@@ -17,7 +17,7 @@ from shukotsu.stages.report.belief import belief
 from shukotsu.stages.report.hand_motion import hand_motion, receiver_skeleton
 from shukotsu.stages.report.palette import css
 from shukotsu.stages.report.plots.hand import hand_panel
-from shukotsu.stages.report.plots.page_pictures import page_picture
+from shukotsu.stages.report.plots.panels import page_picture
 
 EVERY_S = 1.0
 """How often it is written, and loads itself again."""

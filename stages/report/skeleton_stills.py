@@ -10,7 +10,7 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.study import Hand
 from shukotsu.sentences.translation import tr, translated
 from shukotsu.stages.report.plots.hand import hand_panel
-from shukotsu.stages.report.plots.page_pictures import page_picture
+from shukotsu.stages.report.plots.panels import page_picture
 from shukotsu.stages.report.recording_results import read_still
 from shukotsu.stages.report.study_results import StudyResults
 

@@ -26,16 +26,15 @@ from shukotsu.stages.report.judged_models import model_to_take
 from shukotsu.stages.report.links import Link, link, recording_links
 from shukotsu.stages.report.methods_text import REFERENCES, methods_text
 from shukotsu.stages.report.movement_results import Movement
-from shukotsu.stages.report.plots.page_pictures import page_picture, taken_failures
-from shukotsu.stages.report.print_figures.models import model_panels
-from shukotsu.stages.report.print_figures.movement import range_panels
+from shukotsu.stages.report.plots.panels import page_picture, taken_failures
+from shukotsu.stages.report.print_figures.study_figures import model_panels, range_panels
 from shukotsu.stages.report.provenance import all_problems, found
 from shukotsu.stages.report.recording_results import read_stretch
 from shukotsu.stages.report.skeleton_tables import lengths_table
 from shukotsu.stages.report.small_hand import small_hand
 from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.templates import render
-from shukotsu.stages.report.viewer.view import View, view_of
+from shukotsu.stages.report.viewer import View, view_of
 from shukotsu.statistics.paired_statistics import FEWEST_SUBJECTS
 
 FEW_HANDS = 30

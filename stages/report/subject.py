@@ -52,7 +52,7 @@ def write_pages(arguments: argparse.Namespace) -> None:
 
     from shukotsu.files.whole_files import write_text
     from shukotsu.schemas.plan import read_plan
-    from shukotsu.stages.report.plots.page_pictures import taken_failures
+    from shukotsu.stages.report.plots.panels import taken_failures
     from shukotsu.stages.report.recording_page.recording_content import failure_page, recording_title
     from shukotsu.stages.report.study_page import render_failure
     from shukotsu.stages.report.study_results import read_subject

@@ -18,8 +18,8 @@ from shukotsu.stages.report.paper_tables import (
     printed_table,
     table_title,
 )
-from shukotsu.stages.report.plots.page_pictures import page_picture
-from shukotsu.stages.report.print_figures.lengths import lengths_panel
+from shukotsu.stages.report.plots.panels import page_picture
+from shukotsu.stages.report.print_figures.study_figures import lengths_panel
 from shukotsu.stages.report.score_tables import score_table
 from shukotsu.stages.report.skeleton_stills import hand_still
 from shukotsu.stages.report.skeleton_tables import bone_table, receiver_tables

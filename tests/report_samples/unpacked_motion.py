@@ -12,18 +12,16 @@ from shukotsu.stages.report.hand_motion import Array
 
 
 def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
-    """What `packed_motion.packed` wrote, by block: (T, N, W), NaN in gaps."""
+    """What `viewer.packed` wrote, by block: (T, N, W), NaN in gaps."""
     raw = np.frombuffer(zlib.decompress(data), np.uint8)
-    found, at = {}, 0
+    blocks, at = {}, 0
     for part in parts:
         n_frames, count, width, planes = (part[key] for key in ("frames", "count", "width", "planes"))
-        there = raw[at : at + count * n_frames].reshape(count, n_frames)
-        at += there.size
-        code = np.zeros((count * width, n_frames), np.int64)
+        code = np.zeros((count, width, n_frames), np.int64)
         for plane in range(planes):
             code |= raw[at : at + code.size].reshape(code.shape).astype(np.int64) << (8 * plane)
             at += code.size
-        steps = np.cumsum((code >> 1) ^ -(code & 1), axis=1)
-        values = steps.reshape(count, width, n_frames) * part["step"]
-        found[part["name"]] = np.where(there[:, None], values, np.nan).transpose(2, 0, 1)
-    return found
+        change = np.where(code > 0, ((code - 1) >> 1) ^ -((code - 1) & 1), 0)
+        values = np.where(code > 0, np.cumsum(change, axis=-1) * part["step"], np.nan)
+        blocks[part["name"]] = values.transpose(2, 0, 1)
+    return blocks

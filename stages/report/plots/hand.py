@@ -22,32 +22,30 @@ _HIGHEST_MM, _FOOT_MM, _LINE_MM = 92.0, 10.0, 3.2
 """Of the picture: the views at most, words below them, a line."""
 
 
-def hand_panel(
-    title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: int, panel_mm: float = PAGE_MM
-) -> Panel:
+def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: int) -> Panel:
     """Return the panel of the hand under a skeleton in the frame of that index."""
-    places = seen(motion, np.array([frame]), skeleton.position_mm[frame : frame + 1])[0]
+    joints = seen(motion, np.array([frame]), skeleton.position_mm[frame : frame + 1])[0]
     receivers = receivers_at(motion, frame)
     low, high = receivers.min(axis=0) - _NEAR_MM, receivers.max(axis=0) + _NEAR_MM
-    held = np.asarray(((places >= low) & (places <= high)).all(axis=1))
-    everything = np.concatenate([receivers, places[held]])
+    near = np.asarray(((joints >= low) & (joints <= high)).all(axis=1))
+    everything = np.concatenate([receivers, joints[near]])
     low, high = everything.min(axis=0) - _PAD_MM, everything.max(axis=0) + _PAD_MM
     wide, tall, deep = (high - low).tolist()
-    scale = min((panel_mm - 4.0) / (wide + _GUTTER_MM + deep), _HIGHEST_MM / tall)
+    scale = min((PAGE_MM - 4.0) / (wide + _GUTTER_MM + deep), _HIGHEST_MM / tall)
     side = -1.0 if motion.hand == "left" else 1.0  # the back of a left hand is to the left: never mirrored
     start = wide + _GUTTER_MM + (deep if side < 0 else 0.0)
 
     def flat(position_mm: Array) -> tuple[Array, Array]:
-        """Places (n, 2) in the picture, mm, of positions (n, 3), in either view."""
+        """Return points (n, 2) of the picture, mm, of positions (n, 3), in either view."""
         across, up, towards = (position_mm - low).T
         return np.column_stack([across, up]) * scale, np.column_stack([start + side * towards, up]) * scale
 
-    names = [name for name, inside in zip(skeleton.points, held, strict=True) if not inside]
+    names = [name for name, inside in zip(skeleton.points, near, strict=True) if not inside]
     absent = tr("Not in the picture: {names}.", names=listed(map(word, names))) if names else ""
-    lines = wrapped(absent, int((panel_mm - 4.0) / width_mm("m"))) if absent else []
+    lines = wrapped(absent, int((PAGE_MM - 4.0) / width_mm("m"))) if absent else []
     middles = wide * scale / 2, (wide + _GUTTER_MM + deep / 2) * scale
     draw = partial(
-        _draw, motion=motion, skeleton=skeleton, views=flat(np.where(held[:, None], places, np.nan)),
+        _draw, motion=motion, skeleton=skeleton, views=flat(np.where(near[:, None], joints, np.nan)),
         receivers=flat(receivers), middles=middles, scale=scale, lines=lines,
         size=((wide + _GUTTER_MM + deep) * scale, tall * scale),
     )  # fmt: skip
@@ -70,20 +68,20 @@ def _draw(
     axes.set(xlim=(0, size[0]), ylim=(-_FOOT_MM - _LINE_MM * len(lines), size[1]), aspect="equal")
     axes.axis("off")
     digit_of = {bone.end: bone.digit for bone in skeleton.bones}
-    for places, worn in zip(views, receivers, strict=True):
+    for joints, worn in zip(views, receivers, strict=True):
         axes.plot(*worn.T, "s", color=SOFT, markersize=2.6, markeredgewidth=0.0, alpha=0.5, zorder=1)
         for bone in skeleton.bones:
             thick, colour = (2.2, looks[bone.digit]) if bone.level >= 0 else (1.0, SOFT)
-            ends = places[[bone.start, bone.end]]
+            ends = joints[[bone.start, bone.end]]
             axes.plot(*ends.T, color=colour, linewidth=thick, solid_capstyle="round", zorder=2)
         for index, (name, believed) in enumerate(zip(skeleton.points, skeleton.believed, strict=True)):
-            if name.endswith("_tip") or not np.isfinite(places[index]).all():
+            if name.endswith("_tip") or not np.isfinite(joints[index]).all():
                 continue
             mark = BELIEF_MARKS[believed]
             if believed == BELIEVED:
                 mark = Mark("o", PAPER, looks[digit_of[index]] if index in digit_of else INK)
             axes.plot(
-                *places[index], mark.shape, markerfacecolor=mark.face, markeredgecolor=mark.edge,
+                *joints[index], mark.shape, markerfacecolor=mark.face, markeredgecolor=mark.edge,
                 markersize=4.2 if believed == BELIEVED else 5.6, markeredgewidth=1.0, zorder=3,
             )  # fmt: skip
     taken: list[tuple[float, float, float]] = []

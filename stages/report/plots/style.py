@@ -5,7 +5,7 @@ A journal that wants it otherwise changes this and the palette.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
@@ -25,7 +25,7 @@ from shukotsu.stages.report.palette import INK, RULE, SOFT
 from shukotsu.stages.report.wording import translations_of
 
 ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 175.0
-LARGE_PT, SMALL_PT = 8.0, 7.0
+SMALL_PT = 7.0
 
 FONT = N_("DejaVu Sans")
 FONTS_FOR_OTHER_SCRIPTS = (
@@ -44,9 +44,9 @@ FONTS_FOR_OTHER_SCRIPTS = (
 """Used where they are installed, for characters that FONT does not have."""
 
 STYLE: dict[str, Any] = {
-    "font.size": LARGE_PT,
-    "axes.labelsize": LARGE_PT,
-    "axes.titlesize": LARGE_PT,
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "axes.titlesize": 8.0,
     "axes.titlepad": 3.0,
     "axes.labelpad": 2.0,
     "axes.linewidth": 0.6,
@@ -98,9 +98,9 @@ def applied(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
 
 
 def label(text: str) -> str:
-    """The text as the fonts at hand can write it; a character that none has becomes its code in ASCII."""
-    known = _characters(language())
-    return "".join(c if c.isprintable() and ord(c) in known else _code(c) for c in text)
+    """Return the text as the fonts at hand can write it; what none has becomes its code in ASCII."""
+    drawable = _characters(language())
+    return "".join(c if c.isprintable() and ord(c) in drawable else _code(c) for c in text)
 
 
 def without_controls(text: str) -> str:
@@ -120,73 +120,60 @@ def rewrite(figure: Figure, writable: Callable[[str], str]) -> None:
 
 
 def _code(character: str) -> str:
-    number = ord(character)
     return (
-        f"\\x{number:02x}"
-        if number < 0x100
-        else f"\\u{number:04x}"
-        if number < 0x10000
-        else f"\\U{number:08x}"
+        character.encode("unicode_escape").decode() if ord(character) > 0x7F else f"\\x{ord(character):02x}"
     )
 
 
-def width_in_letters(words: str) -> int:
-    """Count the Latin letters that a text is wide: a Chinese or Japanese one is twice as wide."""
-    return sum(2 if east_asian_width(letter) in "WF" else 1 for letter in words)
-
-
-def width_mm(words: str, points: float = SMALL_PT) -> float:
-    """Return about how wide a text is in letters of that size."""
-    return 0.22 * points * width_in_letters(words)
+def width_mm(words: str) -> float:
+    """Return about how wide a text is in small letters: a Chinese or Japanese one is twice a Latin one."""
+    return 0.22 * SMALL_PT * sum(2 if east_asian_width(letter) in "WF" else 1 for letter in words)
 
 
 def wrapped(text: str, width: int) -> list[str]:
-    """Lines of at most so many Latin letters, as the fonts at hand can write them."""
-    return wrap(label(text), width if width_in_letters(text) < 1.5 * len(text) else width // 2)
+    """Return lines of at most so many Latin letters, as the fonts at hand can write them."""
+    return wrap(label(text), width if width_mm(text) < 1.5 * width_mm("m") * len(text) else width // 2)
 
 
-def fonts_of(own: str) -> list[str]:
+def _fonts_of(name: str) -> list[str]:
     """Return the names of fonts that write a language, the best first: its translation of DejaVu Sans."""
-    return translations_of(own).gettext(FONT).split(", ")
+    return translations_of(name).gettext(FONT).split(", ")
 
 
-def font_of(own: str) -> Path | None:
-    """Find the file of the first installed font that writes a language; None where there is none."""
-    found = _first_font(fonts_of(own))
-    if found is None and _seek_fonts():
-        found = _first_font(fonts_of(own))
-    return found
+def font_of(name: str) -> Path | None:
+    """Return the file of the first installed font that writes a language; None where there is none."""
 
+    def first() -> Path | None:
+        files = {entry.name: Path(entry.fname) for entry in reversed(font_manager.fontManager.ttflist)}
+        return next((files[font] for font in _fonts_of(name) if font in files), None)
 
-def _first_font(names: Sequence[str]) -> Path | None:
-    files = {entry.name: Path(entry.fname) for entry in reversed(font_manager.fontManager.ttflist)}
-    return next((files[name] for name in names if name in files), None)
+    return first() or (first() if _seek_fonts() else None)
 
 
 @cache
 def _seek_fonts() -> int:
-    """Add fonts that were installed after matplotlib wrote down its list; how many."""
-    known = {entry.fname for entry in font_manager.fontManager.ttflist}
-    new = [path for path in font_manager.findSystemFonts() if path not in known]
+    """Add fonts that were installed after matplotlib wrote down its list; return how many."""
+    listed = {entry.fname for entry in font_manager.fontManager.ttflist}
+    new = [path for path in font_manager.findSystemFonts() if path not in listed]
     for path in new:
         with suppress(OSError, RuntimeError):  # a file that is no font that can be drawn
             font_manager.fontManager.addfont(path)
     return len(new)
 
 
-def check_font(own: str) -> None:
+def check_font(name: str) -> None:
     """Raise InputError where no font is installed that writes the language of the figures."""
-    if own == ENGLISH or font_of(own) is not None:
+    if name == ENGLISH or font_of(name) is not None:
         return
     raise InputError(
-        f"language: {own}: its figures need a font, and none of {', '.join(fonts_of(own))} is "
+        f"language: {name}: its figures need a font, and none of {', '.join(_fonts_of(name))} is "
         "installed; install one (on Debian and Ubuntu: sudo apt-get install fonts-ipaexfont-gothic) or leave "
         "the key language out of the study file"
     )
 
 
 def _fonts() -> dict[str, Any]:
-    """Settings of fonts: first that of the language spoken. Only a TrueType file goes into a PDF as such."""
+    """Return settings of fonts, the page's language first. Only a TrueType file goes into a PDF as such."""
     font = None if language() == ENGLISH else font_of(language())
     if font is None:
         return {"font.family": [FONT, *_installed()]}
@@ -196,17 +183,15 @@ def _fonts() -> dict[str, Any]:
 
 @cache
 def _installed() -> tuple[str, ...]:
-    """Fonts for other scripts that are there as TrueType files; others cannot go into a PDF as TrueType."""
+    """Return fonts for other scripts that are installed as TrueType files, which a PDF can hold."""
     fonts = font_manager.fontManager.ttflist
     names = {entry.name for entry in fonts if Path(entry.fname).suffix.lower() == ".ttf"}
     return tuple(name for name in FONTS_FOR_OTHER_SCRIPTS if name in names)
 
 
 @cache
-def _characters(own: str) -> frozenset[int]:
-    """Code points that some font in use has."""
-    found: set[int] = set()
-    files = [Path(font_manager.findfont(name)) for name in (FONT, *_installed())]
-    for file in (*files, *([] if own == ENGLISH else filter(None, [font_of(own)]))):
-        found |= font_manager.get_font(file).get_charmap().keys()
-    return frozenset(found)
+def _characters(name: str) -> frozenset[int]:
+    """Return the code points that some font in use has."""
+    files = [Path(font_manager.findfont(font)) for font in (FONT, *_installed())]
+    files += filter(None, [None if name == ENGLISH else font_of(name)])
+    return frozenset[int]().union(*(font_manager.get_font(file).get_charmap().keys() for file in files))

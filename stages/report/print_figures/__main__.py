@@ -38,8 +38,8 @@ def draw(arguments: argparse.Namespace) -> None:
     from shukotsu.schemas.study import read_study
     from shukotsu.sentences.translation import ENGLISH
     from shukotsu.stages.report.plots.style import check_font
-    from shukotsu.stages.report.print_figures import study_figures
-    from shukotsu.stages.report.print_figures.drawing import save
+    from shukotsu.stages.report.print_figures import recording_figures
+    from shukotsu.stages.report.print_figures.study_figures import of_study, save
     from shukotsu.stages.report.study_results import read_results
     from shukotsu.stages.report.wording import speaking
 
@@ -49,11 +49,11 @@ def draw(arguments: argparse.Namespace) -> None:
     check_font(study.language)
     with speaking(study.language):
         if arguments.recording:
-            recording = study_figures.find_recording(results, *arguments.recording)
-            folder /= study_figures.recording_folder(recording)
-            drawings = study_figures.of_recording(results, recording)
+            recording = recording_figures.find_recording(results, *arguments.recording)
+            folder = folder / recording.hand.folder / recording.name
+            drawings = recording_figures.of_recording(results, recording)
         else:
-            drawings = study_figures.of_study(results)
+            drawings = of_study(results)
         for drawing in drawings:
             save(folder, drawing)
             if drawing.missing:
@@ -67,14 +67,14 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
         print("error: a recording's figures are in no study's list; nothing was written", file=sys.stderr)
         return
     from shukotsu.schemas.results import STUDY_FIGURES
-    from shukotsu.stages.report.print_figures.drawing import not_drawn, save
+    from shukotsu.stages.report.print_figures.study_figures import not_drawn, save
 
     for name in STUDY_FIGURES:
         save(arguments.out, not_drawn(name, message))
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage and return its exit code."""
     return command_line.run(build_parser, argv, draw, record_failure)
 
 

@@ -30,8 +30,7 @@ from shukotsu.stages.report.table_cells import (
 )
 from shukotsu.stages.report.templates import render
 from shukotsu.stages.report.trust import believed_counts
-from shukotsu.stages.report.viewer.packed_motion import Block
-from shukotsu.stages.report.viewer.view import View, view_of
+from shukotsu.stages.report.viewer import Block, View, view_of
 
 ANGLE_STEP_DEG = 0.1
 """As the page prints angles: rounded to it once, they show the table's own digits."""

@@ -1,21 +1,30 @@
 "use strict";
-/* The moving hand: reads what packed_motion.py packs and draws it with WebGL 2. Lengths are mm, times s.
+/* The moving hand: reads what Python packs (__init__.py) and draws it with WebGL 2. Lengths are mm, times s.
    Nothing moves before Play is pressed, so that prefers-reduced-motion has nothing to turn off.
-   An element with data-hand-viewer gets a property `viewer` and sends "viewerready", then "viewershown"
-   whenever other skeletons are chosen; both bubble.
-     viewer.seek(frame) by the recording's own numbers, viewer.goTo(index) by place among those kept
-     viewer.play(), viewer.pause(); viewer.index, viewer.last
-     viewer.onframe(callback) called with {index, frame, time}; gives a function that ends it
+   An element with data-hand-viewer gets a property `viewer` and sends "viewerloaded", "viewerready" where it can
+   draw, then "viewershown" when other skeletons are chosen and "viewertold" with new words; all bubble. Without
+   WebGL a still picture stands for the hand, and all else goes on.
+     viewer.goTo(index), viewer.play(), viewer.pause(); viewer.index, viewer.last
+     viewer.onframe(callback) called with {index, frame, time}
      viewer.shown: places in header.skeletons of those in view; viewer.pictures(): the same by picture
      viewer.frames, viewer.times: of each index; viewer.header.extra: what the page was given besides
      viewer.blocks[name]: {values, count, width}, values in the order (index, item, part), NaN in gaps */
-(() => {
-const {floor, min, max, PI} = Math, RIGHT = PI / 2;
+const {floor, min, max, PI} = Math, QUARTER = PI / 2;
 const FIELD = Math.tan(PI / 15); // half of a view 24 degrees high
 const LINE = 14; // px from the name of a fingertip to one above it
 const CLASSES_MM = [0.5, 1, 2, 4, 8]; // upper ends; the last class is open
 const FLOATS = 12; // an instance: both ends, both radii, colour
 const SIDES = 16;
+
+const on = (target, event, act, options) => target.addEventListener(event, act, options);
+const clamp = (value, low, high) => min(high, max(low, value));
+const partsOf = (root) =>
+  Object.fromEntries([...root.querySelectorAll("[data-part]")].map((part) => [part.dataset.part, part]));
+/* Draw anew in the colours of the theme, and of paper, which waits for no frame. */
+function onColours(draw, drawNow) {
+  on(matchMedia("(prefers-color-scheme: dark)"), "change", draw);
+  on(matchMedia("print"), "change", drawNow);
+}
 
 /* ---- the recording ---- */
 
@@ -27,20 +36,19 @@ async function inflated(base64) {
 
 /* A block in the order (frame, item, part), NaN in gaps. */
 function unpackBlock(raw, start, {frames, count, width, planes, step}) {
-  const size = frames * count, codes = start + size, wide = count * width;
-  const values = wide === 1 ? new Float64Array(size) : new Float32Array(size * width);
+  const wide = count * width, size = frames * wide;
+  const values = width === 1 ? new Float64Array(size) : new Float32Array(size);
   for (let channel = 0; channel < wide; channel++) {
-    const gaps = start + floor(channel / width) * frames;
     for (let frame = 0, steps = 0; frame < frames; frame++) {
       let code = 0;
       for (let plane = planes - 1; plane >= 0; plane--) {
-        code = code * 256 + raw[codes + (plane * wide + channel) * frames + frame];
+        code = code * 256 + raw[start + plane * size + channel * frames + frame];
       }
-      steps += code % 2 ? -(code + 1) / 2 : code / 2;
-      values[frame * wide + channel] = raw[gaps + frame] ? steps * step : NaN;
+      if (code) steps += code % 2 ? (code - 1) / 2 : -code / 2;
+      values[frame * wide + channel] = code ? steps * step : NaN;
     }
   }
-  return {values, count, width, end: codes + planes * size * width};
+  return {values, count, width, end: start + planes * size};
 }
 
 async function unpack(header) {
@@ -119,11 +127,10 @@ const arc = (steps, at, from, to) => Array.from({length: steps + 1}, (_, i) => {
 });
 const SOLIDS = {
   bone: [[0, 0, 1, 1, 0], [.16, 0, .78, .97, .25], [.5, 0, .58, 1, 0], [.84, 0, .76, .97, -.25], [1, 0, 1, 1, 0]],
-  ball: arc(8, 0, -RIGHT, RIGHT),
+  ball: arc(8, 0, -QUARTER, QUARTER),
   rod: [[0, 0, 1, 1, 0], [1, 0, 1, 1, 0]],
   disc: [[0, 0, 0, 0, 1], [0, 0, 1, 0, 1]],
 };
-
 
 function solid(gl, rings) {
   const vertices = [], order = [];
@@ -167,10 +174,14 @@ function isSlow() {
 }
 
 class Painter {
-  constructor(canvas) {
-    this.slow = isSlow();
-    const gl = this.gl = canvas.getContext("webgl2", {antialias: !this.slow, preserveDrawingBuffer: true});
-    if (!gl) throw new Error(wording("no_webgl"));
+  /* A painter of the canvas, or null where the browser has no WebGL 2. */
+  static of(canvas) {
+    const slow = isSlow(), gl = canvas.getContext("webgl2", {antialias: !slow, preserveDrawingBuffer: true});
+    return gl && new Painter(gl, slow);
+  }
+
+  constructor(gl, slow) {
+    Object.assign(this, {gl, slow});
     this.prepare();
   }
 
@@ -225,18 +236,14 @@ class Painter {
 
 /* ---- the viewer ---- */
 
-const on = (target, event, act, options) => target.addEventListener(event, act, options);
-
 class HandViewer {
   constructor(root, header, blocks) {
     const {digits, skeletons} = header;
     Object.assign(this, {root, header, digits, skeletons, blocks, index: 0, asleep: true, playing: false, drawn: 0});
-    Object.assign(this, {listeners: new Set(), times: blocks.time.values, frames: blocks.frame.values});
-    Object.assign(this, {last: this.frames.length - 1, shown: header.shown});
-    this.part = {};
-    for (const part of root.querySelectorAll("[data-part]")) this.part[part.dataset.part] = part;
+    Object.assign(this, {listeners: [], times: blocks.time.values, frames: blocks.frame.values});
+    Object.assign(this, {last: this.frames.length - 1, shown: header.shown, part: partsOf(root)});
     this.canvas = this.part.canvas;
-    this.painter = new Painter(this.canvas);
+    this.painter = Painter.of(this.canvas);
     this.still = this.baseAt(0);
     this.home();
     this.readColours();
@@ -252,10 +259,10 @@ class HandViewer {
      the base receiver it stands where it stood last. */
   baseAt(frame) {
     const {base, firstBase, upright} = this.header;
-    let held = max(frame, firstBase);
-    while (isNaN(this.vector("receivers", base, held)[0])) held--;
-    const [w, x, y, z] = this.vector("rotations", base, held);
-    return {turn: times(upright, rotation([w, -x, -y, -z])), origin: this.vector("receivers", base, held)};
+    let last = max(frame, firstBase);
+    while (isNaN(this.vector("receivers", base, last)[0])) last--;
+    const [w, x, y, z] = this.vector("rotations", base, last);
+    return {turn: times(upright, rotation([w, -x, -y, -z])), origin: this.vector("receivers", base, last)};
   }
 
   error(skeleton, digit) { return this.vector(`errors${skeleton}`, digit)[0]; }
@@ -279,8 +286,8 @@ class HandViewer {
   }
 
   look(from) {
-    const thumb = this.header.hand === "right" ? RIGHT : -RIGHT;
-    const [right, down] = {back: [0, 0], palm: [PI, 0], thumb: [thumb, 0], tips: [PI, RIGHT]}[from];
+    const thumb = this.header.hand === "right" ? QUARTER : -QUARTER;
+    const [right, down] = {back: [0, 0], palm: [PI, 0], thumb: [thumb, 0], tips: [PI, QUARTER]}[from];
     this.home();
     this.orbit(right, down);
   }
@@ -298,7 +305,7 @@ class HandViewer {
   }
 
   enlarge(factor) {
-    this.zoom = min(8, max(.3, this.zoom * factor));
+    this.zoom = clamp(this.zoom * factor, .3, 8);
     this.wake();
   }
 
@@ -359,8 +366,8 @@ class HandViewer {
     const balls = points.map(() => [0, colours.plain]);
     const grow = (i, size, colour) => (balls[i] = [max(balls[i][0], size), colour ?? balls[i][1]]);
     for (const [start, end, digit, level, shared] of bones) {
-      const own = {digit: colours.digit[digit % 5], tip: errors[digit]}[by] ?? colours.bone;
-      const colour = together ? colours.model[this.skeletons[s].place % 7] : own;
+      const alone = {digit: colours.digit[digit % 5], tip: errors[digit]}[by] ?? colours.bone;
+      const colour = together ? colours.model[this.skeletons[s].place % 7] : alone;
       const thick = slim * max(2.6, 4.3 - .5 * level), thin = thick - .5 * slim;
       if (level < 0) {
         add("rod", places[start], places[end], [1.1, 1.1], colours.plain);
@@ -405,23 +412,20 @@ class HandViewer {
   }
 
   draw() {
+    const {clientWidth, clientHeight} = this.canvas;
+    if (!this.painter || !clientWidth) return;
     const ratio = min(2, this.painter.slow ? 1 + this.calm : devicePixelRatio), parts = this.parts();
     const base = this.part.follow.checked ? this.baseAt(this.index) : this.still;
-    const {clientWidth, clientHeight} = this.canvas;
-    if (!clientWidth) return;
     this.painter.clear(Math.round(clientWidth * ratio), Math.round(clientHeight * ratio));
     const camera = {turn: this.turn, centre: this.header.middle, pan: this.pan, distance: this.distance()};
     this.pictures().forEach((skeletons, i) => {
       this.painter.paint(this.shapes(skeletons, base), parts[i].map((length) => length * ratio), camera);
     });
     this.placeLabels(parts, base, camera);
+    const scale = this.mmPerPixel(), bar = [1, 5, 10, 20, 50, 100].findLast((mm) => mm / scale < 110);
+    this.part.scale.style.width = `${bar / scale}px`;
+    this.part.scale.textContent = `${bar} mm`;
     this.drawn++;
-  }
-
-  /* Half a label's width with room beside it; measured once, since that costs a layout. */
-  halfWide(label) {
-    label.halfWide ||= label.offsetWidth / 2 + 2;
-    return label.halfWide;
   }
 
   placeLabels(parts, base, {turn, centre, pan, distance}) {
@@ -433,10 +437,11 @@ class HandViewer {
       if (labels[i].hidden) continue;
       const tip = this.seen(this.place(s, this.skeletons[s].tips[i % n]), base), p = apply(turn, minus(tip, centre));
       const pixels = part[3] / (2 * FIELD * (distance - p[2]));
-      const x = part[0] + part[2] / 2 + (p[0] - pan[0]) * pixels, wide = this.halfWide(labels[i]);
+      const x = part[0] + part[2] / 2 + (p[0] - pan[0]) * pixels;
+      const wide = labels[i].halfWide ||= labels[i].offsetWidth / 2 + 2; // measured once: that costs a layout
       let y = part[3] / 2 - (p[1] - pan[1]) * pixels;
       // A name that would lie on another goes above it.
-      const hit = () => taken.find((own) => Math.abs(own.x - x) < own.wide + wide && Math.abs(own.y - y) < LINE);
+      const hit = () => taken.find((name) => Math.abs(name.x - x) < name.wide + wide && Math.abs(name.y - y) < LINE);
       for (let other = hit(); other; other = hit()) y = other.y - LINE;
       taken.push({x, y, wide});
       labels[i].hidden = !(x > part[0] && x < part[0] + part[2] && y > 0 && y < part[3]);
@@ -456,10 +461,8 @@ class HandViewer {
     return low;
   }
 
-  seek(frame) { this.goTo(this.upTo(this.frames, frame)); }
-
   goTo(index) {
-    this.show(min(this.last, max(0, index)));
+    this.show(clamp(index, 0, this.last));
     this.since = null;
   }
 
@@ -491,10 +494,7 @@ class HandViewer {
     this.listeners.forEach((callback) => callback(now));
   }
 
-  onframe(callback) {
-    this.listeners.add(callback);
-    return () => this.listeners.delete(callback);
-  }
+  onframe(callback) { this.listeners.push(callback); }
 
   wake(calm = false) {
     this.calm = calm;
@@ -520,18 +520,14 @@ class HandViewer {
       }
     }
     this.draw();
-    this.report(now);
+    // Without a graphics processor a line of text costs as much as the hand: while it plays, five times a second.
+    if (!this.playing || now - this.told > 200) this.tell(now);
     clearTimeout(this.rest);
     if (this.playing) this.wake();
     else if (!this.calm) this.rest = setTimeout(() => this.wake(true), 200);
   }
 
   /* ---- controls ---- */
-
-  /* Without a graphics processor a line of text costs as much as the hand: while it plays, five times a second. */
-  report(now) {
-    if (!this.playing || now - this.told > 200) this.tell(now);
-  }
 
   moment(index) {
     return wording("moment", {frame: this.frames[index], time_s: this.times[index].toFixed(3)});
@@ -547,10 +543,10 @@ class HandViewer {
       const errors = this.shown.map((s) => this.error(s, d));
       this.part[`error${d}`].textContent = errors.map((mm) => (isNaN(mm) ? "–" : mm.toFixed(1))).join(" | ");
     });
-    const scale = this.mmPerPixel(), bar = [1, 5, 10, 20, 50, 100].findLast((mm) => mm / scale < 110);
-    this.part.scale.style.width = `${bar / scale}px`;
-    this.part.scale.textContent = `${bar} mm`;
+    this.send("viewertold");
   }
+
+  send(event) { this.root.dispatchEvent(new Event(event, {bubbles: true})); }
 
   /* The skeletons that the two lists name. One that was the second and becomes the first changes places. */
   choose() {
@@ -560,7 +556,7 @@ class HandViewer {
     for (const option of second.options) option.disabled = option.value === first.value;
     over.disabled = !second.value;
     this.shown = [first.value, second.value].filter((value) => value).map(Number);
-    if (`${this.shown}` !== `${before}`) this.root.dispatchEvent(new Event("viewershown", {bubbles: true}));
+    if (`${this.shown}` !== `${before}`) this.send("viewershown");
   }
 
   /* Names over the pictures, what the numbers are, what can be asked for; viewer.css shows the legends. */
@@ -596,11 +592,7 @@ class HandViewer {
     }
     on(root, "change", () => this.describe());
     on(root, "keydown", (event) => this.key(event));
-    on(matchMedia("(prefers-color-scheme: dark)"), "change", () => this.readColours());
-    on(matchMedia("print"), "change", () => {
-      this.readColours();
-      this.draw(); // paper waits for no frame
-    });
+    onColours(() => this.readColours(), () => this.draw(this.readColours()));
     new ResizeObserver(() => this.wake()).observe(this.canvas);
     on(this.canvas, "webglcontextlost", (event) => event.preventDefault());
     on(this.canvas, "webglcontextrestored", () => this.wake(this.painter.prepare()));
@@ -619,10 +611,10 @@ class HandViewer {
       const before = held.get(event.pointerId);
       if (!before) return;
       const [right, down] = [event.clientX - before.clientX, event.clientY - before.clientY];
-      const other = [...held.values()].find((one) => one.pointerId !== event.pointerId);
+      const other = [...held.values()].find(({pointerId}) => pointerId !== event.pointerId);
       held.set(event.pointerId, event);
       if (other) {
-        const apart = (one) => 1 + Math.hypot(one.clientX - other.clientX, one.clientY - other.clientY);
+        const apart = ({clientX, clientY}) => 1 + Math.hypot(clientX - other.clientX, clientY - other.clientY);
         this.enlarge(apart(event) / apart(before));
         this.shift(right / 2, down / 2);
       } else if (event.shiftKey) this.shift(right, down);
@@ -653,19 +645,19 @@ class HandViewer {
 }
 
 async function start(root) {
-  const live = root.querySelector("form");
+  const live = root.querySelector("form"), still = (error) => wording("still", {error});
   try {
     const header = JSON.parse(root.querySelector("script[type='application/json']").textContent);
-    const blocks = await unpack(header);
-    live.hidden = false;
-    root.viewer = new HandViewer(root, header, blocks);
-    root.classList.add("moving");
-    root.dispatchEvent(new Event("viewerready", {bubbles: true}));
+    const viewer = root.viewer = new HandViewer(root, header, await unpack(header)), moves = !!viewer.painter;
+    live.hidden = !moves;
+    root.classList.toggle("moving", moves);
+    if (!moves) root.querySelector(".viewer-lacking").textContent = still(wording("no_webgl"));
+    viewer.send("viewerloaded");
+    if (moves) viewer.send("viewerready");
   } catch (error) {
     live.hidden = true;
-    root.querySelector(".viewer-lacking").textContent = wording("still", {error: error.message});
+    root.querySelector(".viewer-lacking").textContent = still(error.message);
   }
 }
 
 document.querySelectorAll("[data-hand-viewer]").forEach(start);
-})();

@@ -12,8 +12,7 @@ from shukotsu.schemas.study import read_study
 from shukotsu.stages.report.belief import NOT
 from shukotsu.stages.report.methods_text import methods_text
 from shukotsu.stages.report.movement_results import RANGE, Movement, read_movement
-from shukotsu.stages.report.print_figures.drawing import NoDataError
-from shukotsu.stages.report.print_figures.movement import ranges_of_motion
+from shukotsu.stages.report.print_figures.study_figures import NoDataError, ranges_of_motion
 from shukotsu.stages.report.study_results import StudyResults, read_results
 
 SUBJECTS = tuple(f"P{index}" for index in range(6))

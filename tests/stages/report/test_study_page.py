@@ -169,7 +169,7 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
 def test_a_picture_that_fails_is_a_problem_of_the_page(
     fitted: StudyResults, file: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("shukotsu.stages.report.plots.page_pictures.page_figure", lambda _: {}["x"])
+    monkeypatch.setattr("shukotsu.stages.report.plots.panels.page_figure", lambda _: {}["x"])
     page = render_study(replace(fitted, problems=[*fitted.problems]), file)
     assert "Not drawn: internal error in report" in page
     assert "KeyError" in page.partition('id="problems"')[2].partition("</section>")[0]

@@ -12,8 +12,7 @@ from report_samples.made_study import HOSTILE
 from shukotsu.stages.report.belief import BELIEVED, CARE, NOT
 from shukotsu.stages.report.hand_motion import BoneLine, HandMotion, ShownSkeleton
 from shukotsu.stages.report.plots.hand import hand_panel
-from shukotsu.stages.report.plots.page_pictures import page_picture
-from shukotsu.stages.report.plots.panels import page_figure
+from shukotsu.stages.report.plots.panels import page_figure, page_picture
 
 POINTS = ("ring_mcp", "ring_dip", "ring_tip", "little_mcp", "little_dip", "little_tip")
 PLACES = np.array([[0.0, 20, 0], [2, 60, 0], [4, 90, 0], [20, 20, 0], [12, 60, 0], [6, 90, 0]])

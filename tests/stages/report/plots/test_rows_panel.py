@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,15 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shukotsu.stages.report.palette import MODELS, Look
-from shukotsu.stages.report.plots import page_pictures
-from shukotsu.stages.report.plots.page_pictures import page_picture, taken_failures
-from shukotsu.stages.report.plots.panels import Panel
-from shukotsu.stages.report.plots.rows import (
-    Group,
+from shukotsu.stages.report.plots import panels
+from shukotsu.stages.report.plots.panels import (
+    Panel,
     Row,
     Scale,
+    draw_rows,
     locator,
-    rows_panel,
+    page_picture,
+    taken_failures,
     value_scale,
 )
 
@@ -33,7 +34,8 @@ def places(picture: str) -> np.ndarray:
 
 
 def panel(scale: Scale, *rows: Row, n: int) -> Panel:
-    return rows_panel("", "Thumb <1>", "mm", scale, [Group("", rows)], of_all=n)
+    draw = partial(draw_rows, rows=rows, axis="mm", scale=scale, of_all=n)
+    return Panel("", "Thumb <1>", 3.6 * (len(rows) + 1), 9.0, draw)
 
 
 @given(NUMBERS)
@@ -94,7 +96,7 @@ def test_rounding_errors_stretch_no_scale() -> None:
 
 
 def test_a_picture_that_fails_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page_pictures, "page_figure", lambda _: {}["<no>"])
+    monkeypatch.setattr(panels, "page_figure", lambda _: {}["<no>"])
     picture = page_picture(panel(Scale(0.0, 1.0), Row("a", LOOK, {"a": 1.0}), n=1))
     assert picture.startswith("<p>Not drawn: internal error in report (Thumb &lt;1&gt;: KeyError")
     assert len(taken_failures()) == 1

@@ -10,8 +10,7 @@ from report_samples.compared import compared
 from report_samples.made_study import FITTED_MODELS, make_study
 
 from shukotsu.schemas.study import read_study
-from shukotsu.stages.report.print_figures.drawing import Drawing
-from shukotsu.stages.report.print_figures.study_figures import of_study
+from shukotsu.stages.report.print_figures.study_figures import Drawing, of_study
 from shukotsu.stages.report.study_results import Row, StudyResults, read_results
 
 SUBJECTS = tuple(f"S{index}" for index in range(8))

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 import warnings
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -18,11 +19,10 @@ from shukotsu.schemas.results import FIGURE_KINDS, STUDY_FIGURES, Results
 from shukotsu.schemas.study import read_study
 from shukotsu.stages import command_line
 from shukotsu.stages.report.palette import Look
-from shukotsu.stages.report.plots.panels import print_figure
-from shukotsu.stages.report.plots.rows import Group, Row, Scale, rows_panel
+from shukotsu.stages.report.plots.panels import Panel, Row, Scale, draw_rows, print_figure
 from shukotsu.stages.report.plots.style import label
 from shukotsu.stages.report.print_figures.__main__ import build_parser, draw, record_failure
-from shukotsu.stages.report.print_figures.drawing import Drawing, drawn, not_drawn, save
+from shukotsu.stages.report.print_figures.study_figures import Drawing, drawn, not_drawn, save
 
 REPOSITORY = Path(__file__).resolve().parents[4]
 NAMES = sorted(f"{name}.{kind}" for name in STUDY_FIGURES for kind in FIGURE_KINDS)
@@ -104,8 +104,8 @@ def test_text_stays_text_and_the_page_has_the_columns_width(
 @pytest.mark.parametrize("name", ["山田", "$x_1$", r"\frac{1}", "<&>\"'", "a\tb\x07", "𝒳🖐", "é–Ω"])
 def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path, name: str) -> None:
     def named() -> tuple[Figure, str]:
-        panel = rows_panel("", "", "mm", Scale(0.0, 1.0), [Group("", (Row(name, Look("black", "o")),))])
-        return print_figure([[panel]], figure_mm=60.0), name
+        draw = partial(draw_rows, rows=[Row(name, Look("black", "o"))], axis="mm", scale=Scale(0.0, 1.0))
+        return print_figure([[Panel("", "", 3.6, 9.0, draw)]], figure_mm=60.0), name
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")

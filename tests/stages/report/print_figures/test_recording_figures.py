@@ -10,8 +10,12 @@ from shukotsu.schemas.catalogue import JOINT_ANGLES, TIPS
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import read_table
 from shukotsu.stages.report.palette import MODELS
-from shukotsu.stages.report.print_figures.over_time import joint_angles, thin, tip_error
-from shukotsu.stages.report.print_figures.study_figures import find_recording
+from shukotsu.stages.report.print_figures.recording_figures import (
+    find_recording,
+    joint_angles,
+    thin,
+    tip_error,
+)
 from shukotsu.stages.report.study_results import StudyResults
 
 

@@ -13,11 +13,15 @@ from shukotsu.schemas.results import STUDY_FIGURES
 from shukotsu.stages.report.judged_models import REPLAY, judged_models
 from shukotsu.stages.report.palette import PAPER
 from shukotsu.stages.report.plots.panels import page_figure
-from shukotsu.stages.report.print_figures.drawing import Drawing, NoDataError
-from shukotsu.stages.report.print_figures.joints import joint_errors, joint_trust
-from shukotsu.stages.report.print_figures.lengths import lengths_panel
-from shukotsu.stages.report.print_figures.models import models
-from shukotsu.stages.report.print_figures.study_figures import of_study
+from shukotsu.stages.report.print_figures.study_figures import (
+    Drawing,
+    NoDataError,
+    joint_errors,
+    joint_trust,
+    lengths_panel,
+    models,
+    of_study,
+)
 from shukotsu.stages.report.study_results import StudyResults
 
 MODELS = ("paper-fig4", "whole-hand")

@@ -15,7 +15,7 @@ from playwright.sync_api import Browser, Locator
 from shukotsu.files.whole_files import write_text
 from shukotsu.schemas.catalogue import JOINT_ANGLES, TIPS
 from shukotsu.stages.report.recording_page.recording_content import recording_page
-from shukotsu.stages.report.viewer.packed_motion import ERROR_STEP_MM
+from shukotsu.stages.report.viewer import ERROR_STEP_MM
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from report_samples.unpacked_motion import unpacked
 
 from shukotsu.skeleton.rotations import matrix
-from shukotsu.stages.report.viewer.packed_motion import (
+from shukotsu.stages.report.viewer import (
     ERROR_STEP_MM,
     FARTHEST_MM,
     POSITION_STEP_MM,

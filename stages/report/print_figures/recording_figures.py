@@ -1,8 +1,8 @@
-"""One recording's tip errors and joint angles over time."""
+"""A recording's figures: its tip errors and joint angles over time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from typing import NamedTuple
@@ -14,14 +14,13 @@ from matplotlib.lines import Line2D
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.poses import pose_blocks
-from shukotsu.schemas.study import Recording
+from shukotsu.schemas.study import Recording, path_token
 from shukotsu.sentences.translation import N_, tr, word
 from shukotsu.stages.report.hand_motion import view_base
 from shukotsu.stages.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
-from shukotsu.stages.report.plots.panels import Panel, in_rows, print_figure
-from shukotsu.stages.report.plots.rows import PLAIN, locator, value_scale
+from shukotsu.stages.report.plots.panels import PLAIN, Panel, in_rows, locator, print_figure, value_scale
 from shukotsu.stages.report.plots.style import SMALL_PT
-from shukotsu.stages.report.print_figures.drawing import NoDataError, count_range, recording_text
+from shukotsu.stages.report.print_figures.study_figures import Drawing, NoDataError, count_range, drawn
 from shukotsu.stages.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
 from shukotsu.stages.report.score_tables import mean
 from shukotsu.stages.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
@@ -34,6 +33,47 @@ _GAP_STEPS = 1.9
 _LINES = ((N_("Flexion"), INK), (N_("Abduction or deviation"), HUES["sky"][0]),
           (N_("Axial rotation"), HUES["vermilion"][0]))  # fmt: skip
 """Name and colour of each of ANGLES."""
+
+
+def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
+    """Draw a recording's figures: tip-error, and joint-angles of every fitted model."""
+    yield drawn("tip-error", partial(tip_error, results, recording))
+    for model in results.fitted:
+        name = f"joint-angles_{path_token(model)}"
+        yield drawn(name, partial(joint_angles, results, recording, model))
+    if not results.fitted:
+        yield drawn("joint-angles", _no_angles)
+
+
+def _no_angles() -> tuple[Figure, str]:
+    raise NoDataError(tr("joint angles need a model that fits the whole hand, and this study has none"))
+
+
+def find_recording(results: StudyResults, subject: str, hand: str, name: str) -> Recording:
+    """Return the recording of that subject and hand whose task (with `_` and the trial) is `name`.
+
+    Raises InputError that says which there are.
+    """
+    of_hand = [
+        recording
+        for recording in results.recordings
+        if recording.hand.hand == hand and subject in (recording.hand.who.label, recording.hand.who.token)
+    ]
+    for recording in of_hand:
+        plain = recording.task + (f"_{recording.trial}" if recording.trial else "")
+        if name in (recording.name, plain):
+            return recording
+    if of_hand:
+        choices = tr("this hand has ") + ", ".join(recording.name for recording in of_hand)
+    else:
+        choices = tr("hands are ") + ", ".join(f"{h.who.token} {h.hand}" for h in results.hands[:12])
+    raise InputError(f"--recording {subject} {hand} {name}: no such recording; {choices}")
+
+
+def recording_text(recording: Recording) -> str:
+    """Format the recording in words: hand, task and trial."""
+    trial = tr(", trial {trial}", trial=recording.trial) if recording.trial else ""
+    return tr("{hand}, {task}{trial}", hand=recording.hand, task=recording.task, trial=trial)
 
 
 class Trace(NamedTuple):
@@ -60,7 +100,7 @@ def thin(x: Array, values: Array, columns: int) -> Trace | None:
 
 
 def _times(results: StudyResults, recording: Recording) -> tuple[Array, str]:
-    """Times of the frames in s, or their numbers where there are no device times, and the axis's words."""
+    """Return times of frames in s, or their numbers where there are no device times, and the axis label."""
     base = view_base(results.layouts[recording.hand])
     blocks = [(poses.frame, poses.time_s) for poses in pose_blocks(results.poses(recording), [base])]
     frame, time_s = map(np.concatenate, zip(*blocks, strict=True))
@@ -70,8 +110,19 @@ def _times(results: StudyResults, recording: Recording) -> tuple[Array, str]:
 
 
 def _columns_for(n_lines: int) -> int:
-    """Columns that each of so many lines may take, so that the file stays small."""
+    """Return how many columns each of so many lines may take, so that the file stays small."""
     return max(90, min(420, 5500 // max(1, n_lines)))
+
+
+def _time_axes(axes: Axes, x: Array, time_words: str) -> None:
+    """Put the recording's span on the horizontal axis, with numbers if it has words."""
+    pad = 0.01 * (x[-1] - x[0]) or 1.0
+    axes.set(xlim=(x[0] - pad, x[-1] + pad), xlabel=time_words)
+    axes.xaxis.set_major_formatter(PLAIN)
+    axes.yaxis.set_major_formatter(PLAIN)
+    axes.tick_params(labelbottom=bool(time_words), which="both")
+    axes.minorticks_off()
+    axes.grid(axis="y", clip_on=False)
 
 
 def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]:
@@ -90,58 +141,42 @@ def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]
     looks = model_looks(list(results.models))
 
     def draw(axes: Axes, digit: str) -> None:
-        """A line a model at the largest errors of each column, a shade down to the smallest."""
+        """Draw a line a model at the largest errors of each column, a shade down to the smallest."""
         axes.set(yscale=scale.kind, ylim=(scale.low, scale.high), ylabel=tr("Tip error [mm]"))
         axes.yaxis.set_major_locator(locator(scale))
         _time_axes(axes, x, time_words if digit == digits[-1] else "")
         models = [model for model, of_digit in traces if of_digit == digit]
-        for place, model in enumerate(models):
+        for index, model in enumerate(models):
             at, low, high = traces[model, digit]
             step, look = max(1, len(at) // _MARKS), looks[model]
             axes.fill_between(at, low, high, color=look.colour, alpha=0.12, linewidth=0)
             axes.plot(
                 at, high, color=look.colour, linewidth=0.6, marker=look.marker, markersize=3.0,
-                markevery=(step * place // len(models), step), markeredgecolor=PAPER, markeredgewidth=0.3,
+                markevery=(step * index // len(models), step), markeredgecolor=PAPER, markeredgewidth=0.3,
             )  # fmt: skip
         if not models:
             words = tr("no tip error")
             axes.text(0.02, 0.5, words, transform=axes.transAxes, va="center", fontsize=SMALL_PT, color=SOFT)
 
-    panels = [
-        Panel(title(digit), title(digit), _STRIP_MM, _FOOT_MM if digit == digits[-1] else 1.0,
-              partial(draw, digit=digit))
-        for digit in digits
-    ]  # fmt: skip
+    panels = []
+    for digit in digits:
+        foot_mm = _FOOT_MM if digit == digits[-1] else 1.0
+        panels.append(Panel(title(digit), title(digit), _STRIP_MM, foot_mm, partial(draw, digit=digit)))
     models = [name for name in results.models if any(model == name for model, _ in traces)]
     handles = [
         Line2D([], [], color=looks[name].colour, marker=looks[name].marker, label=name) for name in models
     ]
-    return print_figure(in_rows(panels, 1), handles), _error_caption(results, recording, models)
-
-
-def _time_axes(axes: Axes, x: Array, time_words: str) -> None:
-    """Put the recording's span on the horizontal axis, with numbers if it has words."""
-    pad = 0.01 * (x[-1] - x[0]) or 1.0
-    axes.set(xlim=(x[0] - pad, x[-1] + pad), xlabel=time_words)
-    axes.xaxis.set_major_formatter(PLAIN)
-    axes.yaxis.set_major_formatter(PLAIN)
-    axes.tick_params(labelbottom=bool(time_words), which="both")
-    axes.minorticks_off()
-    axes.grid(axis="y", clip_on=False)
-
-
-def _error_caption(results: StudyResults, recording: Recording, models: Sequence[str]) -> str:
     rows = [
         row
         for row in results.tip_errors
         if (row["binding"], row_key(row)) == (LEAST_SQUARES, recording_key(recording))
         and row["mean_mm"] is not None
     ]
-    means = (
+    means = [
         f"{model} {number(mean(row['mean_mm'] for row in rows if row['model'] == model))} mm"
         for model in models
-    )
-    return tr(
+    ]
+    return print_figure(in_rows(panels, 1), handles), tr(
         "Tip error over time of {recording_text}: distance from the replayed fingertip to the distal "
         "receiver, least-squares binding [mm]; n = {n} frames a digit. Line: the largest value of every "
         "stretch of time that print can resolve; shade: down to the smallest; broken where frames are "
@@ -162,9 +197,9 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
     traces = _angle_traces(x, read)
     if not traces:
         raise NoDataError(tr("{model} has no joint angles of this recording", model=model))
-    lows, highs = zip(*((np.nanmin(own.low), np.nanmax(own.high)) for of in traces.values() for own in of),
-                      strict=True)  # fmt: skip
-    pad = 0.06 * (max(highs) - min(lows)) or 1.0
+    every = [trace for of_joint in traces.values() for trace in of_joint]
+    low, high = min(np.nanmin(trace.low) for trace in every), max(np.nanmax(trace.high) for trace in every)
+    pad = 0.06 * (high - low) or 1.0
     layout = results.layouts[recording.hand]
     children = {name: joint.child for name, joint in layout.joints.items()}
     of_digits = [
@@ -175,21 +210,23 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
     lines = [line for line in (*of_digits, others) if line]
 
     def draw(axes: Axes, joint: str, first: bool, last: bool) -> None:
-        axes.set(ylim=(min(lows) - pad, max(highs) + pad), ylabel=tr("Angle [deg]") if first else "")
+        axes.set(ylim=(low - pad, high + pad), ylabel=tr("Angle [deg]") if first else "")
         _time_axes(axes, x, time_words if last else "")
         axes.axhline(0.0, color=RULE, linewidth=0.8)
-        for (_, colour), (at, low, high) in zip(_LINES, traces[joint], strict=True):
-            axes.fill_between(at, low, high, color=colour, alpha=0.3, linewidth=0)
-            axes.plot(at, high, color=colour, linewidth=0.7)
+        for (_, colour), trace in zip(_LINES, traces[joint], strict=True):
+            axes.fill_between(trace.x, trace.low, trace.high, color=colour, alpha=0.3, linewidth=0)
+            axes.plot(trace.x, trace.high, color=colour, linewidth=0.7)
 
-    rows = [
-        [
-            Panel(word(joint), word(joint), _ANGLE_MM, _FOOT_MM if line is lines[-1] else 1.0,
-                  partial(draw, joint=joint, first=joint == line[0], last=line is lines[-1]))
-            for joint in line
-        ]
-        for line in lines
-    ]  # fmt: skip
+    rows = []
+    for line in lines:
+        last = line is lines[-1]
+        rows.append(
+            [
+                Panel(word(joint), word(joint), _ANGLE_MM, _FOOT_MM if last else 1.0,
+                      partial(draw, joint=joint, first=joint == line[0], last=last))
+                for joint in line
+            ]
+        )  # fmt: skip
     handles = [Line2D([], [], color=colour, label=tr(name)) for name, colour in _LINES]
     return print_figure(rows, handles), tr(
         "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint coordinate system of "
@@ -203,11 +240,10 @@ def joint_angles(results: StudyResults, recording: Recording, model: str) -> tup
 
 
 def _angle_traces(x: Array, read: Mapping[str, Callable[[], Array]]) -> dict[str, list[Trace]]:
-    """The three traces of each joint that has an angle."""
+    """Return the three traces of each joint that has an angle."""
     columns, traces = _columns_for(len(read) * len(ANGLES)), {}
     for joint, angles in read.items():
-        thinned = [thin(x, values, columns) for values in angles().T]
-        kept = [trace for trace in thinned if trace is not None]
-        if len(kept) == len(ANGLES):
-            traces[joint] = kept
+        thinned = [trace for values in angles().T if (trace := thin(x, values, columns)) is not None]
+        if len(thinned) == len(ANGLES):
+            traces[joint] = thinned
     return traces
