@@ -1,4 +1,4 @@
-"""A C3D file has every joint and pose where the motion has it, for readers that are not ours and for ours."""
+"""A C3D file has every joint and pose where the motion has it, for readers that are not ours."""
 
 from __future__ import annotations
 
@@ -10,15 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from export_samples.known_hands import FITTED, KnownHand
 from export_samples.moving_fingers import blanked, moving_fingers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shukotsu.__main__ import main as capture
 from shukotsu.errors import InputError
-from shukotsu.schemas.poses import read_poses
 from shukotsu.skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply
 from shukotsu.stages.export.c3d_file import write
 from shukotsu.stages.export.motion import SkeletonMotion, with_seen_receivers
@@ -89,34 +86,6 @@ def test_another_reader_has_the_same_points(
         np.testing.assert_array_equal(found["points"][..., 3], np.where(seen, 0, -1))
         np.testing.assert_allclose(found["points"][..., :3][seen], expected[seen], rtol=0, atol=NEAR_MM)
         assert np.diff(found["frame"]).tolist() == [1] * (len(motion.frame) - 1)
-
-
-@pytest.mark.parametrize("kind", ["markers", "rotation"])
-def test_our_import_gives_the_poses_back(known: KnownHand, tmp_path: Path, kind: str) -> None:
-    """By a mapping file, from the receivers' points or from their rotations."""
-    motion, _ = with_seen_receivers(known.motion(FITTED))
-    motion = replace(motion, frame=motion.frame + 5)
-    write(motion, tmp_path / "a.c3d")
-
-    def receiver(segment: str) -> dict[str, Any]:
-        name = f"{segment}_receiver"
-        return {"markers": [name, f"{name}_x", f"{name}_y"]} if kind == "markers" else {"rotation": name}
-
-    segments = motion.receivers.segments
-    mapping = {"format": "c3d", "position_unit": "mm", "receivers": {s: receiver(s) for s in segments}}
-    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump(mapping))
-    words = ["import", "--in", str(tmp_path / "a.c3d"), "--mapping", str(tmp_path / "mapping.yaml")]
-    words += ["--layout", "liberty16", "--subject", "01", "--hand", known.recording.hand.hand]
-    assert capture([*words, "--task", "opposition", "--out", str(tmp_path / "poses.parquet")]) == 0
-    again = read_poses(tmp_path / "poses.parquet", segments)
-    np.testing.assert_array_equal(again.frame, motion.frame)
-    np.testing.assert_allclose(again.time_s, motion.time_s - motion.time_s[0], atol=1e-6)
-    np.testing.assert_array_equal(again.valid, motion.receivers.valid)
-    valid = again.valid
-    off_mm = again.position_mm[valid] - motion.receivers.position_mm[valid]
-    assert np.abs(off_mm).max() < NEAR_MM
-    off = angle(multiply(conjugate(again.quaternion[valid]), motion.receivers.quaternion[valid]))
-    assert np.degrees(off).max() < NEAR_DEG
 
 
 @settings(max_examples=12)

@@ -164,20 +164,6 @@ def test_the_skeleton_comes_back(known: KnownHand, tmp_path: Path, model: str) -
     assert set(channels["reference_frame"]) == {"n/a", *frames}
 
 
-def test_the_receivers_come_back(tmp_path: Path) -> None:
-    """To a billionth of a millimetre, frames and times to the last bit."""
-    motion = with_gaps(moving_fingers(12))
-    add(motion, tmp_path)
-    numbers, _ = table(receivers_path(tmp_path, motion))
-    np.testing.assert_array_equal(numbers["frame"], motion.frame)
-    np.testing.assert_array_equal(numbers["time"], motion.time_s)
-    for index, segment in enumerate(motion.receivers.segments):
-        place = numbers[[f"{segment}_pos_{axis}" for axis in "xyz"]].to_numpy() * 1000
-        np.testing.assert_allclose(place, motion.receivers.position_mm[:, index], rtol=0, atol=1e-9)
-        turn = numbers[[f"{segment}_quat_{part}" for part in "wxyz"]].to_numpy()
-        np.testing.assert_allclose(turn, motion.receivers.quaternion[:, index], rtol=0, atol=1e-12)
-
-
 def test_gaps_are_n_a_in_every_file(tmp_path: Path) -> None:
     motion = with_gaps(moving_fingers(9))
     time_s = motion.time_s.copy()
