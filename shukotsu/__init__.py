@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 from shukotsu.schemas import VERSION
 
 if TYPE_CHECKING:
-    from shukotsu.posed_hand import PosedHand, bend
-    from shukotsu.read_results import pose, read
+    from shukotsu.read_results import bend, pose, read
+    from shukotsu.skeleton.posing import PosedRecording
 
 __version__ = VERSION
 
-__all__ = ["PosedHand", "bend", "pose", "read"]
+__all__ = ["PosedRecording", "bend", "pose", "read"]
 
 _HOME = {
-    "PosedHand": "posed_hand",
-    "bend": "posed_hand",
+    "PosedRecording": "skeleton.posing",
+    "bend": "read_results",
     "pose": "read_results",
     "read": "read_results",
 }

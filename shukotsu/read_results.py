@@ -1,26 +1,34 @@
-"""Results as notebooks want them: a table as a DataFrame, a recording as a hand that moves."""
+"""Results as notebooks want them: a table as a DataFrame, a recording as a hand that moves, also at joint
+angles that somebody names.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.anatomy.neutral_bones import angle_axes, neutral_rotations, to_nail_side, zeros_facing
+from shukotsu.anatomy.neutral_bones import angle_axes, at_rest
 from shukotsu.errors import InputError, TableError, guess, listed
-from shukotsu.posed_hand import PosedHand
 from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.poses import Poses
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import read_metadata, read_table
-from shukotsu.skeleton.posed_recording import posed_recording
-from shukotsu.skeleton.rotations import multiply
+from shukotsu.skeleton.joint_angles import joint_rotation
+from shukotsu.skeleton.posed_recording import recording_reader
+from shukotsu.skeleton.posing import PosedRecording
+from shukotsu.skeleton.rotations import Array, multiply, rotate
 
 if TYPE_CHECKING:
     import pandas as pd
+
+Angles = float | Sequence[float] | Array
+"""Angles of a joint, deg: flexion; or flexion, deviation, axial rotation (3,); or these over time (T, 3)."""
 
 
 def read(path: str | Path) -> pd.DataFrame:
@@ -66,7 +74,7 @@ def pose(
     model: str = "whole-hand",
     trial: str = "",
     session: str = "",
-) -> PosedHand:
+) -> PosedRecording:
     """Pose a hand's bones in one of its recordings, as a study's results have them under a model.
 
     results : the study's folder, such as results/demo; it may have been moved. hand : right or left.
@@ -77,43 +85,68 @@ def pose(
     recording = _recording(plan, hand, task, trial)
     if model not in plan.models:
         raise InputError(f"model {model!r} is not in study {plan.study}; {guess(model, list(plan.models))}")
-    posed = posed_recording(plan, recording, model)
-    poses = posed.poses()
-    bones = posed.bones(poses)
-    facing = to_nail_side(posed.layout, hand, bones.joints, bones.quaternion)
-    for index, change in facing.items():
-        bones.quaternion[:, index] = multiply(bones.quaternion[:, index], change)
-    offset, rest = bones.constant_part()
-    joints = zeros_facing(bones.joints, facing, hand)
-    neutral = neutral_rotations(posed.layout, hand, joints)
-    return PosedHand(
-        hand=hand,
-        joints=bones.names,
-        digits=tuple(joint.digit for joint in bones.joints),
-        parents=bones.parents,
-        frame=poses.frame,
-        time_s=poses.time_s,
-        position_mm=bones.position_mm,
-        quaternion=bones.quaternion,
-        offset_mm=offset,
-        rest=np.where(np.isfinite(neutral), neutral, rest),
-        axes=np.stack([angle_axes(joint, hand) for joint in joints]),
-    )
+    reader = recording_reader(plan, recording, model)
+    return at_rest(reader.layout, reader.bones(reader.poses()))
+
+
+def bend(posed: PosedRecording, angles_deg: Mapping[str, Angles]) -> PosedRecording:
+    """Return the same hand at joint angles (docs/joint-angles.md), in the frame of the hand's own bone.
+
+    angles_deg : by joint: flexion alone, or flexion, deviation and axial rotation, or these over time (T, 3);
+    a joint that is not named has all angles zero. Bones keep their lengths, and each digit starts where
+    it starts in the recording on average. Frames are counted from 0; time_s is NaN.
+    Raises InputError where a joint is not of the hand or two series differ in length.
+    """
+    turns = {posed.index(joint): _series(joint, angles) for joint, angles in angles_deg.items()}
+    counts = {len(turn) for turn in turns.values()} - {1}
+    if len(counts) > 1:
+        raise InputError(
+            f"angles over {' and '.join(map(str, sorted(counts)))} frames; expected as many in all"
+        )
+    count = max(counts, default=1)
+    position = np.zeros((count, len(posed.joints), 3))
+    quaternion = np.tile([1.0, 0.0, 0.0, 0.0], (count, len(posed.joints), 1))
+    neutral = np.where(np.isfinite(posed.neutral), posed.neutral, posed.rest)
+    for index, (joint, parent) in enumerate(zip(posed.joints, posed.parents, strict=True)):
+        if parent < 0:
+            continue
+        turn = neutral[index]
+        if index in turns:
+            turn = joint_rotation(turns[index], posed.hand, turn, angle_axes(joint, posed.hand))
+        quaternion[:, index] = multiply(quaternion[:, parent], turn)
+        position[:, index] = position[:, parent] + rotate(quaternion[:, parent], posed.rest_offset_mm[index])
+    nothing = np.empty((count, 0, 3)), np.empty((count, 0, 4)), np.empty((count, 0), bool)
+    receivers = Poses((), np.arange(count), np.full(count, np.nan), *nothing)
+    return replace(posed, receivers=receivers, position_mm=position, quaternion=quaternion)
+
+
+def _series(joint: str, angles_deg: Angles) -> Array:
+    """Return angles (T, 3) of what a caller passes for a joint."""
+    angles = np.asarray(angles_deg, float)
+    if angles.ndim == 0:
+        return np.array([[float(angles), 0.0, 0.0]])
+    if angles.ndim > 2 or angles.shape[-1] != 3:
+        raise InputError(
+            f"{joint}: angles of shape {angles.shape}; expected flexion alone, three angles, or (frames, 3)"
+        )
+    return angles.reshape(-1, 3)
 
 
 def _plan_in_place(path: Path) -> SubjectPlan:
-    """A subject's plan with its paths where the results are now, whatever folder Python runs in."""
+    """Return a subject's plan with its paths where the results are now, whatever folder Python runs in."""
     plan, folder = read_plan(path, checked=False), path.parent
-    files = {own: folder / file.relative_to(plan.folder) for own, file in plan.poses_files.items()}
+    files = {
+        recording: folder / file.relative_to(plan.folder) for recording, file in plan.poses_files.items()
+    }
     return replace(plan, folder=folder, poses_files=files).with_findings()
 
 
 def _recording(plan: SubjectPlan, hand: str, task: str, trial: str) -> Recording:
-    for own in plan.recordings:
-        if (own.hand.hand, own.task, own.trial) == (hand, task, trial):
-            if own.exclude:
-                raise InputError(f"{own.name}: is excluded ({own.exclude})")
-            return own
-    there = [" ".join(filter(None, (own.hand.hand, own.task, own.trial))) for own in plan.recordings]
+    names = {(each.hand.hand, each.task, each.trial): each for each in plan.recordings}
+    if recording := names.get((hand, task, trial)):
+        if recording.exclude:
+            raise InputError(f"{recording.name}: is excluded ({recording.exclude})")
+        return recording
+    there = [" ".join(filter(None, name)) for name in names]
     wanted = " ".join(filter(None, (hand, task, trial)))
     raise InputError(f"subject {plan.subject} has no recording {wanted}; expected one of {listed(there)}")

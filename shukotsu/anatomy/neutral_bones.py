@@ -16,8 +16,16 @@ from shukotsu.anatomy.average_hand import DIGITS
 from shukotsu.anatomy.known_digits import known_digits, rest_rotations
 from shukotsu.schemas.layout import Layout
 from shukotsu.skeleton.joint_angles import joint_angles, joint_rotation, mirrored
-from shukotsu.skeleton.posing import PosedBones, SkeletonJoint
-from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, matrix, multiply
+from shukotsu.skeleton.posing import PosedRecording, SkeletonJoint
+from shukotsu.skeleton.rotations import (
+    Array,
+    conjugate,
+    from_matrix,
+    matrix,
+    mean_rotation,
+    multiply,
+    rotate,
+)
 from shukotsu.skeleton.thumb_facing import faces_nail
 
 
@@ -40,7 +48,7 @@ def to_nail_side(
 
 
 def bone_angles_deg(
-    layout: Layout, hand: str, bones: PosedBones, facing: Mapping[int, Array]
+    layout: Layout, hand: str, bones: PosedRecording, facing: Mapping[int, Array]
 ) -> dict[str, Array]:
     """Flexion, deviation and axial rotation (T, 3) of known joints; facing : as of `to_nail_side`."""
     rests = neutral_rotations(layout, hand, bones.joints)
@@ -55,6 +63,42 @@ def bone_angles_deg(
         for index, joint in enumerate(bones.joints)
         if not joint.tip and joint.parent >= 0 and np.isfinite(rests[index]).all()
     }
+
+
+def at_rest(layout: Layout, bones: PosedRecording) -> PosedRecording:
+    """Return the bones with what is constant of them, a thumb's metacarpal facing its nail's side.
+
+    Rotations are means over time; so are offsets where bone lengths do not wholly say them, NaN without a
+    frame. The root's are zero and no turn.
+    """
+    hand, quaternion, axis = bones.hand, bones.quaternion.copy(), bones.axis.copy()
+    facing = to_nail_side(layout, hand, bones.joints, quaternion)
+    for index, change in facing.items():
+        quaternion[:, index] = multiply(quaternion[:, index], change)
+        axis[index] = rotate(conjugate(change), axis[index])
+    offset_mm = bones.rest_offset_mm.copy()
+    rest = np.tile([1.0, 0.0, 0.0, 0.0], (len(bones.joints), 1))
+    for index, joint in enumerate(bones.joints):
+        if joint.parent < 0:
+            continue
+        back = conjugate(quaternion[:, joint.parent])
+        turn = multiply(back, quaternion[:, index])
+        rest[index] = mean_rotation(turn[np.isfinite(turn).all(-1)])
+        if np.isnan(offset_mm[index]).any():
+            moved_mm = rotate(back, bones.position_mm[:, index] - bones.position_mm[:, joint.parent])
+            moved_mm = moved_mm[np.isfinite(moved_mm).all(-1)]
+            offset_mm[index] = moved_mm.mean(0) if len(moved_mm) else np.nan
+    joints = zeros_facing(bones.joints, facing, hand)
+    neutral = neutral_rotations(layout, hand, joints)
+    return replace(
+        bones,
+        joints=joints,
+        quaternion=quaternion,
+        rest_offset_mm=offset_mm,
+        axis=axis,
+        rest=rest,
+        neutral=neutral,
+    )
 
 
 def zeros_facing(

@@ -12,8 +12,8 @@ from shukotsu.errors import joined
 from shukotsu.schemas.catalogue import JOINT_ANGLES, POSED_TIPS
 from shukotsu.schemas.layout import Digit
 from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, Index, PosedRecording
-from shukotsu.skeleton.posing import PosedBones
+from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, RecordingReader
+from shukotsu.skeleton.posing import Index, PosedRecording
 from shukotsu.skeleton.rotations import Array, conjugate, rotate
 
 ANGLES = ("flexion", "abduction", "rotation")
@@ -63,7 +63,7 @@ class RecordedMovement:
     : (T, 7, 1) by segment, the poses, mm then quaternion, of what fingertips are placed in.
     """
 
-    posed: PosedRecording
+    reader: RecordingReader
     frame: Index
     time_s: Array
     fingertips: Mapping[str, FingertipPath]
@@ -73,11 +73,13 @@ class RecordedMovement:
 
     def joints(self) -> Iterator[AngleSeries]:
         """Read the angles of each joint in turn; of a fitted hand from its table, else from its bones."""
-        for digit, joint in ((own, name) for own in self.posed.layout.digits.values() for name in own.joints):
-            columns = self._of_table(joint) if self.posed.is_fitted else self._angles_deg.get(joint)
+        digits = self.reader.layout.digits.values()
+        pairs = [(digit, joint) for digit in digits for joint in digit.joints]
+        for digit, joint in pairs:
+            columns = self._of_table(joint) if self.reader.is_fitted else self._angles_deg.get(joint)
             if columns is None:
                 continue
-            status, each = _reliability(self.posed, digit, joint), columns.shape[1] // len(ANGLES)
+            status, each = _reliability(self.reader, digit, joint), columns.shape[1] // len(ANGLES)
             for index, angle in enumerate(ANGLES):
                 angle_deg = running_on(columns[:, index * each].astype(np.float64))[:, 0]
                 errors = columns[:, index * each + 1 : (index + 1) * each]
@@ -89,28 +91,28 @@ class RecordedMovement:
         columns = _columns(len(self.frame), len(names))
         for start in range(0, len(self.frame), BLOCK_FRAMES):
             rows = slice(start, start + BLOCK_FRAMES)
-            read = self.posed.numbers(JOINT_ANGLES, names, self.frame[rows], joint)
+            read = self.reader.numbers(JOINT_ANGLES, names, self.frame[rows], joint)
             if joint not in read:
                 return None
             columns[rows] = read[joint][..., None]
         return columns
 
 
-def _reliability(posed: PosedRecording, digit: Digit, joint: str) -> tuple[str, str]:
+def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str, str]:
     """Status of a joint's centre, and what is to be said of its angles for that and for the model."""
-    row = posed.skeleton.joints.get(joint)
+    row = reader.skeleton.joints.get(joint)
     status = "failed" if row is None else row["status"]
     reasons = ["the joint was not solved" if row is None else row["message"]]
     if status == "weak":
         reasons = ["its centre is not to be believed"]
-    if moved := posed.unbelieved("joints", joint):
+    if moved := reader.unbelieved("joints", joint):
         status, reasons = "failed" if status == "failed" else "weak", [*reasons, moved]
-    if not posed.is_fitted:
+    if not reader.is_fitted:
         reasons.append(
             "the model states no error of its angles, and how receivers sit on their bones is in them"
         )
-        still = posed.model.metacarpals.unmeasured in ("rest", "rigid")
-        if still and not posed.layout.segments[digit.segments[0]].measured and joint in digit.joints[:2]:
+        still = reader.model.metacarpals.unmeasured in ("rest", "rigid")
+        if still and not reader.layout.segments[digit.segments[0]].measured and joint in digit.joints[:2]:
             reasons.append(
                 "the model keeps the metacarpal still in the hand, so the CMC joint's motion is in the MCP "
                 "joint's angles"
@@ -118,43 +120,43 @@ def _reliability(posed: PosedRecording, digit: Digit, joint: str) -> tuple[str, 
     return status, joined(reasons)
 
 
-def unsolved(posed: PosedRecording) -> Mapping[str, str]:
+def unsolved(reader: RecordingReader) -> Mapping[str, str]:
     """Why each joint failed, where no joint of a digit was solved; else nothing."""
-    in_digits = {joint for digit in posed.layout.digits.values() for joint in digit.joints}
-    rows = {joint: row for joint, row in posed.skeleton.joints.items() if joint in in_digits}
+    in_digits = {joint for digit in reader.layout.digits.values() for joint in digit.joints}
+    rows = {joint: row for joint, row in reader.skeleton.joints.items() if joint in in_digits}
     solved = any(row["status"] != "failed" for row in rows.values())
     return {} if solved else {joint: row["message"] for joint, row in rows.items()}
 
 
-def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedMovement:
+def read_movement(reader: RecordingReader, *, with_tips: bool = True) -> RecordedMovement:
     """Pass over a recording. Raises InputError where a table cannot be read.
 
     with_tips : False of one that only calibrates, in which a fit says the angles and poses no bones.
     """
-    layout, hand = posed.layout, posed.part.hand
+    layout, hand = reader.layout, reader.part.hand
     facing: dict[int, Array] = {}
-    if not posed.is_fitted:
-        some = posed.bones(posed.poses(max(1, posed.n_frames // _FACING_FRAMES)))
+    if not reader.is_fitted:
+        some = reader.bones(reader.poses(max(1, reader.n_frames // _FACING_FRAMES)))
         facing = to_nail_side(layout, hand, some.joints, some.quaternion)
-    count, start = posed.n_frames, 0
+    count, start = reader.n_frames, 0
     frame, time_s = np.empty(count, np.int64), np.empty(count)
     angles: dict[str, Array] = {}
     tips: dict[str, Array] = {}
     bases: dict[str, Array] = {}
     left_out: Mapping[str, str] = {}
-    for poses in posed.pose_blocks():
+    for poses in reader.pose_blocks():
         rows = slice(start, start + len(poses.frame))
         frame[rows], time_s[rows], start = poses.frame, poses.time_s, rows.stop
-        if posed.is_fitted and not with_tips:
+        if reader.is_fitted and not with_tips:
             continue
-        bones = posed.bones(poses)
-        block_tips = _fingertips(posed, poses, bones)
+        bones = reader.bones(poses)
+        block_tips = _fingertips(reader, poses, bones)
         by_base = {layout.digits[name].base: layout.digits[name] for name in block_tips}
         block_bases = {
-            base: np.concatenate(_base(posed, digit, poses, bones), -1) for base, digit in by_base.items()
+            base: np.concatenate(_base(reader, digit, poses, bones), -1) for base, digit in by_base.items()
         }
         blocks = [(tips, block_tips), (bases, block_bases)]
-        if not posed.is_fitted:
+        if not reader.is_fitted:
             left_out = bones.left_out
             blocks.append((angles, bone_angles_deg(layout, hand, bones, facing)))
         for series, block in blocks:
@@ -167,24 +169,24 @@ def read_movement(posed: PosedRecording, *, with_tips: bool = True) -> RecordedM
         skin = any(np.isfinite(columns[:, column]).any() for column in range(8, columns.shape[1]))
         sd, first = (7, 8) if skin else (3, 4)
         place_mm, pointing, sd_mm = columns[:, first : first + 3], columns[:, :3], columns[:, sd : sd + 1]
-        paths[name] = FingertipPath(place_mm, pointing, sd_mm, skin, posed.unbelieved("digits", name))
+        paths[name] = FingertipPath(place_mm, pointing, sd_mm, skin, reader.unbelieved("digits", name))
     unposed = {joint: left_out[name] for name in left_out for joint in layout.digits[name].joints}
-    return RecordedMovement(posed, frame, time_s, paths, unposed, bases, angles)
+    return RecordedMovement(reader, frame, time_s, paths, unposed, bases, angles)
 
 
-def _fingertips(posed: PosedRecording, poses: Poses, bones: PosedBones) -> dict[str, Array]:
+def _fingertips(reader: RecordingReader, poses: Poses, bones: PosedRecording) -> dict[str, Array]:
     """Where receivers point, then sd_mm and place of each end in a block, (T, 7 or 11), by digit."""
     sd_mm: Mapping[str, Array] = {}
-    if posed.is_fitted:
-        sd_mm = posed.numbers(POSED_TIPS, ["tip_sd_mm", "skin_tip_sd_mm"], poses.frame)
+    if reader.is_fitted:
+        sd_mm = reader.numbers(POSED_TIPS, ["tip_sd_mm", "skin_tip_sd_mm"], poses.frame)
     unknown = np.full((len(poses.frame), 2), np.nan)
     found = {}
-    for name, digit in posed.layout.digits.items():
-        if f"{name}_tip" not in bones.names or (posed.is_fitted and name not in sd_mm):
+    for name, digit in reader.layout.digits.items():
+        if f"{name}_tip" not in bones.names or (reader.is_fitted and name not in sd_mm):
             continue
-        base_mm, turn = _base(posed, digit, poses, bones)
+        base_mm, turn = _base(reader, digit, poses, bones)
         back = conjugate(turn)
-        distal = np.array(posed.layout.segments[digit.tip].distal, float)
+        distal = np.array(reader.layout.segments[digit.tip].distal, float)
         columns = [rotate(back, rotate(_turn(poses, digit.tip), distal))]
         ends = [end for end in (f"{name}_tip", f"{name}_skin_tip") if end in bones.names]
         for end, own_sd in zip(ends, sd_mm.get(name, unknown).T, strict=False):
@@ -199,9 +201,9 @@ def _columns(count: int, width: int) -> Array:
     return np.full((width, count), np.nan, kind).T[..., None]
 
 
-def _base(posed: PosedRecording, digit: Digit, poses: Poses, bones: PosedBones) -> tuple[Array, Array]:
+def _base(reader: RecordingReader, digit: Digit, poses: Poses, bones: PosedRecording) -> tuple[Array, Array]:
     """Return the pose of a digit's base bone, (T, 3) and (T, 4): as fitted, else its receiver."""
-    if posed.is_fitted:
+    if reader.is_fitted:
         index = next(i for i, own in enumerate(bones.joints) if own.segment == digit.base)
         return bones.position_mm[:, index], bones.quaternion[:, index]
     return poses.position_mm[:, poses.index(digit.base)], _turn(poses, digit.base)

@@ -1,4 +1,4 @@
-"""One recording of a hand under a skeleton model, whichever, as the tables of its subject have it.
+"""The reader of a recording of a hand under a skeleton model, whichever, from the tables of its subject.
 
 All that shows, measures or exports a hand in motion reads it here: receivers and bones block by block, and
 the numbers of every table that has rows frame by frame (joint angles, tips, errors), at the frames asked for.
@@ -7,13 +7,10 @@ the numbers of every table that has rows frame by frame (joint angles, tips, err
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
-from functools import cached_property, partial
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-import numpy.typing as npt
 
 from shukotsu.errors import InputError, joined
 from shukotsu.schemas.catalogue import (
@@ -28,46 +25,24 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.parts import Part, open_parts, read_part
 from shukotsu.schemas.plan import SubjectPlan
-from shukotsu.schemas.poses import Poses, frame_count, pose_blocks, read_every
+from shukotsu.schemas.poses import Poses, RecordingName, frame_count, pose_blocks, read_every
 from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table, rows_of
-from shukotsu.skeleton.posing import BoneMotion, PosedBones, Skeleton, pose_bones
+from shukotsu.skeleton.posing import (
+    Index,
+    Origin,
+    PosedRecording,
+    Skeleton,
+    fitted_bones,
+    receiver_bones,
+)
 from shukotsu.skeleton.rotations import Array
-
-Index = npt.NDArray[np.int64]
 
 BLOCK_FRAMES = 1 << 14
 """Frames that are posed at a time."""
 
 QUATERNION = ("qw", "qx", "qy", "qz")
-
-
-@dataclass(frozen=True)
-class SkeletonTables:
-    """Files of the tables that a hand's skeleton and its motion under a model are in.
-
-    Those of a fit are there only where the model fits the whole hand.
-    """
-
-    joint_centres: Path
-    bone_lengths: Path
-    metacarpals: Path
-    tips: Path
-    bone_poses: Path
-    posed_tips: Path
-    joint_angles: Path
-    moved_receivers: Path
-
-    @classmethod
-    def in_folders(cls, subject: Path, fit: Path) -> SkeletonTables:
-        """Files of a subject's folder and of the folder of a fit in it."""
-        names = [field.name for field in fields(cls)]
-        return cls(**{own: (fit if own in FIT_TABLES else subject) / f"{own}.parquet" for own in names})
-
-    def path(self, table: Table) -> Path:
-        """The file of a table."""
-        return Path(getattr(self, table.name))
 
 
 def read_skeleton(
@@ -87,11 +62,12 @@ def read_skeleton(
 
 
 @dataclass(frozen=True)
-class PosedRecording:
+class RecordingReader:
     """A recording of a hand and where to read it under one model.
 
-    poses_file : the recording's poses table. part : whose rows of the tables. What it reads raises InputError
-    where a table is absent or its making failed, and where it has no row of the recording.
+    poses_file : the recording's poses table. part : whose rows of the tables. folder : of the subject's
+    tables; fit_folder : of those of the hand's fit under the model. What it reads raises InputError where a
+    table is absent or its making failed, and where it has no row of the recording.
     """
 
     recording: Recording
@@ -99,31 +75,36 @@ class PosedRecording:
     model: SkeletonModel
     part: Part
     poses_file: Path
-    tables: SkeletonTables
+    folder: Path
+    fit_folder: Path
+
+    def path(self, table: Table) -> Path:
+        """Return the file of a table; those of a fit are there only where the model fits the whole hand."""
+        return (self.fit_folder if table.name in FIT_TABLES else self.folder) / f"{table.name}.parquet"
 
     @property
     def is_fitted(self) -> bool:
-        """Return whether the model fits the whole hand, so that tables have its bones' poses."""
+        """Whether the model fits the whole hand, so that tables have its bones' poses."""
         return self.model.fitting is not None
 
     @cached_property
     def skeleton(self) -> Skeleton:
         """Joints and bones."""
-        tables = self.tables
-        return read_skeleton(tables.joint_centres, tables.bone_lengths, self.layout, self.model, self.part)
+        files = self.path(JOINT_CENTRES), self.path(BONE_LENGTHS)
+        return read_skeleton(*files, self.layout, self.model, self.part)
 
     @cached_property
     def moved(self) -> list[Mapping[str, Any]]:
         """Rows of moved_receivers of the recording: what sits elsewhere in it than in the calibration."""
         if not self.is_fitted:
             return []
-        rows = rows_of(read_part(self.tables.moved_receivers, MOVED_RECEIVERS, self.part))
+        rows = rows_of(read_part(self.path(MOVED_RECEIVERS), MOVED_RECEIVERS, self.part))
         return [
             row for row in rows if (row["task"], row["trial"]) == (self.recording.task, self.recording.trial)
         ]
 
     def unbelieved(self, column: str, name: str) -> str:
-        """Why a joint (column joints) or a digit's tip (digits) is not believed here; empty where it is."""
+        """Return why a joint (column joints) or a digit's tip (digits) is not believed; empty where it is."""
         rows = [row for row in self.moved if name in row[column].split(";")]
         return joined(f"{row['segment']}: {row['message']}" for row in rows)
 
@@ -140,14 +121,23 @@ class PosedRecording:
         """Read the receivers' poses so many frames at a time, at least one block, which may be empty."""
         return pose_blocks(self.poses_file, self.layout.measured, BLOCK_FRAMES)
 
-    def blocks(self) -> Iterator[tuple[Poses, PosedBones]]:
-        """Read receivers and bones so many frames at a time."""
-        for poses in self.pose_blocks():
-            yield poses, self.bones(poses)
+    def bones(self, poses: Poses, skeleton: Skeleton | None = None) -> PosedRecording:
+        """Pose all bones at the frames of the recording's poses, or of some of them.
 
-    def bones(self, poses: Poses) -> PosedBones:
-        """Pose all bones at the frames of the recording's poses, or of some of them."""
-        return pose_bones(self.skeleton, poses, self.bone_motion(poses))
+        skeleton : where it was read already. A digit of which a joint failed, or that the fit does not pose,
+        is left out.
+        """
+        skeleton = skeleton or self.skeleton
+        if self.is_fitted:
+            bone_poses = self._posed(BONE_POSES, ("x_mm", "y_mm", "z_mm", *QUATERNION), poses)
+            columns = [f"{end}_{axis}_mm" for end in ("tip", "skin_tip") for axis in "xyz"]
+            posed = fitted_bones(skeleton, poses, bone_poses, self._posed(POSED_TIPS, columns, poses))
+        else:
+            turned = any(digit.metacarpal for digit in self.layout.digits.values())
+            metacarpals = self._posed(METACARPALS, QUATERNION, poses) if turned else {}
+            posed = receiver_bones(skeleton, poses, metacarpals)
+        origin = Origin(RecordingName(**self.recording.key), self.model.name, self.layout.name)
+        return replace(posed, origin=origin)
 
     def numbers(
         self, table: Table, columns: Sequence[str], frames: Index | None = None, name: str = ""
@@ -155,13 +145,13 @@ class PosedRecording:
         """Read columns (T, C) of a frame-by-frame table, by its segments, digits or joints.
 
         frames : at which, rising, NaN where the table has no row; None for all, of which each must have one.
-        name : of one segment, digit or joint alone. Gives nothing where there is no row of the recording.
+        name : of one segment, digit or joint alone. Returns nothing where there is no row of the recording.
         """
-        by = next(own for own in ("segment", "joint", "digit") if own in table.key)
-        own = self.recording
+        by = next(column for column in ("segment", "joint", "digit") if column in table.key)
+        key = self.part, self.recording.task, self.recording.trial, by
         count = self.n_frames if frames is None else None
-        with open_parts(self.tables.path(table), table) as parts:
-            return parts.recording(self.part, own.task, own.trial, by, columns, count, frames, name)
+        with open_parts(self.path(table), table) as parts:
+            return parts.recording(*key, columns, count, frames, name)
 
     def series(self, table: Table, columns: Sequence[str]) -> dict[str, Callable[[], Array]]:
         """Return readers of columns (T, C) of one segment, digit or joint each, as `numbers` of all frames.
@@ -171,46 +161,21 @@ class PosedRecording:
         names = self.numbers(table, (), next(self.pose_blocks()).frame[:1])
         if not names:
             raise InputError(f"the {table.name} table has no row of this recording")
-        return {name: partial(self._one, table, columns, name) for name in names}
-
-    def _one(self, table: Table, columns: Sequence[str], name: str) -> Array:
-        return self.numbers(table, columns, name=name)[name]
-
-    def bone_motion(self, poses: Poses) -> BoneMotion:
-        """Read what moves the bones beside the receivers, at the frames of poses."""
-        if self.is_fitted:
-            bones = self._posed(BONE_POSES, ("x_mm", "y_mm", "z_mm", *QUATERNION), poses)
-            ends = self._posed(
-                POSED_TIPS, [f"{end}_{axis}_mm" for end in ("tip", "skin_tip") for axis in "xyz"], poses
-            )
-            tips, skin_tips = ({digit: end[:, own] for digit, end in ends.items()} for own in _ENDS)
-            return BoneMotion(bone_poses=bones, tips=tips, skin_tips=skin_tips)
-        if not any(digit.metacarpal for digit in self.layout.digits.values()):
-            return BoneMotion()
-        return BoneMotion(metacarpals=self._posed(METACARPALS, QUATERNION, poses))
+        return {name: lambda name=name: self.numbers(table, columns, name=name)[name] for name in names}
 
     def _posed(self, table: Table, columns: Sequence[str], poses: Poses) -> dict[str, Array]:
-        found = self.numbers(table, columns, poses.frame)
-        if len(poses.frame) and not found:
+        numbers = self.numbers(table, columns, poses.frame)
+        if len(poses.frame) and not numbers:
             why = "nothing of it could be posed; the study's table of problems says why"
             if self.recording.role == "calibration":
                 why = "only recordings of role evaluation or both are posed; give it one of these roles"
-            raise InputError(f"{self.tables.path(table)}: has no row of {self.recording.name}; {why}")
-        return found
+            raise InputError(f"{self.path(table)}: has no row of {self.recording.name}; {why}")
+        return numbers
 
 
-_ENDS = (slice(0, 3), slice(3, 6))
-"""Columns of the ends of a bone and of the skin."""
-
-
-def posed_recording(plan: SubjectPlan, recording: Recording, model: str) -> PosedRecording:
-    """Return a recording of a plan under one of its models."""
+def recording_reader(plan: SubjectPlan, recording: Recording, model: str) -> RecordingReader:
+    """Return the reader of a recording of a plan under one of its models."""
     hand = recording.hand.hand
-    return PosedRecording(
-        recording,
-        plan.layouts[hand],
-        plan.models[model],
-        plan.part(hand, model),
-        plan.poses(recording),
-        SkeletonTables.in_folders(plan.folder, plan.fits(hand, model)),
-    )
+    part, poses_file = plan.part(hand, model), plan.poses(recording)
+    of_hand = recording, plan.layouts[hand], plan.models[model]
+    return RecordingReader(*of_hand, part, poses_file, plan.folder, plan.fits(hand, model))

@@ -9,16 +9,18 @@ table says, and the digit ends at the origin of its distal receiver.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.errors import InputError, guess
 from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.model import SkeletonModel
-from shukotsu.schemas.poses import Poses
+from shukotsu.schemas.poses import Poses, RecordingName
 from shukotsu.schemas.tables import vector_of
 from shukotsu.skeleton.digit_chain import Rows, carried_mm, digit_chain, starts_at_wrist
 from shukotsu.skeleton.rotations import (
@@ -30,6 +32,9 @@ from shukotsu.skeleton.rotations import (
     multiply,
     rotate,
 )
+
+Index = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
 
 _LEAST_RANGE_RAD = np.radians(1.0)
 """A joint that turns by less shows no axis."""
@@ -47,21 +52,6 @@ class Skeleton:
     model: SkeletonModel
     joints: Rows
     bones: Mapping[tuple[str, str], Mapping[str, Any]]
-
-
-@dataclass(frozen=True)
-class BoneMotion:
-    """What the tables hold of a recording frame by frame, at the T frames of its poses, NaN in gaps.
-
-    metacarpals : (T, 4) quaternions bone to transmitter, by digit. bone_poses : (T, 7) of fitted bones by
-    segment, mm then quaternion. tips, skin_tips : (T, 3) mm of fitted digits, by digit: ends of their last
-    bones, and of the skin beyond them.
-    """
-
-    metacarpals: Mapping[str, Array] = field(default_factory=dict)
-    bone_poses: Mapping[str, Array] = field(default_factory=dict)
-    tips: Mapping[str, Array] = field(default_factory=dict)
-    skin_tips: Mapping[str, Array] = field(default_factory=dict)
 
 
 ZERO_COLUMNS = ("rest_flexion_deg", "rest_abduction_deg", "rest_rotation_deg", "axes_turn_deg")
@@ -89,42 +79,102 @@ class SkeletonJoint:
 
 
 @dataclass(frozen=True)
-class PosedBones:
-    """J joints with their bones over T frames; joint 0 is the root, and parents come before children.
+class Origin:
+    """Whose motion it is and what it was made from.
 
-    position_mm : (T, J, 3) of the joints and quaternion : (T, J, 4) unit (w, x, y, z) of the bone frames,
-    both in the transmitter frame, NaN where not known; a tip has its bone's quaternion. rest_offset_mm : (J,
-    3) each joint in its parent's bone frame by the bone's length; zeros for the root, all NaN for a digit's
-    first joint and for the skin beyond its last bone, of which no table but the motion tells, and (NaN, 0, 0)
-    where the bone before has no length. axis : (J, 3) unit, in its own bone frame, of a joint of one degree
-    of freedom; NaN where there is none.
-    left_out : digits that are not among the joints, and why. root_failure : why the root has no position, or
-    empty.
+    inputs : SHA-256 of the tables, by their path in the results folder. licence : words of the user.
+    """
+
+    recording: RecordingName
+    model: str = ""
+    layout: str = ""
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    licence: str = ""
+
+    def __str__(self) -> str:
+        return ", ".join(part for part in (str(self.recording), self.model) if part)
+
+
+@dataclass(frozen=True)
+class PosedRecording:
+    """A hand's B bones over T frames under a model; bone 0 is the root, and parents come before children.
+
+    joints : the bones, each named by the joint that it starts at. position_mm : (T, B, 3) of the joints and
+    quaternion : (T, B, 4) unit (w, x, y, z) of the bone frames, x distal and z dorsal, both in the
+    transmitter frame, NaN where not known; a tip has its bone's quaternion. receivers : the R receivers that
+    the bones come from, over the same frames (T,), by number and device time, NaN where there is none.
+    rest_offset_mm : (B, 3) each joint in its parent's bone frame by the bone's length; zeros for the root,
+    all NaN for a digit's first joint and for the skin beyond its last bone, of which no table but the motion
+    tells, and (NaN, 0, 0) where the bone before has no length. axis : (B, 3) unit, in its own bone frame, of
+    a joint of one degree of freedom; NaN where there is none.
+    left_out : digits that are not among the bones, and why. root_failure : why the root has no position.
+    rest : (B, 4) each bone against its parent, on average over time; neutral : (B, 4) where its joint angles
+    are zero (docs/joint-angles.md), NaN where no anatomy says; both from `anatomy.neutral_bones.at_rest` on.
+    origin : whose motion it is. rate_hz : frames a second, NaN where the times do not tell. notes :
+    sentences, in order, on what is left out and what was done to the motion since it was read.
     """
 
     joints: tuple[SkeletonJoint, ...]
     position_mm: Array
     quaternion: Array
+    receivers: Poses
     rest_offset_mm: Array
     axis: Array
-    left_out: Mapping[str, str]
+    left_out: Mapping[str, str] = field(default_factory=dict)
     root_failure: str = ""
+    rest: Array = field(default_factory=lambda: np.empty((0, 4)))
+    neutral: Array = field(default_factory=lambda: np.empty((0, 4)))
+    origin: Origin = Origin(RecordingName("", "", ""))
+    rate_hz: float = float("nan")
+    notes: tuple[str, ...] = ()
+
+    @property
+    def frame(self) -> Index:
+        """Numbers of the frames (T,) as recorded; where resampled, of the one nearest in time."""
+        return self.receivers.frame
+
+    @property
+    def time_s(self) -> Array:
+        """Device times (T,), NaN where the recording has none."""
+        return self.receivers.time_s
+
+    @property
+    def hand(self) -> str:
+        """Side of the hand, right or left."""
+        return self.origin.recording.hand
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the joints."""
+        """Names of the joints; `<digit>_tip` ends a digit's bones, `<digit>_skin_tip` its skin."""
         return tuple(joint.name for joint in self.joints)
 
     @property
-    def parents(self) -> npt.NDArray[np.int64]:
-        """Index of each joint's parent (J,), -1 where there is none."""
+    def parents(self) -> Index:
+        """Index of each joint's parent (B,), -1 where there is none."""
         return np.array([joint.parent for joint in self.joints], np.int64)
 
-    def index(self, name: str) -> int:
-        """Place of the joint of that name; ValueError where there is none."""
-        return self.names.index(name)
+    @cached_property
+    def known(self) -> Bools:
+        """Whether joints have a whole pose in frames, (T, B)."""
+        return known_points(self.position_mm, self.quaternion)
 
-    def only(self, kept: Sequence[int]) -> PosedBones:
+    @property
+    def whole(self) -> Bools:
+        """Frames (T,) in which every joint has a pose."""
+        return np.asarray(self.known.all(1))
+
+    def index(self, joint: str) -> int:
+        """Return the place of a joint among the bones; InputError where there is none of that name."""
+        if joint not in self.names:
+            raise InputError(f"the hand has no joint {joint!r}; {guess(joint, self.names)}")
+        return self.names.index(joint)
+
+    def in_hand_mm(self) -> Array:
+        """Return positions (T, B, 3) in the frame of the root, which is at zero: x distal, z dorsal."""
+        moved = self.position_mm - self.position_mm[:, :1]
+        return rotate(conjugate(self.quaternion[:, :1]), moved)
+
+    def only(self, kept: Sequence[int]) -> PosedRecording:
         """Return some of the joints, each with its parent."""
         place = {-1: -1} | {old: new for new, old in enumerate(kept)}
         return replace(
@@ -138,24 +188,33 @@ class PosedBones:
             axis=self.axis[kept],
         )
 
-    def constant_part(self) -> tuple[Array, Array]:
-        """Offset (J, 3) mm and rotation (J, 4) of every joint in its parent's bone, constant over time.
+    def mapped(
+        self, place: Callable[[Array], Array], turn: Callable[[Array], Array], **times: Any
+    ) -> PosedRecording:
+        """Return the motion with other positions and rotations of joints and receivers.
 
-        Offsets are the rest offsets; of those that are not wholly known, as rotations, the mean over time is
-        taken, NaN without a frame. The root's are zero and no turn.
+        times : frame, time_s and valid (T, R) where they are others too.
         """
-        offset, rest = self.rest_offset_mm.copy(), np.tile([1.0, 0.0, 0.0, 0.0], (len(self.joints), 1))
-        for index, joint in enumerate(self.joints):
-            if joint.parent < 0:
-                continue
-            back = conjugate(self.quaternion[:, joint.parent])
-            turn = multiply(back, self.quaternion[:, index])
-            rest[index] = mean_rotation(turn[np.isfinite(turn).all(-1)])
-            if np.isnan(offset[index]).any():
-                moved = rotate(back, self.position_mm[:, index] - self.position_mm[:, joint.parent])
-                moved = moved[np.isfinite(moved).all(-1)]
-                offset[index] = moved.mean(0) if len(moved) else np.nan
-        return offset, rest
+        there = self.receivers
+        there = replace(
+            there, position_mm=place(there.position_mm), quaternion=turn(there.quaternion), **times
+        )
+        turned = turn(self.quaternion)
+        return replace(self, position_mm=place(self.position_mm), quaternion=turned, receivers=there)
+
+    def take(self, rows: slice | Index | Bools) -> PosedRecording:
+        """Return only some of the frames."""
+        taken = self.position_mm[rows], self.quaternion[rows], self.receivers.take(rows)
+        return replace(self, position_mm=taken[0], quaternion=taken[1], receivers=taken[2])
+
+    def noting(self, *sentences: str) -> PosedRecording:
+        """Return the same with more notes."""
+        return replace(self, notes=(*self.notes, *sentences))
+
+
+def known_points(position_mm: Array, quaternion: Array) -> Bools:
+    """Return which points have a whole pose in which frames, (T, N)."""
+    return np.asarray(np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1))
 
 
 @dataclass(frozen=True)
@@ -178,22 +237,12 @@ class ReceiverPoint:
         return np.where(valid, carried_mm(poses, self.segment, self.point_mm), np.nan)
 
 
-def pose_bones(skeleton: Skeleton, poses: Poses, motion: BoneMotion) -> PosedBones:
-    """Pose all bones of a skeleton in a recording, as its model has them: fitted or carried by receivers.
-
-    A digit of which a joint failed, or that the fit does not pose, is left out. Raises InputError where the
-    model asks for a first joint of its own that no receiver measures.
-    """
-    if skeleton.model.fitting is not None:
-        return fitted_bones(skeleton, poses, motion)
-    return receiver_bones(skeleton, poses, motion.metacarpals)
-
-
-def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, Array]) -> PosedBones:
+def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, Array]) -> PosedRecording:
     """Pose bones that receivers carry. metacarpals : (T, 4) by digit; a digit that lacks them has NaN.
 
     Of a model that fits the whole hand these are its bones as its receivers alone carry them, which the tips
-    table is made from.
+    table is made from. A digit of which a joint failed is left out. Raises InputError where the model asks
+    for a first joint of its own that no receiver measures.
     """
     layout = skeleton.layout
     build = _Builder(*_receiver_root(skeleton, poses))
@@ -202,56 +251,60 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
         if isinstance(chain, str):
             build.left_out[digit.name] = chain
             continue
-        lacking = [own for own in digit.segments if (digit.name, own) not in skeleton.bones]
+        lacking = [bone for bone in digit.segments if (digit.name, bone) not in skeleton.bones]
         if lacking:
             build.left_out[digit.name] = f"bone_lengths has no row of {lacking[0]}"
             continue
         turn = metacarpals.get(digit.name, np.full((len(poses.frame), 4), np.nan))
-        lengths_mm = [_replayed_length_mm(skeleton.bones[digit.name, own]) for own in digit.segments]
+        lengths_mm = [_replayed_length_mm(skeleton.bones[digit.name, bone]) for bone in digit.segments]
         build.add_digit(skeleton, digit, _receiver_digit(skeleton, digit, poses, turn), lengths_mm)
-    return build.bones(_root_failure(skeleton))
+    return build.bones(poses, _root_failure(skeleton))
 
 
-def fitted_bones(skeleton: Skeleton, poses: Poses, motion: BoneMotion) -> PosedBones:
+def fitted_bones(
+    skeleton: Skeleton, poses: Poses, bone_poses: Mapping[str, Array], ends_mm: Mapping[str, Array]
+) -> PosedRecording:
     """Pose the bones of a hand that was fitted as a whole, as the fit posed them.
 
-    The axis of a hinge is that which its bones turn about.
+    bone_poses : (T, 7) by segment, mm then quaternion. ends_mm : (T, 6) by digit, the ends of its last bone
+    and of the skin beyond, or (T, 3). The axis of a hinge is that which its bones turn about.
     """
-    layout, count, bone_poses = skeleton.layout, len(poses.frame), motion.bone_poses
+    layout, count = skeleton.layout, len(poses.frame)
     name, segment = root_names(layout)
 
-    def placed(own: str) -> _Placed:
-        pose = bone_poses.get(own, np.full((count, 7), np.nan))
+    def pose_of(bone: str) -> _Placed:
+        pose = bone_poses.get(bone, np.full((count, 7), np.nan))
         return pose[:, :3], pose[:, 3:], NO_AXIS
 
-    build = _Builder(SkeletonJoint(name, -1, segment), placed(segment))
+    build = _Builder(SkeletonJoint(name, -1, segment), pose_of(segment))
     for digit in layout.digits.values():
-        missing = [own for own in digit.segments if own not in bone_poses]
+        missing = [bone for bone in digit.segments if bone not in bone_poses]
         if missing and bone_poses:
             build.left_out[digit.name] = f"the fit of the whole hand poses no {missing[0]}"
             continue
-        own_bones = [placed(own) for own in digit.segments]
-        end = motion.tips.get(digit.name, np.full((count, 3), np.nan))
-        rows = [skeleton.bones.get((digit.name, own), {}) for own in digit.segments]
+        bones = [pose_of(bone) for bone in digit.segments]
+        ends = ends_mm.get(digit.name, np.full((count, 3), np.nan))
+        rows = [skeleton.bones.get((digit.name, bone), {}) for bone in digit.segments]
         lengths_mm = [_number(row.get("length_mm")) for row in rows]
-        turn = own_bones[-1][1]
-        build.add_digit(skeleton, digit, [*own_bones, (end, turn, NO_AXIS)], lengths_mm)
-        if digit.name in motion.skin_tips:
+        turn = bones[-1][1]
+        build.add_digit(skeleton, digit, [*bones, (ends[:, :3], turn, NO_AXIS)], lengths_mm)
+        if ends.shape[1] > 3:
             tip = build.joints[-1]
             skin = replace(tip, name=f"{digit.name}_skin_tip", parent=len(build.joints) - 1)
-            build.add(skin, (motion.skin_tips[digit.name], turn, NO_AXIS), np.full(3, np.nan))
-    bones = build.bones("")
-    return replace(bones, axis=axes_turned_about(bones))
+            build.add(skin, (ends[:, 3:], turn, NO_AXIS), np.full(3, np.nan))
+    posed = build.bones(poses, "")
+    axes = [_axis_turned_about(posed, index) for index in range(len(posed.joints))]
+    return replace(posed, axis=np.stack(axes))
 
 
 def rigid_positions(
     parents: Sequence[int], position_mm: Array, quaternion: Array, rest_offset_mm: Array
 ) -> Array:
-    """Place bones of constant length, (T, J, 3): each joint at its rest offset from its parent.
+    """Place bones of constant length, (T, B, 3): each joint at its rest offset from its parent.
 
-    parents : (J,), before their children. position_mm : (T, J, 3), quaternion : (T, J, 4), rest_offset_mm :
-    (J, 3) as in `PosedBones`. A joint without a parent, or whose offset is all NaN (a digit's first), stays
-    where it is. The tips of `receiver_bones` so placed are those of the least-squares binding.
+    parents : (B,), before their children. The arrays are as in `PosedRecording`. A joint without a parent, or
+    whose offset is all NaN (a digit's first), stays where it is. The tips of `receiver_bones` so placed are
+    those of the least-squares binding.
     """
     out = position_mm.copy()
     for index, parent in enumerate(parents):
@@ -321,7 +374,7 @@ class _Builder:
         tip = SkeletonJoint(f"{digit.name}_tip", parent, digit.tip, digit.name, tip=True)
         self.add(tip, placed[-1], offset)
 
-    def bones(self, root_failure: str) -> PosedBones:
+    def bones(self, poses: Poses, root_failure: str) -> PosedRecording:
         """Join all bones that were added; each is let go of, as it is not needed twice."""
         axis = np.stack([axis for _, _, axis in self._placed])
         shape = (len(self._placed[0][0]), len(self.joints))
@@ -329,7 +382,8 @@ class _Builder:
         for index in reversed(range(len(self.joints))):
             position[:, index], turn[:, index], _ = self._placed.pop()
         offset = np.stack(self._offsets)
-        return PosedBones(tuple(self.joints), position, turn, offset, axis, self.left_out, root_failure)
+        joints = tuple(self.joints)
+        return PosedRecording(joints, position, turn, poses, offset, axis, self.left_out, root_failure)
 
 
 def _replayed_length_mm(bone: Mapping[str, Any]) -> float:
@@ -400,12 +454,7 @@ def _turned(poses: Poses, segment: str, align: Array) -> Array:
     return np.where(poses.valid[:, index, None], turn, np.nan)
 
 
-def axes_turned_about(bones: PosedBones) -> Array:
-    """Axes (J, 3), each in its bone's frame, of the joints of one degree of freedom; NaN of the others."""
-    return np.stack([_axis_turned_about(bones, index) for index in range(len(bones.joints))])
-
-
-def _axis_turned_about(bones: PosedBones, index: int) -> Array:
+def _axis_turned_about(bones: PosedRecording, index: int) -> Array:
     """The axis (3,) that a joint of one degree of freedom turns about, as the posed bones show it.
 
     The fit turns such a joint about one constant axis, which the bones' own rotations hold without the

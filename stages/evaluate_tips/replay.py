@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.digit_chain import DigitChain, all_valid, carried_mm, turned
-from shukotsu.skeleton.posing import PosedBones, rigid_positions
+from shukotsu.skeleton.posing import PosedRecording, rigid_positions
 from shukotsu.skeleton.rotations import Array, conjugate, multiply, rotate
 
 FirstFrame = tuple[Poses, Array | None]
@@ -29,7 +29,7 @@ def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> 
     return usable if metacarpal is None else usable & np.isfinite(metacarpal[:, 0])
 
 
-def tips_least_squares(bones: PosedBones) -> dict[str, Array]:
+def tips_least_squares(bones: PosedRecording) -> dict[str, Array]:
     """Tip positions (T, 3) mm of every digit in the transmitter frame, bones constant; NaN in gaps."""
     position_mm = rigid_positions(
         [joint.parent for joint in bones.joints], bones.position_mm, bones.quaternion, bones.rest_offset_mm

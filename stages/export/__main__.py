@@ -111,14 +111,14 @@ def _export_recording(
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[str, str]]:
     """Write one recording under one model; yield stem and message of failures."""
-    from shukotsu.skeleton.posed_recording import posed_recording
+    from shukotsu.skeleton.posed_recording import recording_reader
     from shukotsu.stages.export.file_facts import file_stem
-    from shukotsu.stages.export.recorded_motion import read_motion
+    from shukotsu.stages.export.motion import read_motion
 
     stem = file_stem(plan.who, recording.hand.hand, recording.task, recording.trial, model)
     _forget_failures(arguments.out, stem, *(f"{stem}_{name}" for name in formats))
-    posed = posed_recording(plan, recording, model)
-    motion, trouble = _tried(arguments, lambda: read_motion(posed, arguments.licence, arguments.frames))
+    reader = recording_reader(plan, recording, model)
+    motion, trouble = _tried(arguments, lambda: read_motion(reader, arguments.licence, arguments.frames))
     if motion is None:
         yield stem, trouble
         return

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.skeleton.posing import Index, PosedRecording
 from shukotsu.skeleton.rotations import Array, rotate, unit
-from shukotsu.stages.export.motion import SkeletonMotion, Whole, rest_pose
+from shukotsu.stages.export.motion import rest_pose
 
 _SIDES = 6
 _RINGS = ((0.2, 1.0), (0.92, 0.55))
@@ -35,9 +36,9 @@ class Mesh:
 
     position_mm: Array
     normal: Array
-    joint: Whole
-    bone: Whole
-    nail: Whole
+    joint: Index
+    bone: Index
+    nail: Index
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,10 @@ class _Solid:
     nail: bool
     position_mm: Array
     normal: Array
-    triangle: Whole
+    triangle: Index
 
 
-def bone_mesh(motion: SkeletonMotion) -> Mesh:
+def bone_mesh(motion: PosedRecording) -> Mesh:
     """The skeleton's body at rest (`shukotsu.stages.export.motion.rest_pose`).
 
     Every joint but the end of the skin has a ball, every bone of more than 1 mm a solid from its joint to the
@@ -62,7 +63,7 @@ def bone_mesh(motion: SkeletonMotion) -> Mesh:
     first = np.cumsum([0] + [len(solid.position_mm) for solid in solids])
     triangles = [solid.triangle + start for solid, start in zip(solids, first[:-1], strict=True)]
 
-    def of(nail: bool) -> Whole:
+    def of(nail: bool) -> Index:
         chosen = [t for t, solid in zip(triangles, solids, strict=True) if solid.nail == nail]
         return np.concatenate([np.empty((0, 3), np.int64), *chosen])
 
@@ -75,7 +76,7 @@ def bone_mesh(motion: SkeletonMotion) -> Mesh:
     )
 
 
-def _solids(motion: SkeletonMotion) -> Iterator[_Solid]:
+def _solids(motion: PosedRecording) -> Iterator[_Solid]:
     length = np.linalg.norm(motion.rest_offset_mm, axis=1)
     usual = float(np.median(length[length > _SHORTEST_MM]))
     ball, ball_triangle = _sphere()
@@ -92,7 +93,7 @@ def _solids(motion: SkeletonMotion) -> Iterator[_Solid]:
             yield _Solid(index, True, *_flat(corners + onto, faces))
 
 
-def _tapered(along_mm: Array, radius_mm: float) -> tuple[Array, Whole]:
+def _tapered(along_mm: Array, radius_mm: float) -> tuple[Array, Index]:
     """Corners (V, 3) and faces (F, 3) of a solid from the origin to a point, thickest near the origin."""
     direction = unit(along_mm)
     # any two axes across it; the second helper stands in where the first is along the bone
@@ -117,14 +118,14 @@ def _tapered(along_mm: Array, radius_mm: float) -> tuple[Array, Whole]:
     return corners, np.concatenate([np.stack(face, -1) for face in faces])
 
 
-def _box(half_mm: Array) -> tuple[Array, Whole]:
+def _box(half_mm: Array) -> tuple[Array, Index]:
     """Corners (8, 3) and faces (12, 3) of a box about the origin."""
     signs = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     return signs * half_mm, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))], np.int64)
 
 
-def _flat(corners: Array, faces: Whole) -> tuple[Array, Array, Whole]:
+def _flat(corners: Array, faces: Index) -> tuple[Array, Array, Index]:
     """The same with three vertices of its own for every face, so that edges are seen as edges."""
     position = corners[faces]
     normal = unit(np.cross(position[:, 1] - position[:, 0], position[:, 2] - position[:, 0]))
@@ -132,7 +133,7 @@ def _flat(corners: Array, faces: Whole) -> tuple[Array, Array, Whole]:
     return position.reshape(-1, 3), np.repeat(normal, 3, axis=0), triangle
 
 
-def _sphere() -> tuple[Array, Whole]:
+def _sphere() -> tuple[Array, Index]:
     """Vertices (42, 3), which are also normals, and faces (80, 3) of an icosahedron divided once."""
     from scipy.spatial import ConvexHull
 

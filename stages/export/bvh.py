@@ -24,10 +24,11 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.files.whole_files import replacing, write_text
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, conjugate, matrix, multiply
 from shukotsu.stages.export.euler_angles import continuous_angles
 from shukotsu.stages.export.file_facts import facts_text
-from shukotsu.stages.export.motion import MOVES_MM, SkeletonMotion, local_motion, require_whole, rest_pose
+from shukotsu.stages.export.motion import MOVES_MM, local_motion, require_whole, rest_pose
 from shukotsu.stages.export.registry import FORMATS
 from shukotsu.stages.export.resampling import largest_time_error_s
 from shukotsu.stages.export.rig_names import ascii_name
@@ -46,7 +47,7 @@ _TEXT_FRAMES = 1024
 _NOTABLE_S = 5e-4
 
 
-def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     """Write the motion, which has no gap, as one file, in cm with y up; return what it does not hold.
 
     Raises InputError where a pose is missing, where there is no frame, or no rate is known for more than one.
@@ -109,7 +110,7 @@ def euler_zyx_deg(quaternion: Array) -> Array:
     return np.degrees(continuous_angles(np.stack([z, y, x], -1)))
 
 
-def _frame_time_s(motion: SkeletonMotion, path: Path) -> float:
+def _frame_time_s(motion: PosedRecording, path: Path) -> float:
     if np.isfinite(motion.rate_hz):
         return 1.0 / motion.rate_hz
     if len(motion.frame) == 1:
@@ -119,12 +120,12 @@ def _frame_time_s(motion: SkeletonMotion, path: Path) -> float:
     )
 
 
-def _is_end(motion: SkeletonMotion, index: int) -> bool:
+def _is_end(motion: PosedRecording, index: int) -> bool:
     """Return whether a joint is a digit's last tip, which may be an End Site."""
     return motion.joints[index].tip and index not in motion.parents
 
 
-def _hierarchy(motion: SkeletonMotion, offset: Array, moves: Array) -> list[str]:
+def _hierarchy(motion: PosedRecording, offset: Array, moves: Array) -> list[str]:
     def block(head: str, values: Array, channels: str, inner: Sequence[str]) -> list[str]:
         place = "OFFSET " + " ".join(f"{value:.{LENGTH_DECIMALS}f}" for value in values)
         lines = (place, *([f"CHANNELS {channels}"] if channels else []), *inner)
@@ -145,7 +146,7 @@ def _hierarchy(motion: SkeletonMotion, offset: Array, moves: Array) -> list[str]
     return ["HIERARCHY", *below(0)]
 
 
-def _dropped(motion: SkeletonMotion, moves: Array) -> tuple[str, ...]:
+def _dropped(motion: PosedRecording, moves: Array) -> tuple[str, ...]:
     sentences = []
     moving = [motion.names[i] for i in range(1, len(moves)) if moves[i]]
     if moving:

@@ -18,9 +18,10 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.files.whole_files import replacing
 from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.skeleton.posing import Index, PosedRecording
 from shukotsu.skeleton.rotations import Array, matrix
 from shukotsu.stages.export.file_facts import facts_text
-from shukotsu.stages.export.motion import SkeletonMotion, Whole, with_seen_receivers
+from shukotsu.stages.export.motion import with_seen_receivers
 from shukotsu.stages.export.rig_names import ascii_name
 
 ARM_MM = 20.0
@@ -50,12 +51,12 @@ NO_POINT = np.array([0.0, 0.0, 0.0, -1.0])
 class _Timing:
     """Hold where frames go: row (T,) of each among all, at that rate; how far times are off it, in s."""
 
-    row: Whole
+    row: Index
     rate_hz: float
     error_s: float
 
 
-def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     """Write the motion as one file, in mm with z up; return what it does not hold.
 
     Lengths are 32-bit floats, to about 3e-5 mm half a metre from the transmitter. Raises InputError where
@@ -108,12 +109,12 @@ def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
     return (*unseen, *dropped)
 
 
-def point_labels(motion: SkeletonMotion) -> tuple[str, ...]:
+def point_labels(motion: PosedRecording) -> tuple[str, ...]:
     """Labels of the points, in their order: ASCII, at most 127 characters, no two alike in capitals."""
     return _labels([*motion.names, *(name for name, _ in _receiver_points(motion))])
 
 
-def rotation_labels(motion: SkeletonMotion) -> tuple[str, ...]:
+def rotation_labels(motion: PosedRecording) -> tuple[str, ...]:
     """Labels of the poses: of bones that start at a joint, then of receivers; as those of the points."""
     bones = [joint.name for joint in motion.joints if not joint.tip]
     return _labels([*bones, *(f"{segment}_receiver" for segment in motion.receivers.segments)])
@@ -133,7 +134,7 @@ def _labels(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(labels)
 
 
-def _receiver_points(motion: SkeletonMotion) -> Iterator[tuple[str, str]]:
+def _receiver_points(motion: PosedRecording) -> Iterator[tuple[str, str]]:
     """Name and description of each receiver's four points."""
     for segment in motion.receivers.segments:
         yield f"{segment}_receiver", f"origin of the receiver on {segment}"
@@ -141,7 +142,7 @@ def _receiver_points(motion: SkeletonMotion) -> Iterator[tuple[str, str]]:
             yield f"{segment}_receiver_{axis}", f"{ARM_MM:g} mm along {axis} of the receiver on {segment}"
 
 
-def _descriptions(motion: SkeletonMotion) -> list[str]:
+def _descriptions(motion: PosedRecording) -> list[str]:
     descriptions = [
         f"joint {joint.name}"
         + (f", after {motion.names[joint.parent]}" if joint.parent >= 0 else ", the root")
@@ -156,7 +157,7 @@ def _escaped(text: str) -> str:
     return text.encode("ascii", "backslashreplace").decode("ascii")
 
 
-def _timing(motion: SkeletonMotion, path: Path) -> _Timing:
+def _timing(motion: PosedRecording, path: Path) -> _Timing:
     """Rows and rate; a frame counts as lost where its number and, if there is one, its time say so.
 
     The nominal rate where times keep to it, else the mean one. InputError where a time is more than half a
@@ -189,7 +190,7 @@ def _timing(motion: SkeletonMotion, path: Path) -> _Timing:
     return _Timing(row, rates[best], errors[best])
 
 
-def _dropped(motion: SkeletonMotion, timing: _Timing, numbered: bool, room: bool) -> tuple[str, ...]:
+def _dropped(motion: PosedRecording, timing: _Timing, numbered: bool, room: bool) -> tuple[str, ...]:
     """Sentences on what the file lacks."""
     dropped = []
     if not room:
@@ -207,7 +208,7 @@ def _dropped(motion: SkeletonMotion, timing: _Timing, numbered: bool, room: bool
     return tuple(dropped)
 
 
-def _note(motion: SkeletonMotion, dropped: Sequence[str]) -> list[str]:
+def _note(motion: PosedRecording, dropped: Sequence[str]) -> list[str]:
     """Return whose motion it is, in lines."""
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
@@ -219,7 +220,7 @@ def _note(motion: SkeletonMotion, dropped: Sequence[str]) -> list[str]:
     return [part for line in lines for part in wrap(line, _NOTE_WIDTH, subsequent_indent="  ")]
 
 
-def _points(motion: SkeletonMotion) -> Array:
+def _points(motion: PosedRecording) -> Array:
     """The points of those frames, (n, P, 4)."""
     receivers = motion.receivers
     origin = receivers.position_mm[:, :, None]
@@ -230,7 +231,7 @@ def _points(motion: SkeletonMotion) -> Array:
     return np.where(np.isfinite(out).all(-1, keepdims=True), out, NO_POINT)
 
 
-def _poses(motion: SkeletonMotion) -> Array:
+def _poses(motion: PosedRecording) -> Array:
     """The poses of those frames as matrices (n, R, 4, 4), NaN where any number is missing."""
     bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
     receivers = motion.receivers

@@ -8,7 +8,7 @@ from typing import Any
 
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.schemas.study import SubjectSession, path_token
-from shukotsu.stages.export.motion import SkeletonMotion
+from shukotsu.skeleton.posing import PosedRecording
 
 BONE_FRAME = (
     "-Z along the bone away from the wrist, +Y out of its back (of a thumb, the nail's side), +X = Y x Z "
@@ -17,7 +17,7 @@ BONE_FRAME = (
 
 
 def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str) -> str:
-    """The name of a file without its extension: sub-01_hand-right_task-opposition_model-whole-hand.
+    """Return the name of a file without its extension: sub-01_hand-right_task-opposition_model-whole-hand.
 
     Names of any script stay; what a file name cannot hold becomes %XX (`shukotsu.schemas.study.path_token`).
     """
@@ -26,20 +26,20 @@ def file_stem(who: SubjectSession, hand: str, task: str, trial: str, model: str)
     return "_".join([f"sub-{who.token}", *named])
 
 
-def facts(motion: SkeletonMotion, unit: str, up: str, dropped: Sequence[str] = ()) -> dict[str, Any]:
+def facts(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = ()) -> dict[str, Any]:
     """Return facts about a file, in JSON types and a fixed order; no date and no absolute path.
 
     unit : of length. up : the axis that points up; empty in the transmitter's own frame.
     """
-    origin = motion.origin
+    origin, name = motion.origin, motion.origin.recording
     turned = f", turned so that {up} is up" if up else ""
     return {
         "program": f"{PROGRAM} {VERSION}",
-        "subject": origin.subject,
-        **({"session": origin.session} if origin.session else {}),
-        "hand": origin.hand,
-        "task": origin.task,
-        "trial": origin.trial,
+        "subject": name.subject,
+        **({"session": name.session} if name.session else {}),
+        "hand": name.hand,
+        "task": name.task,
+        "trial": name.trial,
         "model": origin.model,
         "layout": origin.layout,
         "licence": origin.licence,
@@ -54,8 +54,8 @@ def facts(motion: SkeletonMotion, unit: str, up: str, dropped: Sequence[str] = (
     }
 
 
-def facts_text(motion: SkeletonMotion, unit: str, up: str, dropped: Sequence[str] = ()) -> str:
-    """The same as lines of text, for formats that hold none themselves."""
+def facts_text(motion: PosedRecording, unit: str, up: str, dropped: Sequence[str] = ()) -> str:
+    """Return the same as lines of text, for formats that hold none themselves."""
     lines = []
     for key, value in facts(motion, unit, up, dropped).items():
         if isinstance(value, list):

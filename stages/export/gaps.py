@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shukotsu.errors import InputError
+from shukotsu.skeleton.posing import Index, PosedRecording
 from shukotsu.skeleton.rotations import conjugate, multiply, rotate
-from shukotsu.stages.export.motion import SkeletonMotion, Whole, continuous
+from shukotsu.stages.export.motion import continuous
 from shukotsu.stages.export.resampling import FILLED_FRAMES, blended, bracketed, slerped
 
 _MOST_LISTED = 10
@@ -38,7 +39,7 @@ class Gap:
         return f"{what} {frames}" + (f" ({self.length_s:.3f} s)" if np.isfinite(self.length_s) else "")
 
 
-def closed(motion: SkeletonMotion, policy: str, max_gap_s: float) -> SkeletonMotion:
+def closed(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRecording:
     """Return the motion without gaps, by the policy; a note says what was done.
 
     refuse : InputError that names the first gap. hold : the pose before goes on, at the start that after.
@@ -85,7 +86,7 @@ def closed(motion: SkeletonMotion, policy: str, max_gap_s: float) -> SkeletonMot
     return _filled(with_lost_frames(motion), gaps, policy)
 
 
-def find_gaps(motion: SkeletonMotion) -> list[Gap]:
+def find_gaps(motion: PosedRecording) -> list[Gap]:
     """All gaps, in the order of their frames."""
     whole, time_s = motion.whole, motion.time_s
     edges = np.flatnonzero(np.diff(np.concatenate([[True], whole, [True]]).astype(int)))
@@ -101,7 +102,7 @@ def find_gaps(motion: SkeletonMotion) -> list[Gap]:
     return sorted(gaps, key=lambda gap: gap.first)
 
 
-def _lost(motion: SkeletonMotion) -> Whole:
+def _lost(motion: PosedRecording) -> Index:
     """Count frames that are missing after each but the last (T - 1,), by the usual step of their numbers."""
     step = np.diff(motion.frame)
     if not len(step):
@@ -110,7 +111,7 @@ def _lost(motion: SkeletonMotion) -> Whole:
     return np.maximum(np.rint(step / usual).astype(np.int64) - 1, 0)
 
 
-def with_lost_frames(motion: SkeletonMotion) -> SkeletonMotion:
+def with_lost_frames(motion: PosedRecording) -> PosedRecording:
     """The motion with a frame without poses for every one that the recording lost, its time in proportion."""
     lost = _lost(motion)
     if not lost.any():
@@ -120,19 +121,16 @@ def with_lost_frames(motion: SkeletonMotion) -> SkeletonMotion:
     recorded = np.isin(rows, place)
     blank = ~recorded[:, None, None]
     wide = motion.take(np.cumsum(recorded) - 1)
-    wide = wide.mapped(
+    return wide.mapped(
         lambda mm: np.where(blank, np.nan, mm),
         lambda turns: np.where(blank, np.nan, turns),
-        wide.receivers.valid & recorded[:, None],
-    )
-    return replace(
-        wide,
+        valid=wide.receivers.valid & recorded[:, None],
         frame=np.rint(np.interp(rows, place, motion.frame)).astype(np.int64),
         time_s=np.interp(rows, place, motion.time_s),
     )
 
 
-def _cut(motion: SkeletonMotion) -> SkeletonMotion:
+def _cut(motion: PosedRecording) -> PosedRecording:
     whole = motion.whole
     joined = np.zeros(len(whole), bool)
     joined[1:] = whole[1:] & whole[:-1] & (_lost(motion) == 0)
@@ -157,7 +155,7 @@ def _cut(motion: SkeletonMotion) -> SkeletonMotion:
     )
 
 
-def _filled(motion: SkeletonMotion, gaps: list[Gap], policy: str) -> SkeletonMotion:
+def _filled(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRecording:
     """Every gap filled, parents before children, so that a child is filled in its parent's frame."""
     known, times = motion.known, motion.time_s
     x = times if np.isfinite(times).all() else np.arange(len(times), dtype=float)

@@ -18,17 +18,12 @@ from typing import Any
 import numpy as np
 
 from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, conjugate, matrix, rotate, unit
 from shukotsu.stages.export.bone_mesh import bone_mesh
 from shukotsu.stages.export.file_facts import facts
 from shukotsu.stages.export.glb_document import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, Document
-from shukotsu.stages.export.motion import (
-    SkeletonMotion,
-    local_motion,
-    require_times,
-    require_whole,
-    rest_pose,
-)
+from shukotsu.stages.export.motion import local_motion, require_times, require_whole, rest_pose
 from shukotsu.stages.export.rigging import with_webxr_names
 
 MOVES_MM = 1e-6
@@ -39,7 +34,7 @@ _MATERIALS = {"bone": ((0.76, 0.56, 0.44, 1.0), 0.7), "nail": ((0.93, 0.82, 0.76
 """Colour (linear) and roughness by name."""
 
 
-def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     """Write a motion, which has no gap and whose world has +Y up; return what the file does not hold.
 
     Raises InputError where a pose is missing, there is no frame, or device time is missing or does not grow.
@@ -47,7 +42,8 @@ def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
     require_whole(motion, path, "GLB")
     require_times(motion, (motion.time_s - motion.time_s[0]).astype(np.float32), path, "GLB")
     motion = with_webxr_names(motion)
-    name = f"{motion.origin.hand}-{motion.kind}"
+    kind = "hand" if np.isfinite(motion.neutral).any() else motion.origin.layout
+    name = f"{motion.hand}-{kind}"
     provenance = facts(motion, "m", "y")
     asset = {"generator": f"{PROGRAM} {VERSION}", "extras": {"motions": [provenance]}}
     licence = provenance["licence"]
@@ -77,7 +73,7 @@ def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
     return ()
 
 
-def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
+def _joint_nodes(motion: PosedRecording, first: int) -> list[dict[str, Any]]:
     nodes: list[dict[str, Any]] = []
     for index, joint in enumerate(motion.joints):
         place = motion.position_mm[0, 0] if joint.parent < 0 else motion.rest_offset_mm[index]
@@ -87,7 +83,7 @@ def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
         node: dict[str, Any] = {
             "name": joint.name,
             "translation": (place * _SCALE).tolist(),
-            "rotation": np.roll(motion.rest_rotation[index], -1).tolist(),
+            "rotation": np.roll(motion.rest[index], -1).tolist(),
             "extras": {"bone": joint.segment, **freedom, **turned},
         }
         nodes.append(node)
@@ -96,7 +92,7 @@ def _joint_nodes(motion: SkeletonMotion, first: int) -> list[dict[str, Any]]:
     return nodes
 
 
-def _primitives(document: Document, motion: SkeletonMotion) -> list[dict[str, Any]]:
+def _primitives(document: Document, motion: PosedRecording) -> list[dict[str, Any]]:
     """The body, where the nodes stand at rest: bones, and nails where there are any."""
     mesh = bone_mesh(motion)
     count = len(mesh.joint)
@@ -129,7 +125,7 @@ def _material(document: Document, name: str) -> int:
     return document.add("materials", {"name": name, "pbrMetallicRoughness": factors})
 
 
-def _animation(document: Document, motion: SkeletonMotion, name: str, first: int) -> dict[str, Any]:
+def _animation(document: Document, motion: PosedRecording, name: str, first: int) -> dict[str, Any]:
     since_s = np.nan_to_num(motion.time_s - motion.time_s[0])
     times = document.array(since_s.astype(np.float32), bounds=True)
     samplers: list[dict[str, Any]] = []
@@ -146,7 +142,7 @@ def _animation(document: Document, motion: SkeletonMotion, name: str, first: int
         if index == 0 or np.abs(place_mm - motion.rest_offset_mm[index]).max() > MOVES_MM:
             add(index, "translation", place_mm * _SCALE)
         add(index, "rotation", np.roll(turn, -1, axis=-1))
-    parts = (name, motion.origin.task, motion.origin.trial)
+    parts = (name, motion.origin.recording.task, motion.origin.recording.trial)
     start: dict[str, Any] = {"first_frame": int(motion.frame[0])}
     if np.isfinite(motion.time_s[0]):
         start["first_device_time_s"] = float(motion.time_s[0])

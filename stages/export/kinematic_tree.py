@@ -29,7 +29,7 @@ from itertools import permutations
 import numpy as np
 
 from shukotsu.anatomy.neutral_bones import angle_axes
-from shukotsu.skeleton.posing import SkeletonJoint
+from shukotsu.skeleton.posing import PosedRecording, SkeletonJoint
 from shukotsu.skeleton.rotations import (
     Array,
     about_axis,
@@ -42,7 +42,7 @@ from shukotsu.skeleton.rotations import (
     unit,
 )
 from shukotsu.stages.export.euler_angles import continuous_angles
-from shukotsu.stages.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, SkeletonMotion, local_motion
+from shukotsu.stages.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, carrier, local_motion
 from shukotsu.stages.export.rig_names import plain_names
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
@@ -94,7 +94,7 @@ class JointForm:
         return (*self.turns, *self.shifts)
 
 
-def joint_forms(motion: SkeletonMotion) -> tuple[JointForm, ...]:
+def joint_forms(motion: PosedRecording) -> tuple[JointForm, ...]:
     """Forms of all joints but the tips, parents first; the motion has no gap and at least one frame."""
     local_mm, local = local_motion(motion)
     kept = [index for index, joint in enumerate(motion.joints) if not joint.tip]
@@ -142,7 +142,7 @@ class Body:
     inertia_kg_m2: Array
 
 
-def body_of(motion: SkeletonMotion, form: JointForm) -> Body:
+def body_of(motion: PosedRecording, form: JointForm) -> Body:
     """Return the body after a joint."""
     after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
     ends_mm = motion.rest_offset_mm[after].reshape(-1, 3)
@@ -158,7 +158,7 @@ def body_of(motion: SkeletonMotion, form: JointForm) -> Body:
 
 
 def fixed_points(
-    motion: SkeletonMotion, forms: Sequence[JointForm], taken: Sequence[str]
+    motion: PosedRecording, forms: Sequence[JointForm], taken: Sequence[str]
 ) -> list[tuple[str, JointForm, Array]]:
     """Name, carrier and place (3,) mm of the tips, which are no joints but points of a body.
 
@@ -167,7 +167,7 @@ def fixed_points(
     places = {form.index: form for form in forms}
     tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
     names = plain_names([*taken, *(motion.names[index] for index in tips)])[len(taken) :]
-    carried = [motion.carrier(index) for index in tips]
+    carried = [carrier(motion, index) for index in tips]
     return [(name, places[above], at_mm) for name, (above, at_mm) in zip(names, carried, strict=True)]
 
 
@@ -208,7 +208,7 @@ def _turns(joint: SkeletonJoint, name: str, labels: Sequence[str], values: Array
     return turns
 
 
-def _frame(motion: SkeletonMotion, index: int, turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
+def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
     """A joint's frame (4,) in its parent's bone, its axes (3, 3) and what turns about them are called."""
     joint, neutral, hinge = motion.joints[index], motion.neutral[index], motion.axis[index]
     mean = mean_rotation(turn)
@@ -216,9 +216,9 @@ def _frame(motion: SkeletonMotion, index: int, turn: Array) -> tuple[Array, Arra
     zero = neutral if known else mean
     if joint.dof == 0 and angle(multiply(conjugate(mean), turn)).max() < STILL_RAD:
         zero = mean
-    sign = _SIGN[motion.origin.hand]
+    sign = _SIGN[motion.hand]
     axes = np.array([[-1.0, 0.0, 0.0], [0.0, sign, 0.0], [0.0, 0.0, -sign]])
-    own = multiply(conjugate(BONE_TO_WEBXR), multiply(angle_axes(joint, motion.origin.hand), BONE_TO_WEBXR))
+    own = multiply(conjugate(BONE_TO_WEBXR), multiply(angle_axes(joint, motion.hand), BONE_TO_WEBXR))
     axes = rotate(own, axes)
     labels = _ANGLES
     if not known and joint.dof:

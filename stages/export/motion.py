@@ -1,4 +1,4 @@
-"""What every format is written from: one hand's skeleton and its motion over a recording.
+"""What every format is written from: one hand's skeleton and its motion over a recording, in WebXR frames.
 
 Bone frames. Every joint carries the frame of the bone that starts there, as WebXR Hand Input and OpenXR
 define it: -Z along the bone, away from the wrist; +Y out of the back of the bone (of a thumb, the nail's
@@ -6,13 +6,13 @@ side); +X = Y x Z, which is to the right of a hand that points forward with its 
 alike. No frame is mirrored: a left hand is left because its joints are. In the frames of our tables (x
 distal, z dorsal, y = z x x) these are X = -y, Y = z, Z = -x: `BONE_TO_WEBXR`.
 
-World. Positions and rotations are in the transmitter's frame, mm, as measured; `stages.export.axes` turns
-them to what a format expects.
+World. Positions and rotations are in the transmitter's frame, mm, as measured; `settings.prepared` turns them
+to what a format expects.
 
-Tree. Joint 0 is the root, the wrist of a hand; parents come before children. A digit ends in tips, which
-have its last bone's rotation. Of a fitted hand these are `<digit>_tip`, the end of the bone, and after it
-`<digit>_skin_tip`, the end of the digit, skin and all; of other skeletons `<digit>_receiver_tip`, the origin
-of the distal receiver (docs/conventions.md).
+Tree. Bone 0 is the root, the wrist of a hand. A digit ends in tips, which have its last bone's rotation. Of a
+fitted hand these are `<digit>_tip`, the end of the bone, and after it `<digit>_skin_tip`, the end of the
+digit, skin and all; of other skeletons `<digit>_receiver_tip`, the origin of the distal receiver
+(docs/conventions.md). At rest digits are straight, the first bone of each as it stands on average.
 
 Translations. Bones are as long as the tables say (`rest_offset_mm`), but joint centres that were solved
 joint by joint leave a gap, and skin leaves one in a fitted hand: what is in a frame beyond the rest offset
@@ -22,21 +22,22 @@ is a joint's own small translation. `position_mm` holds it, so that every joint 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.anatomy.neutral_bones import at_rest
 from shukotsu.errors import InputError
-from shukotsu.schemas.poses import RecordingName
-from shukotsu.skeleton.posing import SkeletonJoint, rigid_positions
+from shukotsu.files.whole_files import file_sha256
+from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
+from shukotsu.schemas.layout import Layout
+from shukotsu.schemas.poses import Poses, joined_poses
+from shukotsu.skeleton.posed_recording import RecordingReader
+from shukotsu.skeleton.posing import Bools, Index, PosedRecording, rigid_positions
 from shukotsu.skeleton.rotations import Array, conjugate, from_matrix, multiply, rotate
-
-Bools = npt.NDArray[np.bool_]
-Whole = npt.NDArray[np.int64]
 
 BONE_TO_WEBXR = from_matrix(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 """Quaternion (4,) from the WebXR frame of a bone to its frame in our tables: q_webxr = q_bone * this."""
@@ -53,155 +54,156 @@ BLOCK_FRAMES = 4096
 MOVES_MM = 1e-5
 """A joint that leaves its rest offset by more than this moves against the bone before."""
 
+MOST_FRAMES = 100_000
+"""Frames that are exported of a recording, seven minutes at 240 Hz: within 2 GB of memory."""
 
-@dataclass(frozen=True)
-class Receivers:
-    """The R receivers that the skeleton comes from, over the same T frames.
+Range = tuple[int | None, int | None]
 
-    segments : what each rides on. position_mm : (T, R, 3), quaternion : (T, R, 4) receiver to transmitter
-    frame, in the receivers' own axes (docs/conventions.md); both NaN where not valid. valid : (T, R).
+
+def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (None, None)) -> PosedRecording:
+    """Read one hand's skeleton under one model and its motion in one recording.
+
+    licence : the terms of use, to go into every file. frames : the first and the last to read by their
+    recorded numbers; None: to that end. Of more than MOST_FRAMES one in so many is read. Digits whose joints
+    failed, or that have no pose in any frame, are left out. Notes say so. Raises InputError where a table is
+    absent or its making failed, where no frame is in the range, where no digit is left, or where the layout's
+    digits do not hang together.
     """
+    poses, thinned = _poses(reader, frames)
+    bones = reader.bones(poses)
+    if not reader.is_fitted:
+        joints = (replace(j, name=f"{j.digit}{RECEIVER_TIP}") if j.tip else j for j in bones.joints)
+        bones = replace(bones, joints=tuple(joints))
+    where = f"{reader.folder}: {reader.part.hand} hand, model {reader.model.name}"
+    if bones.root_failure:
+        raise InputError(f"{where}: {bones.root_failure}, and it is the skeleton's root")
+    for joint, offset in zip(bones.joints[1:], bones.rest_offset_mm[1:], strict=True):
+        if joint.parent < 0:
+            raise InputError(
+                f"digit {joint.digit} hangs from {reader.layout.digits[joint.digit].base}, which is no bone "
+                "of the skeleton; an export needs one tree, so give each part a layout of its own"
+            )
+        # of bones before a digit's first joint the motion tells the length
+        if joint.parent > 0 and not np.isnan(offset).all() and not offset[0] > 0:
+            raise InputError(
+                f"{where}: bone {bones.joints[joint.parent].segment} is {offset[0]} mm long in bone_lengths; "
+                "expected a length above 0, so look at its joints' status"
+            )
+    bones, unseen = _seen_digits(bones)
+    notes = [f"{digit} left out: {reason}" for digit, reason in {**bones.left_out, **unseen}.items()]
+    if len(bones.joints) < 2:
+        reasons = "; ".join(notes) or "the layout has none"
+        raise InputError(f"{where}: no digit of {reader.recording.name} can be exported: {reasons}")
+    of_model = (BONE_POSES, POSED_TIPS) if reader.is_fitted else (METACARPALS,)
+    files = map(reader.path, (JOINT_CENTRES, BONE_LENGTHS, *of_model))
+    inputs = {
+        file.relative_to(reader.folder.parent).as_posix(): file_sha256(file)
+        for file in (reader.poses_file, *files)
+        if file.is_file()
+    }
+    origin = replace(bones.origin, inputs=inputs, licence=licence)
+    motion = in_webxr(replace(bones, origin=origin, notes=(*notes, *thinned)), reader.layout)
+    if frames == (None, None):
+        return motion
+    inside = _inside(motion.frame, frames)
+    if not len(inside):
+        first, last = ("" if end is None else end for end in frames)
+        whole = f"; it has {motion.frame[0]} to {motion.frame[-1]}" if len(motion.frame) else ""
+        raise InputError(f"--frames: no frame of the recording is in {first}:{last}{whole}")
+    motion = motion.take(inside)
+    return motion.noting(f"frames {motion.frame[0]} to {motion.frame[-1]} only, as asked")
 
-    segments: tuple[str, ...]
-    position_mm: Array
-    quaternion: Array
-    valid: Bools
+
+def _poses(reader: RecordingReader, frames: Range) -> tuple[Poses, list[str]]:
+    """Read receivers, of a long recording in that range and no more than MOST_FRAMES; and a note on these."""
+    every = -(-reader.n_frames // MOST_FRAMES)
+    if every > 1 and frames != (None, None):
+        poses = joined_poses([block.take(_inside(block.frame, frames)) for block in reader.pose_blocks()])
+        every = -(-len(poses.frame) // MOST_FRAMES)
+        poses = poses.take(slice(None, None, every or 1))
+    else:
+        poses = reader.poses(every)
+    some = f"one frame in {every}, as no more than {MOST_FRAMES} are exported; --frames has all of a part"
+    return poses, [some] if every > 1 else []
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Hold whose motion it is and what it was made from.
+def _inside(frame: Index, frames: Range) -> Index:
+    """Return the rows of frames (T,) that are in the range."""
+    first, last = frames
+    low, high = -np.inf if first is None else first, np.inf if last is None else last
+    return np.flatnonzero((frame >= low) & (frame <= high))
 
-    inputs : SHA-256 of the tables, by their path in the results folder. licence : the words that the user
-    gave, may be empty.
+
+def in_webxr(bones: PosedRecording, layout: Layout) -> PosedRecording:
+    """Return the motion in WebXR frames, a thumb's facing its nail, with rotations that are continuous.
+
+    bones : one tree, every digit with a pose in some frame.
     """
+    unsaid = np.asarray(np.isnan(bones.rest_offset_mm).all(-1))  # of digits' first bones: as on average
+    bones = at_rest(layout, bones)
+    offset_mm = np.where(unsaid[:, None], np.nan_to_num(bones.rest_offset_mm), bones.rest_offset_mm)
+    rest = np.where(unsaid[:, None], bones.rest, [1.0, 0.0, 0.0, 0.0])
+    back, there = conjugate(BONE_TO_WEBXR), bones.receivers
+    valid = there.valid[..., None]
+    return replace(
+        bones,
+        quaternion=continuous(multiply(bones.quaternion, BONE_TO_WEBXR)),
+        receivers=replace(
+            there,
+            position_mm=np.where(valid, there.position_mm, np.nan),
+            quaternion=continuous(np.where(valid, there.quaternion, np.nan)),
+        ),
+        rest_offset_mm=rotate(back, offset_mm),
+        axis=rotate(back, bones.axis),
+        rest=multiply(back, multiply(rest, BONE_TO_WEBXR)),
+        neutral=multiply(back, multiply(bones.neutral, BONE_TO_WEBXR)),
+        rate_hz=nominal_rate_hz(there.frame, there.time_s),
+    )
 
-    subject: str
-    hand: str
-    task: str
-    trial: str
-    model: str
-    layout: str
-    inputs: Mapping[str, str] = field(default_factory=dict)
-    licence: str = ""
-    session: str = ""
 
-    @property
-    def recording(self) -> RecordingName:
-        """The recording that it is the motion of."""
-        return RecordingName(self.subject, self.hand, self.task, self.trial, self.session)
+def _seen_digits(bones: PosedRecording) -> tuple[PosedRecording, dict[str, str]]:
+    """Return the bones without the digits of which a joint has no pose in any frame, and the reasons.
 
-    def __str__(self) -> str:
-        parts = (str(self.recording), self.model)
-        return ", ".join(part for part in parts if part)
-
-
-@dataclass(frozen=True)
-class SkeletonMotion:
-    """The skeleton of one hand with J joints over T frames; T may be 0.
-
-    rest_offset_mm : (J, 3) each joint from its parent in the parent's bone frame, this person's bones; zeros
-    for the root. rest_rotation : (J, 4) each bone's frame in its parent's at rest: straight digits, the
-    first bone of each as it stands on average; identity for root and tips.
-    neutral : (J, 4) each bone's frame in its parent's where its joint angles are zero
-    (docs/joint-angles.md), NaN where no anatomy says. axis : (J, 3) unit, the estimated axis of a joint of
-    one degree of freedom in its own bone frame, NaN where there is none.
-    frame : (T,) as recorded; where resampled, that of the recorded frame nearest in time. time_s : (T,)
-    device time, NaN where the recording has none. rate_hz : frames a second, the median as recorded; NaN
-    where the times do not tell.
-    position_mm : (T, J, 3), quaternion : (T, J, 4) unit (w, x, y, z) of bone frame to transmitter frame
-    (or that which `shukotsu.stages.export.axes` turned to), signs continuous over time; NaN in gaps.
-    notes : sentences, in order, on what is left out and what was done to the motion since it was read.
+    What hangs from such a digit goes with it. An end of the skin that is known in no frame, as of digits
+    without known anatomy, goes alone.
     """
-
-    joints: tuple[SkeletonJoint, ...]
-    rest_offset_mm: Array
-    rest_rotation: Array
-    neutral: Array
-    axis: Array
-    frame: Whole
-    time_s: Array
-    rate_hz: float
-    position_mm: Array
-    quaternion: Array
-    receivers: Receivers
-    origin: Origin
-    notes: tuple[str, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the joints."""
-        return tuple(joint.name for joint in self.joints)
-
-    @property
-    def parents(self) -> Whole:
-        """Index of each joint's parent (J,), -1 for the root."""
-        return np.array([joint.parent for joint in self.joints], np.int64)
-
-    @property
-    def kind(self) -> str:
-        """Return its name in a scene: hand, or the layout's name where no anatomy is known."""
-        return "hand" if np.isfinite(self.neutral).any() else self.origin.layout
-
-    @cached_property
-    def known(self) -> Bools:
-        """Return which joints have a whole pose in which frames, (T, J)."""
-        return known_points(self.position_mm, self.quaternion)
-
-    @property
-    def whole(self) -> Bools:
-        """Frames (T,) in which every joint has a pose."""
-        return np.asarray(self.known.all(1))
-
-    def index(self, name: str) -> int:
-        """Return the place of the joint of that name; ValueError where there is none."""
-        return self.names.index(name)
-
-    def carrier(self, tip: int) -> tuple[int, Array]:
-        """Index of the joint whose bone a tip ends, and where on the bone it rests, (3,)."""
-        place_mm, above = self.rest_offset_mm[tip], self.joints[tip].parent
-        while self.joints[above].tip:  # tips have the bone's own rotation
-            place_mm, above = place_mm + self.rest_offset_mm[above], self.joints[above].parent
-        return above, place_mm
-
-    def mapped(
-        self, place: Callable[[Array], Array], turn: Callable[[Array], Array], valid: Bools | None = None
-    ) -> SkeletonMotion:
-        """Return the motion with other positions and rotations of joints and receivers; valid : (T, R)."""
-        there = self.receivers
-        return replace(
-            self,
-            position_mm=place(self.position_mm),
-            quaternion=turn(self.quaternion),
-            receivers=replace(
-                there,
-                position_mm=place(there.position_mm),
-                quaternion=turn(there.quaternion),
-                valid=there.valid if valid is None else valid,
-            ),
-        )
-
-    def take(self, rows: slice | Whole | Bools) -> SkeletonMotion:
-        """Return only some of the frames."""
-        taken = self.mapped(lambda array: array[rows], lambda array: array[rows], self.receivers.valid[rows])
-        return replace(taken, frame=self.frame[rows], time_s=self.time_s[rows])
-
-    def blocks(self, size: int = BLOCK_FRAMES) -> Iterator[SkeletonMotion]:
-        """The motion so many frames at a time, in order; none where there is no frame."""
-        for start in range(0, len(self.frame), size):
-            yield self.take(slice(start, start + size))
-
-    def noting(self, *sentences: str) -> SkeletonMotion:
-        """The same with more notes."""
-        return replace(self, notes=(*self.notes, *sentences))
+    seen = np.asarray(bones.known.any(0))
+    some = bool(len(bones.position_mm))
+    unseen: dict[str, str] = {}
+    kept = [0]
+    for index, joint in enumerate(bones.joints[1:], 1):
+        if joint.name.endswith(SKIN_TIP) and not np.isfinite(bones.position_mm[:, index]).any():
+            continue
+        kept.append(index)
+        if some and (bones.joints[joint.parent].digit in unseen or not seen[index]):
+            unseen.setdefault(joint.digit, f"{joint.name} has no pose in any frame")
+    kept = [index for index in kept if bones.joints[index].digit not in unseen]
+    return (bones if len(kept) == len(bones.joints) else bones.only(kept)), unseen
 
 
-def without_receivers(motion: SkeletonMotion) -> SkeletonMotion:
-    """Return the motion without any receiver."""
-    return _with_receivers(motion, np.zeros(len(motion.receivers.segments), bool))
+def blocks(motion: PosedRecording, size: int = BLOCK_FRAMES) -> Iterator[PosedRecording]:
+    """Yield the motion so many frames at a time, in order; none where there is no frame."""
+    for start in range(0, len(motion.frame), size):
+        yield motion.take(slice(start, start + size))
 
 
-def with_seen_receivers(motion: SkeletonMotion) -> tuple[SkeletonMotion, tuple[str, ...]]:
+def carrier(motion: PosedRecording, tip: int) -> tuple[int, Array]:
+    """Return the index of the joint whose bone a tip ends, and where on the bone it rests, (3,)."""
+    offset_mm, above = motion.rest_offset_mm[tip], motion.joints[tip].parent
+    while motion.joints[above].tip:  # tips have the bone's own rotation
+        offset_mm, above = offset_mm + motion.rest_offset_mm[above], motion.joints[above].parent
+    return above, offset_mm
+
+
+def with_receivers(motion: PosedRecording, kept: Bools) -> PosedRecording:
+    """Return the motion with some of the receivers (R,)."""
+    there = motion.receivers
+    segments = tuple(np.array(there.segments, object)[kept])
+    arrays = (there.position_mm[:, kept], there.quaternion[:, kept], there.valid[:, kept])
+    return replace(motion, receivers=Poses(segments, there.frame, there.time_s, *arrays))
+
+
+def with_seen_receivers(motion: PosedRecording) -> tuple[PosedRecording, tuple[str, ...]]:
     """Return the motion without receivers that have no pose in any frame, and a sentence where it had some.
 
     A layout may name receivers that a recording was made without, a forearm's for one.
@@ -210,17 +212,10 @@ def with_seen_receivers(motion: SkeletonMotion) -> tuple[SkeletonMotion, tuple[s
     if seen.all():
         return motion, ()
     absent = ", ".join(np.array(motion.receivers.segments, object)[~seen])
-    return _with_receivers(motion, seen), (f"receivers that have no pose in any frame: {absent}",)
+    return with_receivers(motion, seen), (f"receivers that have no pose in any frame: {absent}",)
 
 
-def _with_receivers(motion: SkeletonMotion, kept: Bools) -> SkeletonMotion:
-    there = motion.receivers
-    segments = tuple(np.array(there.segments, object)[kept])
-    arrays = (there.position_mm[:, kept], there.quaternion[:, kept], there.valid[:, kept])
-    return replace(motion, receivers=Receivers(segments, *arrays))
-
-
-def local_motion(motion: SkeletonMotion) -> tuple[Array, Array]:
+def local_motion(motion: PosedRecording) -> tuple[Array, Array]:
     """Return each joint's pose in its parent's bone frame, of the root in the world: (T, J, 3), (T, J, 4).
 
     The offset is the rest offset plus the joint's own translation in that frame; signs of the quaternions are
@@ -233,23 +228,18 @@ def local_motion(motion: SkeletonMotion) -> tuple[Array, Array]:
     return offset, continuous(local)
 
 
-def known_points(position_mm: Array, quaternion: Array) -> Bools:
-    """Return which points have a whole pose in which frames, (T, N)."""
-    return np.asarray(np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1))
-
-
-def rest_pose(motion: SkeletonMotion) -> tuple[Array, Array]:
-    """Positions (J, 3) mm and rotations (J, 4) of all bone frames at rest, in the root's bone frame."""
-    position, turn = np.zeros((len(motion.joints), 3)), motion.rest_rotation.copy()
+def rest_pose(motion: PosedRecording) -> tuple[Array, Array]:
+    """Return positions (B, 3) mm and rotations (B, 4) of bone frames at rest, in the root's bone frame."""
+    position, turn = np.zeros((len(motion.joints), 3)), motion.rest.copy()
     for index, joint in enumerate(motion.joints[1:], 1):
         above = turn[joint.parent]
         position[index] = position[joint.parent] + rotate(above, motion.rest_offset_mm[index])
-        turn[index] = multiply(above, motion.rest_rotation[index])
+        turn[index] = multiply(above, motion.rest[index])
     return position, turn
 
 
-def stiffened(motion: SkeletonMotion) -> SkeletonMotion:
-    """The motion with rotations only: every joint at its rest offset from its parent, the root where it is.
+def stiffened(motion: PosedRecording) -> PosedRecording:
+    """Return the motion with rotations only: joints at their rest offsets, the root where it is.
 
     For programs that know no stretching bones. Rotations stay; a note says how far a joint is moved at
     most. Of a skeleton that is no fitted hand this is the replay with the least-squares binding, and its tips
@@ -278,8 +268,9 @@ def continuous(quaternion: Array) -> Array:
 
 
 def continuous_series(quaternion: Array) -> Array:
-    """Quaternions (T, 4) with signs such that no two known neighbours in time are more than 90 deg apart as
-    4-vectors; the first known has w >= 0. NaN stays.
+    """Return quaternions (T, 4) with signs that bring known neighbours in time within 90 deg as 4-vectors.
+
+    The first known has w >= 0. NaN stays.
     """
     out, known = quaternion.copy(), np.flatnonzero(np.isfinite(quaternion).all(-1))
     if len(known):
@@ -290,8 +281,8 @@ def continuous_series(quaternion: Array) -> Array:
     return out
 
 
-def nominal_rate_hz(frame: Whole, time_s: Array) -> float:
-    """Frames a second: the median over neighbours; NaN where there are none with times that grow."""
+def nominal_rate_hz(frame: Index, time_s: Array) -> float:
+    """Return frames a second: the median over neighbours; NaN where there are none with times that grow."""
     step = np.diff(frame)
     usual = step == (np.median(step) if len(step) else 0)
     interval = np.diff(time_s)[usual]
@@ -299,7 +290,7 @@ def nominal_rate_hz(frame: Whole, time_s: Array) -> float:
     return float(1.0 / np.median(interval)) if len(interval) else float("nan")
 
 
-def require_whole(motion: SkeletonMotion, path: Path, name: str) -> None:
+def require_whole(motion: PosedRecording, path: Path, name: str) -> None:
     """Raise InputError where the motion has no frame, or one without a pose of every joint.
 
     name : of the format, in the sentence.
@@ -311,7 +302,7 @@ def require_whole(motion: SkeletonMotion, path: Path, name: str) -> None:
         )
 
 
-def require_times(motion: SkeletonMotion, times: npt.NDArray[np.floating], path: Path, name: str) -> None:
+def require_times(motion: PosedRecording, times: npt.NDArray[np.floating], path: Path, name: str) -> None:
     """Raise InputError where the frames have no device time, or it does not grow.
 
     times : (T,) as the format holds them, from the motion's device time.

@@ -26,9 +26,10 @@ from shukotsu.files.text_files import read_text
 from shukotsu.files.whole_files import replacing, write_text
 from shukotsu.schemas import PROGRAM, VERSION
 from shukotsu.schemas.poses import RecordingName
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.export.file_facts import BONE_FRAME, facts
-from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion, with_seen_receivers
+from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP, blocks, with_seen_receivers
 from shukotsu.stages.export.tidy_csv import bone_angles_deg
 
 DESCRIPTION, PARTICIPANTS = "dataset_description.json", "participants.tsv"
@@ -97,7 +98,7 @@ def recording_path(name: RecordingName, model: str = "") -> str:
     return f"{'/'.join(who)}/motion/{'_'.join(who)}_task-{label(name.task)}_tracksys-{system}{trial}"
 
 
-def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     """Add a recording to the dataset whose description `path` is, or replace it; return what files lack.
 
     Raises InputError where there is no frame, no rate is known for several, or the folder is no dataset.
@@ -109,7 +110,7 @@ def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
             f"{path}: the recording has no device time and BIDS needs a rate; give rate_hz in a mapping"
         )
     motion, unseen = with_seen_receivers(motion)
-    add_participant(path.parent, motion.origin.subject, motion.origin.licence)
+    add_participant(path.parent, motion.origin.recording.subject, motion.origin.licence)
     all_facts = facts(motion, "m", "")
     receiver_facts = {key: value for key, value in all_facts.items() if key not in ("model", "bone_frame")}
     receiver_facts["inputs_sha256"] = {
@@ -124,16 +125,16 @@ def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
 
 def _write_system(
     folder: Path,
-    motion: SkeletonMotion,
+    motion: PosedRecording,
     model: str,
     more_facts: Mapping[str, Any],
-    channels_of: Callable[[SkeletonMotion], Iterable[Channel]],
+    channels_of: Callable[[PosedRecording], Iterable[Channel]],
 ) -> None:
     """Write the four files of a tracking system, motion.tsv last; model : empty of the receivers."""
     timed = motion.time_s[np.isfinite(motion.time_s)]
     name, rates = motion.origin.recording, sampling_rates(motion.rate_hz, motion.time_s)
 
-    def channels(part: SkeletonMotion) -> list[Channel]:
+    def channels(part: PosedRecording) -> list[Channel]:
         return [*_clock_channels(part, timed), *channels_of(part)]
 
     first = channels(motion.take(slice(0, 1)))
@@ -172,7 +173,7 @@ def _write_system(
     write_text(folder / f"{stem}_motion.json", json_text(motion_json))
     options = pa_csv.WriteOptions(include_header=False, delimiter="\t", quoting_style="none")
     with replacing(folder / f"{stem}_motion.tsv") as temporary, temporary.open("wb") as stream:
-        for part in motion.blocks():
+        for part in blocks(motion):
             texts = [pc.cast(channel.values, pa.string()).fill_null("n/a") for channel in channels(part)]
             pa_csv.write_csv(pa.table(texts, [str(i) for i in range(len(texts))]), stream, options)
 
@@ -190,7 +191,7 @@ def sampling_rates(rate_hz: float, time_s: Array) -> dict[str, float]:
     }
 
 
-def _clock_channels(motion: SkeletonMotion, timed: Array) -> Iterable[Channel]:
+def _clock_channels(motion: PosedRecording, timed: Array) -> Iterable[Channel]:
     """Frame numbers; latency as BIDS wants it, from the recording's first time, and device time."""
     frame = pa.array(motion.frame)
     yield Channel(frame, "frame", "n/a", "MISC", "n/a", "n/a", "frame number of the tracker")
@@ -202,7 +203,7 @@ def _clock_channels(motion: SkeletonMotion, timed: Array) -> Iterable[Channel]:
         yield Channel(device, "time", "n/a", "MISC", "n/a", "s", "time of the tracker")
 
 
-def _receiver_channels(motion: SkeletonMotion) -> Iterable[Channel]:
+def _receiver_channels(motion: PosedRecording) -> Iterable[Channel]:
     """Every receiver's pose, tracked points being the segments that carry them."""
     receivers = motion.receivers
     for index, segment in enumerate(receivers.segments):
@@ -210,7 +211,7 @@ def _receiver_channels(motion: SkeletonMotion) -> Iterable[Channel]:
         yield from _numbers(segment, "ORNT", "receiver", receivers.quaternion[:, index])
 
 
-def _skeleton_channels(motion: SkeletonMotion) -> Iterable[Channel]:
+def _skeleton_channels(motion: PosedRecording) -> Iterable[Channel]:
     """Every joint's position, the rotation of the bone that starts there, and angles of known anatomy."""
     for index, joint in enumerate(motion.joints):
         ends = {SKIN_TIP: "end of the digit, skin and all", RECEIVER_TIP: "distal receiver's origin"}

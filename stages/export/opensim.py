@@ -19,10 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.files.whole_files import write_text
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, conjugate, rotate
 from shukotsu.stages.export.file_facts import facts_text
 from shukotsu.stages.export.kinematic_tree import JointForm, joint_forms
-from shukotsu.stages.export.motion import SkeletonMotion, require_whole
+from shukotsu.stages.export.motion import carrier, require_whole
 from shukotsu.stages.export.opensim_markers import Triad, triads
 from shukotsu.stages.export.opensim_model import VERSION, add, as_text, model_xml
 from shukotsu.stages.export.opensim_motion import seconds, seen_frames, write_mot, write_trc
@@ -38,7 +39,7 @@ _STEEP_DEG = 85.0
 _NOTABLE_MM = 1e-3
 
 
-def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     """Write `path` (.osim) and the other files with its stem; give what they do not hold.
 
     The motion has Y up and no gap; receivers may have some. Raises InputError where a pose is missing, there
@@ -128,10 +129,10 @@ def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[st
     return remarks
 
 
-def _of_points(motion: SkeletonMotion, receivers: Sequence[Triad]) -> list[str]:
+def _of_points(motion: PosedRecording, receivers: Sequence[Triad]) -> list[str]:
     """Sentences on tips and receivers that the bones do not carry exactly."""
     remarks = []
-    tips = [(index, *motion.carrier(index)) for index, joint in enumerate(motion.joints) if joint.tip]
+    tips = [(index, *carrier(motion, index)) for index, joint in enumerate(motion.joints) if joint.tip]
     beyond = np.zeros((len(motion.frame), len(tips), 3))
     for place, (index, above, rest_mm) in enumerate(tips):
         along = motion.position_mm[:, index] - motion.position_mm[:, above]

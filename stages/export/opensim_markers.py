@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.schemas.poses import Poses
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, conjugate, mean_rotation, multiply, rotate
 from shukotsu.stages.export.kinematic_tree import JointForm
-from shukotsu.stages.export.motion import Receivers, SkeletonMotion
 from shukotsu.stages.export.rig_names import plain_names
 
 ARM_MM = 10.0
@@ -37,13 +38,13 @@ class Triad:
     receiver: int
     spread_mm: float
 
-    def measured_mm(self, receivers: Receivers) -> Array:
+    def measured_mm(self, receivers: Poses) -> Array:
         """The points in the ground in the receivers' frames, (n, 12), NaN where the receiver is not valid."""
         place, turn = (values[:, self.receiver] for values in (receivers.position_mm, receivers.quaternion))
         return (place[:, None] + rotate(turn[:, None], POINTS_MM)).reshape(-1, 12)
 
 
-def triads(motion: SkeletonMotion, forms: tuple[JointForm, ...]) -> tuple[list[Triad], list[str]]:
+def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[Triad], list[str]]:
     """Triads of all receivers that sit on a bone of the skeleton, and sentences on the others."""
     receivers, placed, lost = motion.receivers, [], []
     carriers = {motion.joints[form.index].segment: place for place, form in reversed(list(enumerate(forms)))}

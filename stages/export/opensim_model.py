@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, matrix
 from shukotsu.stages.export.kinematic_tree import (
     Body,
@@ -16,7 +17,6 @@ from shukotsu.stages.export.kinematic_tree import (
     fixed_points,
     shortest_turn,
 )
-from shukotsu.stages.export.motion import SkeletonMotion
 from shukotsu.stages.export.opensim_markers import Triad
 
 VERSION = "40600"
@@ -34,7 +34,7 @@ _Y = np.array([0.0, 1.0, 0.0])
 
 
 def model_xml(
-    motion: SkeletonMotion,
+    motion: PosedRecording,
     forms: Sequence[JointForm],
     receivers: Sequence[Triad],
     title: str,

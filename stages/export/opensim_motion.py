@@ -15,16 +15,10 @@ import pyarrow.csv as pc
 
 from shukotsu.files.whole_files import replacing
 from shukotsu.schemas import PROGRAM, VERSION
+from shukotsu.skeleton.posing import Bools, Origin, PosedRecording, known_points
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.export.kinematic_tree import JointForm
-from shukotsu.stages.export.motion import (
-    BLOCK_FRAMES,
-    Bools,
-    Origin,
-    SkeletonMotion,
-    known_points,
-    require_times,
-)
+from shukotsu.stages.export.motion import BLOCK_FRAMES, require_times
 from shukotsu.stages.export.opensim_markers import Triad
 
 ALONE_HZ = 60.0
@@ -36,7 +30,7 @@ _MM_DECIMALS = 6
 _TIME_DECIMALS = 9
 
 
-def seconds(motion: SkeletonMotion, path: Path, program: str) -> Array:
+def seconds(motion: PosedRecording, path: Path, program: str) -> Array:
     """Device times (T,) from the first frame on, s, to the nanosecond.
 
     program : which wants times that grow. Raises InputError where there is none, or it does not.
@@ -50,8 +44,8 @@ def seconds(motion: SkeletonMotion, path: Path, program: str) -> Array:
 
 def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequence[JointForm]) -> None:
     """Write all coordinates over time: turns in degrees, shifts in metres; title : one line of ASCII."""
-    keys = ("subject", "session", "hand", "task", "trial", "model", "licence")
-    facts = {"program": f"{PROGRAM} {VERSION}", **{key: getattr(origin, key) for key in keys}}
+    names = {key: getattr(origin.recording, key) for key in ("subject", "session", "hand", "task", "trial")}
+    facts = {"program": f"{PROGRAM} {VERSION}", **names, "model": origin.model, "licence": origin.licence}
     # an equals sign would make a line a key of the header
     whose = [" ".join(f"{key}: {fact}".replace("=", ":").split()) for key, fact in facts.items() if fact]
     names = ["time", *(coordinate.name for form in forms for coordinate in form.coordinates)]
@@ -79,7 +73,7 @@ def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequ
 
 
 def write_trc(
-    path: Path, title: str, time_s: Array, motion: SkeletonMotion, receivers: Sequence[Triad]
+    path: Path, title: str, time_s: Array, motion: PosedRecording, receivers: Sequence[Triad]
 ) -> None:
     """Write all markers over time in mm, blank where a receiver was not valid; title : one line of ASCII.
 
@@ -111,7 +105,7 @@ def write_trc(
             _write_rows(stream, [*columns, pa.nulls(int(own.sum()), pa.float64())])
 
 
-def seen_frames(motion: SkeletonMotion, receivers: Sequence[Triad]) -> Bools:
+def seen_frames(motion: PosedRecording, receivers: Sequence[Triad]) -> Bools:
     """Frames (T,) in which any of the receivers is valid."""
     own = motion.receivers
     known = known_points(own.position_mm, own.quaternion)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from shukotsu.stages.export.motion import SkeletonMotion
+    from shukotsu.skeleton.posing import PosedRecording
     from shukotsu.stages.export.settings import Settings
 
 
@@ -115,16 +115,19 @@ def chosen_formats(names_list: str) -> list[str]:
     return names
 
 
-def write_format(motion: SkeletonMotion, settings: Settings, name: str, path: Path) -> tuple[str, ...]:
+def write_format(motion: PosedRecording, settings: Settings, name: str, path: Path) -> tuple[str, ...]:
     """Write a motion as it was read into a file of one of FORMATS.
 
     Returns what was done to it and what the file lacks. Raises InputError as getting ready and writing do.
     """
-    from shukotsu.stages.export.motion import without_receivers
+    import numpy as np
+
+    from shukotsu.stages.export.motion import with_receivers
     from shukotsu.stages.export.settings import prepared
 
     chosen = FORMATS[name]
-    motion = motion if chosen.holds_receivers else without_receivers(motion)
+    if not chosen.holds_receivers:
+        motion = with_receivers(motion, np.zeros(len(motion.receivers.segments), bool))
     ready = prepared(motion, settings, holds_gaps=chosen.holds_gaps, up=chosen.up)
     dropped = chosen.writers.write(ready, path)
     return (*ready.notes[len(motion.notes) :], f"not in the file: {chosen.drops}", *dropped)

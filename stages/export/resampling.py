@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from shukotsu.errors import InputError
+from shukotsu.skeleton.posing import Bools, Index, PosedRecording, known_points
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.export.motion import Bools, SkeletonMotion, Whole, continuous, known_points
+from shukotsu.stages.export.motion import continuous
 
 FILLED_FRAMES = 100_000
 """The most that are made where a recording has none: seven minutes at 240 Hz."""
@@ -21,7 +22,7 @@ _WIDEST_STEPS = 1.5
 """Frames further apart than this many usual intervals have a gap between them."""
 
 
-def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> SkeletonMotion:
+def resampled(motion: PosedRecording, fps: float, widest_s: float = 0.0) -> PosedRecording:
     """Return the motion at an even rate from its first time on: positions linear, rotations by slerp.
 
     Device times count, not frame numbers. A new frame in a gap that was kept, or between frames that are
@@ -55,15 +56,11 @@ def resampled(motion: SkeletonMotion, fps: float, widest_s: float = 0.0) -> Skel
     out = motion.mapped(
         lambda places: blended(places[before], places[after], share[:, None]),
         lambda turns: continuous(slerped(turns[before], turns[after], share[:, None])),
-    )
-    valid = known_points(out.receivers.position_mm, out.receivers.quaternion)
-    out = replace(
-        out,
         frame=motion.frame[np.where(share > 0.5, after, before)],
         time_s=at,
-        rate_hz=fps,
-        receivers=replace(out.receivers, valid=valid),
     )
+    valid = known_points(out.receivers.position_mm, out.receivers.quaternion)
+    out = replace(out, rate_hz=fps, receivers=replace(out.receivers, valid=valid))
     return out.noting(
         f"resampled from {len(time_s)} frames ({motion.rate_hz:g} Hz) to {len(at)} ({fps:g} Hz) over device "
         "time, unfiltered"
@@ -74,7 +71,7 @@ def _count(time_s: Array, fps: float) -> int:
     return int(np.floor((time_s[-1] - time_s[0]) * fps + 1e-6)) + 1
 
 
-def largest_time_error_s(motion: SkeletonMotion) -> float:
+def largest_time_error_s(motion: PosedRecording) -> float:
     """Return the most that a device time is off an even rate that starts with the first; 0 without times.
 
     What a file loses that holds a rate and no times.
@@ -85,7 +82,7 @@ def largest_time_error_s(motion: SkeletonMotion) -> float:
     return float(np.abs(motion.time_s - even).max())
 
 
-def bracketed(at: Array, x: Array) -> tuple[Whole, Whole, Array]:
+def bracketed(at: Array, x: Array) -> tuple[Index, Index, Array]:
     """Rows before and after each value of `at` in the growing x (n,), and how far it is between them, 0 to 1.
 
     Beyond either end both rows are that end's.

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.skeleton.posing import SkeletonJoint
+from shukotsu.skeleton.posing import PosedRecording, SkeletonJoint
 from shukotsu.skeleton.rotations import Array, multiply, rotate
-from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP, SkeletonMotion
+from shukotsu.stages.export.motion import RECEIVER_TIP, SKIN_TIP
 from shukotsu.stages.export.rig_names import RIGS
 
 
-def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
+def on_rig(motion: PosedRecording, name: str) -> PosedRecording:
     """The hand with the names of that rig (`stages.export.rig_names.RIGS`) and no bone that it lacks.
 
     Raises InputError where there is no such rig, or the skeleton is not that of a hand that it names.
@@ -22,7 +22,7 @@ def on_rig(motion: SkeletonMotion, name: str) -> SkeletonMotion:
     if name not in RIGS:
         raise InputError(f"--rig: there is no rig {name!r}; expected one of {', '.join(RIGS)}")
     rig = RIGS[name]
-    names = rig.names(motion.origin.hand)
+    names = rig.names(motion.hand)
     tips = {  # that on the skin comes after that of the bone
         joint.digit: joint.name
         for joint in motion.joints
@@ -53,14 +53,14 @@ def _is_named(joint: SkeletonJoint, names: Mapping[str, str]) -> bool:
     return (f"{joint.digit}_tip" if joint.tip else joint.name) in names
 
 
-def with_webxr_names(motion: SkeletonMotion) -> SkeletonMotion:
+def with_webxr_names(motion: PosedRecording) -> PosedRecording:
     """The same, but a hand that has the layout's names gets those of WebXR."""
-    names = RIGS["webxr"].names(motion.origin.hand)
+    names = RIGS["webxr"].names(motion.hand)
     own = all(_is_named(joint, names) for joint in motion.joints[1:])
     return on_rig(motion, "webxr") if own else motion
 
 
-def folded(motion: SkeletonMotion, lacking: Collection[str]) -> SkeletonMotion:
+def folded(motion: PosedRecording, lacking: Collection[str]) -> PosedRecording:
     """The motion without those joints; their children hang from what they hung from.
 
     Exact: every other joint keeps its position and rotation in every frame, so that what the bone did is in
@@ -83,7 +83,7 @@ def folded(motion: SkeletonMotion, lacking: Collection[str]) -> SkeletonMotion:
         motion,
         joints=tuple(replace(j, dof=0) if orphan else j for j, orphan in zip(joints, orphans, strict=True)),
         rest_offset_mm=np.stack([offset for _, offset, _, _ in hung]),
-        rest_rotation=np.stack([rest for _, _, rest, _ in hung]),
+        rest=np.stack([rest for _, _, rest, _ in hung]),
         neutral=np.stack([neutral for _, _, _, neutral in hung]),
         axis=np.where(orphans[:, None], np.nan, motion.axis[kept]),
         position_mm=motion.position_mm[:, kept],
@@ -91,15 +91,15 @@ def folded(motion: SkeletonMotion, lacking: Collection[str]) -> SkeletonMotion:
     ).noting(f"{names} folded into the bones after them")
 
 
-def _hung(motion: SkeletonMotion, index: int, gone: Collection[int]) -> tuple[int, Array, Array, Array]:
+def _hung(motion: PosedRecording, index: int, gone: Collection[int]) -> tuple[int, Array, Array, Array]:
     """A joint's nearest parent that stays, and in its frame the offset, rest and neutral rotation.
 
     A bone between them that has no neutral rotation counts as it stands at rest.
     """
-    offset, rest = motion.rest_offset_mm[index], motion.rest_rotation[index]
+    offset, rest = motion.rest_offset_mm[index], motion.rest[index]
     neutral, above = motion.neutral[index], motion.joints[index].parent
     while above in gone:
-        own_rest, own_neutral = motion.rest_rotation[above], motion.neutral[above]
+        own_rest, own_neutral = motion.rest[above], motion.neutral[above]
         offset = motion.rest_offset_mm[above] + rotate(own_rest, offset)
         rest = multiply(own_rest, rest)
         neutral = multiply(own_neutral if np.isfinite(own_neutral).all() else own_rest, neutral)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from shukotsu.skeleton.posing import PosedRecording
     from shukotsu.skeleton.rotations import Array
-    from shukotsu.stages.export.motion import SkeletonMotion
 
 DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
 
@@ -74,7 +74,7 @@ def _frames(text: str) -> tuple[int | None, int | None]:
         raise argparse.ArgumentTypeError(f"{text!r} is not A:B, for example 100:900") from error
 
 
-def prepared(motion: SkeletonMotion, settings: Settings, *, holds_gaps: bool, up: str) -> SkeletonMotion:
+def prepared(motion: PosedRecording, settings: Settings, *, holds_gaps: bool, up: str) -> PosedRecording:
     """Return the motion as a format is to write it: gaps, rate, rig and upright world.
 
     holds_gaps : whether the format has a place for a frame without a pose; then `refuse` keeps gaps (NaN).

@@ -17,9 +17,10 @@ import pyarrow.csv as pc
 from shukotsu.anatomy.neutral_bones import angle_axes
 from shukotsu.files.whole_files import replacing, write_text
 from shukotsu.skeleton.joint_angles import joint_angles
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, conjugate, multiply
 from shukotsu.stages.export.file_facts import facts
-from shukotsu.stages.export.motion import BONE_TO_WEBXR, SkeletonMotion
+from shukotsu.stages.export.motion import BONE_TO_WEBXR, blocks
 
 _POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
@@ -36,7 +37,7 @@ _MEANING = {
 }
 
 
-def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; give what they do not hold.
 
     Angles are those of the joint_angles table where the hand was fitted, made from the poses written; of
@@ -61,12 +62,12 @@ def write(motion: SkeletonMotion, path: Path) -> tuple[str, ...]:
     return ()
 
 
-def bone_angles_deg(motion: SkeletonMotion) -> tuple[tuple[str, ...], Array]:
+def bone_angles_deg(motion: PosedRecording) -> tuple[tuple[str, ...], Array]:
     """Names of the joints of known anatomy, and their flexion, deviation and axial rotation (T, N, 3)."""
     turn = multiply(motion.quaternion, conjugate(BONE_TO_WEBXR))
     rests = multiply(BONE_TO_WEBXR, multiply(motion.neutral, conjugate(BONE_TO_WEBXR)))
     indices = [i for i, j in enumerate(motion.joints) if not j.tip and np.isfinite(rests[i]).all()]
-    hand = motion.origin.hand
+    hand = motion.hand
     columns = [
         joint_angles(turn[:, own.parent], turn[:, i], hand, rests[i], angle_axes(own, hand))
         for i, own in ((i, motion.joints[i]) for i in indices)
@@ -77,20 +78,20 @@ def bone_angles_deg(motion: SkeletonMotion) -> tuple[tuple[str, ...], Array]:
 
 def _write_long(
     path: Path,
-    motion: SkeletonMotion,
+    motion: PosedRecording,
     joints: Sequence[str],
     columns: Sequence[str],
-    values: Callable[[SkeletonMotion], Array],
+    values: Callable[[PosedRecording], Array],
 ) -> None:
     """Rows frame after frame, in each joint after joint; values : gives (n, N, columns) of n frames."""
     with replacing(path) as temporary, temporary.open("wb") as stream:
         options = pc.WriteOptions(include_header=False, quoting_style="needed")
         stream.write((",".join(("frame", "time_s", "joint", *columns)) + "\n").encode())
-        for block in motion.blocks():
+        for block in blocks(motion):
             pc.write_csv(_table(block, joints, columns, values(block)), stream, options)
 
 
-def _table(motion: SkeletonMotion, joints: Sequence[str], columns: Sequence[str], values: Array) -> pa.Table:
+def _table(motion: PosedRecording, joints: Sequence[str], columns: Sequence[str], values: Array) -> pa.Table:
     n = len(motion.frame)
     flat = values.reshape(n * len(joints), -1)
     known = {
@@ -103,5 +104,5 @@ def _table(motion: SkeletonMotion, joints: Sequence[str], columns: Sequence[str]
     )
 
 
-def _poses(motion: SkeletonMotion) -> Array:
+def _poses(motion: PosedRecording) -> Array:
     return np.concatenate([motion.position_mm.round(6), motion.quaternion.round(9)], -1)

@@ -92,21 +92,21 @@ def _measure_recording(
 ) -> None:
     """Write the rows of one recording, ranges alone where it only calibrates."""
     from shukotsu.anatomy.recorded_movement import ANGLES, read_movement, unsolved
-    from shukotsu.skeleton.posed_recording import posed_recording
+    from shukotsu.skeleton.posed_recording import recording_reader
     from shukotsu.stages.measure_movement import movement_rows
     from shukotsu.stages.measure_movement.events import struck_events
     from shukotsu.stages.measure_movement.sampling import grid_of
     from shukotsu.stages.measure_movement.strokes import stroke_rows
 
-    posed, evaluated = posed_recording(plan, recording, part.model), recording.role != "calibration"
+    reader, evaluated = recording_reader(plan, recording, part.model), recording.role != "calibration"
 
     def write(name: str, rows: Iterable[dict[str, Any]]) -> None:
         tables[name].rows(part, [{**recording.key, **row} for row in rows])
 
-    if reasons := unsolved(posed):
+    if reasons := unsolved(reader):
         write("ranges_of_motion", movement_rows.left_out_rows(reasons) if evaluated else ())
         return
-    movement = read_movement(posed, with_tips=evaluated)
+    movement = read_movement(reader, with_tips=evaluated)
     grid = grid_of(movement.time_s)
     ranges = [row for series in movement.joints() for row in movement_rows.range_rows(series, grid)]
     ranges.sort(key=lambda row: ANGLES.index(row["angle"]))
@@ -115,7 +115,7 @@ def _measure_recording(
         return
     write("ranges_of_motion", [*movement_rows.left_out_rows(movement.left_out), *ranges])
     write("fingertip_paths", movement_rows.path_rows(movement.fingertips, grid))
-    if strokes := struck_events(recording, events, [*posed.layout.digits]):
+    if strokes := struck_events(recording, events, [*reader.layout.digits]):
         write("event_strokes", stroke_rows(movement, strokes))
 
 

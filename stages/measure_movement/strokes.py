@@ -111,7 +111,7 @@ def _window(movement: RecordedMovement, time_s: Array, event: StruckEvent) -> _W
         return None
     columns, sds = [], []
     for name, tip in movement.fingertips.items():
-        base = movement.bases[movement.posed.layout.digits[name].base][rows][..., 0]
+        base = movement.bases[movement.reader.layout.digits[name].base][rows][..., 0]
         columns.append(rotate(base[:, 3:], tip.place_mm[rows][..., 0]) + base[:, :3])
         columns.append(tip.pointing[rows][..., 0])
         sd_mm = tip.sd_mm[rows]

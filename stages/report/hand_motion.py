@@ -19,7 +19,7 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout, Vector
 from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.posing import PosedBones, ReceiverPoint, digit_points
+from shukotsu.skeleton.posing import PosedRecording, ReceiverPoint, digit_points
 from shukotsu.skeleton.rotations import matrix
 from shukotsu.stages.report.belief import BELIEVED, belief
 
@@ -170,7 +170,7 @@ def fitted_skeleton(
     place: int,
     joints: Rows,
     worn: Rows,
-    posed: PosedBones,
+    posed: PosedRecording,
     tip_error_mm: Array,
 ) -> ShownSkeleton:
     """Return a fitted hand, its bones as posed; each digit ends at the end of its distal bone.

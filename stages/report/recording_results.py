@@ -25,8 +25,8 @@ from shukotsu.schemas.poses import Poses, pose_blocks
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table
 from shukotsu.sentences.translation import N_
-from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, Index, PosedRecording, SkeletonTables
-from shukotsu.skeleton.posing import Skeleton, pose_bones
+from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, RecordingReader
+from shukotsu.skeleton.posing import Index, Skeleton
 from shukotsu.stages.report.hand_motion import (
     MOST_FRAMES,
     HandMotion,
@@ -91,25 +91,25 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
     reason; so is all motion where the poses are.
     """
     row = results.recording_row_of.get(recording_key(recording), {"status": "missing", "message": ""})
-    found: dict[str, ModelResults] = {}
+    models: dict[str, ModelResults] = {}
     skeletons: list[ShownSkeleton] = []
     left_out: dict[str, str] = {}
     trouble, motion, poses, every = N_("no model of the study has results of this hand"), None, None, 1
-    posed = {name: _posed(results, recording, name) for name in results.models}
+    readers = {name: _reader(results, recording, name) for name in results.models}
     try:
-        one = next(iter(posed.values()))
-        every = -(-one.n_frames // MOST_FRAMES)
-        poses = one.poses(every)
+        reader = next(iter(readers.values()))
+        every = -(-reader.n_frames // MOST_FRAMES)
+        poses = reader.poses(every)
     except InputError as error:
         trouble = error.message
-    for name, own in posed.items():
+    for name, reader in readers.items():
         try:
-            found[name] = _model_results(results, own, max(1, every))
+            models[name] = _model_results(results, reader, max(1, every))
             if poses is not None:
-                skeletons.append(_skeleton(results, own, poses))
+                skeletons.append(_skeleton(results, reader, poses))
         except InputError as error:
             left_out[name] = error.message
-            found.pop(name, None)
+            models.pop(name, None)
     if row["status"] == "failed":
         trouble = row["message"]
     elif skeletons and poses is not None:
@@ -120,7 +120,7 @@ def read_recording(results: StudyResults, recording: Recording) -> RecordingResu
             trouble = ""
         except InputError as error:
             trouble = error.message
-    return RecordingResults(results, recording, row, tuple(found.values()), left_out, motion, trouble)
+    return RecordingResults(results, recording, row, tuple(models.values()), left_out, motion, trouble)
 
 
 def read_still(results: StudyResults, recording: Recording, models: Collection[str]) -> HandMotion:
@@ -136,7 +136,9 @@ def read_still(results: StudyResults, recording: Recording, models: Collection[s
         raise InputError(str(error).replace(str(path), place).rstrip(".")) from error
     if shown is None:
         raise InputError(f"{place} has no frame with a valid base receiver")
-    skeletons = [_skeleton(results, _posed(results, recording, own), shown, still=True) for own in models]
+    skeletons = [
+        _skeleton(results, _reader(results, recording, model), shown, still=True) for model in models
+    ]
     return hand_motion(recording.hand.hand, layout, shown, skeletons)
 
 
@@ -149,8 +151,8 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
 
     Raises InputError where the recording or the model has nothing to show.
     """
-    posed, layout = _posed(results, recording, model), results.layouts[recording.hand]
-    poses = posed.poses(-(-posed.n_frames // MOST_FRAMES))
+    reader, layout = _reader(results, recording, model), results.layouts[recording.hand]
+    poses = reader.poses(-(-reader.n_frames // MOST_FRAMES))
     seconds = np.nanmedian(np.diff(poses.time_s)) if len(poses.time_s) > 1 else np.nan
     step = max(1, round(1.0 / (STRETCH_HZ * seconds))) if seconds > 0 else 8
     poses = poses.take(slice(0, None, step))
@@ -160,7 +162,7 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
     length = min(len(poses.frame), round(STRETCH_S * STRETCH_HZ))
     start = int(np.argmax(np.convolve(moved, np.ones(max(1, length - 1)), "valid"))) if len(moved) else 0
     poses = poses.take(slice(start, start + length))
-    skeleton = _skeleton(results, posed, poses)
+    skeleton = _skeleton(results, reader, poses)
     return hand_motion(recording.hand.hand, layout, poses, [skeleton], every=step)
 
 
@@ -169,7 +171,7 @@ def read_angles(results: StudyResults, recording: Recording, model: str) -> dict
 
     Raises InputError where the recording has none.
     """
-    return _angles(_posed(results, recording, model))
+    return _angles(_reader(results, recording, model))
 
 
 def read_tip_errors(
@@ -178,38 +180,39 @@ def read_tip_errors(
     """Return readers of the replay's tip error (T, 1) by digit, mm, NaN in gaps; InputError where there is
     none.
     """
-    return _posed(results, recording, model).series(TIPS, ["error_mm"])
+    return _reader(results, recording, model).series(TIPS, ["error_mm"])
 
 
-def _posed(results: StudyResults, recording: Recording, model: str) -> PosedRecording:
+def _reader(results: StudyResults, recording: Recording, model: str) -> RecordingReader:
     hand = recording.hand
-    return PosedRecording(
+    return RecordingReader(
         recording,
         results.layouts[hand],
         results.models[model],
         Part(hand.hand, model, "", *hand.who),
         results.poses(recording),
-        SkeletonTables.in_folders(
-            results.paths.subject(*hand.who), results.fit_table(hand, model, BONE_POSES.name).parent
-        ),
+        results.paths.subject(*hand.who),
+        results.fit_table(hand, model, BONE_POSES.name).parent,
     )
 
 
-def _angles(posed: PosedRecording) -> dict[str, Callable[[], Array]]:
-    return posed.series(JOINT_ANGLES, [f"{angle}_deg" for angle in ANGLES])
+def _angles(reader: RecordingReader) -> dict[str, Callable[[], Array]]:
+    return reader.series(JOINT_ANGLES, [f"{angle}_deg" for angle in ANGLES])
 
 
-def _shown_angles(posed: PosedRecording, every: int) -> JointAngles:
-    angles = {joint: read()[::every].copy() for joint, read in _angles(posed).items()}
-    return JointAngles(posed.model.name, tuple(angles), np.stack(list(angles.values()), 1))
+def _shown_angles(reader: RecordingReader, every: int) -> JointAngles:
+    angles = {joint: read()[::every].copy() for joint, read in _angles(reader).items()}
+    return JointAngles(reader.model.name, tuple(angles), np.stack(list(angles.values()), 1))
 
 
-def _numbers(posed: PosedRecording, table: Table, columns: Sequence[str], frames: Index) -> dict[str, Array]:
+def _numbers(
+    reader: RecordingReader, table: Table, columns: Sequence[str], frames: Index
+) -> dict[str, Array]:
     """Read columns (T, C) of the recording; InputError where the table has no row of it."""
-    found = posed.numbers(table, columns, frames)
-    if not found:
+    numbers = reader.numbers(table, columns, frames)
+    if not numbers:
         raise InputError(f"the {table.name} table has no row of this recording")
-    return found
+    return numbers
 
 
 def angles_of(models: Iterable[ModelResults]) -> list[JointAngles]:
@@ -217,43 +220,43 @@ def angles_of(models: Iterable[ModelResults]) -> list[JointAngles]:
     return [model.angles for model in models if model.angles is not None]
 
 
-def _model_results(results: StudyResults, posed: PosedRecording, every: int) -> ModelResults:
-    recording, name, part = posed.recording, posed.model.name, posed.part
+def _model_results(results: StudyResults, reader: RecordingReader, every: int) -> ModelResults:
+    recording, name, part = reader.recording, reader.model.name, reader.part
     hand = recording.hand
     joints = results.joints_of.get((hand, name), [])
     if not joints:
-        read_part(posed.tables.joint_centres, JOINT_CENTRES, part, ["joint"])
+        read_part(reader.path(JOINT_CENTRES), JOINT_CENTRES, part, ["joint"])
         raise InputError(N_("the joint_centres table has no row"))
     path = results.subject_table(hand, JOINT_SOLUTIONS.name)
     solutions = read_part(path, JOINT_SOLUTIONS, part, ["joint", "singular_values"]).to_pylist()
     errors = [
         row for row in results.tip_errors if row_key(row) == recording_key(recording) and row["model"] == name
     ]
-    angles = _shown_angles(posed, every) if posed.is_fitted else None
+    angles = _shown_angles(reader, every) if reader.is_fitted else None
     return ModelResults(name, joints, solutions, errors, angles)
 
 
 def _skeleton(
-    results: StudyResults, posed: PosedRecording, poses: Poses, *, still: bool = False
+    results: StudyResults, reader: RecordingReader, poses: Poses, *, still: bool = False
 ) -> ShownSkeleton:
     """One model's motion at the frames of poses; of a still picture without tip errors.
 
     A fitted hand that was not posed in a recording that only calibrates is shown as its receivers carry it.
     """
-    key = posed.recording.hand, posed.model.name
-    layout, model, place = posed.layout, posed.model, list(results.models).index(posed.model.name)
+    key = reader.recording.hand, reader.model.name
+    layout, model, place = reader.layout, reader.model, list(results.models).index(reader.model.name)
     joints = {row["joint"]: row for row in results.joints_of.get(key, [])}
     errors: dict[str, Array] = {}
     if not still:
         try:
-            errors = _numbers(posed, TIPS, ["error_mm"], poses.frame)
+            errors = _numbers(reader, TIPS, ["error_mm"], poses.frame)
         except InputError:
-            if not posed.is_fitted:
+            if not reader.is_fitted:
                 raise  # a fitted hand is posed, and shown, without a replay too
     replayed = _by_digit(layout, errors, poses)
-    if posed.is_fitted:
+    if reader.is_fitted:
         try:
-            bones = pose_bones(Skeleton(layout, model, joints, {}), poses, posed.bone_motion(poses))
+            bones = reader.bones(poses, Skeleton(layout, model, joints, {}))
             worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
             return fitted_skeleton(layout, model, place, joints, worn, bones, replayed)
         except InputError:

@@ -13,7 +13,7 @@ import shukotsu
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import JOINT_CENTRES
 from shukotsu.schemas.tables import column_array, read_table
-from shukotsu.skeleton.posed_recording import posed_recording
+from shukotsu.skeleton.posed_recording import recording_reader
 
 
 @pytest.fixture(scope="module", params=["right", "left"])
@@ -30,7 +30,7 @@ def test_importing_it_imports_nothing_heavy() -> None:
 
 
 def test_a_name_that_is_not_there_is_told() -> None:
-    with pytest.raises(AttributeError, match="no 'raed'; it has PosedHand, bend, pose, read"):
+    with pytest.raises(AttributeError, match="no 'raed'; it has PosedRecording, bend, pose, read"):
         shukotsu.raed  # noqa: B018
 
 
@@ -50,8 +50,8 @@ def test_a_table_comes_with_units_and_gaps(known: KnownHand) -> None:
 @pytest.mark.parametrize("model", [FITTED, REPLAYED])
 def test_a_hand_is_posed_as_the_pipeline_poses_it(known: KnownHand, model: str) -> None:
     hand = shukotsu.pose(known.plan.folder.parent, "01", known.made.hand, "opposition", model=model)
-    bones = posed_recording(known.plan, known.recording, model).bones(known.poses())
-    assert hand.joints == bones.names
+    bones = recording_reader(known.plan, known.recording, model).bones(known.poses())
+    assert hand.names == bones.names
     np.testing.assert_array_equal(hand.position_mm, bones.position_mm)
     np.testing.assert_array_equal(hand.frame, known.made.frame)
     assert np.isfinite(hand.time_s).all()

@@ -22,10 +22,10 @@ from shukotsu.schemas.poses import Poses, read_poses
 from shukotsu.schemas.study import Recording, read_study
 from shukotsu.schemas.tables import Provenance, Table, rows_of, write_table
 from shukotsu.schemas.verdict import UNJUDGED
-from shukotsu.skeleton.posed_recording import posed_recording
+from shukotsu.skeleton.posed_recording import recording_reader
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, bone_frame, from_matrix, rotate
-from shukotsu.stages.export.motion import SkeletonMotion
-from shukotsu.stages.export.recorded_motion import read_motion
+from shukotsu.stages.export.motion import read_motion
 from shukotsu.stages.export.settings import Settings, prepared
 from shukotsu.stages.simulate.random_hand import BONES, DIGITS
 from shukotsu.stages.simulate.realism import Realism
@@ -63,11 +63,11 @@ class KnownHand:
         """The layout."""
         return self.plan.layouts[self.made.hand]
 
-    def motion(self, model: str) -> SkeletonMotion:
+    def motion(self, model: str) -> PosedRecording:
         """The recording's motion under that model."""
-        return read_motion(posed_recording(self.plan, self.recording, model))
+        return read_motion(recording_reader(self.plan, self.recording, model))
 
-    def ready(self, model: str = "whole-hand", up: str = "y", **options: Any) -> SkeletonMotion:
+    def ready(self, model: str = "whole-hand", up: str = "y", **options: Any) -> PosedRecording:
         """The same as a format without gaps is to write it, with those settings."""
         return prepared(self.motion(model), Settings(**({"gaps": "cut"} | options)), holds_gaps=False, up=up)
 

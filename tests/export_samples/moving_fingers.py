@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from shukotsu.skeleton.posing import SkeletonJoint
+from shukotsu.schemas.poses import Poses, RecordingName
+from shukotsu.skeleton.posing import Origin, PosedRecording, SkeletonJoint
 from shukotsu.skeleton.rotations import about_axis, multiply, rotate
-from shukotsu.stages.export.motion import Origin, Receivers, SkeletonMotion, continuous
+from shukotsu.stages.export.motion import continuous
 
 JOINTS = (
     SkeletonJoint("wrist", -1, "hand"),
@@ -26,7 +27,7 @@ IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 def moving_fingers(
     n_frames: int, *, rate_hz: float = 100.0, seed: int = 1, slip_mm: float = 0.0
-) -> SkeletonMotion:
+) -> PosedRecording:
     """A hand that turns and bends its fingers by more than a right angle; bones of constant length.
 
     slip_mm : how far each joint but the root leaves its rest offset, to and fro.
@@ -47,36 +48,41 @@ def moving_fingers(
         offset = OFFSETS[index] + slip
         position[:, index] = position[:, joint.parent] + rotate(turn[:, joint.parent], offset)
         turn[:, index] = multiply(turn[:, joint.parent], multiply(rest[index], local))
-    receivers = Receivers(
+    receivers = Poses(
         ("hand", "index_proximal"),
+        np.arange(n_frames) + 7,
+        time_s,
         position[:, [0, 2]] + 5.0,
         turn[:, [0, 2]],
         np.ones((n_frames, 2), bool),
     )
-    return SkeletonMotion(
+    return PosedRecording(
         JOINTS,
-        OFFSETS,
-        rest,
-        np.full((len(JOINTS), 4), np.nan),
-        np.full((len(JOINTS), 3), np.nan),
-        np.arange(n_frames) + 7,
-        time_s,
-        rate_hz,
         position,
         continuous(turn),
         receivers,
-        Origin("01", "right", "wave", "", "made", "made"),
+        OFFSETS,
+        np.full((len(JOINTS), 3), np.nan),
+        rest=rest,
+        neutral=np.full((len(JOINTS), 4), np.nan),
+        origin=Origin(RecordingName("01", "right", "wave"), "made", "made"),
+        rate_hz=rate_hz,
     )
 
 
-def random_fingers(n_frames: int, seed: int, slip_mm: float) -> SkeletonMotion:
+def timed(motion: PosedRecording, **times: Any) -> PosedRecording:
+    """The motion with other frame numbers (frame) or device times (time_s)."""
+    return replace(motion, receivers=replace(motion.receivers, **times))
+
+
+def random_fingers(n_frames: int, seed: int, slip_mm: float) -> PosedRecording:
     """The same joints, every bone turned anyhow in every frame."""
     turn = Rotation.random(n_frames * len(JOINTS), random_state=seed).as_quat(scalar_first=True)
     motion = moving_fingers(n_frames, seed=seed % 1000, slip_mm=slip_mm)
     return replace(motion, quaternion=turn.reshape(motion.quaternion.shape))
 
 
-def blanked(motion: SkeletonMotion, joints: Any = None, receivers: Any = None) -> SkeletonMotion:
+def blanked(motion: PosedRecording, joints: Any = None, receivers: Any = None) -> PosedRecording:
     """The motion without some poses: joints, receivers index (T, J) and (T, R), such as np.s_[3:5, 2]."""
     place, turn, there = motion.position_mm.copy(), motion.quaternion.copy(), motion.receivers
     seen_mm, seen_turn, valid = there.position_mm.copy(), there.quaternion.copy(), there.valid.copy()

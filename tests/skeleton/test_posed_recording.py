@@ -12,7 +12,7 @@ from export_samples.known_hands import FITTED, REPLAYED, KnownHand, make_hand
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import BONE_POSES, JOINT_CENTRES, METACARPALS
 from shukotsu.schemas.tables import Table
-from shukotsu.skeleton.posed_recording import posed_recording
+from shukotsu.skeleton.posed_recording import recording_reader
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def hand(tmp_path: Path) -> KnownHand:
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
 def test_some_frames_are_those_of_the_whole(hand: KnownHand, model: str) -> None:
-    recording = posed_recording(hand.plan, hand.recording, model)
+    recording = recording_reader(hand.plan, hand.recording, model)
     whole = recording.bones(hand.poses())
     rows = np.array([3, 4, 11])
     some = recording.bones(hand.poses().take(rows))
@@ -35,7 +35,7 @@ def test_some_frames_are_those_of_the_whole(hand: KnownHand, model: str) -> None
 def test_a_frame_that_a_table_lacks_is_not_known(hand: KnownHand) -> None:
     rows = [row for row in hand.rows(FITTED, BONE_POSES) if (row["segment"], row["frame"]) != ("hand", 5)]
     hand.write(FITTED, BONE_POSES, rows)
-    bones = posed_recording(hand.plan, hand.recording, FITTED).bones(hand.poses())
+    bones = recording_reader(hand.plan, hand.recording, FITTED).bones(hand.poses())
     assert np.flatnonzero(np.isnan(bones.position_mm[:, 0, 0])).tolist() == [4], "frames count from 1"
 
 
@@ -49,7 +49,7 @@ def test_a_recording_that_was_not_posed_is_refused(hand: KnownHand, model: str, 
     ):
         recording = replace(hand.recording, role=role)
         with pytest.raises(InputError, match=f"no row of opposition; {why}"):
-            replace(posed_recording(hand.plan, hand.recording, model), recording=recording).bones(
+            replace(recording_reader(hand.plan, hand.recording, model), recording=recording).bones(
                 hand.poses()
             )
 
@@ -57,10 +57,10 @@ def test_a_recording_that_was_not_posed_is_refused(hand: KnownHand, model: str, 
 def test_a_failed_or_absent_table_is_refused_with_its_reason(hand: KnownHand) -> None:
     hand.write(REPLAYED, JOINT_CENTRES, "subject 01: no calibration recording")
     with pytest.raises(InputError, match="no calibration recording"):
-        posed_recording(hand.plan, hand.recording, REPLAYED).bones(hand.poses())
-    assert posed_recording(hand.plan, hand.recording, FITTED).bones(hand.poses()).joints, (
+        recording_reader(hand.plan, hand.recording, REPLAYED).bones(hand.poses())
+    assert recording_reader(hand.plan, hand.recording, FITTED).bones(hand.poses()).joints, (
         "the other skeleton is as it was"
     )
     hand.path(REPLAYED, JOINT_CENTRES).unlink()
     with pytest.raises(InputError, match="no such file"):
-        posed_recording(hand.plan, hand.recording, REPLAYED).bones(hand.poses())
+        recording_reader(hand.plan, hand.recording, REPLAYED).bones(hand.poses())

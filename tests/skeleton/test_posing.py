@@ -13,12 +13,10 @@ from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.model import read_model
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.posing import (
-    BoneMotion,
-    PosedBones,
+    PosedRecording,
     Skeleton,
     digit_points,
     fitted_bones,
-    pose_bones,
     receiver_bones,
     rigid_positions,
 )
@@ -86,13 +84,13 @@ def carried(poses: Poses, segment: str, point: Any) -> np.ndarray:
 
 
 @pytest.fixture
-def ridden() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedBones]:
+def ridden() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording]:
     skeleton, poses, metacarpals = random_skeleton(), random_poses(LAYOUT.measured), random_metacarpals()
-    return skeleton, poses, metacarpals, pose_bones(skeleton, poses, BoneMotion(metacarpals=metacarpals))
+    return skeleton, poses, metacarpals, receiver_bones(skeleton, poses, metacarpals)
 
 
 def test_joints_ride_on_their_receivers(
-    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedBones],
+    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
 ) -> None:
     """At the child halves; fingers start at the wrist, the thumb at its own joint's parent half."""
     skeleton, poses, _, bones = ridden
@@ -110,7 +108,7 @@ def test_joints_ride_on_their_receivers(
 
 
 def test_bone_frames_have_x_along_the_bone_and_z_dorsal(
-    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedBones],
+    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
 ) -> None:
     skeleton, poses, metacarpals, bones = ridden
     for index, joint in enumerate(bones.joints):
@@ -134,7 +132,7 @@ def test_bone_frames_have_x_along_the_bone_and_z_dorsal(
 
 
 def test_rigid_bones_end_at_the_least_squares_tips(
-    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedBones],
+    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
 ) -> None:
     """A digit's base, and from there one bone after the other as what drives it turns it."""
     skeleton, poses, metacarpals, bones = ridden
@@ -170,7 +168,7 @@ def test_a_digit_with_a_failed_joint_is_left_out_with_the_reason() -> None:
     )
 
 
-def fitted_motion(amplitude_deg: float) -> BoneMotion:
+def fitted_motion(amplitude_deg: float) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Bones anywhere; those of the middle finger turn about an axis of their own, the rest stand still."""
     rng = np.random.default_rng(5)
     swing = np.radians(amplitude_deg) / 2 * np.sin(np.linspace(0, 9, N_FRAMES))
@@ -182,19 +180,19 @@ def fitted_motion(amplitude_deg: float) -> BoneMotion:
             turn = multiply(turn, about_axis(np.array([0.6, 0.8, 0.0]), swing))
         poses[segment] = np.concatenate([rng.normal(size=(N_FRAMES, 3)), turn], 1)
     tips = {name: rng.normal(size=(N_FRAMES, 3)) for name in LAYOUT.digits}
-    return BoneMotion(bone_poses=poses, tips=tips)
+    return poses, tips
 
 
 def test_a_fitted_hand_is_where_its_tables_have_it() -> None:
     skeleton, motion = replace(random_skeleton(), model=FITTED), fitted_motion(40)
-    bones = pose_bones(skeleton, random_poses(LAYOUT.measured), motion)
+    bones = fitted_bones(skeleton, random_poses(LAYOUT.measured), *motion)
     for index, joint in enumerate(bones.joints):
         if joint.tip:
-            np.testing.assert_array_equal(bones.position_mm[:, index], motion.tips[joint.digit])
+            np.testing.assert_array_equal(bones.position_mm[:, index], motion[1][joint.digit])
             np.testing.assert_array_equal(bones.quaternion[:, index], bones.quaternion[:, joint.parent])
         else:
             both = np.concatenate([bones.position_mm[:, index], bones.quaternion[:, index]], 1)
-            np.testing.assert_array_equal(both, motion.bone_poses[joint.segment])
+            np.testing.assert_array_equal(both, motion[0][joint.segment])
     assert len(bones.joints) == 25
     assert not bones.left_out
 
@@ -202,7 +200,7 @@ def test_a_fitted_hand_is_where_its_tables_have_it() -> None:
 def test_a_fitted_hinge_has_the_axis_that_its_bones_turn_about() -> None:
     skeleton, poses = replace(random_skeleton(), model=FITTED), random_poses(LAYOUT.measured)
     motion = fitted_motion(40)
-    bones = fitted_bones(skeleton, poses, motion)
+    bones = fitted_bones(skeleton, poses, *motion)
     index = bones.index("middle_pip")
     above, own = bones.quaternion[:, bones.parents[index]], bones.quaternion[:, index]
     turned = multiply(conjugate(above), own)
@@ -210,4 +208,4 @@ def test_a_fitted_hinge_has_the_axis_that_its_bones_turn_about() -> None:
     np.testing.assert_allclose(np.abs(bones.axis[index]), [0.6, 0.8, 0], atol=1e-9)
     assert np.isnan(bones.axis[bones.index("index_pip")]).all(), "it does not move"
     still = fitted_motion(0.5)
-    assert np.isnan(fitted_bones(skeleton, poses, still).axis[index]).all()
+    assert np.isnan(fitted_bones(skeleton, poses, *still).axis[index]).all()

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from export_samples.known_hands import FITTED, KnownHand
-from export_samples.moving_fingers import blanked, moving_fingers
+from export_samples.moving_fingers import blanked, moving_fingers, timed
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shukotsu.errors import InputError
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import angle, conjugate, from_matrix, matrix, multiply
 from shukotsu.stages.export.c3d_file import write
-from shukotsu.stages.export.motion import SkeletonMotion, with_seen_receivers
+from shukotsu.stages.export.motion import with_seen_receivers
 
 NEAR_MM, NEAR_DEG = 1e-3, 1e-3
 
@@ -30,7 +30,7 @@ def read(path: Path) -> Any:
     return ezc3d.c3d(str(path))
 
 
-def points_of(motion: SkeletonMotion) -> np.ndarray:
+def points_of(motion: PosedRecording) -> np.ndarray:
     """Where the points must be (T, P, 3), told without the writer's own arithmetic."""
     there = motion.receivers
     parts = [motion.position_mm]
@@ -40,7 +40,7 @@ def points_of(motion: SkeletonMotion) -> np.ndarray:
     return np.concatenate(parts, 1)
 
 
-def check_numbers(content: Any, motion: SkeletonMotion) -> None:
+def check_numbers(content: Any, motion: PosedRecording) -> None:
     """That points and rotations (T, P, 3), (T, R, 4, 4) are those of the motion, gaps included."""
     points, rotations = content
     np.testing.assert_allclose(points, points_of(motion), rtol=0, atol=NEAR_MM)
@@ -103,7 +103,7 @@ def test_any_motion_comes_back(
     rng, whole = np.random.default_rng(seed), moving_fingers(frames, seed=seed, slip_mm=3)
     whole = blanked(whole, rng.random(whole.known.shape) < share, rng.random((frames, 2)) < share)
     kept = ~np.isin(np.arange(frames), list(lost))
-    motion = replace(whole, frame=np.arange(frames) + first).take(kept)
+    motion = timed(whole, frame=np.arange(frames) + first).take(kept)
     path = tmp_path_factory.mktemp("any") / "a.c3d"
     dropped = write(motion, path)
     expected, _ = with_seen_receivers(blanked(whole, ~kept, ~kept))
@@ -123,12 +123,12 @@ def test_a_gap_is_a_residual_of_minus_one(tmp_path: Path) -> None:
 def test_what_c3d_cannot_hold_is_refused(tmp_path: Path) -> None:
     motion = moving_fingers(40)
     late = np.arange(40) > 20
-    uneven = replace(motion, time_s=motion.time_s + np.where(late, 0.004, 0) * np.arange(40))
+    uneven = timed(motion, time_s=motion.time_s + np.where(late, 0.004, 0) * np.arange(40))
     for bad, words in (
         (motion.take(slice(0)), "no file without a frame"),
         (uneven, "an even one with --fps"),
         (
-            replace(motion, frame=motion.frame + 70_000 * late, time_s=motion.time_s + 700 * late),
+            timed(motion, frame=motion.frame + 70_000 * late, time_s=motion.time_s + 700 * late),
             "C3D holds at most 65534",
         ),
     ):

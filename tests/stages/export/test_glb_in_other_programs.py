@@ -21,10 +21,11 @@ from export_samples.moving_fingers import moving_fingers
 from export_tools.web_page import page_under, served
 from guide_pages import blocks
 
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import conjugate, rotate
 from shukotsu.stages.export.bone_mesh import bone_mesh
 from shukotsu.stages.export.glb import write
-from shukotsu.stages.export.motion import SkeletonMotion, rest_pose
+from shukotsu.stages.export.motion import rest_pose
 from shukotsu.stages.export.rigging import with_webxr_names
 
 pytestmark = pytest.mark.tools
@@ -56,7 +57,7 @@ def read_in_blender(export_tool: ExportTool, file: Path, rate_hz: float) -> Any:
     return output_of(export_tool("blender/bin/python"), SCRIPTS / "read_with_blender.py", file, str(rate_hz))
 
 
-def assert_joints(joints: Any, motion: SkeletonMotion, near_m: float, rows: slice = slice(None)) -> None:
+def assert_joints(joints: Any, motion: PosedRecording, near_m: float, rows: slice = slice(None)) -> None:
     """Every joint of a hand is there, under its WebXR name, where the motion has it in those frames."""
     motion = with_webxr_names(motion)
     assert set(joints) == set(motion.names)
@@ -64,7 +65,7 @@ def assert_joints(joints: Any, motion: SkeletonMotion, near_m: float, rows: slic
     np.testing.assert_allclose(found, motion.position_mm[rows] / 1000, atol=near_m)
 
 
-def last_body(motion: SkeletonMotion) -> np.ndarray:
+def last_body(motion: PosedRecording) -> np.ndarray:
     """Vertices (V, 3) in m of the body in the last frame: each rides rigidly on its joint."""
     motion = with_webxr_names(motion)
     mesh, (rest_mm, rest_turn) = bone_mesh(motion), rest_pose(motion)

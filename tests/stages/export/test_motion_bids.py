@@ -13,13 +13,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.moving_fingers import blanked, moving_fingers
+from export_samples.moving_fingers import blanked, moving_fingers, timed
 from hypothesis import given
 from hypothesis import strategies as st
 
 from shukotsu.schemas.poses import RecordingName
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import angle, conjugate, multiply
-from shukotsu.stages.export.motion import SkeletonMotion
 from shukotsu.stages.export.motion_bids import (
     DESCRIPTION,
     label,
@@ -48,15 +48,15 @@ def test_no_two_recordings_share_their_files() -> None:
     assert len({recording_path(name) for name in names}) == len(names)
 
 
-def add(motion: SkeletonMotion, folder: Path) -> tuple[str, ...]:
+def add(motion: PosedRecording, folder: Path) -> tuple[str, ...]:
     return write(motion, folder / DESCRIPTION)
 
 
-def receivers_path(folder: Path, motion: SkeletonMotion) -> Path:
+def receivers_path(folder: Path, motion: PosedRecording) -> Path:
     return folder / f"{recording_path(motion.origin.recording)}_motion.tsv"
 
 
-def skeleton_path(folder: Path, motion: SkeletonMotion) -> Path:
+def skeleton_path(folder: Path, motion: PosedRecording) -> Path:
     return folder / f"{recording_path(motion.origin.recording, motion.origin.model)}_motion.tsv"
 
 
@@ -76,11 +76,13 @@ def content(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def named(motion: SkeletonMotion, **names: str) -> SkeletonMotion:
-    return replace(motion, origin=replace(motion.origin, **names))
+def named(motion: PosedRecording, **names: str) -> PosedRecording:
+    licence = names.pop("licence", "")
+    recording = replace(motion.origin.recording, **names)
+    return replace(motion, origin=replace(motion.origin, recording=recording, licence=licence))
 
 
-def with_gaps(motion: SkeletonMotion) -> SkeletonMotion:
+def with_gaps(motion: PosedRecording) -> PosedRecording:
     """Two poses of a joint missing, and one of a receiver."""
     return blanked(motion, joints=np.s_[3:5, 2], receivers=np.s_[6, 1])
 
@@ -168,7 +170,7 @@ def test_gaps_are_n_a_in_every_file(tmp_path: Path) -> None:
     motion = with_gaps(moving_fingers(9))
     time_s = motion.time_s.copy()
     time_s[7] = np.nan
-    add(replace(motion, time_s=time_s), tmp_path)
+    add(timed(motion, time_s=time_s), tmp_path)
     numbers, _ = table(skeleton_path(tmp_path, motion))
     gone = [name for name in numbers if name.startswith("index_mcp_")]
     assert np.argwhere(numbers[gone].isna().to_numpy())[:, 0].tolist() == [3] * 7 + [4] * 7

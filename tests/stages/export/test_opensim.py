@@ -14,8 +14,9 @@ import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
 from export_samples.moving_fingers import blanked
 
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, about_axis, angle, conjugate, multiply, rotate, unit
-from shukotsu.stages.export.motion import SkeletonMotion, continuous, stiffened
+from shukotsu.stages.export.motion import continuous, stiffened
 from shukotsu.stages.export.opensim import write
 
 READER = Path(__file__).resolve().parents[2] / "export_samples" / "readers" / "read_with_opensim.py"
@@ -27,7 +28,7 @@ def bend(n_frames: int, phase: float, rad: float) -> Array:
     return np.asarray(rad * np.sin(np.linspace(0, 3, n_frames) + phase))
 
 
-def with_hinges(motion: SkeletonMotion, hinges: Sequence[str]) -> SkeletonMotion:
+def with_hinges(motion: PosedRecording, hinges: Sequence[str]) -> PosedRecording:
     """The motion with joints that turn about one axis alone; all others have two degrees of freedom.
 
     The metacarpals of index and middle finger keep still.
@@ -84,7 +85,7 @@ def test_opensim_has_every_bone_where_the_motion_has_it(
             np.testing.assert_allclose(measured, motion.receivers.position_mm[:, number], atol=1e-6)
 
 
-def riding(motion: SkeletonMotion) -> SkeletonMotion:
+def riding(motion: PosedRecording) -> PosedRecording:
     """The same with receivers that sit on their bones without skin, the last one blind in some frames."""
     there = motion.receivers
     place, turn = there.position_mm.copy(), there.quaternion.copy()

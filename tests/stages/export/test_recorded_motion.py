@@ -10,17 +10,12 @@ from scipy.spatial.transform import Rotation
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import JOINT_CENTRES
 from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.posed_recording import posed_recording
-from shukotsu.skeleton.posing import PosedBones, SkeletonJoint
+from shukotsu.schemas.poses import Poses, RecordingName
+from shukotsu.skeleton.posed_recording import recording_reader
+from shukotsu.skeleton.posing import Origin, PosedRecording, SkeletonJoint
 from shukotsu.skeleton.rotations import angle, conjugate, multiply, rotate
-from shukotsu.stages.export import recorded_motion
-from shukotsu.stages.export.motion import (
-    Origin,
-    local_motion,
-    rest_pose,
-)
-from shukotsu.stages.export.recorded_motion import motion_of, read_motion
+from shukotsu.stages.export import motion as export_motion
+from shukotsu.stages.export.motion import in_webxr, local_motion, read_motion, rest_pose
 from shukotsu.stages.simulate.random_hand import BONES
 
 
@@ -81,14 +76,16 @@ def test_a_tree_that_is_no_hand() -> None:
     place = np.stack([poses.position_mm[:, 0]] * 2, 1)
     place[:, 1] += rotate(turn[:, 0], np.array([1.0, 2.0, 3.0]))
     unknown = np.full((2, 3), np.nan)
-    bones = PosedBones(joints, place, quaternion, np.stack([np.zeros(3), unknown[0]]), unknown, {})
-    motion = motion_of(bones, poses, layout, Origin("01", "right", "reach", "", "made", "arm"))
+    origin = Origin(RecordingName("01", "right", "reach"), "made", "arm")
+    offset = np.stack([np.zeros(3), unknown[0]])
+    bones = PosedRecording(joints, place, quaternion, poses, offset, unknown, origin=origin)
+    motion = in_webxr(bones, layout)
     assert motion.names == ("scapula", "shoulder")
     assert np.isnan(motion.neutral).all()
     np.testing.assert_allclose(motion.rest_offset_mm[1], [-2, 3, -1], atol=1e-12)
     assert motion.rate_hz == pytest.approx(100)
     local = local_motion(motion)[1][:, 1]
-    assert angle(multiply(conjugate(local), motion.rest_rotation[1])).max() < 1e-7
+    assert angle(multiply(conjugate(local), motion.rest[1])).max() < 1e-7
 
 
 def test_a_failed_joint_leaves_its_digit_out(fresh: KnownHand) -> None:
@@ -122,14 +119,14 @@ def test_inputs_are_told_by_their_hashes(right: KnownHand) -> None:
 def test_a_range_goes_by_recorded_frame_numbers_and_of_many_frames_some_are_read(
     right: KnownHand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole, posed = right.motion(FITTED), posed_recording(right.plan, right.recording, FITTED)
+    whole, posed = right.motion(FITTED), recording_reader(right.plan, right.recording, FITTED)
     part = read_motion(posed, frames=(20, 30))
     assert part.frame.tolist() == list(range(20, 31))
     assert part.notes == ("frames 20 to 30 only, as asked",)
     np.testing.assert_array_equal(part.quaternion, whole.quaternion[whole.frame.searchsorted(part.frame)])
     with pytest.raises(InputError, match=r"no frame of the recording is in 900:; it has \d to 2\d\d"):
         read_motion(posed, frames=(900, None))
-    monkeypatch.setattr(recorded_motion, "MOST_FRAMES", 100)
+    monkeypatch.setattr(export_motion, "MOST_FRAMES", 100)
     some = read_motion(posed)
     assert some.frame.tolist() == whole.frame[::3].tolist()
     assert some.rate_hz == pytest.approx(80)

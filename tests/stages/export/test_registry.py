@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from export_samples.moving_fingers import moving_fingers
+from export_samples.moving_fingers import moving_fingers, timed
 
 from shukotsu.errors import InputError
-from shukotsu.stages.export.motion import SkeletonMotion
+from shukotsu.schemas.poses import RecordingName
+from shukotsu.skeleton.posing import Origin, PosedRecording
 from shukotsu.stages.export.registry import FORMATS, write_format
 from shukotsu.stages.export.settings import Settings
 
@@ -20,7 +21,7 @@ WITHOUT_GAPS = [name for name, form in FORMATS.items() if not form.holds_gaps]
 ON_TIME = ("glb", "osim")
 
 
-def write(motion: SkeletonMotion, name: str, folder: Path) -> tuple[str, ...]:
+def write(motion: PosedRecording, name: str, folder: Path) -> tuple[str, ...]:
     """Write a motion by its format's own writer, as it is."""
     chosen = FORMATS[name]
     path = folder / (chosen.shared or f"a{chosen.extensions[0]}")
@@ -50,7 +51,7 @@ def test_the_same_motion_is_the_same_files(name: str, tmp_path: Path) -> None:
 def test_provenance_is_in_a_file_or_beside_it(name: str, tmp_path: Path) -> None:
     """The subject's name in its own script, the licence, and the tables' hashes."""
     motion = moving_fingers(5)
-    origin = replace(motion.origin, subject="Ö", licence="CC BY 4.0", inputs={"a.parquet": "ab" * 32})
+    origin = Origin(RecordingName("Ö", "right", "wave"), licence="CC BY 4.0", inputs={"a.parquet": "ab" * 32})
     path = tmp_path / (FORMATS[name].shared or f"a{FORMATS[name].extensions[0]}")
     remarks = write_format(replace(motion, origin=origin), Settings(fps=50), name, path)
     assert remarks[0].startswith("resampled from 5 frames")
@@ -89,5 +90,5 @@ def test_a_missing_pose_is_refused_and_no_file_left(name: str, tmp_path: Path) -
 )
 def test_times_must_be_known_and_grow(name: str, times: list[float], message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):
-        write(replace(moving_fingers(5), time_s=np.array(times)), name, tmp_path)
+        write(timed(moving_fingers(5), time_s=np.array(times)), name, tmp_path)
     assert not list(tmp_path.iterdir())

@@ -6,22 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from export_samples.moving_fingers import moving_fingers
+from export_samples.moving_fingers import moving_fingers, timed
 from hypothesis import given
 from hypothesis import strategies as st
 
 from shukotsu.errors import InputError
+from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import about_axis, angle, conjugate, multiply, unit
-from shukotsu.stages.export.motion import SkeletonMotion
 from shukotsu.stages.export.resampling import resampled
 
 
-def spinning(time_s: np.ndarray, axis: np.ndarray, speed: float, rate_hz: float) -> SkeletonMotion:
+def spinning(time_s: np.ndarray, axis: np.ndarray, speed: float, rate_hz: float) -> PosedRecording:
     """Every bone turns about one axis at one speed, and moves along it at another."""
     motion = moving_fingers(len(time_s))
     turn = about_axis(axis, speed * time_s)[:, None].repeat(6, 1)
     place = (time_s[:, None, None] * axis * 30).repeat(6, 1)
-    return replace(motion, time_s=time_s, rate_hz=rate_hz, position_mm=place, quaternion=turn)
+    return replace(timed(motion, time_s=time_s), rate_hz=rate_hz, position_mm=place, quaternion=turn)
 
 
 @given(
@@ -72,10 +72,10 @@ def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
 
 def test_times_that_do_not_tell_are_refused() -> None:
     motion = moving_fingers(10)
-    timeless = replace(motion, time_s=np.full(10, np.nan), rate_hz=np.nan)
+    timeless = replace(timed(motion, time_s=np.full(10, np.nan)), rate_hz=np.nan)
     with pytest.raises(InputError, match="rate_hz"):
         resampled(timeless, 60)
     time_s = motion.time_s.copy()
     time_s[5] = time_s[4]
     with pytest.raises(InputError, match="does not grow from frame 11"):
-        resampled(replace(motion, time_s=time_s), 60)
+        resampled(timed(motion, time_s=time_s), 60)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from export_samples.moving_fingers import blanked, moving_fingers
+from export_samples.moving_fingers import blanked, moving_fingers, timed
 
 from shukotsu.errors import InputError
 from shukotsu.skeleton.rotations import angle, conjugate, matrix, multiply, rotate
@@ -33,7 +31,7 @@ def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
     motion = moving_fingers(40)
     time_s = motion.time_s.copy()
     time_s[20:] += 0.3
-    jumped = replace(motion, time_s=time_s)
+    jumped = timed(motion, time_s=time_s)
     with pytest.raises(InputError, match=r"nothing was recorded about 0\.2\d\d s \(frame 26\)"):
         prepared(jumped, Settings(fps=30), holds_gaps=False, up="y")
     assert not prepared(jumped, Settings(fps=30), holds_gaps=True, up="").whole.all()

@@ -49,7 +49,8 @@ def test_angles_are_those_of_the_bones(known: KnownHand) -> None:
 
 def test_the_header_says_what_the_columns_mean(known: KnownHand, tmp_path: Path) -> None:
     motion = known.motion(FITTED)
-    motion = replace(motion, origin=replace(motion.origin, licence="CC0", subject="山田 太郎"))
+    name = replace(motion.origin.recording, subject="山田 太郎")
+    motion = replace(motion, origin=replace(motion.origin, licence="CC0", recording=name))
     write(motion.noting("resampled"), tmp_path / "a.csv")
     header = json.loads((tmp_path / "a.json").read_text("utf-8"))
     columns = {*pd.read_csv(tmp_path / "a.csv").columns, *pd.read_csv(tmp_path / "a_angles.csv").columns}
