@@ -73,6 +73,7 @@ LEFT = {
         for command in ("", "stage ")
         for option, advice in _EXPORTS_OPTIONS.items()
     },
+    ("option", "stage simulate --skin"): "leave it out; skin moves by the usual law",
     ("option", "emulate --igtl"): _PLUS,
     ("option", "emulate --lsl"): _LAB_RECORDER,
     ("option", "emulate --message"): _PLUS,

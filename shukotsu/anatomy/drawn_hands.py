@@ -291,66 +291,9 @@ BUCHHOLZ: DrawnHand = {
 """Proportions of cadaver hands, its joints plain hinges."""
 
 
-def _mixed(
-    name: str,
-    points_mm: tuple[Vector, ...],
-    lengths_mm: tuple[float, ...],
-    second_axis: Vector | None = None,
-) -> DrawnDigit:
-    digit = _digit(name, points_mm, _MYOHAND_AXES[name], lengths_mm, second_axis)
-    return replace(digit, length_sd_mm=0.05 * digit.lengths_mm)
-
-
-MIXED: DrawnHand = {
-    "thumb": _mixed(
-        "thumb",
-        ((25.0, 26.5, -10.5), (54.2, 43.0, -23.2), (80.1, 57.0, -33.3), (100.1, 67.0, -41.3)),
-        (46.22, 31.57, 21.67),
-        _MYOHAND_RADIAL_ABDUCTION,
-    ),
-    "index": _mixed(
-        "index",
-        (
-            (13.5, 10.6, 2.0),
-            (80.9, 22.2, 11.0),
-            (122.2, 29.7, 18.3),
-            (147.1, 33.0, 19.5),
-            (165.1, 35.0, 19.5),
-        ),
-        (68.12, 39.78, 22.38, 15.82),
-    ),
-    "middle": _mixed(
-        "middle",
-        ((13.5, 0.0, 3.0), (80.6, 4.7, 11.5), (124.8, 6.4, 17.7), (153.8, 7.7, 19.7), (172.8, 9.7, 18.7)),
-        (64.60, 44.63, 26.33, 17.40),
-    ),
-    "ring": _mixed(
-        "ring",
-        (
-            (13.5, -10.8, 2.0),
-            (79.3, -9.9, 5.7),
-            (119.5, -13.4, 7.0),
-            (144.3, -15.7, 7.6),
-            (162.3, -16.7, 8.6),
-        ),
-        (58.00, 41.37, 25.65, 17.30),
-    ),
-    "little": _mixed(
-        "little",
-        (
-            *((13.5, -18.7, -1.0), (71.2, -19.5, -3.4), (106.7, -24.8, -6.3)),
-            *((127.4, -27.7, -8.5), (144.4, -28.7, -11.5)),
-        ),
-        (53.69, 32.74, 18.11, 15.96),
-    ),
-}
-"""No one's hand, but one that was long taken for the average, far from all the others: bones from joint space
-to joint space (Buryanov & Kotiuk) taken for distances of centres, bases by shares that belong to the thumb
-(Buchholz), the rest MyoHand's, from its own origin in the lunate."""
-
 SOURCES: Mapping[str, DrawnHand] = {"ct": CT, "xray": XRAY, "buchholz": BUCHHOLZ, "myohand": MYOHAND}
-BLEND, MIXED_TABLE = "blend", "mixed-table"
-ANATOMIES = (BLEND, *SOURCES, MIXED_TABLE)
+BLEND = "blend"
+ANATOMIES = (BLEND, *SOURCES)
 """What hands can be drawn from: a blend of the sources, another one for each person, or one hand alone."""
 
 BLEND_SHARES = (2.0, 1.0, 1.0, 1.0)
@@ -395,33 +338,13 @@ PAD_DEPTH_MM = {"thumb": 8.0, "index": 6.5, "middle": 6.5, "ring": 6.5, "little"
 # --- how hands differ ------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Spread:
-    """Sds of how people differ from the hand that they are drawn around, of a scale and of directions in rad.
-
-    scale : of all lengths, relative. base_mm : of a digit's first joint, distal, lateral, dorsal. direction :
-    of a straight digit. axis : of a joint's axis. centres_mm : how much deeper centres lie, in all digits
-    alike.
-    """
-
-    scale: float
-    base_mm: Vector
-    thumb_base_mm: Vector
-    direction: float
-    axis: float
-    centres_mm: float
-    soft_tip_mm: float
-
-
-PEOPLE = Spread(0.065, (1.5, 1.0, 1.0), (2.0, 1.5, 1.5), 0.04, float(np.radians(5.0)), 1.0, SOFT_TIP_SD_MM)
-"""Scale: 5.5 % (OpenHands) to 8 % (Buryanov & Kotiuk). Base: that of the third (Tang), the thumb's axes,
-which are not known to 4 mm along its bone. Axes: a hinge's varies by about 5 deg. Centres: what fits of joint
-surfaces leave open, by comparison of our own with Buchholz'. Else ours."""
-
-SPREADS: Mapping[str, Spread] = {
-    MIXED_TABLE: Spread(0.08, (1.0,) * 3, (1.0,) * 3, 0.03, 0.05, 0.0, 0.0),
-}
-"""Of anatomies whose people do not differ as `PEOPLE` do."""
+SCALE_SD, BASE_SD_MM, THUMB_BASE_SD_MM = 0.065, (1.5, 1.0, 1.0), (2.0, 1.5, 1.5)
+DIRECTION_SD_RAD, AXIS_SD_RAD, CENTRES_SD_MM = 0.04, float(np.radians(5.0)), 1.0
+"""Sds of how people differ from the hand that they are drawn around. Scale of all lengths, relative: 5.5 %
+(OpenHands) to 8 % (Buryanov & Kotiuk). A digit's first joint, distal, lateral, dorsal: that of the third
+(Tang), the thumb's axes, which are not known to 4 mm along its bone. Direction of a straight digit. Axes: a
+hinge's varies by about 5 deg. Centres, deeper in all digits alike: what fits of joint surfaces leave open, by
+comparison of our own with Buchholz'. Else ours."""
 
 KNUCKLES_MM, METACARPALS_MM, FINGERS_MM = 13.0, 5.0, 10.0
 """Least distances of neighbours, scaled with the hand, below which nobody has them: of MCP centres (sources
@@ -518,8 +441,7 @@ its bone's back 8 mm higher, skin and half a receiver), and how hands differ (ou
 # counted from there.
 # Markers on a finger keep their spacing to 5 % in a pinch (Yang), 2 mm along a proximal phalanx; excursions
 # are linear in flexion with R^2 of 0.89 to 0.97 (Zhang), mostly along the bone, about a millimetre at
-# mid-bone. Three laws are drawn (`stages.simulate.moving_skin`): one saturates and lags in part; one bends,
-# is crossed and slips; one lags altogether and pulls neighbours.
+# mid-bone. The law that is drawn (`stages.simulate.moving_skin`) saturates and lags in part.
 
 SLIDE_SD_MM = (1.0, 0.25, 0.4)
 """Sd of a receiver per rad of an adjacent joint: along, across, in height (Zhang)."""
@@ -553,22 +475,3 @@ LAG_S, LAG_SHARE = 0.25, 0.3
 
 WANDER_MM, WANDER_DEG, WANDER_S = 0.3, 0.4, 0.4
 """Sd of a receiver's place and turn that follow no joint, and the time over which they last (ours)."""
-
-PHASE_LAG_S, PHASE_SHARE = 0.15, 0.8
-"""Lag of the law whose skin is late altogether, and how far it goes per rad of the usual slide and
-tilt, which saturate (ours)."""
-
-WEB_SHARE, PALM_SHARE = {"metacarpal": 0.4, "proximal": 0.4, "middle": 0.15}, 0.25
-"""Share of the usual slide and tilt, with the MCP and PIP joints of neighbouring digits, by kind of bone,
-through the web; and of the receiver on the back of the hand, with each MCP joint and the thumb's CMC
-(ours)."""
-
-BENT_SHARES = (0.6, 0.55, 0.55)
-"""Shares of the usual slide and tilt in the quadratic law's linear, quadratic and crossed terms,
-together about 1 at one radian (ours)."""
-
-HYSTERESIS, LOOP_RAD = 0.4, 0.33
-"""Of the same: how far the skin stays behind, over the angle, and within which it turns round (ours)."""
-
-TAILED_WANDER_S, SLIPS, SLIP_MM = 1.5, 3, 0.2
-"""Of the same: the time over which its wander lasts, and how often and how far a receiver slips (ours)."""

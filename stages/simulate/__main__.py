@@ -9,9 +9,8 @@ from pathlib import Path
 
 from shukotsu.stages import command_line
 
-ANATOMIES = ("blend", "ct", "xray", "buchholz", "myohand", "mixed-table")
-SKIN_LAWS = ("saturating", "polynomial", "phase-lag")
-REALISM_OPTIONS = ("anatomy", "mounts", "skin", "artefact", "faults")
+ANATOMIES = ("blend", "ct", "xray", "buchholz", "myohand")
+REALISM_OPTIONS = ("anatomy", "mounts", "artefact", "faults")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -20,7 +19,7 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage simulate",
         "Simulate a hand recorded with 16 receivers at 240 Hz; write the exact truth beside it.",
         "shukotsu stage simulate --subject 01 --hand right --task opposition --seed 7 "
-        "--anatomy ct --skin phase-lag --out sub-01_hand-right_task-opposition.parquet",
+        "--anatomy ct --out sub-01_hand-right_task-opposition.parquet",
         records_failure=False,
     )
     parser.add_argument("--subject", required=True, help="any name; together with the seed it is a person")
@@ -50,10 +49,9 @@ def add_realism_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--anatomy",
         choices=ANATOMIES,
-        help="whom the person is drawn around: a blend of published hands, the person's own, or one of them; "
-        "mixed-table is far from all (default: blend)",
+        help="whom the person is drawn around: a blend of published hands, the person's own, or one of them "
+        "(default: blend)",
     )
-    group.add_argument("--skin", choices=SKIN_LAWS, help="law by which skin moves (default: saturating)")
     for name, what in (
         ("mounts", "how far receivers are misplaced"),
         ("artefact", "how far skin moves receivers"),

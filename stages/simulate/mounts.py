@@ -11,8 +11,7 @@ from shukotsu.anatomy import drawn_hands as drawn
 from shukotsu.skeleton import rotations
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.simulate.random_hand import BONES, Hand
-from shukotsu.stages.simulate.randomness import generator
-from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.realism import Realism, generator
 
 FIRST_WORN = 2
 """Of the bones of digits, which come after forearm and hand."""

@@ -1,15 +1,10 @@
-"""Move receivers on their bones by skin: share the code of all its laws.
+"""Move receivers on their bones by skin, of sizes as in `anatomy.drawn_hands`.
 
-A law gives how far each receiver slides (mm) and turns (rotation vectors, rad) from where it sits on the
-relaxed hand, both (T, S, 3) in its own frame, for joint angles (T, J, 3) counted from there. It draws a
-hand's coefficients with one generator, and what happens in one recording alone with another. Sizes are those
-of `anatomy.drawn_hands`. Every law is outside of what any estimator of this project assumes, each in another
-way: none is judged by its own assumptions.
+The law is outside of what any estimator of this project assumes: none is judged by its own assumptions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +15,8 @@ from shukotsu.skeleton import rotations
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.simulate.forward import bone_poses
 from shukotsu.stages.simulate.mounts import Mounts
-from shukotsu.stages.simulate.random_hand import BONES, JOINTS, PARENT, Hand
-from shukotsu.stages.simulate.randomness import generator
+from shukotsu.stages.simulate.random_hand import BONES, FLEXION, JOINTS, PARENT, Hand
+from shukotsu.stages.simulate.realism import generator
 from shukotsu.stages.simulate.task_motion import RATE_HZ, Motion
 from shukotsu.stages.simulate.tracker_errors import turned
 
@@ -47,10 +42,6 @@ class Skin:
     def distal(self) -> npt.NDArray[np.bool_]:
         """Which receivers sit on a digit's last bone."""
         return np.array([BONES[bone].endswith("_distal") for bone in self.bone])
-
-
-SkinLaw = Callable[[Array, Skin, np.random.Generator, np.random.Generator], tuple[Array, Array]]
-"""Joint angles, skin, the hand's generator and the recording's: slide in mm and turn in rad."""
 
 
 def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale: float) -> Skin:
@@ -113,3 +104,26 @@ def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
     white = rng.standard_normal((settle + n_frames, n_receivers * 6))
     smooth = lagged(white, drawn.WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep))
     return np.moveaxis(smooth.reshape(n_frames, n_receivers, 2, 3), 2, 0)
+
+
+def saturating(
+    angles_rad: Array, skin: Skin, of_hand: np.random.Generator, of_recording: np.random.Generator
+) -> tuple[Array, Array]:
+    """Return slide, mm, and turn, rad, (T, S, 3) of receivers from where they sit on the relaxed hand.
+
+    In proportion to the flexion of both joints, counted from the relaxed hand, ever less as they bend and
+    partly late; beside it, a slow wander. of_hand : draws what all recordings of a hand share.
+    """
+    loose = (skin.looseness[:, None] * skin.present)[..., None]
+    slide = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.SLIDE_SD_MM * loose
+    tilt = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.TILT_SD * loose
+    tilt[skin.distal, 0, 1] += skin.scale * drawn.DISTAL_TILT
+    direct = drawn.SATURATION_RAD * np.tanh(angles_rad[..., FLEXION] / drawn.SATURATION_RAD)
+    start, late = direct[:1], drawn.LAG_SHARE
+    drive = start + (1 - late) * (direct - start) + late * lagged(direct - start, drawn.LAG_S)
+    drive = drive[:, skin.joint]  # (T, S, 2)
+    off = wander(of_recording, len(drive), len(skin.bone)) * skin.looseness[:, None]
+    return (
+        np.einsum("tsa,sax->tsx", drive, slide) + drawn.WANDER_MM * off[0],
+        np.einsum("tsa,sax->tsx", drive, tilt) + np.radians(drawn.WANDER_DEG) * off[1],
+    )

@@ -19,8 +19,7 @@ import numpy.typing as npt
 from shukotsu.anatomy import drawn_hands as drawn
 from shukotsu.skeleton import rotations
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.simulate.randomness import generator
-from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.realism import Realism, generator
 
 DIGITS = tuple(drawn.CT)
 FINGERS = DIGITS[1:]
@@ -90,15 +89,13 @@ class _Straight:
     """A person's hand at neutral, in its own frame: shapes as in Hand.
 
     centres_mm : (B, 2, 3) ends of every bone. facing : (J, 3) flexion axes untilted, by which the bones'
-    frames face. second_axis : (3,) of the thumb's CMC; carried_flexion : whether the first one is carried by
-    it.
+    frames face. second_axis : (3,) of the thumb's CMC, which carries the first one.
     """
 
     centres_mm: Array
     axes: Array
     facing: Array
     second_axis: Array
-    carried_flexion: bool
     lengths_mm: Array
     soft_tip_mm: Array
     coupling: Array
@@ -129,29 +126,25 @@ def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
 
 def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight:
     """The bones of a name's hand at neutral as they fall, not yet mirrored."""
-    average = {**drawn.SOURCES, drawn.MIXED_TABLE: drawn.MIXED}.get(realism.anatomy)
+    average = drawn.SOURCES.get(realism.anatomy)
     if average is None:  # a blend that is the person's own
         weights = generator(seed, "sources", subject).dirichlet(drawn.BLEND_SHARES)
         average = drawn.blended(list(drawn.SOURCES.values()), weights)
-    spread = drawn.SPREADS.get(realism.anatomy, drawn.PEOPLE)
     rng = generator(seed, "anatomy", subject)
-    scale = float(np.exp(spread.scale * _clipped(rng, ())))
-    depth_mm = spread.centres_mm * float(_clipped(generator(seed, "joint depth", subject), ()))
+    scale = float(np.exp(drawn.SCALE_SD * _clipped(rng, ())))
+    depth_mm = drawn.CENTRES_SD_MM * float(_clipped(generator(seed, "joint depth", subject), ()))
     sides = drawn.SIDE_SD * generator(seed, "side", subject, side).standard_normal(len(BONES))
     sides = 1.0 + np.clip(sides, -drawn.SIDE_LIMIT, drawn.SIDE_LIMIT)
     lengths = _lengths_mm(rng, average, scale, depth_mm) * sides
-    centres = _centres_mm(rng, average, spread, lengths, scale)
-    axes, facing = _flexion_axes(rng, average, spread, centres, realism)
+    centres = _centres_mm(rng, average, lengths, scale)
+    axes, facing = _flexion_axes(rng, average, centres, realism)
     soft_tip = scale * np.array([digit.soft_tip_mm for digit in average.values()])
-    soft_tip += spread.soft_tip_mm * _clipped(generator(seed, "soft tip", subject), (len(DIGITS),))
+    soft_tip += drawn.SOFT_TIP_SD_MM * _clipped(generator(seed, "soft tip", subject), (len(DIGITS),))
     second = average["thumb"].second_axis
     assert second is not None  # of every source
-    carried = realism.anatomy != drawn.MIXED_TABLE
     coupling, relaxed = _coupling(rng), _relaxed_rad(generator(seed, "relaxed", subject))
     glide = realism.glide * _glide_mm(generator(seed, "glide", subject), axes)
-    return _Straight(
-        centres, axes, facing, second, carried, lengths, soft_tip, coupling, glide, relaxed, scale
-    )
+    return _Straight(centres, axes, facing, second, lengths, soft_tip, coupling, glide, relaxed, scale)
 
 
 def _possible(straight: _Straight) -> bool:
@@ -201,16 +194,14 @@ def _lengths_mm(rng: np.random.Generator, average: drawn.DrawnHand, scale: float
     return np.asarray(scale * (lengths + sd * _clipped(rng, (len(BONES),))))
 
 
-def _centres_mm(
-    rng: np.random.Generator, average: drawn.DrawnHand, spread: drawn.Spread, lengths_mm: Array, scale: float
-) -> Array:
+def _centres_mm(rng: np.random.Generator, average: drawn.DrawnHand, lengths_mm: Array, scale: float) -> Array:
     """Ends of every bone at neutral, right hand, in the hand's frame: (B, 2, 3), proximal and distal."""
     centres = np.zeros((len(BONES), 2, 3))
     for digit, own in average.items():
-        base_sd_mm = spread.thumb_base_mm if digit == "thumb" else spread.base_mm
+        base_sd_mm = drawn.THUMB_BASE_SD_MM if digit == "thumb" else drawn.BASE_SD_MM
         here = own.base_mm * scale + base_sd_mm * _clipped(rng, (3,))
         # one tilt for the whole digit keeps it straight
-        directions = rotations.unit(own.directions + spread.direction * _clipped(rng, (3,)))
+        directions = rotations.unit(own.directions + drawn.DIRECTION_SD_RAD * _clipped(rng, (3,)))
         for joint, direction in zip(_chain(digit), directions, strict=True):
             there = here + lengths_mm[joint + 1] * direction
             centres[joint + 1] = here, there
@@ -219,18 +210,14 @@ def _centres_mm(
 
 
 def _flexion_axes(
-    rng: np.random.Generator,
-    average: drawn.DrawnHand,
-    spread: drawn.Spread,
-    centres_mm: Array,
-    realism: Realism,
+    rng: np.random.Generator, average: drawn.DrawnHand, centres_mm: Array, realism: Realism
 ) -> tuple[Array, Array]:
     """Flexion axes at neutral, right hand, in the hand's frame, (J, 3), as they are, and as bones face."""
     axes = np.zeros((len(JOINTS), 3))
     axes[WRIST] = drawn.WRIST_AXES[FLEXION]
     for digit, own in average.items():
         axes[_chain(digit)] = own.flexion_axes
-    off = spread.axis * _clipped(rng, (len(JOINTS), 3))
+    off = drawn.AXIS_SD_RAD * _clipped(rng, (len(JOINTS), 3))
     untilted = rotations.unit(axes)
     axes = rotations.unit(untilted + off)
     if realism.perpendicular_mcp:
@@ -241,8 +228,7 @@ def _flexion_axes(
             axes[mcp] = _perpendicular(axes[mcp], along)
             if digit == "thumb":
                 axes[cmc] = _perpendicular(axes[cmc], along)
-    follows = realism.perpendicular_mcp or realism.anatomy == drawn.MIXED_TABLE
-    return axes, axes if follows else untilted
+    return axes, axes if realism.perpendicular_mcp else untilted
 
 
 def _perpendicular(vector: Array, to: Array) -> Array:
@@ -307,8 +293,7 @@ def _assembled(side: str, straight: _Straight, realism: Realism) -> Hand:
         across = rotations.unit(np.cross(triples[thumb, FLEXION], triples[thumb, ABDUCTION]))
         skew[thumb] = drawn.SKEW_MM * (-across if side == "left" else across)
     order = np.tile([FLEXION, ABDUCTION], (len(JOINTS), 1))
-    if straight.carried_flexion:
-        order[thumb] = ABDUCTION, FLEXION
+    order[thumb] = ABDUCTION, FLEXION
     origin = centres[1:, 0] - centres[PARENT, 0]
     pads = np.zeros((len(DIGITS), 3))  # under the distal third of the last bones
     pads[:, 0] = 0.7 * straight.lengths_mm[TIP_BONES] + 0.3 * straight.soft_tip_mm

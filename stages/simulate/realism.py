@@ -1,13 +1,13 @@
-"""List what the simulated recording shares with a real one; every departure from the paper is a switch."""
+"""What a simulated recording shares with a real one, and the random numbers that it is drawn from."""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 
-from shukotsu.anatomy.drawn_hands import BLEND
+import numpy as np
 
-SATURATING, POLYNOMIAL, PHASE_LAG = "saturating", "polynomial", "phase-lag"
-SKIN_LAWS = (SATURATING, POLYNOMIAL, PHASE_LAG)
+from shukotsu.anatomy.drawn_hands import BLEND
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,6 @@ class Realism:
     mounts : scale of how far receivers are misplaced; at 0 they sit exactly: axes along the bone, no lateral
         offset, so that the sagittal plane of the receiver (y = 0) holds the centre of the bone's proximal
         joint.
-    skin : law by which skin moves receivers, one of SKIN_LAWS.
     artefact : scale of the skin artefact, 1 for a typical hand.
     noise : scale of the tracker's white noise.
     field_distortion : scale of the static distortion of the magnetic field.
@@ -36,7 +35,6 @@ class Realism:
     glide: float = 1.0
     anatomy: str = BLEND
     mounts: float = 1.0
-    skin: str = SATURATING
     artefact: float = 1.0
     noise: float = 1.0
     field_distortion: float = 1.0
@@ -51,3 +49,13 @@ class Realism:
     def exact(cls) -> Realism:
         """Every assumption of the paper, true to rounding."""
         return cls(False, True, True, glide=0.0, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
+
+
+def generator(seed: int, purpose: str, *names: str) -> np.random.Generator:
+    """Return the generator of a purpose for those names (subject, hand, task): same names, same numbers.
+
+    One stream per purpose, so that no switch and no length shifts another's numbers.
+    """
+    digest = hashlib.sha256("\x1f".join((purpose, *names)).encode()).digest()
+    entropy = np.frombuffer(digest, "<u4")
+    return np.random.default_rng(np.random.SeedSequence([seed, *(int(number) for number in entropy)]))

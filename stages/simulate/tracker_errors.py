@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from shukotsu.skeleton import rotations
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.simulate.randomness import generator
+from shukotsu.stages.simulate.realism import generator
 from shukotsu.stages.simulate.task_motion import RATE_HZ
 
 NOISE_MM, NOISE_DEG = 0.10, 0.06

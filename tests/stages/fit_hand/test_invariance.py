@@ -126,9 +126,9 @@ def test_a_receiver_may_sit_at_another_angle(layout: Layout, segment: str) -> No
     assert np.median(moves) < (0.3 if segment else 1.0)
 
 
-@pytest.mark.parametrize("anatomy", [pytest.param("blend", marks=pytest.mark.slow), "mixed-table"])
+@pytest.mark.parametrize("anatomy", [pytest.param("blend", marks=pytest.mark.slow), "myohand"])
 def test_what_motion_shows_comes_out_whatever_is_expected(layout: Layout, anatomy: str) -> None:
-    """Without skin, noise and field, people of the usual anatomy and of one far from all that is expected:
+    """Without skin, noise and field, people of the usual anatomy and of the one that is farthest from it:
     across a hinge's axis, and in all directions elsewhere, a centre is found to 0.25 mm, most to 0.1 mm.
 
     Their palms move by another law than the model's, and their hinges turn off their axes.

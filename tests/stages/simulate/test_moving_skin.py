@@ -1,25 +1,24 @@
-"""The laws of the skin: how large they are, what moves a receiver, and when."""
+"""The skin: how far it moves a receiver, what moves it, and when."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
-from shukotsu.anatomy.drawn_hands import PHASE_SHARE, SLIDE_SD_MM, SLIP_MM, SLIPS, TILT_SD, WANDER_MM
+from shukotsu.anatomy.drawn_hands import SLIDE_SD_MM, TILT_SD, WANDER_MM
 from shukotsu.skeleton.rotations import Array, angle, conjugate, multiply, rotate, unit
 from shukotsu.stages.simulate import random_hand
 from shukotsu.stages.simulate.forward import bone_poses, relaxed_angles
 from shukotsu.stages.simulate.mounts import mounts_of
-from shukotsu.stages.simulate.moving_skin import Skin, on_skin, skin_of
+from shukotsu.stages.simulate.moving_skin import Skin, on_skin, saturating, skin_of
 from shukotsu.stages.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
-from shukotsu.stages.simulate.realism import PHASE_LAG, POLYNOMIAL, SATURATING, SKIN_LAWS, Realism
-from shukotsu.stages.simulate.simulation import LAWS, simulate
-from shukotsu.stages.simulate.skin_laws import polynomial, shares
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import simulate
 from shukotsu.stages.simulate.task_motion import Motion
 
 hand_of = cache(random_hand.hand_of)
@@ -40,68 +39,29 @@ def bent(joint: str, flexion_rad: Sequence[float] | Array) -> Array:
     return angles
 
 
-def moved(law: str, angles: Array, skin: Skin, seed: int = 0) -> tuple[Array, Array]:
-    """Slide and turn without the wander and the slips of the recording."""
-    of_hand = [np.random.default_rng(seed) for _ in range(2)]
-    slide, turn = LAWS[law](angles, skin, of_hand[0], np.random.default_rng(1))
-    still = LAWS[law](np.zeros_like(angles), skin, of_hand[1], np.random.default_rng(1))
-    return slide - still[0], turn - still[1]
+def moved(angles: Array, skin: Skin) -> Array:
+    """Slide and turn without the wander of the recording."""
+    bent, still = (
+        np.array(saturating(turned, skin, np.random.default_rng(0), np.random.default_rng(1)))
+        for turned in (angles, np.zeros_like(angles))
+    )
+    return np.asarray(bent - still)
 
 
-@pytest.mark.parametrize(
-    ("law", "share"),
-    [
-        (SATURATING, 0.9 * math.tanh(1 / 0.9)),
-        (POLYNOMIAL, math.hypot(0.6 * (1 + 0.4 * 0.33), 0.55 * (1 + 0.4 * 0.33) ** 2)),
-        (PHASE_LAG, PHASE_SHARE),
-    ],
-)
-def test_laws_are_about_equally_large_at_one_radian(law: str, share: float) -> None:
-    """Each of the size that its numbers say, and those from 0.7 to 1 of the usual size."""
-    slow = np.concatenate([np.linspace(0.0, 1.0, 600), np.ones(300)])
-    slide, turn = moved(law, bent("index_pip", slow), many_receivers(300))
-    assert 0.7 < share < 1.0
-    np.testing.assert_allclose(slide[-1].std(0), share * np.array(SLIDE_SD_MM), rtol=0.15)
-    np.testing.assert_allclose(turn[-1].std(0), share * np.array(TILT_SD), rtol=0.15)
-
-
-def test_beyond_a_radian_only_the_usual_law_saturates() -> None:
-    slow = np.concatenate([np.linspace(0.0, 2.0, 800), np.full(300, 2.0)])
-    growth = {}
-    for law in SKIN_LAWS:
-        slide, _ = moved(law, bent("index_pip", slow), many_receivers())
-        growth[law] = slide[-1].std() / slide[400].std()
-    assert growth[SATURATING] < 1.4
-    assert growth[PHASE_LAG] == pytest.approx(2.0, rel=0.1)
-    assert growth[POLYNOMIAL] > 2.3
-
-
-@pytest.mark.parametrize(
-    ("joint", "pulled"),
-    [
-        ("index_mcp", {"hand", "thumb_metacarpal", "index_proximal", "middle_proximal", "middle_middle"}),
-        ("little_mcp", {"hand"}),
-        ("middle_dip", {"middle_middle", "middle_distal"}),
-        ("thumb_cmc", {"hand", "thumb_metacarpal", "index_proximal"}),
-    ],
-)
-def test_web_and_palm_pull_the_neighbours(joint: str, pulled: set[str]) -> None:
-    skin = skin_of("01", "right", 3, SEGMENTS, 1.0)
-    share = shares(skin)[:, JOINTS.index(joint)]
-    assert {segment for segment, one in zip(SEGMENTS, share, strict=True) if one > 0} == pulled
-    slide, _ = moved(PHASE_LAG, bent(joint, np.linspace(0.0, 1.0, 240)), skin)
-    far = np.abs(slide[-1]).max(-1)
-    np.testing.assert_array_equal(far > 1e-3, share > 0)
-    usual, _ = moved(SATURATING, bent(joint, np.linspace(0.0, 1.0, 240)), skin)
-    assert (np.abs(usual).max((0, 2)) > 1e-3).sum() <= 2
-
-
-def test_a_slipping_receiver_stays_where_it_slipped() -> None:
-    """Without a joint that moves, the way from first to last frame is wander and slips."""
-    angles = np.zeros((2400, len(JOINTS), 3))
-    slide, _ = polynomial(angles, many_receivers(), np.random.default_rng(0), np.random.default_rng(1))
-    off = (slide[-1] - slide[0]).std()
-    assert off == pytest.approx(math.sqrt(2 * WANDER_MM**2 + SLIPS * SLIP_MM**2), rel=0.15)
+def test_skin_saturates_beyond_a_radian_and_is_moved_by_its_own_joints_alone() -> None:
+    """Of the size that its numbers say at one radian."""
+    share = 0.9 * math.tanh(1 / 0.9)
+    slow = np.concatenate(
+        [np.linspace(0.0, 1.0, 600), np.ones(300), np.linspace(1.0, 2.0, 600), np.full(300, 2.0)]
+    )
+    slide, turn = moved(bent("index_pip", slow), many_receivers(300))
+    np.testing.assert_allclose(slide[899].std(0), share * np.array(SLIDE_SD_MM), rtol=0.15)
+    np.testing.assert_allclose(turn[899].std(0), share * np.array(TILT_SD), rtol=0.15)
+    assert slide[-1].std() < 1.4 * slide[899].std()
+    worn = skin_of("01", "right", 3, SEGMENTS, 1.0)
+    slide, _ = moved(bent("index_mcp", np.linspace(0.0, 1.0, 240)), worn)
+    far = dict(zip(SEGMENTS, np.abs(slide).max((0, 2)), strict=True))
+    assert {segment for segment, mm in far.items() if mm > 1e-3} == {"index_proximal"}
 
 
 def thumb_lags(subject: str, side: str) -> tuple[float, float]:
@@ -143,25 +103,17 @@ def test_the_thumbs_receiver_stays_behind_in_place_and_in_turn() -> None:
     assert abs(np.corrcoef(place, further)[0, 1]) < 0.3
 
 
-@pytest.mark.parametrize("law", SKIN_LAWS)
-def test_on_the_relaxed_hand_receivers_are_where_they_were_put(law: str) -> None:
+def test_on_the_relaxed_hand_receivers_are_where_they_were_put() -> None:
     """But for their wander: off by as much as that along the bones, and by far more on straight fingers."""
-    realism = replace(Realism.full(), skin=law, noise=0.0, field_distortion=0.0)
+    realism = replace(Realism.full(), noise=0.0, field_distortion=0.0)
     spread = {}
     for posture, people in (("relaxed", 20), ("straight", 4)):
         along = []
         for i in range(people):
             own = relaxed_angles(hand_of(f"{i:02d}", "right", 3, Realism()), realism)
             still = np.tile(own if posture == "relaxed" else np.zeros_like(own), (2, 1, 1))
-            made = simulate(
-                f"{i:02d}",
-                "right",
-                "rom",
-                3,
-                realism,
-                2,
-                change=lambda motion, at=still: replace(motion, angles_rad=at),
-            )
+            change = partial(lambda at, motion: replace(motion, angles_rad=at), still)
+            made = simulate(f"{i:02d}", "right", "rom", 3, realism, 2, change=change)
             truth, middles = made.truth, [made.segments.index(f"{digit}_middle") for digit in FINGERS[:3]]
             put = truth.mounts.poses(truth.bone_position_mm, truth.bone_quaternion)
             off = rotate(conjugate(put[1]), made.position_mm - put[0])[0, middles]

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from shukotsu.anatomy.drawn_hands import ANATOMIES, BLEND, CT, MIXED, MIXED_TABLE, SOURCES
+from shukotsu.anatomy.drawn_hands import ANATOMIES, CT, SOURCES
 from shukotsu.skeleton import rotations
 from shukotsu.stages.simulate import random_hand
 from shukotsu.stages.simulate.forward import poses_in_hand
@@ -37,7 +37,7 @@ def test_people_differ_from_the_hand_that_they_are_drawn_around(anatomy: str) ->
     """Bones of some thirty people: about as long as those of their source, or within those of all sources."""
     realism = Realism(anatomy=anatomy)
     lengths = np.array([hand_of(f"{i:02d}", "right", 3, realism).length_mm for i in range(35)])
-    hands = {BLEND: SOURCES.values(), MIXED_TABLE: [MIXED]}.get(anatomy) or [SOURCES[anatomy]]
+    hands = [SOURCES[anatomy]] if anatomy in SOURCES else SOURCES.values()
     for digit in DIGITS:
         bones = [b for b, bone in enumerate(BONES) if bone.startswith(f"{digit}_")]
         means = np.array([hand[digit].lengths_mm for hand in hands])
