@@ -4,7 +4,7 @@ Written from the published anatomy and the layouts' words alone; it shares nothi
 simulator but the table of poses it ends in.
 """
 
-from benchmarks.other_hands.drawn_recording import Recording, record, true_centres
 from benchmarks.other_hands.person import Person, draw_person
+from benchmarks.other_hands.recording import Recording, record, true_centres
 
 __all__ = ["Person", "Recording", "draw_person", "record", "true_centres"]

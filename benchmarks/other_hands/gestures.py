@@ -10,8 +10,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.other_hands.carriage import touching
 from benchmarks.other_hands.person import FINGERS, Array, Person
+
+Motion = tuple[Array, Array]
+"""Where a bone is carried: turnings (T, 3, 3) and shifts (T, 3), to be applied to places on the table."""
 
 Posture = dict[str, float]
 Score = list[tuple[Posture, float]]
@@ -259,3 +261,59 @@ def wander(rng: np.random.Generator, time_s: Array, count: int, periods_s: tuple
     turns = 2 * np.pi / rng.uniform(*periods_s, (8, 1, count))
     phases = rng.uniform(0, 2 * np.pi, (8, 1, count))
     return np.asarray(np.sin(turns * time_s[:, None] + phases).sum(axis=0) / 2)
+
+
+def carry(person: Person, angles_deg: dict[str, Array]) -> tuple[dict[str, Motion], dict[str, Array]]:
+    """Return each bone's motion, the forearm lying still, and each joint's centre (T, 3)."""
+    n_frames = len(next(iter(angles_deg.values())))
+    bones = {"forearm": (np.broadcast_to(np.eye(3), (n_frames, 3, 3)), np.zeros((n_frames, 3)))}
+    centres = {}
+    for joint in person.joints:
+        angles, outer = np.deg2rad(angles_deg[joint.name]), bones[joint.parent]
+        shift = np.column_stack([np.sin(angles[:, 0]), 1 - np.cos(angles[:, 0])]) @ joint.glide_mm.T
+        turning, centre = np.broadcast_to(np.eye(3), (n_frames, 3, 3)), np.zeros_like(shift)
+        for point, axes in joint.turns:  # the centre is the middle between the lines about which it turns
+            here = turning @ point + shift
+            turning = turning @ Rotation.from_rotvec(angles @ axes.T).as_matrix()
+            shift = here - turning @ point
+            centre += here / len(joint.turns)
+        bones[joint.child] = outer[0] @ turning, placed(outer, shift)
+        centres[joint.name] = placed(outer, centre)
+    return bones, centres
+
+
+def placed(motion: Motion, place: Array) -> Array:
+    """Return places (3,) or (T, 3) of the table where a motion takes them, (T, 3)."""
+    return np.asarray((motion[0] @ place[..., None])[..., 0] + motion[1])
+
+
+def touching(person: Person, posture: dict[str, float], finger: str) -> dict[str, float]:
+    """Return the posture with the thumb's pad laid on a finger's, by the least change that does it."""
+    free = [f"thumb_{name}" for name in ("cmc.bend", "cmc.sway", "mcp.bend", "ip.bend")]
+    free += [f"{finger}_{name}" for name in ("mcp.bend", "mcp.sway", "pip.bend", "dip.bend")]
+    start = np.array([posture.get(name, 0.0) for name in free])
+    easy = np.array([4.0 if name.endswith("mcp.sway") else 8.0 for name in free])
+
+    def misses(values: Array) -> Array:
+        """Pads apart, mm; how far they are from facing each other; what the change costs, as mm."""
+        whole = posture | dict(zip(free, values.T, strict=True))
+        zero = np.zeros(len(values))
+        angles = {
+            joint.name: np.column_stack([zero + whole.get(name, 0.0) for name in joint.angles])
+            for joint in person.joints
+        }
+        bones, _ = carry(person, angles)
+        pads, ways = [], []
+        for name in ("thumb_distal", f"{finger}_distal"):
+            bone = person.bones[name]
+            pads.append(placed(bones[name], bone.base + 0.72 * (bone.end - bone.base) - 7.0 * bone.up))
+            ways.append(bones[name][0] @ bone.up)
+        facing = 6 * (np.einsum("ti,ti->t", *ways) + 1)
+        return np.column_stack([pads[0] - pads[1], facing, (values - start) / easy])
+
+    now = start
+    for _ in range(8):
+        tried = misses(now + np.vstack([np.zeros(len(free)), np.eye(len(free))]))
+        step = np.linalg.lstsq((tried[1:] - tried[0]).T, -tried[0], rcond=None)[0]
+        now = now + np.clip(step, -15, 15)
+    return posture | dict(zip(free, now.tolist(), strict=True))
