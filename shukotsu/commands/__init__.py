@@ -32,7 +32,7 @@ COMMANDS = {
     "inspect": Command(
         f"{_CAPTURE}.inspect_file", "say what is in a file, and draft the mapping that it needs"
     ),
-    "import": Command(f"{_CAPTURE}.import_and_check", "turn a recording's file into the poses table"),
+    "import": Command(f"{_CAPTURE}.import_recording", "turn a recording's file into the poses table"),
     "stage": Command("shukotsu.commands.run_stage", "run one stage of the pipeline alone"),
     "doctor": Command(
         "shukotsu.commands.doctor", "say what is installed, what is missing, what this machine can do"

@@ -13,9 +13,9 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shukotsu.commands.progress import progress
 from shukotsu.commands.study_file import read_files
 from shukotsu.errors import InputError, listed
+from shukotsu.files.line_printer import progress
 
 if TYPE_CHECKING:
     from shukotsu.schemas.findings import Finding

@@ -7,8 +7,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from shukotsu.commands.progress import progress
 from shukotsu.errors import InputError, listed
+from shukotsu.files.line_printer import progress
 from shukotsu.stages import command_line
 
 TEMPLATES = Path(__file__).parent / "templates"

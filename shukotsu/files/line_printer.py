@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TextIO
+
+BAR_LETTERS = 30
 
 
 class LinePrinter:
@@ -47,3 +52,19 @@ class LinePrinter:
             os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
         except ValueError:
             self._stream = None
+
+
+@contextmanager
+def progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Yield a function of how many of `total` are done: it draws a bar on the terminal, gone at the end."""
+    printer = LinePrinter(sys.stderr)
+
+    def tell(done: int) -> None:
+        if printer.in_place and total > 1:
+            printer.show(f"[{'#' * (BAR_LETTERS * done // total):{BAR_LETTERS}}] {done} of {total} {what}")
+
+    tell(0)
+    try:
+        yield tell
+    finally:
+        printer.clear()

@@ -51,9 +51,8 @@ def main(argv: list[str]) -> int:
 def emulate(options: argparse.Namespace) -> None:
     """Check the options; then serve a port, or write an archive."""
     from shukotsu.trackers.emulate.device import EmulatedLiberty
-    from shukotsu.trackers.emulate.made_capture import write_archive
     from shukotsu.trackers.emulate.pose_sources import built_in_motion
-    from shukotsu.trackers.emulate.server import Emulator, PtyPort, TcpPort, serve
+    from shukotsu.trackers.emulate.server import Emulator, PtyPort, TcpPort, serve, write_archive
     from shukotsu.trackers.record.request import parse_stations
 
     if options.archive is not None:

@@ -1,4 +1,4 @@
-"""Command line: a recording's file -> poses table."""
+"""Command line: a recording's file -> its poses table, and what was declared of it and cannot be."""
 
 from __future__ import annotations
 
@@ -48,8 +48,27 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str]) -> int:
-    """Run the subcommand; gives the exit code."""
-    return command_line.run(build_parser, argv, import_recording, record_failure)
+    """Run the subcommand; return the exit code."""
+    return command_line.run(build_parser, argv, import_and_check, record_failure)
+
+
+def import_and_check(arguments: argparse.Namespace) -> None:
+    """Import the recording; but in a study, where a rule checks, print what cannot be as declared."""
+    from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.schemas.layout import read_layout
+    from shukotsu.schemas.poses import BYTES_A_POSE, KEPT_BYTES, frame_count
+    from shukotsu.sentences.finding_sentences import in_quotes
+
+    import_recording(arguments)
+    if arguments.record_failure:
+        return
+    layout = read_layout(arguments.layout).of_hand(arguments.hand)
+    if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
+        print(f"note: {arguments.file}: long; check it with shukotsu stage check_recordings", file=sys.stderr)
+        return
+    for finding in checked_poses(arguments.out, layout).findings:
+        sentence = in_quotes(finding.message)
+        print(f"{finding.severity}: {arguments.file}: {finding.kind}: {sentence}", file=sys.stderr)
 
 
 def import_recording(arguments: argparse.Namespace) -> None:

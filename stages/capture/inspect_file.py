@@ -128,7 +128,7 @@ def describe(path: Path, layout: Layout | str) -> Description:
     name = path.name.lower()
     if name.endswith(".arrows"):
         from shukotsu.stages.capture.inspection.description import Description
-        from shukotsu.trackers.decode.findings import describe as describe_capture
+        from shukotsu.trackers.decode.survey import describe as describe_capture
 
         return Description(tuple(describe_capture(path)))
     from shukotsu.schemas.layout import read_layout

@@ -62,7 +62,7 @@ def record_tracker(options: argparse.Namespace) -> None:
     from shukotsu.trackers.record import request as requests
     from shukotsu.trackers.record import session
     from shukotsu.trackers.record.port import open_port, port_lines, serial_ports, usb_devices
-    from shukotsu.trackers.record.tracker_check import check
+    from shukotsu.trackers.record.session import check
 
     if options.devices:
         print("\n".join(port_lines(serial_ports(), usb_devices())))

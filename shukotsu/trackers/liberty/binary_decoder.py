@@ -15,8 +15,7 @@ import numpy as np
 from shukotsu.trackers.liberty import replies as liberty
 from shukotsu.trackers.liberty.replies import HEADER_BYTES, TAGS
 from shukotsu.trackers.protocols import records as protocol
-from shukotsu.trackers.protocols.pose_numbers import fill_in
-from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Wholes
+from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Wholes, fill_in
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
 _IS_RECORD = np.isin(np.arange(256), [liberty.STREAMED, liberty.SINGLE])

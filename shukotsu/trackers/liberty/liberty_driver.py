@@ -17,8 +17,14 @@ from shukotsu.trackers.families import FAMILIES
 from shukotsu.trackers.liberty import replies
 from shukotsu.trackers.liberty.replies import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
-from shukotsu.trackers.record import tracker_driver as shared
-from shukotsu.trackers.record.conversation import Conversation
+from shukotsu.trackers.record.conversation import (
+    Conversation,
+    TrackerDriver,
+    is_default_alignment,
+    is_zero,
+    same_direction,
+    shown,
+)
 from shukotsu.trackers.record.request import TRACK, RecordingRequest
 
 State = dict[str, Any]
@@ -26,9 +32,9 @@ State = dict[str, Any]
 
 FILTER_OFF = (0.0, 1.0, 0.0, 0.0)
 FRAMES = {
-    "boresight": (shared.is_zero, "a boresight turns its orientations"),
-    "alignment": (shared.is_default_alignment, "an alignment moves its frame"),
-    "tip_offset": (shared.is_zero, "a tip offset moves its positions"),
+    "boresight": (is_zero, "a boresight turns its orientations"),
+    "alignment": (is_default_alignment, "an alignment moves its frame"),
+    "tip_offset": (is_zero, "a tip offset moves its positions"),
 }
 """Setting that an earlier program may have left -> whether a value is none, what it does."""
 
@@ -68,7 +74,7 @@ SETTINGS = {
 CENTIMETRES, ANSWER_S = 1, 1.0
 
 
-class LibertyDriver(shared.TrackerDriver):
+class LibertyDriver(TrackerDriver):
     """Driver of LIBERTY and PATRIOT."""
 
     def __init__(self, conversation: Conversation, request: RecordingRequest) -> None:
@@ -221,7 +227,7 @@ class LibertyDriver(shared.TrackerDriver):
             if SETTINGS[name].per_station:
                 values = {f"{title} of receiver {station}": after[name][str(station)] for station in stations}
             for what, reported in values.items():
-                if name == "hemisphere" and reported and shared.same_direction(reported, sent):
+                if name == "hemisphere" and reported and same_direction(reported, sent):
                     continue
                 if name == "hemisphere" and sent == TRACK:  # it may well tell the present half
                     continue
@@ -235,10 +241,10 @@ class LibertyDriver(shared.TrackerDriver):
         for name, (is_default, text) in FRAMES.items():
             odd = [s for s in stations if after[name][str(s)] and not is_default(after[name][str(s)])]
             if odd:
-                value = shared.shown(after[name][str(odd[0])])
+                value = shown(after[name][str(odd[0])])
                 self.warnings.append(f"receiver {', '.join(map(str, odd))}: {text} ({value}), left as it is")
-        if after["source_frame"] and not shared.is_zero(after["source_frame"]):
-            turned = shared.shown(after["source_frame"])
+        if after["source_frame"] and not is_zero(after["source_frame"]):
+            turned = shown(after["source_frame"])
             self.warnings.append(f"the transmitter's mounting frame is turned by {turned} deg, left as it is")
         if any(after["bit_errors"] or ()):
             words = " ".join(f"{word:08x}" for word in after["bit_errors"])

@@ -13,8 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.trackers.protocols import records as protocol
-from shukotsu.trackers.protocols.pose_numbers import doubtful_poses
-from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Reply, Wholes
+from shukotsu.trackers.protocols.records import Bools, Bytes, Decoded, Records, Reply, Wholes, doubtful_poses
 from shukotsu.trackers.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
 COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"

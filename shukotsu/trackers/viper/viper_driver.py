@@ -13,8 +13,8 @@ from typing import Any
 from shukotsu.errors import InputError
 from shukotsu.trackers.protocols.records import Reply
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.trackers.record.conversation import TrackerDriver
 from shukotsu.trackers.record.request import TRACK
-from shukotsu.trackers.record.tracker_driver import TrackerDriver
 from shukotsu.trackers.viper import decoder as viper
 from shukotsu.trackers.viper.decoder import ANY, CONTINUOUS, GET, SENSORS, SET, command_frame
 

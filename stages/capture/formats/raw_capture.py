@@ -15,8 +15,14 @@ from shukotsu.schemas.mapping import FileMapping
 from shukotsu.stages.capture.formats.mapped import mapped_segments, name_in_file
 from shukotsu.stages.capture.samples import Samples
 from shukotsu.trackers.archive import open_archive
-from shukotsu.trackers.decode.findings import findings
-from shukotsu.trackers.decode.survey import UNUSABLE, FlaggedRecords, Survey, flagged_records, survey_archive
+from shukotsu.trackers.decode.survey import (
+    UNUSABLE,
+    FlaggedRecords,
+    Survey,
+    findings,
+    flagged_records,
+    survey_archive,
+)
 from shukotsu.trackers.families import FAMILIES
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from shukotsu.schemas.units import MM_PER_UNIT, SECONDS_PER_UNIT
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.capture.inspection.column_roles import Roles
-from shukotsu.stages.capture.inspection.column_titles import (
+from shukotsu.stages.capture.inspection.column_roles import (
     ANGLE_UNITS,
     POSITION_UNITS,
     TIME_UNITS,
+    Roles,
     split_title,
 )
 from shukotsu.stages.capture.inspection.description import (

@@ -11,9 +11,15 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.tables import read_metadata, read_table
 from shukotsu.trackers.archive import ArchiveWriter, open_archive
-from shukotsu.trackers.decode.findings import findings
 from shukotsu.trackers.decode.stream import Tally, blocks_of
-from shukotsu.trackers.decode.survey import FLAGS, FlaggedRecords, fit_clock, flagged_records, survey_archive
+from shukotsu.trackers.decode.survey import (
+    FLAGS,
+    FlaggedRecords,
+    findings,
+    fit_clock,
+    flagged_records,
+    survey_archive,
+)
 
 BIT = {flag: 1 << place for place, flag in enumerate(FLAGS)}
 

@@ -8,8 +8,8 @@ from shukotsu.trackers.emulate.device import EmulatedLiberty
 from shukotsu.trackers.emulate.pose_sources import built_in_motion
 from shukotsu.trackers.liberty import liberty_driver as driver
 from shukotsu.trackers.liberty.liberty_driver import SETTINGS
+from shukotsu.trackers.record.conversation import is_default_alignment
 from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.tracker_driver import is_default_alignment
 
 REQUEST = RecordingRequest(
     "liberty", asked_hz=120, stations=(1,), hemisphere=(0.0, 0.0, 1.0), no_filters=True

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shukotsu.skeleton.rotations import matrix
-from shukotsu.trackers.protocols.pose_numbers import quaternion_of_angles, quaternion_of_cosines
+from shukotsu.trackers.protocols.records import quaternion_of_angles, quaternion_of_cosines
 
 
 def manual_matrix(azimuth: float, elevation: float, roll: float) -> np.ndarray:

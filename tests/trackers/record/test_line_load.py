@@ -5,7 +5,7 @@ import pytest
 from shukotsu.errors import InputError
 from shukotsu.trackers.liberty.replies import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
-from shukotsu.trackers.record import line_load
+from shukotsu.trackers.record import display
 
 
 def settings(count: int, items=FULL_LIST, rate_hz: float = 240.0) -> StreamSettings:
@@ -15,14 +15,14 @@ def settings(count: int, items=FULL_LIST, rate_hz: float = 240.0) -> StreamSetti
 
 def test_a_line_that_is_just_full_is_not_too_slow() -> None:
     """48 bytes 240 times a second are all of 11520."""
-    line_load.check_line(settings(1, (8, 9, 11, 3, 7)), 115200, "p")
+    display.check_line(settings(1, (8, 9, 11, 3, 7)), 115200, "p")
     with pytest.raises(InputError):
-        line_load.check_line(settings(1, (8, 9, 11, 3, 7, 0)), 115200, "p")
+        display.check_line(settings(1, (8, 9, 11, 3, 7, 0)), 115200, "p")
 
 
 def test_the_sentence_has_the_arithmetic_and_what_fits() -> None:
     with pytest.raises(InputError) as told:
-        line_load.check_line(settings(16), 115200, "/dev/ttyUSB0")
+        display.check_line(settings(16), 115200, "/dev/ttyUSB0")
     sentence = str(told.value)
     assert sentence.startswith(
         "/dev/ttyUSB0: the line is too slow: 16 receivers x 56 bytes x 240 Hz = 215040"

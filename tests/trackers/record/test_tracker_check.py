@@ -5,7 +5,7 @@ from tracker_processes import capture, leave_in
 
 from shukotsu.trackers.liberty.replies import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
-from shukotsu.trackers.record import tracker_check
+from shukotsu.trackers.record import session
 
 
 def test_settings_are_told_as_they_were_and_are() -> None:
@@ -25,13 +25,13 @@ def test_settings_are_told_as_they_were_and_are() -> None:
         "stylus            1: 1 -> 0; 2: 0",
         "note: a warning",
     ]
-    assert tracker_check.answer_lines(settings, ["a warning"], 115200) == [
+    assert session.answer_lines(settings, ["a warning"], 115200) == [
         *answers,
         "line        2 receivers x 56 bytes x 240 Hz = 26880 bytes/s, and 115200 baud carries 11520: 233 %",
         "            too slow; what fits is 1 receiver at 120 Hz with this list, "
         "1 receiver at 240 Hz or 2 receivers at 120 Hz with --items short",
     ]
-    assert tracker_check.answer_lines(settings, ["a warning"], None) == [
+    assert session.answer_lines(settings, ["a warning"], None) == [
         *answers,
         "line        needs 26.9 kB/s; the port's own rate is not known",
     ]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shukotsu.skeleton.rotations import matrix, unit
-from shukotsu.stages.capture.formats.clusters import ClusterPoses, cluster_poses
+from shukotsu.stages.capture.formats.c3d import ClusterPoses, cluster_poses
 
 SHAPE = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0], [30, 15, 25], [-10, 25, -30]])
 """In its own frame already: first the origin, second on x, third in the plane of x and y."""

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from shukotsu.commands.progress import progress
+from shukotsu.files.line_printer import progress
 
 
 def test_a_terminal_sees_a_bar_and_afterwards_none(
