@@ -83,13 +83,16 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
             f"{file.frames}"
         )
     window = np.arange(first - 1, last)  # from 0 at the first frame stored
+    rate_hz = file.rate_hz if np.isfinite(file.rate_hz) else mapping.rate_hz or float("nan")
     tracks, notes = [], []
     for segment, receiver in mapping.receivers.items():
         if "markers" in receiver:
-            track, note = _of_cluster(file, segment, receiver["markers"], window, mapping)
+            poses, misfit_mm, note = _of_cluster(file, segment, receiver["markers"], window, mapping)
         else:
-            track, note = _of_rotation(file, segment, receiver["rotation"], window, mapping)
-        tracks.append(track)
+            poses, note = _of_rotation(file, segment, receiver["rotation"], window, mapping)
+            misfit_mm = np.full(len(window), np.nan)
+        flags = {"misfit": misfit_mm > mapping.details["misfit_mm"]}
+        tracks.append(Track(window, file.first_frame + window, window / rate_hz, poses, flags))
         notes += [note] if note else []
     return samples_of_tracks(
         tracks, mapping, layout, lambda index: f"{path}: frame {file.first_frame + index}", notes, file.doubts
@@ -154,16 +157,16 @@ def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
     """
     start = int(np.argmax(seen.sum(1)))
     shape: Array = points[start]
-    known: Bools = seen[start]
-    if known.sum() < 3:
+    placed: Bools = seen[start]
+    if placed.sum() < 3:
         raise InputError(f"{what}: no frame has three of its markers; check the labels and the frames read")
-    if _width(shape[known]) < THINNEST:
+    if _width(shape[placed]) < THINNEST:
         raise InputError(
             f"{what}: its markers are on a line (within {THINNEST} of its length), so the turn about "
             "that line is not known; add a marker beside it"
         )
     for _ in range(_ROUNDS):
-        usable = seen & known & _spread_out(shape, seen & known)[:, None]
+        usable = seen & placed & _spread_out(shape, seen & placed)[:, None]
         if not usable.any():
             raise InputError(f"{what}: its markers keep no shape in common over the frames read")
         rotation, position = _fit(shape, points, usable.astype(float))
@@ -171,19 +174,18 @@ def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
         square = np.where(usable, ((back - shape) ** 2).sum(-1), 0.0).sum(1)
         posed = usable.any(1)
         misfit = square / np.maximum(usable.sum(1), 1)
-        scale = (
-            9 * float(np.median(misfit[posed])) + _SETTLED_MM**2
-        )  # half where it is three times the median
+        # a frame weighs half where its misfit is three times the median
+        scale = 9 * float(np.median(misfit[posed])) + _SETTLED_MM**2
         weight = np.where(posed, 1 / (1 + misfit / scale), 0.0)[:, None] * seen
         reached = weight.sum(0) > 0
         mean = np.einsum("tm,tmi->mi", weight, back) / np.where(reached, weight.sum(0), 1.0)[:, None]
-        settled = bool((reached == known).all()) and float(np.abs(mean - shape).max()) < _SETTLED_MM
-        shape, known = np.where(reached[:, None], mean, shape), reached
+        settled = bool((reached == placed).all()) and float(np.abs(mean - shape).max()) < _SETTLED_MM
+        shape, placed = np.where(reached[:, None], mean, shape), reached
         if settled:
             break
-    if not known.all():
+    if not placed.all():
         raise InputError(
-            f"{what}: marker {int(np.argmin(known)) + 1} of it is never seen with three others of known "
+            f"{what}: marker {int(np.argmin(placed)) + 1} of it is never seen with three others of known "
             "place; leave it out of the mapping"
         )
     return shape
@@ -240,9 +242,8 @@ def open_c3d(path: Path) -> C3dFile:
         why = str(error).removesuffix(": iostream error")
         raise InputError(f"{path}: not a readable C3D file ({why}); copy it again") from error
     parameters = content["parameters"]
-    points = np.asarray(content["data"]["points"][:3], float).transpose(
-        2, 1, 0
-    )  # NaN where the residual is -1
+    # NaN where the residual is -1
+    points = np.asarray(content["data"]["points"][:3], float).transpose(2, 1, 0)
     rotations = np.asarray(content["data"]["rotations"], float).transpose(3, 2, 0, 1)
     per_frame, analogs, first, last, _, scale, start = struct.unpack_from("<HHHHHfH", head, 2)
     if not first <= last < _MOST_FRAMES:  # what is read to the file's end has zeros that fill its last block
@@ -283,32 +284,17 @@ def _labels(group: Any) -> tuple[str, ...]:
     return tuple(label.strip() for name in names if name in group for label in group[name]["value"])
 
 
-def _track(file: C3dFile, window: Integers, mapping: FileMapping, poses: Array, misfit: Array) -> Track:
-    rate = file.rate_hz if np.isfinite(file.rate_hz) else mapping.rate_hz or float("nan")
-    return Track(
-        window,
-        file.first_frame + window,
-        window / rate,
-        poses,
-        {"misfit": misfit > mapping.details["misfit_mm"]},
-    )
-
-
 def _of_cluster(
     file: C3dFile, segment: str, markers: Sequence[str], window: Integers, mapping: FileMapping
-) -> tuple[Track, str]:
-    place = f"{mapping.where}: receivers.{segment}.markers"
-    columns = [_index(file.path, file.labels, marker, "marker", place) for marker in markers]
+) -> tuple[Array, Array, str]:
+    """Return the poses (T, 7) of a cluster, its misfit [mm] (T,), and a note on both."""
+    key = f"{mapping.where}: receivers.{segment}.markers"
+    columns = [_index(file.path, file.labels, marker, "marker", key) for marker in markers]
     points_mm = file.points[window][:, columns] * mapping.mm_per_unit
-    unseen = [
-        marker
-        for marker, seen in zip(markers, np.asarray(np.isfinite(points_mm).any((0, 2))), strict=True)
-        if not seen
-    ]
-    if unseen:
-        raise InputError(
-            f"{file.path}: marker {unseen[0]!r} is seen in no frame read; leave it out of {place}"
-        )
+    seen = np.asarray(np.isfinite(points_mm).any((0, 2)))
+    if not seen.all():
+        unseen = markers[int(seen.argmin())]
+        raise InputError(f"{file.path}: marker {unseen!r} is seen in no frame read; leave it out of {key}")
     cluster = cluster_poses(points_mm, f"{file.path}: cluster {segment}")
     poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
     misfit, left = cluster.misfit_mm, cluster.residual_mm[np.isfinite(cluster.residual_mm)]
@@ -317,15 +303,15 @@ def _of_cluster(
         f"{np.sqrt(np.mean(left**2)):.2g} mm rms, "
         f"{left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {len(misfit)} frames"
     )
-    return _track(file, window, mapping, poses, misfit), note
+    return poses, misfit, note
 
 
 def _of_rotation(
     file: C3dFile, segment: str, label: str, window: Integers, mapping: FileMapping
-) -> tuple[Track, str]:
-    """Take the matrix of each point frame; where the group is sampled faster, those in step with points."""
-    place = f"{mapping.where}: receivers.{segment}.rotation"
-    column = _index(file.path, file.rotation_labels, label, "rotation", place)
+) -> tuple[Array, str]:
+    """Return the pose (T, 7) of each point frame; where the group is sampled faster, of those in step."""
+    key = f"{mapping.where}: receivers.{segment}.rotation"
+    column = _index(file.path, file.rotation_labels, label, "rotation", key)
     ratio, odd = divmod(len(file.matrices), file.frames)
     if odd or not ratio:
         raise InputError(
@@ -339,14 +325,13 @@ def _of_rotation(
     )
     poses = np.concatenate([matrices[:, :3, 3] * mapping.mm_per_unit, from_matrix(rotation)], -1)
     note = f"rotation {label}: {ratio} samples a frame, the first of them is used" if ratio > 1 else ""
-    return _track(file, window, mapping, poses, np.full(len(window), np.nan)), note
+    return poses, note
 
 
-def _index(path: Path, labels: Sequence[str], label: str, what: str, place: str) -> int:
+def _index(path: Path, labels: Sequence[str], label: str, what: str, key: str) -> int:
     if labels.count(label) == 1:
         return labels.index(label)
     if label in labels:
-        raise InputError(f"{path}: {what} {label!r} stands in the file more than once; {place} needs one")
-    guess = did_you_mean(label, labels)
-    known = "" if guess else f", which has {listed(labels)}"
-    raise InputError(f"{place}: {what} {label!r} is not in {path}{known}{guess}")
+        raise InputError(f"{path}: {what} {label!r} stands in the file more than once; {key} needs one")
+    guess = did_you_mean(label, labels) or f", which has {listed(labels)}"
+    raise InputError(f"{key}: {what} {label!r} is not in {path}{guess}")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import re
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -46,20 +47,23 @@ class Cells:
         self.place = place
         self.rows: int = table.num_rows
         self._path, self._empty, self._decimal = path, empty, decimal
-        self._missing = [value for text in empty or () if (value := _number(text)) is not None]
+        self._missing = []  # the numbers that stand for no value, whatever their decimal mark
+        for text in empty or ():
+            with suppress(ValueError):
+                self._missing += [float(text.replace(",", "."))] if "_" not in text else []
         self.names: list[str] = table.column_names
         self._columns = dict(zip(table.column_names, table.columns, strict=True))
         self._reals: dict[str, npt.NDArray[np.float64]] = {}
 
     def reals(self, name: str) -> npt.NDArray[np.float64]:
-        """Numbers, shape (N,); NaN where the cell is empty."""
+        """Return numbers, shape (N,); NaN where the cell is empty."""
         if name not in self._reals:
-            numbers = self._numbers(name) if self._empty is None else self._parsed_numbers(name, self._empty)
-            self._reals[name] = self._without_missing(np.asarray(numbers.to_numpy(), float))
+            numbers = np.asarray(self._numbers(name).to_numpy(), float)
+            self._reals[name] = np.where(np.isin(numbers, self._missing), np.nan, numbers)
         return self._reals[name]
 
     def times_of_day_s(self, name: str) -> npt.NDArray[np.float64]:
-        """Times as hh:mm:ss, with or without decimals, (N,) in s since midnight; NaN where empty."""
+        """Read times as hh:mm:ss, with or without decimals, (N,) in s since midnight; NaN where empty."""
         text = _trimmed(self._columns[name].cast(pa.string()), self._empty or ())
         parts = pc.extract_regex(text, _TIME_OF_DAY)
         odd = pc.and_(pc.is_null(parts), pc.is_valid(text))
@@ -69,7 +73,7 @@ class Cells:
         return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
 
     def wholes(self, name: str) -> npt.NDArray[np.int64]:
-        """Whole numbers, shape (N,), 3.0 among them; an empty cell is refused."""
+        """Return whole numbers, shape (N,), 3.0 among them; an empty cell is refused."""
         column = self._columns[name]
         exact = None
         if self._empty is not None or pa.types.is_integer(column.type):
@@ -85,7 +89,7 @@ class Cells:
         return reals.astype(np.int64)
 
     def names_in(self, name: str) -> tuple[npt.NDArray[np.int64], list[str]]:
-        """Text as (N,) indices into a list of names; an empty cell is refused."""
+        """Return text as (N,) indices into a list of names; an empty cell is refused."""
         column = self._columns[name]
         kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
         if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
@@ -97,31 +101,25 @@ class Cells:
         return np.asarray(codes.indices.to_numpy(), np.int64), codes.dictionary.to_pylist()
 
     def _numbers(self, name: str) -> pa.ChunkedArray:
-        column = self._columns[name]
-        is_number = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal, pa.types.is_null)
-        if not any(check(column.type) for check in is_number):
-            raise InputError(f"{self._path}: column {name} is {column.type}; expected numbers")
-        return column.cast(pa.float64(), safe=False)
-
-    def _without_missing(self, numbers: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Make the numbers NaN that stand for no value."""
-        if not self._missing:
-            return numbers
-        return np.where(np.isin(numbers, self._missing), np.nan, numbers)
-
-    def _parsed_numbers(self, name: str, empty: Sequence[str]) -> pa.ChunkedArray:
-        text = self._columns[name]
+        text = column = self._columns[name]
+        if self._empty is None:
+            is_number = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal, pa.types.is_null)
+            if not any(check(column.type) for check in is_number):
+                raise InputError(f"{self._path}: column {name} is {column.type}; expected numbers")
+            return column.cast(pa.float64(), safe=False)
         if self._decimal == ",":
-            text = _trimmed(text, empty)
+            text = _trimmed(text, self._empty)
             points = pc.fill_null(pc.match_substring(text, "."), False)
             self._refuse_first(points.to_numpy(), name, "a number with a decimal comma")
             text = pc.replace_substring(text, ",", ".")
         numbers = _cast(text, pa.float64())
         if numbers is None:
-            text = _trimmed(text, empty)
+            text = _trimmed(text, self._empty)
             numbers = _cast(text, pa.float64())
         if numbers is None:
-            row = _first_bad(text)
+            row = bisect_left(
+                range(len(text)), True, key=lambda row: _cast(text[: row + 1], pa.float64()) is None
+            )
             comma = _DECIMAL_COMMA.fullmatch(text[row].as_py())
             raise self._refusal(name, row, "a number" + " with a decimal point, not a comma" * bool(comma))
         return numbers
@@ -132,35 +130,25 @@ class Cells:
 
     def _refusal(self, name: str, row: int, expected: str) -> InputError:
         cell = self._columns[name][row].as_py()
-        cell = cell.strip() if isinstance(cell, str) else cell
-        cell = shortened(cell, 60) if isinstance(cell, str) else cell
+        cell = shortened(cell.strip(), 60) if isinstance(cell, str) else cell
         what = "is empty" if cell is None else f"is {cell!r}"
         return InputError(f"{self.place(row)}, column {name}: {what}; expected {expected}")
 
 
-def _number(text: str) -> float | None:
-    """Read a text that means "no value" as a number, whatever its decimal mark; None where it is none."""
-    try:
-        value = float(text.replace(",", "."))
-    except ValueError:
-        return None
-    return None if math.isnan(value) or "_" in text else value
-
-
 def unwrapped_s(time_s: npt.NDArray[np.float64], start_s: float = np.nan) -> npt.NDArray[np.float64]:
-    """Times of the day of one clock (N,) as times that go on past midnight, and back before it.
+    """Return times of the day of one clock (N,) as times that go on past midnight, and back before it.
 
     start_s : a time that the first one is within half a day of. A step forward of more than half a day is
     taken for one back over midnight only where it is nearly a day, by a clock's jitter: else it is a pause.
     """
-    known = np.flatnonzero(np.isfinite(time_s))
-    start = time_s[known[:1]] if np.isnan(start_s) else start_s
-    steps = np.diff(time_s[known], prepend=start)
+    timed = np.flatnonzero(np.isfinite(time_s))
+    start = time_s[timed[:1]] if np.isnan(start_s) else start_s
+    steps = np.diff(time_s[timed], prepend=start)
     back = steps > DAY_S - _JITTER_S
     if len(back):
         back[0] = steps[0] > DAY_S / 2
     out = time_s.copy()
-    out[known] += DAY_S * np.cumsum((steps < -DAY_S / 2).astype(int) - back)
+    out[timed] += DAY_S * np.cumsum((steps < -DAY_S / 2).astype(int) - back)
     return out
 
 
@@ -174,15 +162,3 @@ def _cast(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray | None:
 def _trimmed(text: pa.Array, empty: Sequence[str]) -> pa.Array:
     bare = pc.utf8_trim_whitespace(text)
     return pc.if_else(pc.is_in(bare, pa.array(empty, pa.string())), pa.scalar(None, pa.string()), bare)
-
-
-def _first_bad(text: pa.ChunkedArray) -> int:
-    """Find the first cell that is no number by halving; there is one."""
-    low, high = 0, len(text)
-    while high - low > 1:
-        middle = (low + high) // 2
-        if _cast(text[low:middle], pa.float64()) is None:
-            high = middle
-        else:
-            low = middle
-    return low

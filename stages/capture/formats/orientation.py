@@ -15,7 +15,7 @@ TOLERANCE = 1e-2
 
 
 def quaternions(numbers: Array, orientation: Mapping[str, Any], place: Callable[[int], str]) -> Array:
-    """Quaternions that take receiver coordinates to the transmitter frame.
+    """Return quaternions that take receiver coordinates to the transmitter frame.
 
     numbers : (N, 4), (N, 3) or (N, 9) as the mapping's `orientation` says, NaN where there is none.
     place : row -> file and line, for messages. Returns (N, 4), (w, x, y, z), for angles and matrices unit;
@@ -25,10 +25,14 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], place: Callable[
     kind = orientation["kind"]
     if kind == "quaternion":
         turned = numbers if orientation["order"] == "wxyz" else numbers[:, [3, 0, 1, 2]]
-    elif kind == "euler":
-        turned = _from_angles(
-            np.radians(numbers) if orientation["unit"] == "deg" else numbers, orientation["axes"]
-        )
+    elif kind == "euler":  # Polhemus azimuth, elevation, roll are ZYX (LIBERTY user manual, attitude matrix)
+        # R = R_a(first) R_b(second) R_c(third): each turn is about the receiver's axes as they then stand
+        angles_rad = np.radians(numbers) if orientation["unit"] == "deg" else numbers
+        angles_rad = np.where(np.isfinite(angles_rad), angles_rad, np.nan)
+        axes = [np.eye(3)["XYZ".index(axis)] for axis in orientation["axes"]]
+        first, second, third = (about_axis(axis, angles_rad[:, i]) for i, axis in enumerate(axes))
+        turned = multiply(multiply(first, second), third)
+        turned = np.where(np.isnan(angles_rad).any(-1, keepdims=True), np.nan, turned)
     else:
         turned = from_matrix(proper_rotations(numbers.reshape(-1, 3, 3), place))
     if kind != "quaternion":
@@ -36,21 +40,8 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], place: Callable[
     return conjugate(turned) if orientation["rotates"] == "transmitter-to-receiver" else np.asarray(turned)
 
 
-def _from_angles(angles_rad: Array, axes: str) -> Array:
-    """R = R_a(first) R_b(second) R_c(third): each turn is about the receiver's axes as they then stand.
-
-    Polhemus azimuth, elevation, roll are axes ZYX (LIBERTY user manual, attitude matrix).
-    """
-    angles_rad = np.where(np.isfinite(angles_rad), angles_rad, np.nan)
-    first, second, third = (
-        about_axis(np.eye(3)["XYZ".index(axis)], angles_rad[:, i]) for i, axis in enumerate(axes)
-    )
-    turned = multiply(multiply(first, second), third)
-    return np.asarray(np.where(np.isnan(angles_rad).any(-1, keepdims=True), np.nan, turned))
-
-
 def proper_rotations(matrices: Array, place: Callable[[int], str]) -> Array:
-    """The rotation nearest to each matrix, shape (N, 3, 3); NaN where a number is missing or infinite.
+    """Return the rotation nearest to each matrix, shape (N, 3, 3); NaN where a number is missing or infinite.
 
     Raises InputError at the first that is mirrored or off by more than TOLERANCE: a nearest rotation of
     something else would be made up.
@@ -64,21 +55,17 @@ def proper_rotations(matrices: Array, place: Callable[[int], str]) -> Array:
     bad = ~(off <= TOLERANCE) | mirrored
     if bad.any():
         first = int(np.argmax(bad))
-        what = _fault(some[first], float(off[first]), bool(mirrored[first]))
+        what = (
+            f"the matrix is no rotation: its columns are off unit length and right angles by "
+            f"{off[first]:.3g}; expected {TOLERANCE} at most; check which numbers these are"
+        )
+        if mirrored[first] and off[first] <= TOLERANCE:
+            what = (
+                "the rotation is mirrored (determinant -1); expected a right-handed one (+1); "
+                "an axis was negated on the way, so export it again from a right-handed system"
+            )
+        if not some[first].any():
+            what = "the rotation is all zeros; zeros that stand for missing values must be written as NaN"
         raise InputError(f"{place(int(np.flatnonzero(whole)[first]))}: {what}")
     rotations[whole] = nearest_rotation(some)
     return rotations
-
-
-def _fault(matrix: Array, off: float, mirrored: bool) -> str:
-    if not matrix.any():
-        return "the rotation is all zeros; zeros that stand for missing values must be written as NaN"
-    if mirrored and off <= TOLERANCE:
-        return (
-            "the rotation is mirrored (determinant -1); expected a right-handed one (+1); "
-            "an axis was negated on the way, so export it again from a right-handed system"
-        )
-    return (
-        f"the matrix is no rotation: its columns are off unit length and right angles by {off:.3g}; "
-        f"expected {TOLERANCE} at most; check which numbers these are"
-    )

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
@@ -17,8 +15,6 @@ from shukotsu.stages.capture.samples import Samples
 from shukotsu.trackers.archive import open_archive
 from shukotsu.trackers.decode.survey import (
     UNUSABLE,
-    FlaggedRecords,
-    Survey,
     findings,
     flagged_records,
     survey_archive,
@@ -43,21 +39,39 @@ def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Ite
     if not survey.records:
         raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
     segment_of = segments_of_receivers(path, survey.settings, {*survey.records}, layout, mapping)
-    notes = (*_left_out(path, survey, segment_of, layout), *losses)
+    there, named = {*survey.records}, {*segment_of}
+    if not there & named:
+        has, expected = (", ".join(map(str, sorted(stations))) for stations in (there, named))
+        expected = expected or "none: its segments have no `receiver:`"
+        raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {expected}")
+    others = ", ".join(map(str, sorted(there - named)))
+    notes = (*[f"receiver {others}: not in layout {layout.name}; left out"][: bool(others)], *losses)
     segment = np.full(max({*survey.records, *segment_of}) + 1, -1)
     segment[list(segment_of)] = list(segment_of.values())
     missing_frames = survey.losses.all.lost
     tracker = FAMILIES[survey.settings.family].title
-    any_known = False
+    empty = True
     for part in flagged_records(archive, survey):
         usable = ~part.flagged(*UNUSABLE)
-        known = np.flatnonzero(usable)[segment[part.records.station[usable]] >= 0]
-        if len(known):
-            any_known = True
-            samples = _samples(path, layout, part, known, segment)
-            yield replace(samples, notes=notes, losses=losses, missing_frames=missing_frames, tracker=tracker)
+        rows = np.flatnonzero(usable)[segment[part.records.station[usable]] >= 0]
+        if len(rows):
+            empty, records = False, part.records.take(rows)
+            yield Samples(
+                layout.measured,
+                segment[records.station],
+                records.frame,
+                part.time_s[rows],
+                np.concatenate([records.position_mm, records.quaternion], -1),
+                lambda _: str(path),
+                {name: part.flagged(name)[rows] for name in _KEPT},
+                notes,
+                losses,
+                missing_frames,
+                tracker,
+                "device",
+            )
             notes, losses, missing_frames = (), (), 0
-    if not any_known:
+    if empty:
         raise InputError(f"{path}: holds no pose that can be believed ({'; '.join(losses)}); record again")
 
 
@@ -73,39 +87,7 @@ def segments_of_receivers(
         if unit != settings.unit:
             raise InputError(f"{mapping.where}: position_unit: is {unit}, but {path} has {settings.unit}")
         stations = {str(station): station for station in there}
-        sources = [name_in_file(mapping, own, "value", [*stations], str(path)) for own in mapping.receivers]
+        sources = [name_in_file(mapping, name, "value", [*stations], str(path)) for name in mapping.receivers]
         return dict(zip((stations[name] for name in sources), mapped_segments(mapping, layout), strict=True))
     numbers = ((layout.segments[name].receiver, index) for index, name in enumerate(layout.measured))
     return {number: index for number, index in numbers if number is not None}
-
-
-def _left_out(path: Path, survey: Survey, segment_of: Mapping[int, int], layout: Layout) -> list[str]:
-    """A note on the stations that came and are no segment's; InputError where none is."""
-    there, named = {*survey.records}, {*segment_of}
-    if not there & named:
-        has, expected = (", ".join(map(str, sorted(stations))) for stations in (there, named))
-        expected = expected or "none: its segments have no `receiver:`"
-        raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {expected}")
-    others = ", ".join(map(str, sorted(there - named)))
-    return [f"receiver {others}: not in layout {layout.name}; left out"] if others else []
-
-
-def _samples(
-    path: Path,
-    layout: Layout,
-    part: FlaggedRecords,
-    rows: npt.NDArray[np.int64],
-    segment: npt.NDArray[np.int64],
-) -> Samples:
-    """Those records of a part as samples; segment : station -> index into `layout.measured`."""
-    records = part.records.take(rows)
-    return Samples(
-        layout.measured,
-        segment[records.station],
-        records.frame,
-        part.time_s[rows],
-        np.concatenate([records.position_mm, records.quaternion], -1),
-        lambda _: str(path),
-        {name: part.flagged(name)[rows] for name in _KEPT},
-        orientation="device",
-    )

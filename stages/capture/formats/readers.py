@@ -34,22 +34,20 @@ class Format:
     in_parts: bool = False
 
 
+_FORMATS = "shukotsu.stages.capture.formats"
+
 FORMATS = {
-    "csv": Format((".csv",), "shukotsu.stages.capture.formats.tidy", "read_csv", in_parts=True),
-    "parquet": Format(
-        (".parquet", ".pq"), "shukotsu.stages.capture.formats.tidy", "read_parquet", in_parts=True
-    ),
-    "capture": Format(
-        (".arrows",), "shukotsu.stages.capture.formats.raw_capture", "read_capture", in_parts=True
-    ),
-    "xdf": Format((".xdf", ".xdfz"), "shukotsu.stages.capture.formats.xdf", "read_xdf"),
-    "sequence": Format((".mha", ".nrrd"), "shukotsu.stages.capture.formats.sequence", "read_sequence"),
+    "csv": Format((".csv",), f"{_FORMATS}.tidy", "read_csv", in_parts=True),
+    "parquet": Format((".parquet", ".pq"), f"{_FORMATS}.tidy", "read_parquet", in_parts=True),
+    "capture": Format((".arrows",), f"{_FORMATS}.raw_capture", "read_capture", in_parts=True),
+    "xdf": Format((".xdf", ".xdfz"), f"{_FORMATS}.xdf", "read_xdf"),
+    "sequence": Format((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),
 }
 """Formats that say themselves what their numbers are."""
 
 MAPPED = {
-    "csv": Format((".csv", ".txt", ".tsv"), "shukotsu.stages.capture.formats.mapped_csv", "read_mapped_csv"),
-    "c3d": Format((".c3d",), "shukotsu.stages.capture.formats.c3d", "read_c3d"),
+    "csv": Format((".csv", ".txt", ".tsv"), f"{_FORMATS}.mapped_csv", "read_mapped_csv"),
+    "c3d": Format((".c3d",), f"{_FORMATS}.c3d", "read_c3d"),
     "capture": FORMATS["capture"],
     "xdf": FORMATS["xdf"],
     "sequence": FORMATS["sequence"],
@@ -68,7 +66,18 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
     if mapping is not None:
         chosen = MAPPED[mapping.format]
     else:
-        chosen = FORMATS[_format_by_ending(path) if name == AUTO else name]
+        by_ending = (key for key, form in FORMATS.items() if path.name.lower().endswith(form.endings))
+        name = next(by_ending, "") if name == AUTO else name
+        if not name:
+            with suppress(OSError), open_text(path):  # a spreadsheet, or a pipe, is named as what it is
+                pass
+            endings = ", ".join(ending for form in FORMATS.values() for ending in form.endings)
+            raise InputError(
+                f"{path}: the ending {path.suffix!r} does not say which format this is (known are "
+                f"{endings}); give --format {' or '.join(FORMATS)}, or a mapping: "
+                "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
+            )
+        chosen = FORMATS[name]
     read = getattr(importlib.import_module(chosen.module), chosen.function)
     return read if chosen.in_parts else lambda path, layout, mapping: iter([read(path, layout, mapping)])
 
@@ -79,17 +88,3 @@ def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Re
 
     read = find_parts_reader(path, name, mapping)
     return lambda path, layout, mapping: joined(read(path, layout, mapping))
-
-
-def _format_by_ending(path: Path) -> str:
-    for name, candidate in FORMATS.items():
-        if path.name.lower().endswith(candidate.endings):
-            return name
-    with suppress(OSError), open_text(path):  # a spreadsheet, or a pipe, is named as what it is
-        pass
-    endings = ", ".join(ending for candidate in FORMATS.values() for ending in candidate.endings)
-    raise InputError(
-        f"{path}: the ending {path.suffix!r} does not say which format this is (known are {endings}); "
-        f"give --format {' or '.join(FORMATS)}, or a mapping: "
-        "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
-    )

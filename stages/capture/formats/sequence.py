@@ -37,9 +37,9 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
     """
     transforms, time_s = open_sequence(path)
     tools = tools_of(transforms)
-    own = [name for name in tools if name in layout.measured] or list(tools)
-    mapping = mapping or implied_mapping(str(path), "sequence", "value", own)
-    wanted = {segment: str(one.get("value", segment)) for segment, one in mapping.receivers.items()}
+    worn = [name for name in tools if name in layout.measured] or list(tools)
+    mapping = mapping or implied_mapping(str(path), "sequence", "value", worn)
+    wanted = {segment: str(group.get("value", segment)) for segment, group in mapping.receivers.items()}
     named = {segment: {"value": tools.get(name, name)} for segment, name in wanted.items()}
     mapping = replace(mapping, receivers=named)
     mapped_segments(mapping, layout)
@@ -70,26 +70,27 @@ def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
     """
     values: dict[str, dict[int, Array]] = {}
     for number, line in enumerate(_header(path), 1):
-        found = _FIELD.fullmatch(line)
-        if found is None or (found[3] and found[4].upper() == b"OK"):
+        match = _FIELD.fullmatch(line)
+        if match is None or (match[3] and match[4].upper() == b"OK"):
             continue
-        frame, name = int(found[1]), (found[2] or b"").decode()
+        frame, name = int(match[1]), (match[2] or b"").decode()
         shape = (4, 4) if name else (1,)
         try:
-            numbers = np.full(shape, np.nan) if found[3] else np.array(found[4].split(), float).reshape(shape)
+            numbers = np.full(shape, np.nan) if match[3] else np.array(match[4].split(), float).reshape(shape)
         except ValueError:
-            raise InputError(
-                f"{path}: line {number}: expected {'16 numbers' if name else 'a time'}"
-            ) from None
-        own = values.setdefault(name, {})
-        own[frame] = numbers + 0 * own.get(frame, 0.0)  # NaN stays
+            what = "16 numbers" if name else "a time"
+            raise InputError(f"{path}: line {number}: expected {what}") from None
+        by_frame = values.setdefault(name, {})
+        by_frame[frame] = numbers + 0 * by_frame.get(frame, 0.0)  # NaN stays
     frames = sorted(set[int]().union(*values.values()))
     times = values.pop("", {})
     if not values:
         raise InputError(f"{path}: its header has no transform of a frame; expected {EXPECTED}")
     check_expansion(path, 16 * 8 * len(frames) * len(values), "its transforms hardly share a frame")
     none = np.full((4, 4), np.nan)
-    transforms = {name: np.stack([own.get(frame, none) for frame in frames]) for name, own in values.items()}
+    transforms = {
+        name: np.stack([by_frame.get(frame, none) for frame in frames]) for name, by_frame in values.items()
+    }
     return transforms, np.array([times.get(frame, none[0])[0] for frame in frames])
 
 

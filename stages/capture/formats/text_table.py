@@ -40,8 +40,8 @@ class TextTable:
 
     open : gives its bytes from the start. header : names of the columns, their numbers from 1 where the text
     names none; titles : what they go by, no two the same. header_lines : up to and with the header.
-    expected : how many cells a row must have, in words. empty : the texts that mean "no value". quoted :
-    whether quotation marks may hold a cell together. ended : whether the last line has its end.
+    expected : how many cells a row must have, in words. empty : the texts that mean "no value". ended :
+    whether the last line has its end.
     """
 
     path: Path
@@ -53,7 +53,6 @@ class TextTable:
     expected: str
     empty: tuple[str, ...] = EMPTY
     decimal: str = "."
-    quoted: bool = True
     ended: bool = True
 
     def cut_off(self, wanted: Iterable[str]) -> str:
@@ -62,21 +61,19 @@ class TextTable:
             return ""
         return "the last line has no line end, so its last number may be cut off: the row is left out"
 
-    def column(self, wanted: str | int, place: str) -> str:
-        """Title of a column given by name or by number from 1; `place` names the mapping's key."""
+    def column(self, wanted: str | int, key: str) -> str:
+        """Return the title of a column by name or by number from 1; key : the mapping's, for messages."""
         if isinstance(wanted, int):
             if not 1 <= wanted <= len(self.header):
-                raise InputError(f"{place}: there is no column {wanted}; {self.path} has {len(self.header)}")
+                raise InputError(f"{key}: there is no column {wanted}; {self.path} has {len(self.header)}")
             return self.titles[wanted - 1]
         if wanted in self.titles:
             return wanted
         if count := self.header.count(wanted):
-            raise InputError(f"{place}: {self.path} has {count} columns {wanted!r}; give the column's number")
-        if not count:
-            known = did_you_mean(wanted, self.header)
-            known = known or f"; found {listed([name for name in self.header if name])}"
-            raise InputError(f"{place}: column {wanted!r} is missing in {self.path}{known}")
-        return wanted
+            raise InputError(f"{key}: {self.path} has {count} columns {wanted!r}; give the column's number")
+        guess = did_you_mean(wanted, self.header)
+        guess = guess or f"; found {listed([name for name in self.header if name])}"
+        raise InputError(f"{key}: column {wanted!r} is missing in {self.path}{guess}")
 
     def cells(self, wanted: Sequence[str]) -> Cells:
         """Read the columns of those titles. Raises InputError as `blocks` does, and where there is no row."""
@@ -84,7 +81,7 @@ class TextTable:
         if not sum(table.num_rows for table in tables):
             why = self.cut_off(wanted) or "expected one a frame, or a receiver and frame"
             raise InputError(f"{self.path}: has no rows; {why}")
-        return self._cells(pa.concat_tables(tables), 0)
+        return self._cells(pa.concat_tables(tables))
 
     def blocks(self, wanted: Sequence[str], read_bytes: int = READ_BYTES) -> Iterator[Cells]:
         """Read the columns of those titles, so much text at a time.
@@ -96,55 +93,46 @@ class TextTable:
             yield self._cells(table, start)
             start += table.num_rows
 
-    def _cells(self, table: pa.Table, start: int) -> Cells:
+    def _cells(self, table: pa.Table, start: int = 0) -> Cells:
         return Cells(self.path, table, lambda row: self._place(start + row), self.empty, self.decimal)
 
     def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
         last = 1 if self.cut_off(wanted) else 0
-        with reading(self.path), self.open() as stream, self._source(stream) as source:
+        # One thread: of several, each has a block at work and others ahead.
+        read = pa_csv.ReadOptions(
+            use_threads=False,
+            block_size=read_bytes,
+            column_names=list(self.titles),
+            skip_rows=self.header_lines,
+        )
+        parse = pa_csv.ParseOptions(delimiter=self.separator)
+        convert = pa_csv.ConvertOptions(
+            include_columns=wanted,
+            column_types=dict.fromkeys(wanted, pa.string()),
+            strings_can_be_null=True,
+            null_values=self.empty,
+        )
+        with reading(self.path), self.open() as stream:
+            # no Python in what pyarrow reads, which aborts a process that ends while it reads on
+            text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
             held: list[pa.Table] = []
-            try:
-                for batch in (
-                    batch
-                    for batch in pa_csv.open_csv(
-                        source,
-                        # One thread: of several, each has a block at work and others ahead.
-                        pa_csv.ReadOptions(
-                            use_threads=False,
-                            block_size=read_bytes,
-                            column_names=list(self.titles),
-                            skip_rows=self.header_lines,
-                        ),
-                        pa_csv.ParseOptions(
-                            delimiter=self.separator, quote_char='"' if self.quoted else False
-                        ),
-                        pa_csv.ConvertOptions(
-                            include_columns=wanted,
-                            column_types=dict.fromkeys(wanted, pa.string()),
-                            strings_can_be_null=True,
-                            null_values=self.empty,
-                        ),
-                    )
-                    if batch.num_rows
-                ):
-                    yield from held
-                    held = [pa.Table.from_batches([batch])]
-            except pa.ArrowInvalid as error:
-                self._refuse_lines(error)
+            with pa.OSFile(str(self.path)) if text is None else pa.BufferReader(text) as source:
+                try:
+                    for batch in pa_csv.open_csv(source, read, parse, convert):
+                        if batch.num_rows:
+                            yield from held
+                            held = [pa.Table.from_batches([batch])]
+                except pa.ArrowInvalid as error:
+                    self._refuse_lines(error)
             yield from (table.slice(0, table.num_rows - last) for table in held)
-
-    def _source(self, stream: BinaryIO) -> pa.NativeFile:
-        """Return the text with no Python in it, which aborts a process that ends while pyarrow reads on."""
-        text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
-        return pa.OSFile(str(self.path)) if text is None else pa.BufferReader(text)
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
         """Return every row, without empty lines, with the number of its (last) line."""
-        records = text_records(self.open(), self.separator, quoted=self.quoted)
+        records = text_records(self.open(), self.separator)
         return itertools.dropwhile(lambda record: record[0] <= self.header_lines, records)
 
     def _place(self, row: int) -> str:
-        """File and line of a row, as an editor counts lines."""
+        """Return file and line of a row, as an editor counts lines."""
         with suppress(csv.Error):  # a cell that is too long, in a row before
             for line, _ in itertools.islice(self._records(), row, None):
                 return f"{self.path}: line {line}"
@@ -170,20 +158,18 @@ class TextTable:
             ) from error
 
 
-def text_records(stream: BinaryIO, separator: str, *, quoted: bool = True) -> Iterator[tuple[int, list[str]]]:
+def text_records(stream: BinaryIO, separator: str) -> Iterator[tuple[int, list[str]]]:
     """Return every record that is not an empty line, with the number of its (last) line."""
+
+    def lines(text: io.TextIOWrapper) -> Iterator[str]:
+        while line := text.readline(LINE_LETTERS + 1):
+            if len(line) > LINE_LETTERS:
+                raise csv.Error(f"a line has more than {LINE_LETTERS} letters")
+            yield line
+
     with io.TextIOWrapper(stream, "utf-8-sig", newline="") as text:
-        reader = csv.reader(
-            _lines(text), delimiter=separator, quoting=csv.QUOTE_MINIMAL if quoted else csv.QUOTE_NONE
-        )
+        reader = csv.reader(lines(text), delimiter=separator)
         yield from ((reader.line_num, record) for record in reader if record)
-
-
-def _lines(text: io.TextIOWrapper) -> Iterator[str]:
-    while line := text.readline(LINE_LETTERS + 1):
-        if len(line) > LINE_LETTERS:
-            raise csv.Error(f"a line has more than {LINE_LETTERS} letters")
-        yield line
 
 
 def _undecodable(path: Path, stream: BinaryIO) -> InputError:
@@ -238,8 +224,10 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     records = _first_records(path, lambda: io.BytesIO(data), separator, details["header"] + 1)
     if not records:
         raise InputError(f"{path}: is empty; expected a table")
-    rows = [row for _, row in records]
-    names = _names(rows[0] if details["header"] else [""] * len(rows[0]), len(rows[-1]))
+    names, width = records[0][1] if details["header"] else [""] * len(records[0][1]), len(records[-1][1])
+    # the row of names may end in a separator, or the others do
+    names = names if any(names[width:]) or width > len(names) + 1 else [*names, ""][:width]
+    names = [name.strip() for name in names[:width]]
     expected = (
         f"{len(names)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
     )
@@ -267,12 +255,6 @@ def _titles(names: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-def _names(row: list[str], width: int) -> list[str]:
-    """Return what columns are called; the row of names may end in a separator, or the others do."""
-    row = row if any(row[width:]) or width > len(row) + 1 else [*row, ""][:width]
-    return [name.strip() for name in row[:width]]
-
-
 def _first_records(
     path: Path, open_: Callable[[], BinaryIO], separator: str, count: int
 ) -> list[tuple[int, list[str]]]:
@@ -286,7 +268,7 @@ def _first_records(
 
 
 def _normalised(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
-    """The text with skipped lines and comments emptied, so that lines keep their numbers, and no indents."""
+    """Return the text without indents, skipped lines and comments emptied, so that lines keep numbers."""
     refuse_other_kind(path, data[:8], "a table as text")
     if not data.isascii():  # else the text would only take memory
         decoded(path, data, "a table as text")

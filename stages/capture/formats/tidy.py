@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -51,12 +49,6 @@ def read_parquet(path: Path, layout: Layout, _mapping: FileMapping | None) -> It
     return _parts(parquet_blocks(path), path, layout)
 
 
-def csv_blocks(path: Path) -> Iterator[Cells]:
-    """Return the columns of a tidy recording, some rows at a time."""
-    table = open_tidy_csv(path)
-    return table.blocks(wanted_columns(path, table.header))
-
-
 def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
     """Return the columns of a tidy recording, some rows at a time, in whatever number types they are."""
     start = 0
@@ -64,12 +56,12 @@ def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
         names = wanted_columns(path, file.schema_arrow.names)
         for batch in file.iter_batches(block_rows, columns=names):
             batch.validate(full=True)  # texts are UTF-8
-            yield Cells(path, pa.Table.from_batches([batch]), partial(_numbered_row, path, start))
+            yield Cells(
+                path,
+                pa.Table.from_batches([batch]),
+                lambda row, first=start: f"{path}: row {first + row + 1}",
+            )
             start += batch.num_rows
-
-
-def _numbered_row(path: Path, start: int, row: int) -> str:
-    return f"{path}: row {start + row + 1}"
 
 
 @contextmanager
@@ -104,9 +96,20 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
     if SEGMENT not in header and RECEIVER not in header:
         missing.append(f"{SEGMENT} (or {RECEIVER})")
     if missing:
-        _refuse_other_form(path, header)
+        forms = {";": "the cells are separated by semicolons", "\t": "the cells are separated by tabs"}
+        what, do = "", "save with commas, and points in the numbers"
+        what = next((what for mark, what in forms.items() if mark in "".join(header)), "")
+        if "".join(header).lstrip().startswith(_COMMENTS):
+            what, do = "the first line is a comment", "take it out"
+        if what:
+            raise InputError(
+                f"{path}: no columns of a tidy recording; {what}: {do}, or "
+                f"`shukotsu inspect {path}` shows how to read it as it is"
+            )
+        lower = any(name.lower() in REQUIRED and name not in REQUIRED for name in header)
+        do = "; column names are written in lower case" * lower
+        do += f"; `shukotsu inspect {path}` shows how to read another table as it is"
         present = listed([name for name in header if name])
-        do = f"{_hint(header)}; `shukotsu inspect {path}` shows how to read another table as it is"
         raise InputError(f"{path}: column {', '.join(missing)} is missing; found {present}{do}")
     wanted = [name for name in (*REQUIRED, SEGMENT, RECEIVER) if name in header]
     twice = [name for name in wanted if list(header).count(name) > 1]
@@ -117,44 +120,20 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
 
 def read_samples(cells: Cells, path: Path, layout: Layout) -> Samples:
     """Turn cells into samples. Raises InputError where a cell is not what its column holds."""
+    if SEGMENT in cells.names:
+        segment = segments_of_names(*cells.names_in(SEGMENT), layout, cells.place)
+    elif all(layout.segments[name].receiver is None for name in layout.measured):
+        raise InputError(
+            f"{path}: names receivers by station number, but layout {layout.name} gives its segments none; "
+            f"add `receiver:` to the layout's segments or use a {SEGMENT} column"
+        )
+    else:
+        segment = segments_of_stations(cells.wholes(RECEIVER), layout, cells.place)
     return Samples(
         layout.measured,
-        _segments(cells, path, layout),
+        segment,
         cells.wholes("frame"),
         cells.reals("time_s"),
         np.stack([cells.reals(name) for name in NUMBERS]).T,
         cells.place,
     )
-
-
-def _segments(cells: Cells, path: Path, layout: Layout) -> npt.NDArray[np.int64]:
-    if SEGMENT in cells.names:
-        return segments_of_names(*cells.names_in(SEGMENT), layout, cells.place)
-    if all(layout.segments[name].receiver is None for name in layout.measured):
-        raise InputError(
-            f"{path}: names receivers by station number, but layout {layout.name} gives its segments none; "
-            f"add `receiver:` to the layout's segments or use a {SEGMENT} column"
-        )
-    return segments_of_stations(cells.wholes(RECEIVER), layout, cells.place)
-
-
-def _refuse_other_form(path: Path, header: Sequence[str]) -> None:
-    """Raise InputError where the first line is a comment, or its cells have other separators."""
-    line = "".join(header)
-    forms = ((";", "the cells are separated by semicolons"), ("\t", "the cells are separated by tabs"))
-    what, do = (
-        next((name for token, name in forms if token in line), ""),
-        "save with commas, and points in the numbers",
-    )
-    if line.lstrip().startswith(_COMMENTS):
-        what, do = "the first line is a comment", "take it out"
-    if what:
-        raise InputError(
-            f"{path}: no columns of a tidy recording; {what}: {do}, or "
-            f"`shukotsu inspect {path}` shows how to read it as it is"
-        )
-
-
-def _hint(header: Sequence[str]) -> str:
-    lower = any(name.lower() in REQUIRED and name not in REQUIRED for name in header)
-    return "; column names are written in lower case" if lower else ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,6 @@ from shukotsu.files.xdf_streams import (
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.mapping import FileMapping
 from shukotsu.schemas.units import MM_PER_UNIT, UNIT_NAMES
-from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.capture.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
 from shukotsu.stages.capture.formats.orientation import quaternions
 from shukotsu.stages.capture.samples import Samples, did_you_mean
@@ -48,17 +46,21 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
     if (mapping.orientation or {}).get("kind", "quaternion") != "quaternion":
         raise InputError(f"{mapping.where}: orientation.kind: must be quaternion; others of XDF are not read")
     names = [name_in_file(mapping, key, "value", posed, where) for key in mapping.receivers]
-    channels = [pose_channels(where, read.channels, name) for name in names]
-    for name, pose in zip(names, channels, strict=True):
-        for channel in pose[:3]:
-            _check_unit(f"{where}, {name}", channel, mapping)
-    values = np.asarray(read.values, float)
+    declared = {"order": "wxyz", "rotates": "receiver-to-transmitter", **(mapping.orientation or {})}
+    declared["kind"] = "quaternion"
+    values, frame, tracks = np.asarray(read.values, float), np.arange(len(read.time_s)), []
 
     def place(row: int) -> str:
         return f"{where}, sample {row + 1}"
 
-    frame = np.arange(len(read.time_s))
-    tracks = [Track(frame, frame, read.time_s, _numbers(values, pose, mapping, place)) for pose in channels]
+    for name in names:
+        channels = pose_channels(where, read.channels, name)
+        mm = [_mm_per_unit(f"{where}, {name}", channel, mapping) for channel in channels[:3]]
+        pose = values[:, [channel.index for channel in channels]]
+        with np.errstate(over="ignore"):
+            position_mm = pose[:, :3] * mm
+        numbers = np.concatenate([position_mm, quaternions(pose[:, 3:], declared, place)], -1)
+        tracks.append(Track(frame, frame, read.time_s, numbers))
     return samples_of_tracks(tracks, mapping, layout, place, read.notes)
 
 
@@ -66,31 +68,26 @@ def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
     """Return the stream that the mapping names, else the only one of type MoCap."""
     streams = read_streams(path)
     wanted = None if mapping is None else mapping.details.get("stream")
+    chosen = [stream for stream in streams if wanted in (stream.name, stream.number)]
     if wanted is None:
         chosen = [stream for stream in streams if stream.type.lower() == "mocap"]
-        if not chosen:
-            have = ", ".join(f"{s.name} ({s.type or 'no type'})" for s in streams) or "no stream at all"
-            raise InputError(f"{path}: has no stream of type MoCap; it has {have}")
-        if len(chosen) > 1:
-            raise InputError(
-                f"{path}: has {len(chosen)} streams of type MoCap ({_listed(chosen)}); say which in a "
-                "mapping as xdf.stream, by its name or its number"
-            )
-    else:
-        chosen = [stream for stream in streams if wanted in (stream.name, stream.number)]
-        if len(chosen) != 1:
-            say = "; say its number" if chosen else did_you_mean(str(wanted), [s.name for s in streams])
-            raise InputError(
-                f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {_listed(streams)}{say}"
-            )
-    return chosen[0]
+    if len(chosen) == 1:
+        return chosen[0]
+    if wanted is None and not chosen:
+        have = ", ".join(f"{s.name} ({s.type or 'no type'})" for s in streams) or "no stream at all"
+        raise InputError(f"{path}: has no stream of type MoCap; it has {have}")
+    numbered = ", ".join(f"{s.name}, number {s.number}" for s in (streams if wanted else chosen)) or "none"
+    if wanted is None:
+        raise InputError(
+            f"{path}: has {len(chosen)} streams of type MoCap ({numbered}); say which in a "
+            "mapping as xdf.stream, by its name or its number"
+        )
+    say = "; say its number" if chosen else did_you_mean(str(wanted), [s.name for s in streams])
+    raise InputError(f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {numbered}{say}")
 
 
-def _listed(streams: Sequence[Stream]) -> str:
-    return ", ".join(f"{stream.name}, number {stream.number}" for stream in streams) or "none"
-
-
-def _check_unit(where: str, channel: Channel, mapping: FileMapping) -> None:
+def _mm_per_unit(where: str, channel: Channel, mapping: FileMapping) -> float:
+    """Return the length of a position's unit. Raises InputError where it is none, or not the mapping's."""
     unit = UNIT_NAMES.get(channel.unit)
     if channel.unit and unit is None:
         raise InputError(
@@ -105,20 +102,4 @@ def _check_unit(where: str, channel: Channel, mapping: FileMapping) -> None:
             f"{mapping.where}: position_unit: is {mapped_unit}, but {where} has {channel.unit}; find out "
             "which is right"
         )
-
-
-def _numbers(
-    values: Array, channels: Sequence[Channel], mapping: FileMapping, place: Callable[[int], str]
-) -> Array:
-    """Poses as Samples have them, shape (T, 7)."""
-    pose = values[:, [channel.index for channel in channels]]
-    mm = [mapping.mm_per_unit or MM_PER_UNIT[UNIT_NAMES[channel.unit]] for channel in channels[:3]]
-    orientation = {
-        "kind": "quaternion",
-        "order": "wxyz",
-        "rotates": "receiver-to-transmitter",
-        **(mapping.orientation or {}),
-    }
-    with np.errstate(over="ignore"):
-        position_mm = pose[:, :3] * mm
-    return np.concatenate([position_mm, quaternions(pose[:, 3:], orientation, place)], -1)
+    return mapping.mm_per_unit or MM_PER_UNIT[str(unit)]

@@ -11,13 +11,14 @@ from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.tables import read_metadata
 from shukotsu.stages.capture.formats.cells import Cells
+from shukotsu.stages.capture.formats.text_table import open_tidy_csv
 from shukotsu.stages.capture.formats.tidy import (
     RECEIVER,
     REQUIRED,
     SEGMENT,
-    csv_blocks,
     open_recording,
     parquet_blocks,
+    wanted_columns,
 )
 from shukotsu.stages.capture.inspection.description import Description, extent_line, rate_line
 from shukotsu.stages.capture.samples import NUMBERS
@@ -36,7 +37,9 @@ def _tidy_header(names: Sequence[str]) -> bool:
 
 def describe_tidy_csv(path: Path, layout: Layout) -> Description:
     """Describe a tidy CSV file. Raises InputError where a cell is not what its column holds."""
-    return Description(("a tidy recording (CSV): needs no mapping", *_tidy(csv_blocks(path), layout)))
+    table = open_tidy_csv(path)
+    blocks = table.blocks(wanted_columns(path, table.header))
+    return Description(("a tidy recording (CSV): needs no mapping", *_tidy(blocks, layout)))
 
 
 def describe_parquet(path: Path, layout: Layout) -> Description:
