@@ -45,8 +45,8 @@ def hand_of(seed: int, hand: str = "right", task: str = "rom", n_frames: int = 9
     return Planted(recorded(hand, task, seed=seed, n_frames=n_frames)[1], hand)
 
 
-def write_poses(path: Path, made: Simulated | Poses, hand: str, task: str) -> Path:
-    """Write a recording of subject 01 as the poses table that importing it would give."""
+def write_poses(path: Path, made: Simulated | Poses, hand: str, task: str, subject: str = "01") -> Path:
+    """Write a recording as the poses table that importing it would give."""
     poses = made.poses() if isinstance(made, Simulated) else made
     n_frames, n_segments = poses.valid.shape
     columns = {
@@ -58,7 +58,7 @@ def write_poses(path: Path, made: Simulated | Poses, hand: str, task: str) -> Pa
         "valid": poses.valid.T.ravel(),
         "flags": [""] * (n_segments * n_frames),
     }
-    names = {"subject": "01", "hand": hand, "task": task, "trial": "", "layout": "liberty16"}
+    names = {"subject": subject, "hand": hand, "task": task, "trial": "", "layout": "liberty16"}
     path.parent.mkdir(parents=True, exist_ok=True)
     write_table(path, POSES, columns, Provenance((), names), row_group_rows=n_frames)
     return path

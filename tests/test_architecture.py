@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -33,50 +32,46 @@ BELOW: Mapping[str, Sequence[str]] = {
 
 @cache
 def modules() -> dict[str, Path]:
-    """Every module by its dotted name; a package by its own."""
-    found = {}
+    """Return every module by its dotted name; a package by its own."""
+    paths = {}
     for path in (*package_files(suffix=".py"), *(REPOSITORY / "guide").rglob("*.py")):
         parts = path.relative_to(REPOSITORY).with_suffix("").parts
-        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
+        paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return paths
+
+
+IMPORT = re.compile(
+    r"^(\s*)(?:from ([\w.]+) import (\([^)]*\)|[^(\n]*)|import ([\w.]+))"
+    r"""|["'](shukotsu\.[\w.]+)(?::\w+)?["']""",
+    re.MULTILINE,
+)
+"""An import, by its indent; or a text that is a module's whole name, `module` or `module:object`."""
 
 
 def imports(text: str) -> Iterator[tuple[str, bool]]:
-    """Modules of the project that a text imports; whether it does when it is imported itself.
-
-    A text that is a module's whole name, `module` or `module:object`, counts as an import inside a function.
-    """
-    waiting: list[tuple[ast.AST, bool]] = [(ast.parse(text), True)]
-    while waiting:
-        node, at_once = waiting.pop()
-        names: list[str] = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            names = [f"{node.module}.{alias.name}" for alias in node.names]
-            names = [name if name in modules() else str(node.module) for name in names]
-        elif isinstance(node, ast.Constant):
-            names, at_once = [str(node.value).partition(":")[0]], False
-        yield from ((name, at_once) for name in names if name in modules())
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            waiting += [(child, at_once) for child in node.orelse]
-        else:
-            inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-            waiting += [(child, at_once and not inside) for child in ast.iter_child_nodes(node)]
+    """Return modules of the project that a text imports; whether it does when it is imported itself."""
+    for match in IMPORT.finditer(text):
+        indent, parent, children, module, quoted = match.groups()
+        names = (
+            [f"{parent}.{child}" for child in re.findall(r"\w+", children)] if parent else [module or quoted]
+        )
+        for name in {name if name in modules() else str(parent) for name in names}:
+            if name in modules():
+                yield name, quoted is None and not indent.strip("\n")
 
 
 def room(module: str) -> str:
-    """The room of a module."""
+    """Return the room of a module."""
     parts = module.split(".")
     return parts[1] if parts[0] == "shukotsu" and len(parts) > 1 else parts[0]
 
 
 def offence(module: str, target: str) -> str:
     """Return what is wrong with an import; empty where nothing is."""
-    own, other = room(module), room(target)
-    if other not in (own, "shukotsu", *BELOW.get(own, [other])):
-        return f"{module} imports {target}, but {own} may import only {', '.join(BELOW[own]) or 'nothing'}"
-    if own == other == "stages":
+    importer, other = room(module), room(target)
+    if other not in (importer, "shukotsu", *BELOW.get(importer, [other])):
+        return f"{module} imports {target}, but {importer} may import only {', '.join(BELOW[importer])}"
+    if importer == other == "stages":
         stages = {name.split(".")[2] for name in (module, target) if name.count(".") > 1}
         if len(stages - {"command_line", "subject_stage"}) > 1:
             return f"{module} imports {target}, a module of another stage"
@@ -85,7 +80,7 @@ def offence(module: str, target: str) -> str:
 
 @cache
 def imports_of(module: str) -> list[tuple[str, bool]]:
-    """Modules of the project that a module imports, and whether at once."""
+    """Return modules of the project that a module imports, and whether at once."""
     return list(imports(modules()[module].read_text("utf-8")))
 
 
@@ -99,7 +94,7 @@ def test_the_snakefile_wires_and_holds_no_logic() -> None:
 
 def test_imports_point_one_way_and_no_stage_imports_another() -> None:
     assert [
-        said for module in modules() for target, _ in imports_of(module) if (said := offence(module, target))
+        text for module in modules() for target, _ in imports_of(module) if (text := offence(module, target))
     ] == []
 
 

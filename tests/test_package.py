@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import os
 import re
 import subprocess
@@ -61,15 +60,12 @@ def test_what_is_imported_is_declared() -> None:
     """By its own name: what another package brings along may not be there with its next version."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
     declared = {re.split(r"[^\w-]", line)[0].lower() for line in project["dependencies"]}
-    imported = set()
-    for path in package_files(suffix=".py"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Import):
-                imported |= {alias.name.partition(".")[0] for alias in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                imported.add(node.module.partition(".")[0])
+    pattern = re.compile(r"^\s*(?:from|import) (\w+)", re.MULTILINE)
+    texts = [path.read_text("utf-8") for path in package_files(suffix=".py")]
+    imported = {name for text in texts for name in pattern.findall(text)}
     owners = packages_distributions()
-    foreign = imported - sys.stdlib_module_names - {"shukotsu", *OF_BLENDER}
+    foreign = (imported & owners.keys()) - sys.stdlib_module_names - {"shukotsu", *OF_BLENDER}
+    assert len(foreign) > 10
     assert {name: owners[name][0] for name in foreign if owners[name][0].lower() not in declared} == {}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from functools import cache
 from pathlib import Path
@@ -20,12 +19,12 @@ FILLED_IN = re.compile(
 
 
 def section(head: str) -> str:
-    """The part of the page below a heading, up to the next one."""
+    """Return the part of the page below a heading, up to the next one."""
     return PAGE.partition(f"## {head}\n")[2].partition("\n## ")[0]
 
 
 def first_cells(head: str) -> list[str]:
-    """The first cell of every row of a section's table but its head."""
+    """Return the first cell of every row of a section's table but its head."""
     rows = [line.split(" | ")[0].strip("| ") for line in section(head).splitlines() if line.startswith("|")]
     return rows[2:]
 
@@ -36,20 +35,13 @@ QUOTED += [quote for cell in first_cells("An error is printed") for quote in re.
 
 @cache
 def said() -> str:
-    """Every text in the code of the rooms, … for what it fills in."""
-    texts = []
-    for path in package_files(suffix=".py"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.JoinedStr):
-                parts = (part.value if isinstance(part, ast.Constant) else "…" for part in node.values)
-                texts.append("".join(map(str, parts)))
-            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-                texts.append(node.value)
-    return "\n".join(texts)
+    """Return the code of all rooms; a text that goes on in the next line is whole."""
+    code = "\n".join(path.read_text("utf-8") for path in package_files(suffix=".py"))
+    return re.sub(r'"\s*\n\s*f?"', "", code)
 
 
 def longest_part(quote: str) -> str:
-    """The longest part of a sentence that is the same for every recording."""
+    """Return the longest part of a sentence that is the same for every recording."""
     return max((part.strip(" ;:,") for part in FILLED_IN.split(quote)), key=len)
 
 
