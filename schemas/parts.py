@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from shukotsu.errors import InputError, TableError, listed
-from shukotsu.files.parquet_files import column_ends, naming_damage, open_parquet
+from shukotsu.files.parquet_files import open_parquet
 from shukotsu.schemas.study import Hand, SubjectSession
 from shukotsu.schemas.tables import (
     Provenance,
     Table,
+    TableFile,
     arrow_table,
     columns_from_rows,
     open_table,
@@ -90,7 +90,7 @@ class PartsWriter:
 
     def failure(self, part: Part, message: str, **parameters: Any) -> None:
         """Record why a part has no rows; those of `rows` are dropped, and nobody reads those of `columns`."""
-        self._waiting = [(own, rows) for own, rows in self._waiting if own != part]
+        self._waiting = [(other, rows) for other, rows in self._waiting if other != part]
         self._parts.setdefault(part, {}).update({**parameters, "failure": message})
 
     def finish(self) -> None:
@@ -118,7 +118,7 @@ def part_metadata(path: Path, table: Table) -> dict[Part, dict[str, Any]]:
     Raises InputError where the file is not that table or lists no parts.
     """
     with open_table(path, table) as file:
-        return _parts_of(file, path)
+        return _parts_of(file.file, path)
 
 
 def check_subject(path: Path, subject: str, session: str = "") -> None:
@@ -133,7 +133,7 @@ def check_subject(path: Path, subject: str, session: str = "") -> None:
             return
         subjects = sorted({(part.subject, part.session) for part in _parts_of(file, path)})
     if subjects and (subject, session) not in subjects:
-        names = listed([SubjectSession(*own).label for own in subjects])
+        names = listed([SubjectSession(*who).label for who in subjects])
         raise TableError(
             f"{path}: has no rows of {SubjectSession(subject, session)}, but of {names}; remove it and run "
             "the study again"
@@ -146,11 +146,11 @@ def one_hand_of(path: Path, table: Table, subject: str | None, session: str | No
     Raises InputError where the table is of several hands and none is given.
     """
     with open_table(path, table) as file:
-        hands = {Hand(part.subject, part.hand, part.session) for part in _parts_of(file, path)}
+        hands = {Hand(part.subject, part.hand, part.session) for part in _parts_of(file.file, path)}
     matching = [
-        own
-        for own in hands
-        if subject in (None, own.subject) and session in (None, own.session) and hand in (None, own.hand)
+        side
+        for side in hands
+        if subject in (None, side.subject) and session in (None, side.session) and hand in (None, side.hand)
     ]
     if len(matching) != 1:
         names = "; ".join(sorted(map(str, hands))) or "none"
@@ -163,27 +163,31 @@ def one_hand_of(path: Path, table: Table, subject: str | None, session: str | No
 class PartsReader:
     """A subject table that is open for reading; see `open_parts`."""
 
-    def __init__(self, path: Path, table: Table, file: pq.ParquetFile) -> None:
-        self._path, self._table, self._file = path, table, file
-        self._parts = _parts_of(file, path)
+    def __init__(self, file: TableFile) -> None:
+        self._file = file
+        self._parts = _parts_of(file.file, file.path)
+
+    def _keys(self, part: Part) -> dict[str, str]:
+        """Return a part's keys; InputError where the table lacks the part, or says that it failed."""
+        if part not in self._parts:
+            raise TableError(f"{self._file.path}: has no rows of {part}; remove it and run the study again")
+        if "failure" in self._parts[part]:
+            raise InputError(self._parts[part]["failure"])
+        return _named_keys(self._file.table, part)
 
     def rows(self, part: Part) -> list[dict[str, Any]]:
         """Return one part's rows of a short table, which is read as a whole the first time.
 
         Raises InputError as `part` does.
         """
-        _check_part(self._parts, part, self._path)
-        return self._rows.get(tuple(_named_keys(self._table, part).values()), [])
+        return self._rows.get(tuple(self._keys(part).values()), [])
 
     @cached_property
     def _rows(self) -> dict[tuple[str, ...], list[dict[str, Any]]]:
         """Rows by the keys of their parts."""
-        with naming_damage(self._path):
-            read = self._file.read(use_threads=False)
-            read.validate(full=True)
-        names = [*_named_keys(self._table, Part(""))]
+        names = [*_named_keys(self._file.table, Part(""))]
         by_part: dict[tuple[str, ...], list[dict[str, Any]]] = {}
-        for row in rows_of(read):
+        for row in rows_of(self._file.read()):
             by_part.setdefault(tuple(row[name] for name in names), []).append(row)
         return by_part
 
@@ -192,9 +196,8 @@ class PartsReader:
 
         Raises InputError where the table lacks the part, or says that the part failed.
         """
-        _check_part(self._parts, part, self._path)
-        keys = _named_keys(self._table, part)
-        return self._filtered(self._groups_with(keys), keys, columns)
+        pieces = [rows for _, rows in self._file.rows_with(self._keys(part), columns)]
+        return pa.concat_tables(pieces or [self._file.read(columns, [])])
 
     def recording(
         self,
@@ -214,82 +217,33 @@ class PartsReader:
         NaN where there is no row; all rows if None. name : to read alone. Raises InputError as `part`, and
         where n_frames is given and there are not so many rows.
         """
-        _check_part(self._parts, part, self._path)
-        keys = _named_keys(self._table, part) | {"task": task, "trial": trial} | ({by: name} if name else {})
-        ends = {} if frames is None or not len(frames) else {"frame": (int(frames[0]), int(frames[-1]))}
+        keys = self._keys(part) | {"task": task, "trial": trial} | ({by: name} if name else {})
+        between = {} if frames is None or not len(frames) else {"frame": (int(frames[0]), int(frames[-1]))}
+        needed = columns if frames is None else ["frame", *columns]
         pieces: dict[str, list[Array]] = {}
-        aligned: dict[str, Array] = {}
-        count_of: dict[str, int] = {}
-        for group, mixed in self._groups_with(keys, ends).items():  # one at a time, for memory
-            needed = columns if frames is None else ["frame", *columns]
-            for own, numbers in self._numbers(group, mixed, keys, by, needed).items():
+        counts: dict[str, int] = {}
+        for value, rows in self._file.rows_with(keys, needed, between, by):
+            if not rows.num_rows:
+                continue
+            numbers = {value: _numbers(rows, needed)} if value else numbers_by_name(rows, by, needed)
+            for label, piece in numbers.items():
                 if frames is None:
-                    pieces.setdefault(own, []).append(numbers)
+                    pieces.setdefault(label, []).append(piece)
+                    counts[label] = counts.get(label, 0) + len(piece)
                     continue
-                if own not in aligned:
-                    aligned[own] = np.full((len(frames), len(columns)), np.nan)
-                count_of[own] = count_of.get(own, 0) + _put(aligned[own], frames, numbers)
-        found = aligned | {own: np.concatenate(rows) if rows[1:] else rows[0] for own, rows in pieces.items()}
-        for own, rows in found.items():
-            count = count_of.get(own, len(rows))
+                (aligned,) = pieces.setdefault(label, [np.full((len(frames), len(columns)), np.nan)])
+                index = np.searchsorted(frames, piece[:, 0])
+                shared = index < len(frames)
+                shared[shared] = frames[index[shared]] == piece[shared, 0]
+                aligned[index[shared]] = piece[shared, 1:]
+                counts[label] = counts.get(label, 0) + int(shared.sum())
+        for label, count in counts.items():
             if n_frames is not None and count != n_frames:
                 raise TableError(
-                    f"{self._path}: {task}{trial and ', '}{trial}, {own}: has {count} frames and the "
+                    f"{self._file.path}: {task}{trial and ', '}{trial}, {label}: has {count} frames and the "
                     f"recording {n_frames}; remove it and run the study again"
                 )
-        return found
-
-    def _numbers(
-        self, group: int, mixed: Sequence[str], keys: Mapping[str, str], by: str, columns: Sequence[str]
-    ) -> dict[str, Array]:
-        """Columns (N, C) of the rows with those keys of one row group, by name; see `recording`."""
-        ends = column_ends(self._path, self._file, group, self._place[by])
-        one_name = ends is not None and ends[0] == ends[1]
-        rows = self._filtered({group: mixed}, keys, columns if one_name else [*dict.fromkeys([*columns, by])])
-        if ends is None or not one_name:
-            return numbers_by_name(rows, by, columns)
-        return {ends[0]: _numbers(rows, columns)} if rows.num_rows else {}
-
-    def _filtered(
-        self, groups: Mapping[int, Sequence[str]], keys: Mapping[str, str], columns: Sequence[str] | None
-    ) -> pa.Table:
-        """Rows with those keys of those row groups (see `_groups_with`)."""
-        mixed = {name for group in groups.values() for name in group}  # to read texts costs more than numbers
-        wanted = None if columns is None else [*dict.fromkeys([*mixed, *columns])]
-        with naming_damage(self._path):
-            rows = self._file.read_row_groups([*groups], wanted, use_threads=False)
-            rows.validate(full=True)
-        matches = np.ones(rows.num_rows, bool)
-        for name in mixed:
-            matches &= pc.equal(rows.column(name), keys[name]).to_numpy()
-        rows = rows if matches.all() else rows.filter(pa.array(matches))
-        return rows if columns is None else rows.select(list(columns))
-
-    def _groups_with(
-        self, keys: Mapping[str, str], between: Mapping[str, tuple[int, int]] | None = None
-    ) -> dict[int, list[str]]:
-        """Row groups that may hold rows with those keys, and with a number between those two; of each those
-        keys that some of its rows may not have.
-        """
-        wanted = {name: (value, value) for name, value in keys.items()} | dict(between or {})
-        groups = {}
-        for group in range(self._file.num_row_groups):
-            mixed = []
-            for name, ends in wanted.items():
-                own = column_ends(self._path, self._file, group, self._place[name])
-                if own is not None and (own[0] > ends[1] or own[1] < ends[0]):
-                    break
-                if own != ends and name in keys:
-                    mixed.append(name)
-            else:
-                groups[group] = mixed
-        return groups
-
-    @cached_property
-    def _place(self) -> dict[str, int]:
-        """Places of the columns in a row group; asked for its schema, a file's metadata stay in memory."""
-        group = self._file.metadata.row_group(0)
-        return {group.column(index).path_in_schema: index for index in range(group.num_columns)}
+        return {label: np.concatenate(own) if own[1:] else own[0] for label, own in pieces.items()}
 
 
 @contextmanager
@@ -299,7 +253,7 @@ def open_parts(path: Path, table: Table) -> Iterator[PartsReader]:
     Raises InputError where the file is not that table or lists no parts.
     """
     with open_table(path, table) as file:
-        yield PartsReader(path, table, file)
+        yield PartsReader(file)
 
 
 def read_part(path: Path, table: Table, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
@@ -319,16 +273,6 @@ def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str
     return {name: numbers[codes == code] for code, name in enumerate(names.dictionary.to_pylist())}
 
 
-def _put(out: Array, frames: npt.NDArray[np.int64], rows: Array) -> int:
-    """Fill (T, C) at rising frames (T,) from rows (N, 1 + C) that begin with theirs; give how many did."""
-    if not len(frames):
-        return 0
-    place = np.minimum(np.searchsorted(frames, rows[:, 0]), len(frames) - 1)
-    wanted = frames[place] == rows[:, 0]
-    out[place[wanted]] = rows[wanted, 1:]
-    return int(wanted.sum())
-
-
 def _numbers(rows: pa.Table, columns: Sequence[str]) -> Array:
     return np.stack([np.asarray(rows.column(name).to_numpy(), float) for name in columns], -1)
 
@@ -338,19 +282,12 @@ def _named_keys(table: Table, part: Part) -> dict[str, str]:
     return {name: value for name, value in asdict(part).items() if name in names}
 
 
-def _check_part(parts: Mapping[Part, Mapping[str, Any]], part: Part, path: Path) -> None:
-    if part not in parts:
-        raise TableError(f"{path}: has no rows of {part}; remove it and run the study again")
-    if "failure" in parts[part]:
-        raise InputError(parts[part]["failure"])
-
-
 def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
     try:
         listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
-        parts = {Part(*(one.pop(field.name) for field in fields(Part))): one for one in listed}
+        parts = {Part(*(entry.pop(field.name) for field in fields(Part))): entry for entry in listed}
         texts = [text for part in parts for text in astuple(part)]
-        texts += [one.get(name, "") for one in parts.values() for name in ("failure", "note")]
+        texts += [entry.get(name, "") for entry in parts.values() for name in ("failure", "note")]
         if not all(isinstance(text, str) for text in texts):
             raise TypeError("a name or a reason is no text")
         return parts

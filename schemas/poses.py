@@ -6,26 +6,22 @@ of every segment, and a recording need never be in memory at once.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pyarrow.parquet as pq
 
 from shukotsu.errors import InputError, TableError
-from shukotsu.files.limits import FARTHEST_MM, check_regular
-from shukotsu.files.parquet_files import column_ends, naming_damage, open_parquet
-from shukotsu.files.text_files import reading
+from shukotsu.files.limits import FARTHEST_MM
+from shukotsu.files.parquet_files import open_parquet
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.study import Hand
-from shukotsu.schemas.tables import column_array, open_table, read_metadata
+from shukotsu.schemas.tables import TableFile, column_array, open_table, read_metadata
 
 Array = npt.NDArray[np.float64]
 
@@ -36,6 +32,7 @@ KEPT_BYTES = 200 * 10**6
 
 BYTES_A_POSE = 57
 _NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+_COLUMNS = ("frame", "time_s", *_NUMBERS, "valid")
 
 
 @dataclass(frozen=True)
@@ -112,12 +109,7 @@ def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
 
 def recording_name(path: Path) -> RecordingName:
     """Return the recording's name from a poses file's metadata, also where its making failed."""
-    try:
-        with reading(path, f"a {POSES.name} table"):
-            check_regular(path, f"a {POSES.name} table")
-    except InputError as error:
-        raise TableError(str(error)) from error
-    metadata = read_metadata(path)
+    metadata = read_metadata(path, f"a {POSES.name} table")
     if metadata["schema"] != POSES.name:
         raise TableError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")
     parameters = metadata["parameters"]
@@ -163,7 +155,7 @@ def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
 def joined_poses(parts: Sequence[Poses]) -> Poses:
     """Return parts of a recording, at least one, as one."""
     arrays = zip(*map(_arrays, parts), strict=True)
-    return Poses(parts[0].segments, *(np.concatenate(own) for own in arrays))
+    return Poses(parts[0].segments, *(np.concatenate(pieces) for pieces in arrays))
 
 
 _kept: OrderedDict[tuple[Path, int, int, tuple[str, ...]], Poses] = OrderedDict()
@@ -192,22 +184,26 @@ def pose_blocks(
     Raises InputError where the file is no poses table or its segments do not share their frames.
     """
     with open_table(path, POSES) as file:
-        rows = _rows_by_segment(path, file, segments, ("frame", *_NUMBERS, "valid"))
-        times = {segment: own.of(("time_s",)) for segment, own in rows.items()}
-        n_frames = next((one.n_rows for one in rows.values()), 0)
+        groups = _row_groups(file)
+        present = [segment for segment in segments if segment in groups]
+        counts = [sum(file.group_rows[group] for group in groups[segment]) for segment in present]
+        for segment, count in zip(present, counts, strict=True):
+            if count != counts[0]:
+                raise _unshared(path, segment)
+        n_frames = counts[0] if counts else 0
         size = block_frames or max(1, n_frames)
+        pieces = {segment: _pieces(file, groups[segment], size) for segment in present}
         for start in range(0, max(1, n_frames), size):
             block = _empty(segments, min(size, n_frames - start))
-            for place in (block.index(segment) for segment in segments if segment not in rows):
-                block.position_mm[:, place] = block.quaternion[:, place] = np.nan
-            for segment, own in rows.items():
-                _fill(path, block, segment, own, start, first=segment == next(iter(rows)))
-            for own in times.values():
-                if not np.isnan(block.time_s).any():
-                    break
-                for at, piece in own.pieces(start, len(block.frame)):
-                    known = block.time_s[at]
-                    np.copyto(known, piece["time_s"], where=np.isnan(known))
+            for index, segment in enumerate(segments):
+                if segment not in pieces:
+                    block.position_mm[:, index] = block.quaternion[:, index] = np.nan
+            for segment in present:
+                filled = 0
+                while filled < len(block.frame):
+                    rows, columns = next(pieces[segment])
+                    _fill(path, block, segment, rows, columns, first=segment == present[0])
+                    filled = rows.stop
             yield block
 
 
@@ -216,8 +212,8 @@ def check_layout(path: Path, layout: Layout) -> None:
 
     A layout that measures fewer of the segments will do, or one of which the recording wore fewer receivers.
     """
-    with open_parquet(path, f"a {POSES.name} table") as file:  # also one without rows
-        segments = _row_groups(path, file)
+    with open_parquet(path, f"a {POSES.name} table") as file:  # also one whose making failed
+        segments = _row_groups(TableFile(path, POSES, file))
     made_with = read_metadata(path)["parameters"].get("layout", layout.name)
     lacking = [name for name in layout.measured if name not in segments]
     if made_with != layout.name and lacking and not set(segments) <= set(layout.segments):
@@ -230,95 +226,71 @@ def check_layout(path: Path, layout: Layout) -> None:
 def frame_count(path: Path) -> int:
     """Return the number of frames of a poses file, which its footer tells."""
     with open_table(path, POSES) as file:
-        groups = next(iter(_row_groups(path, file).values()), [])
-        return sum(file.metadata.row_group(group).num_rows for group in groups)
+        groups = next(iter(_row_groups(file).values()), [])
+        return sum(file.group_rows[group] for group in groups)
 
 
-class _SegmentRows:
-    """Columns of one segment's rows, of which one row group at a time is in memory."""
-
-    def __init__(
-        self, path: Path, file: pq.ParquetFile, groups: Sequence[int], columns: Sequence[str]
-    ) -> None:
-        self._path, self._file = path, file
-        self._groups, self._columns = groups, list(columns)
-        self._ends: list[int] = list(accumulate(file.metadata.row_group(group).num_rows for group in groups))
-        self._place = -1
-        self._arrays: dict[str, npt.NDArray[Any]] = {}
-        self.n_rows: int = self._ends[-1]
-
-    def of(self, columns: Sequence[str]) -> _SegmentRows:
-        """Return other columns of the same rows."""
-        return _SegmentRows(self._path, self._file, self._groups, columns)
-
-    def pieces(self, start: int, count: int) -> Iterator[tuple[slice, dict[str, npt.NDArray[Any]]]]:
-        """Give `count` rows from number `start` on, by row group, and where each piece stands among them."""
-        done = 0
-        while done < count:
-            place = bisect_right(self._ends, start + done)
-            if place != self._place:
-                self._arrays.clear()  # before the next are read
-                self._place, self._arrays = place, self._read(self._groups[place])
-            left = self._ends[place] - (start + done)
-            more, first = min(count - done, left), len(next(iter(self._arrays.values()))) - left
-            rows = {name: array[first : first + more] for name, array in self._arrays.items()}
-            yield slice(done, done + more), rows
-            done += more
-
-    def _read(self, group: int) -> dict[str, npt.NDArray[Any]]:
-        with naming_damage(self._path):
-            table = self._file.read_row_group(group, columns=self._columns, use_threads=False)
-        return {name: column_array(table, name) for name in self._columns}
-
-
-def _rows_by_segment(
-    path: Path, file: pq.ParquetFile, segments: Sequence[str], columns: Sequence[str]
-) -> dict[str, _SegmentRows]:
-    """Those of the segments that have a row; InputError where they have not equally many."""
-    groups = _row_groups(path, file)
-    found = {
-        segment: _SegmentRows(path, file, groups[segment], columns)
-        for segment in segments
-        if segment in groups
-    }
-    for segment, own in found.items():
-        if own.n_rows != next(iter(found.values())).n_rows:
-            raise _unshared(path, segment)
-    return found
-
-
-def _row_groups(path: Path, file: pq.ParquetFile) -> dict[str, list[int]]:
-    """Which row groups hold each segment. Raises TableError where one holds two, or does not say which."""
-    column = file.schema_arrow.get_field_index("segment")
+def _row_groups(file: TableFile) -> dict[str, list[int]]:
+    """Return which row groups hold each segment. Raises TableError where one holds two, or does not say."""
     groups: dict[str, list[int]] = {}
-    for index in range(file.metadata.num_row_groups):
-        if not file.metadata.row_group(index).num_rows:
+    for group, n_rows in enumerate(file.group_rows):
+        if not n_rows:
             continue
-        ends = column_ends(path, file, index, column)
+        ends = file.ends(group, "segment")
         if ends is None or ends[0] != ends[1]:
-            raise TableError(f"{path}: a row group holds several segments; make it with `shukotsu import`")
-        groups.setdefault(ends[0], []).append(index)
+            raise TableError(
+                f"{file.path}: a row group holds several segments; make it with `shukotsu import`"
+            )
+        groups.setdefault(ends[0], []).append(group)
     return groups
+
+
+def _pieces(
+    file: TableFile, groups: Sequence[int], size: int
+) -> Iterator[tuple[slice, dict[str, npt.NDArray[Any]]]]:
+    """Read a segment's columns, of which one row group at a time is in memory, cut where blocks of `size`
+    frames end; with each piece where in its block it stands.
+    """
+    start = 0
+    for group in groups:
+        table = file.read(_COLUMNS, [group])
+        arrays = {name: column_array(table, name) for name in _COLUMNS}
+        first, n_rows = 0, table.num_rows
+        del table
+        while first < n_rows:
+            at = start % size
+            count = min(n_rows - first, size - at)
+            yield slice(at, at + count), {n: array[first : first + count] for n, array in arrays.items()}
+            first, start = first + count, start + count
 
 
 def _unshared(path: Path, segment: str) -> TableError:
     return TableError(f"{path}: segment {segment} does not have the frames of the others; make it again")
 
 
-def _fill(path: Path, block: Poses, segment: str, rows: _SegmentRows, start: int, *, first: bool) -> None:
-    """Put a segment's rows from number `start` on into the block; of the first one the frames, too."""
-    column = block.index(segment)
-    for at, piece in rows.pieces(start, len(block.frame)):
-        if first:
-            block.frame[at] = piece["frame"]
-        elif not np.array_equal(piece["frame"], block.frame[at]):
-            raise _unshared(path, segment)
-        for axis, name in enumerate(_NUMBERS):
-            if (piece["valid"] & (np.abs(piece[name]) > FARTHEST_MM)).any():  # squares overflow
-                raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
-            numbers = block.position_mm if axis < 3 else block.quaternion
-            numbers[at, column, axis if axis < 3 else axis - 3] = piece[name]
-        block.valid[at, column] = piece["valid"]
+def _fill(
+    path: Path,
+    block: Poses,
+    segment: str,
+    rows: slice,
+    columns: dict[str, npt.NDArray[Any]],
+    *,
+    first: bool,
+) -> None:
+    """Put a segment's columns into those rows of the block; of the first one the frames, too."""
+    index = block.index(segment)
+    if first:
+        block.frame[rows] = columns["frame"]
+    elif not np.array_equal(columns["frame"], block.frame[rows]):
+        raise _unshared(path, segment)
+    times = block.time_s[rows]
+    np.copyto(times, columns["time_s"], where=np.isnan(times))
+    for axis, name in enumerate(_NUMBERS):
+        if (columns["valid"] & (np.abs(columns[name]) > FARTHEST_MM)).any():  # squares overflow
+            raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
+        numbers = block.position_mm if axis < 3 else block.quaternion
+        numbers[rows, index, axis if axis < 3 else axis - 3] = columns[name]
+    block.valid[rows, index] = columns["valid"]
 
 
 def _empty(segments: Sequence[str], n_frames: int) -> Poses:
@@ -342,8 +314,8 @@ def one_hand(paths: Sequence[Path], subject: str | None, session: str | None, ha
     names = [(path, recording_name(path)) for path in paths]
     if not names and (subject is None or hand is None):
         raise InputError("no poses file, so --subject and --hand must say whose hand it is")
-    own = names[0][1] if names else RecordingName("", "", "")
-    wanted = Hand(subject or own.subject, hand or own.hand, own.session if session is None else session)
+    name = names[0][1] if names else RecordingName("", "", "")
+    wanted = Hand(subject or name.subject, hand or name.hand, name.session if session is None else session)
     for path, name in names:
         if name.of_hand != wanted:
             raise InputError(f"{path}: is of {name}; expected {wanted}")
@@ -358,11 +330,10 @@ def usable_poses(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     usable, reasons = [], []
     for path in paths:
         try:
-            open_table(path, POSES).close()
+            with open_table(path, POSES):
+                usable.append(path)
         except TableError:
             raise
         except InputError as error:
             reasons.append(error.message)
-        else:
-            usable.append(path)
     return usable, reasons

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from shukotsu.errors import InputError, guess, listed, reading_what_was_brought
-from shukotsu.files.parquet_files import column_ends
 from shukotsu.files.whole_files import file_sha256
 from shukotsu.schemas.catalogue import POSES
 from shukotsu.schemas.tables import open_table, read_metadata
@@ -117,12 +116,8 @@ class RecordingEvents:
     def _with_notes(self, clock: dict[str, Any], events: Events, time_s: Array) -> dict[str, Any]:
         """The row with the reader's notes; weak where every event lies outside the recording."""
         with open_table(self.poses, POSES) as file:  # the table's footer has the ends
-            place = file.schema_arrow.get_field_index("time_s")
-            ends = [
-                end
-                for group in range(file.num_row_groups)
-                if (end := column_ends(self.poses, file, group, place, with_nulls=True)) is not None
-            ]
+            of_groups = (file.ends(group, "time_s", with_nulls=True) for group in range(len(file.group_rows)))
+            ends = [end for end in of_groups if end is not None]
         if len(time_s) and ends:
             first_s, last_s = min(low for low, _ in ends) + 0.0, max(high for _, high in ends)
             if not ((time_s >= first_s) & (time_s <= last_s)).any() and np.isfinite([first_s, last_s]).all():

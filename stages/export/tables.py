@@ -62,21 +62,15 @@ def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
     import pyarrow as pa
     import pyarrow.csv as pc
 
-    from shukotsu.files.parquet_files import naming_damage
     from shukotsu.files.whole_files import file_sha256, replacing
-    from shukotsu.schemas.tables import open_table
+    from shukotsu.schemas.tables import read_row_groups
 
     names = [column.name for column in table.columns]
-    with (
-        open_table(path, table) as file,
-        naming_damage(path),
-        replacing(out) as temporary,
-        temporary.open("wb") as stream,
-    ):
+    with replacing(out) as temporary, temporary.open("wb") as stream:
         stream.write((",".join(names) + "\n").encode())
         options = pc.WriteOptions(include_header=False, quoting_style="needed")
-        for batch in file.iter_batches(columns=names):
-            block = {name: _flat(batch.column(name)) for name in names}
+        for rows in read_row_groups(path, table, names):
+            block = {name: _flat(rows.column(name)) for name in names}
             pc.write_csv(pa.table(block), stream, options)
     return {
         "profile": "tabular-data-resource",

@@ -14,7 +14,7 @@ from shukotsu.schemas.catalogue import (
     MOVEMENT_RELIABILITY,
     RANGES_OF_MOTION,
 )
-from shukotsu.schemas.tables import Table, open_table
+from shukotsu.schemas.tables import Table, read_table
 from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.belief import NOT
 from shukotsu.stages.report.study_results import StudyResults, recording_key
@@ -118,8 +118,7 @@ def _frame(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
     path = results.paths.study_table(table.name)
     if not path.is_file():
         return pa.table({name: pa.array([], table.column(name).type) for name in names}).to_pandas()
-    with open_table(path, table) as file:
-        frame = file.read(columns=names).replace_schema_metadata().to_pandas()
+    frame = read_table(path, table, names).replace_schema_metadata().to_pandas()
     return frame[frame["model"] == model].reset_index(drop=True)
 
 

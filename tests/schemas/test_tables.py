@@ -186,10 +186,9 @@ def test_a_table_that_is_not_the_one_expected(tmp_path: Path, spoil: Any, messag
     path = tmp_path / "t.parquet"
     write_table(path, SMALL, COLUMNS, Provenance())
     spoil(path, read_table(path, SMALL))
-    for opener in (read_table, open_table):
-        with pytest.raises(InputError, match=message) as caught:
-            opener(path, SMALL)
-        assert str(caught.value).startswith(str(path))
+    with pytest.raises(InputError, match=message) as caught, open_table(path, SMALL):
+        pass
+    assert str(caught.value).startswith(str(path))
 
 
 @pytest.mark.parametrize("table", [POSES, RECORDINGS, PROBLEMS])
