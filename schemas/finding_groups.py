@@ -6,10 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from shukotsu.schemas.findings import KINDS, values_of
+from shukotsu.schemas.findings import values_of
 from shukotsu.sentences.finding_sentences import (
-    WHAT,
-    accepted_text,
+    MISTAKES,
     cure_of,
     evidence_of,
     key_of,
@@ -17,7 +16,7 @@ from shukotsu.sentences.finding_sentences import (
     what_and_cure,
     what_of,
 )
-from shukotsu.sentences.translation import foreign, tr
+from shukotsu.sentences.translation import foreign
 
 Row = dict[str, Any]
 """Of the problems table, or of the findings table."""
@@ -46,7 +45,7 @@ class Fault:
 
 def is_declared(row: Row) -> bool:
     """Return whether the row is one of the sentences of docs/mistakes.md, and so has a cure."""
-    return key_of(row["kind"], row["variant"]) in WHAT
+    return key_of(row["kind"], row["variant"]) in MISTAKES
 
 
 def row_sentence(row: Row) -> str:
@@ -77,14 +76,9 @@ def _fault(rows: list[Row]) -> Fault:
         return Fault(severity, accepted, row_sentence(first), tuple(Seen(row) for row in rows))
     whats = [row_what(row) for row in rows]
     shown = [evidence_of(values_of(row["values"])) for row in rows]
-    what = whats[0]
-    if len(set(whats)) > 1:
-        meaning = KINDS[first["kind"]].meaning
-        what = tr(meaning).rstrip(".。")
-    else:
-        whats = [""] * len(rows)
-    text = accepted_text(what_and_cure(what, _cure(first)), accepted)
-    return Fault(severity, accepted, text, tuple(map(Seen, rows, whats, shown)))
+    what = whats[0] if len(set(whats)) == 1 else ""
+    text = what_and_cure(what, first["kind"], first["variant"], values_of(first["values"]), accepted)
+    return Fault(severity, accepted, text, tuple(map(Seen, rows, [""] * len(rows) if what else whats, shown)))
 
 
 def _cure(row: Row) -> str:

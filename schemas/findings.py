@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from shukotsu.sentences.finding_sentences import Values, sentence_of
-from shukotsu.sentences.translation import N_
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
 STAGE = "check_recordings"
@@ -101,118 +100,116 @@ class Kind:
 
 KINDS: Mapping[str, Kind] = {
     "quaternion-order": Kind(
-        N_("The four numbers of the quaternions stand in another order than was declared."),
+        "The four numbers of the quaternions stand in another order than was declared.",
         "Half of all programs write x, y, z, w, the others w, x, y, z.",
         "`order: xyzw` (or `wxyz`) under `orientation` in the mapping; in a tidy table, the columns' names.",
     ),
     "quaternion-inverse": Kind(
-        N_("The rotations take the transmitter's coordinates to the receiver's, not the other way round."),
+        "The rotations take the transmitter's coordinates to the receiver's, not the other way round.",
         "Some systems write the inverse rotation: a trakSTAR its quaternions, not its angles.",
         "`rotates: transmitter-to-receiver` under `orientation` in the mapping; in a tidy table, negate qx, "
         "qy and qz.",
     ),
     "euler-order": Kind(
-        N_("The three angles turn about other axes, or in another order, than the mapping says."),
+        "The three angles turn about other axes, or in another order, than the mapping says.",
         "Azimuth, elevation and roll are ZYX; motion-capture programs let one choose among many orders.",
         "`axes` under `orientation` in the mapping; of angles about fixed axes, in the opposite order.",
     ),
     "units": Kind(
-        N_("Positions or angles are in another unit than was declared."),
+        "Positions or angles are in another unit than was declared.",
         "Metres, centimetres or inches given as millimetres; radians given as degrees.",
         "`position_unit`, or `unit` under `orientation`, in the mapping; in a tidy table, positions in mm.",
     ),
     "time-unit": Kind(
-        N_("Times are in another unit than was declared."),
+        "Times are in another unit than was declared.",
         "Milliseconds or microseconds given as seconds, or the other way round.",
         "`time_unit` under `csv`, or `rate_hz`, in the mapping; in a tidy table, `time_s` in seconds.",
     ),
     "clock": Kind(
-        N_("Times jump ahead, go back or stand still: the device's clock does not run on."),
+        "Times jump ahead, go back or stand still: the device's clock does not run on.",
         "The tracker was started again within the file; midnight; a counter that is full begins again; a "
         "clock that was set; a pause.",
         "None is needed for joints; of midnight and a full counter, what is to be added to later times.",
     ),
     "hemisphere": Kind(
-        N_("A receiver's position jumps to the other side of the transmitter, or is there all along."),
+        "A receiver's position jumps to the other side of the transmitter, or is there all along.",
         "A magnetic tracker cannot tell a place from the one opposite; it was started with, or crossed into, "
         "the other hemisphere.",
         "`repair` in the column `hemisphere` of the recordings sheet, or `--repair-hemisphere`.",
     ),
     "receiver-stuck": Kind(
-        N_("A receiver gives one and the same pose while the others move."),
+        "A receiver gives one and the same pose while the others move.",
         "A cable or a channel that hung; a program that repeats the last value.",
         "Leave the numbers empty where they repeat those before, which makes them gaps; `csv.in_step: false` "
         "in the mapping where a program repeats values.",
     ),
     "sudden-change": Kind(
-        N_("From one moment on, and for good, a receiver is not where its neighbours say, or none is."),
+        "From one moment on, and for good, a receiver is not where its neighbours say, or none is.",
         "A receiver that fell off and hangs from its cable; a program that changed the unit or the order of "
         "numbers in the middle of a file.",
         "Record again with the receiver in its place; of a file that changes, export it again. What was "
         "recorded before is used, if it suffices.",
     ),
     "spikes": Kind(
-        N_("Single poses are where nothing can be, or all of them jump about."),
+        "Single poses are where nothing can be, or all of them jump about.",
         "Metal or a motor near the transmitter, bytes lost on the line, a column that is no position.",
         "Leave the numbers of these poses empty; where all poses jump, look for the right columns.",
     ),
     "receivers-swapped": Kind(
-        N_("Two receivers stand for each other's segments."),
+        "Two receivers stand for each other's segments.",
         "Two plugs or two lines of a layout exchanged.",
         "Exchange the two names in the mapping (`receivers`) or the file's column `segment`; of a file with "
         "stations, the two numbers in the layout (`receiver`).",
     ),
     "digits-swapped": Kind(
-        N_("All receivers of two digits stand for each other's segments."),
+        "All receivers of two digits stand for each other's segments.",
         "Two bundles of cables exchanged, or digits counted from the other side.",
         "Exchange the names of their segments, as for two receivers.",
     ),
     "wrong-hand": Kind(
-        N_("The hand is the other one than was declared, or the recording is mirrored."),
+        "The hand is the other one than was declared, or the recording is mirrored.",
         "A wrong word in the recordings sheet; an export with a left-handed frame.",
         "The column `hand` of the recordings sheet (or `--hand`); a mirrored file is mirrored back: `y_mm`, "
         "`qx` and `qz` negated.",
     ),
     "axes-mirrored": Kind(
-        N_("Axes of the positions are negated or exchanged while those of the rotations are not."),
+        "Axes of the positions are negated or exchanged while those of the rotations are not.",
         "Columns in another order; one of two frames with z up, the other with y up; a left-handed frame.",
         "`position_axes` in the mapping; in a tidy table, the columns exchanged and negated.",
     ),
     "receiver-turned": Kind(
-        N_(
-            "A receiver is turned on its bone by quarter turns against what the layout says, or sits on "
-            "another."
-        ),
+        "A receiver is turned on its bone by quarter turns against what the layout says, or sits on "
+        "another.",
         "A receiver strapped on sideways or back to front.",
         "`receiver_axes` in the layout, for all receivers or under one segment.",
     ),
     "other-person": Kind(
-        N_("Bones are of other lengths than in the subject's other recordings."),
+        "Bones are of other lengths than in the subject's other recordings.",
         "A file of somebody else, or a wrong subject in the sheet.",
         "The column `subject` or `file` of the recordings sheet.",
     ),
     "same-file": Kind(
-        N_("The poses are, number by number, those of another recording of the sheet."),
+        "The poses are, number by number, those of another recording of the sheet.",
         "One file named twice, or copied under another name.",
         "The column `file` of the recordings sheet; or leave one row out with `exclude`.",
     ),
     "too-short": Kind(
-        N_("The recording is too short to say anything of a joint."),
+        "The recording is too short to say anything of a joint.",
         "A recording stopped at once, or a file cut off.",
         "Record it again; or leave it out with `exclude`.",
     ),
     "zeros": Kind(
-        N_("Poses are at 0, 0, 0 and not turned, to the last bit."),
+        "Poses are at 0, 0, 0 and not turned, to the last bit.",
         "Programs that write zeros, or no rotation, for a receiver that they do not see.",
         "Leave the numbers of these poses empty, which makes them gaps.",
     ),
     "receivers-alike": Kind(
-        N_("Two receivers have one and the same pose, to the last bit."),
+        "Two receivers have one and the same pose, to the last bit.",
         "Columns or a station named twice in the mapping or the layout; an export that repeats a receiver.",
         "Each receiver's own columns or `value` in the mapping; or export the file again.",
     ),
     "unchecked": Kind(
-        N_("The recording was not tested against what was declared of it, so nothing is said of it here."),
+        "The recording was not tested against what was declared of it, so nothing is said of it here.",
         "A fault of this program.",
         "Look at its picture and its joints' gaps yourself; please report a fault with the log.",
     ),

@@ -28,7 +28,7 @@ EVIDENCE: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 GAPS = {"gap_before_mm": 12.13, "gap_after_mm": 1.31, "moved": 5, "joints": 16}
-EFFECTS = {name: {**GAPS, "effect": name} for name in ("closer", "no-closer", "none")}
+EFFECT = {**GAPS, "effect": "closer"}
 
 BROKEN = {"segments": ["hand"], "segment": "hand", "until": False, "grown": 25.4, "percent": 48.0}
 
@@ -121,11 +121,8 @@ def examples() -> list[Finding]:
         Finding("receivers-swapped", SUSPECT, values={**PAIR, "seen": seen, **values})
         for seen, values in EVIDENCE.items()
     ]
-    put_right = [
-        Finding("hemisphere", SUSPECT, "jumps", EXAMPLES["hemisphere", "jumps"][0] | values)
-        for values in EFFECTS.values()
-    ]
-    return [*every, *swapped, *put_right, Finding("receivers-swapped", SUSPECT, "", _SWAPPED)]
+    put_right = Finding("hemisphere", SUSPECT, "jumps", EXAMPLES["hemisphere", "jumps"][0] | EFFECT)
+    return [*every, *swapped, put_right, Finding("receivers-swapped", SUSPECT, "", _SWAPPED)]
 
 
-_SWAPPED = {**PAIR, "seen": "gap", **EVIDENCE["gap"], **EFFECTS["closer"]}
+_SWAPPED = {**PAIR, "seen": "gap", **EVIDENCE["gap"], **EFFECT}

@@ -57,8 +57,8 @@ def plural(singular: str, several: str) -> tuple[str, str]:
 
 def tr(sentence: str, **values: Any) -> str:
     """Translate the sentence and put values into its placeholders."""
-    own = _current.get()[1].gettext(sentence) if sentence else sentence
-    return own.format(**_shown(values)) if values else own
+    text = _current.get()[1].gettext(sentence) if sentence else sentence
+    return text.format(**_shown(values)) if values else text
 
 
 def ngettext(singular: str, plural: str, n: int, **values: Any) -> str:
@@ -91,41 +91,25 @@ def translated(text: str) -> str:
 
 
 def _shown(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: _value(name, value) for name, value in values.items()}
-
-
-def _value(name: str, value: Any) -> Any:
-    if name.rstrip("_0123456789") not in NAMES:
-        return value
-    if isinstance(value, str):
-        return word(value)
-    return listed(map(word, value)) if isinstance(value, list | tuple) else value
+    texts = dict(values)
+    for name, value in values.items():
+        if name.rstrip("_0123456789") in NAMES and isinstance(value, str | list | tuple):
+            texts[name] = word(value) if isinstance(value, str) else listed(map(word, value))
+    return texts
 
 
 _PARTS: Mapping[str, str] = {
-    "cmc": N_("{digit} CMC"),
-    "mcp": N_("{digit} MCP"),
-    "pip": N_("{digit} PIP"),
-    "dip": N_("{digit} DIP"),
-    "ip": N_("{digit} IP"),
-    "tip": N_("{digit} fingertip"),
-    "metacarpal": N_("{digit} metacarpal"),
-    "proximal": N_("{digit} proximal phalanx"),
-    "middle": N_("{digit} middle phalanx"),
-    "distal": N_("{digit} distal phalanx"),
-}
+    "cmc": "CMC", "mcp": "MCP", "pip": "PIP", "dip": "DIP", "ip": "IP", "tip": N_("fingertip"),
+    "metacarpal": N_("metacarpal"), "proximal": N_("proximal phalanx"), "middle": N_("middle phalanx"),
+    "distal": N_("distal phalanx"),
+}  # fmt: skip
 """Joints and bones of a digit by the last part of their names; English pages show the names themselves."""
 
 _WORDS = (
-    N_("axial rotation"), N_("right"), N_("left"), N_("Right"), N_("Left"), N_("Right hand"),
-    N_("Left hand"), N_("thumb"), N_("index"), N_("middle"), N_("ring"), N_("little"), N_("Thumb"),
-    N_("Index"), N_("Middle"), N_("Ring"), N_("Little"), N_("wrist"), N_("hand"), N_("forearm"),
-    N_("flexion"), N_("abduction"), N_("rotation"), N_("Flexion"), N_("Abduction"), N_("Rotation"),
-    N_("metacarpal"), N_("proximal phalanx"), N_("middle phalanx"), N_("distal phalanx"),
-    N_("session"), N_("trial"), N_("used"), N_("excluded"), N_("failed"), N_("missing"), N_("weak"),
-    N_("ok"), N_("yes"), N_("no"), N_("none"), N_("unknown"), N_("more"), N_("less"), N_("recorded"),
-    N_("simulated"), N_("held out"), N_("first-frame"), N_("least-squares"), N_("mean"), N_("median"),
-    N_("frame"), N_("receiver"), N_("back"), N_("side"),
+    N_("right"), N_("left"), N_("thumb"), N_("index"), N_("middle"), N_("ring"), N_("little"), N_("wrist"),
+    N_("hand"), N_("forearm"), N_("flexion"), N_("abduction"), N_("rotation"), N_("axial rotation"),
+    N_("used"), N_("excluded"), N_("failed"), N_("missing"), N_("refused"), N_("first-frame"),
+    N_("least-squares"),
 )  # fmt: skip
 """Other words of tables and layouts, for the catalogues."""
 
@@ -136,7 +120,10 @@ def word(name: str) -> str:
     """Return a joint, segment, digit, hand or angle as prose and pictures call it."""
     if language() == ENGLISH:
         return name
-    found = _NAME.fullmatch(name.lower().replace(" ", "_"))
-    if found is None or found[2] not in _PARTS:
-        return tr(name)
-    return tr(_PARTS[found[2]], digit=found[1])
+    small = name.lower()
+    match = _NAME.fullmatch(small.replace(" ", "_"))
+    if match is None or match[2] not in _PARTS:
+        translation = tr(small)
+        return translation if translation != small else name
+    part = tr(_PARTS[match[2]])
+    return tr(match[1]) + (" " if part.isascii() else "") + part

@@ -23,8 +23,8 @@ def test_one_fault_in_eleven_recordings_is_one_item() -> None:
     each = [rows(units(0.1 + i / 100), 1)[0] | {"subject": f"S{i}"} for i in range(11)]
     (fault,) = faults(each)
     assert fault.text == (
-        "The positions are 10 times too small, in cm and read as mm; write `position_unit: cm` in the "
-        "mapping."
+        "The positions seem to be in cm and are read as mm, a factor of 10 off; write `position_unit: cm` in "
+        "the mapping."
     )
     assert [seen.row["subject"] for seen in fault.seen] == [f"S{i}" for i in range(11)]
     assert not any(seen.what for seen in fault.seen)
@@ -59,3 +59,15 @@ def test_evidence_stands_where_it_is_seen() -> None:
     assert {seen.evidence for seen in fault.seen} == {
         "put right, the gap of index_pip falls from 31.2 to 1.4 mm"
     }
+
+
+def test_what_differs_is_said_of_each_beside_the_common_cure() -> None:
+    seen = EXAMPLES["hemisphere", "jumps"][0]
+    jumps = [Finding("hemisphere", SUSPECT, "jumps", {**seen, "segment": segment})
+             for segment in ("hand", "index_distal")]  # fmt: skip
+    (fault,) = faults(row for finding in jumps for row in rows(finding, 1))
+    assert fault.text.startswith("Write `repair` in the column hemisphere")
+    assert [seen.what.split(" jumps")[0] for seen in fault.seen] == [
+        "The position of hand",
+        "The position of index_distal",
+    ]
