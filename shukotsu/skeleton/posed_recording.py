@@ -7,12 +7,13 @@ the numbers of every table that has rows frame by frame (joint angles, tips, err
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from shukotsu.errors import InputError, joined
+from shukotsu.errors import InputError, TableError, joined
 from shukotsu.schemas.catalogue import (
     BONE_LENGTHS,
     BONE_POSES,
@@ -23,7 +24,7 @@ from shukotsu.schemas.catalogue import (
 )
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel
-from shukotsu.schemas.parts import Part, open_parts, read_part
+from shukotsu.schemas.parts import Part, PartsReader, open_parts, read_part
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import Poses, RecordingName, frame_count, pose_blocks, read_every
 from shukotsu.schemas.results import FIT_TABLES
@@ -43,6 +44,12 @@ BLOCK_FRAMES = 1 << 14
 """Frames that are posed at a time."""
 
 QUATERNION = ("qw", "qx", "qy", "qz")
+
+Opened = Callable[[Path, Table], AbstractContextManager[PartsReader]]
+T = TypeVar("T")
+
+_OF_A_FIT = {"joint_centres": "fitted_joints", "bone_lengths": "fitted_bones"}
+"""Tables of the hand that anatomy alone expects, which its fit alone writes."""
 
 
 def read_skeleton(
@@ -66,8 +73,8 @@ class RecordingReader:
     """A recording of a hand and where to read it under one model.
 
     poses_file : the recording's poses table. part : whose rows of the tables. folder : of the subject's
-    tables; fit_folder : of those of the hand's fit under the model. What it reads raises InputError where a
-    table is absent or its making failed, and where it has no row of the recording.
+    tables; fit_folder : of those of the hand's fit under the model. opened : opens a table. What it reads
+    raises InputError where a table is absent or its making failed, or has no row of the recording.
     """
 
     recording: Recording
@@ -77,10 +84,17 @@ class RecordingReader:
     poses_file: Path
     folder: Path
     fit_folder: Path
+    opened: Opened = open_parts
 
     def path(self, table: Table) -> Path:
         """Return the file of a table; those of a fit are there only where the model fits the whole hand."""
-        return (self.fit_folder if table.name in FIT_TABLES else self.folder) / f"{table.name}.parquet"
+        name = _OF_A_FIT.get(table.name, table.name) if self.model.is_reference else table.name
+        return (self.fit_folder if name in FIT_TABLES else self.folder) / f"{name}.parquet"
+
+    def rows(self, table: Table) -> list[dict[str, Any]]:
+        """Read the part's rows of a short table."""
+        with self.opened(self.path(table), table) as parts:
+            return parts.rows(self.part)
 
     @property
     def is_fitted(self) -> bool:
@@ -140,17 +154,24 @@ class RecordingReader:
         return replace(posed, origin=origin)
 
     def numbers(
-        self, table: Table, columns: Sequence[str], frames: Index | None = None, name: str = ""
+        self,
+        table: Table,
+        columns: Sequence[str],
+        frames: Index | None = None,
+        name: str = "",
+        *,
+        every: bool = True,
     ) -> dict[str, Array]:
         """Read columns (T, C) of a frame-by-frame table, by its segments, digits or joints.
 
-        frames : at which, rising, NaN where the table has no row; None for all, of which each must have one.
+        frames : at which, rising, NaN where the table has no row; None for all, of which each must have one,
+        or with every=False for those that have one.
         name : of one segment, digit or joint alone. Returns nothing where there is no row of the recording.
         """
         by = next(column for column in ("segment", "joint", "digit") if column in table.key)
         key = self.part, self.recording.task, self.recording.trial, by
-        count = self.n_frames if frames is None else None
-        with open_parts(self.path(table), table) as parts:
+        count = self.n_frames if frames is None and every else None
+        with self.opened(self.path(table), table) as parts:
             return parts.recording(*key, columns, count, frames, name)
 
     def series(self, table: Table, columns: Sequence[str]) -> dict[str, Callable[[], Array]]:
@@ -161,7 +182,11 @@ class RecordingReader:
         names = self.numbers(table, (), next(self.pose_blocks()).frame[:1])
         if not names:
             raise InputError(f"the {table.name} table has no row of this recording")
-        return {name: lambda name=name: self.numbers(table, columns, name=name)[name] for name in names}
+
+        def read(name: str) -> Array:
+            return self.numbers(table, columns, name=name)[name]
+
+        return {name: partial(read, name) for name in names}
 
     def _posed(self, table: Table, columns: Sequence[str], poses: Poses) -> dict[str, Array]:
         numbers = self.numbers(table, columns, poses.frame)
@@ -171,6 +196,17 @@ class RecordingReader:
                 why = "only recordings of role evaluation or both are posed; give it one of these roles"
             raise InputError(f"{self.path(table)}: has no row of {self.recording.name}; {why}")
         return numbers
+
+
+def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
+    """Return what `read` returns, or None and its message among the reasons; a TableError is raised."""
+    try:
+        return read()
+    except TableError:
+        raise
+    except InputError as error:
+        reasons.append(error.message)
+        return None
 
 
 def recording_reader(plan: SubjectPlan, recording: Recording, model: str) -> RecordingReader:

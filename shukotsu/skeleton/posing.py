@@ -204,8 +204,9 @@ class PosedRecording:
 
     def take(self, rows: slice | Index | Bools) -> PosedRecording:
         """Return only some of the frames."""
-        taken = self.position_mm[rows], self.quaternion[rows], self.receivers.take(rows)
-        return replace(self, position_mm=taken[0], quaternion=taken[1], receivers=taken[2])
+        receivers = self.receivers.take(rows if isinstance(rows, slice) else np.arange(len(self.frame))[rows])
+        kept = self.position_mm[rows], self.quaternion[rows]
+        return replace(self, position_mm=kept[0], quaternion=kept[1], receivers=receivers)
 
     def noting(self, *sentences: str) -> PosedRecording:
         """Return the same with more notes."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from functools import cache
 
+from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.parts import open_parts
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.schemas.study import Recording
-from shukotsu.stages.evaluate_skeletons.scored_skeleton import Row, ScoredSkeleton, read_prior, read_skeleton
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import Row, ScoredSkeleton, read_skeleton
 from shukotsu.stages.evaluate_skeletons.scores import (
     EvaluatedRecording,
     distal_receiver_row,
@@ -27,9 +29,12 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
     """Rows of skeleton_scores and of joint_errors of a hand. Raises InputError for another's truth."""
     truths = _truths(plan, hand)
     with ExitStack() as stack:
-        opened = cache(lambda path, table: stack.enter_context(open_parts(path, table)))
-        skeletons = [read_skeleton(opened, plan, part) for part in plan.parts() if part.hand == hand]
-        skeletons += filter(None, [read_prior(opened, plan, hand)])
+        open_once = cache(lambda path, table: stack.enter_context(open_parts(path, table)))
+        opened = lambda path, table: nullcontext(open_once(path, table))  # noqa: E731
+        parts = [part for part in plan.parts() if part.hand == hand]
+        if known_digits(plan.layouts[hand]):
+            parts.append(plan.part(hand, REFERENCE))
+        skeletons = [read_skeleton(opened, plan, part) for part in parts]
         scores = [
             row
             for recording in plan.evaluated(hand)
@@ -39,7 +44,7 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
     for skeleton in skeletons:
         truth = truth_for(skeleton.tasks, list(truths.values()))
         if truth is not None:
-            keys = {"model": skeleton.part.model, "calibrated_on": skeleton.calibrated_on}
+            keys = {"model": skeleton.reader.part.model, "calibrated_on": skeleton.calibrated_on}
             errors += [keys | row for row in joint_errors(skeleton.stated, truth, plan.layouts[hand])]
     return scores, errors
 
@@ -60,7 +65,7 @@ def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, Truth]:
 def _score_rows(recording: EvaluatedRecording, skeletons: Sequence[ScoredSkeleton]) -> Iterator[Row]:
     """Rows of skeleton_scores of one recording: skeletons first, then references without a skeleton."""
     for skeleton in skeletons:
-        if skeleton.part.made_without in ("", recording.name.task):  # its tables are meant to hold it
+        if skeleton.reader.part.made_without in ("", recording.name.task):  # its tables are meant to hold it
             yield from score_skeleton(recording, skeleton)
     digits = recording.layout.digits.values()
     yield from (distal_receiver_row(recording, digit) for digit in digits)

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from shukotsu.anatomy.known_digits import known_digits
-from shukotsu.errors import InputError, TableError, joined
-from shukotsu.schemas import catalogue
+from shukotsu.errors import joined
+from shukotsu.schemas.catalogue import BONE_LENGTHS, JOINT_CENTRES, TIP_ERRORS
 from shukotsu.schemas.config_files import REFERENCE
-from shukotsu.schemas.parts import Part, PartsReader
+from shukotsu.schemas.model import read_model
+from shukotsu.schemas.parts import Part
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import RecordingName
-from shukotsu.schemas.tables import Table
 from shukotsu.skeleton.digit_chain import Rows
-from shukotsu.skeleton.rotations import Array
+from shukotsu.skeleton.posed_recording import Opened, RecordingReader, readable
 
 Row = dict[str, Any]
-T = TypeVar("T")
-_OF_A_FIT = {"joint_centres": "fitted_joints", "bone_lengths": "fitted_bones"}
-"""Tables whose file is called otherwise where a fit of the whole hand writes it."""
 
-QUATERNION = ("qw", "qx", "qy", "qz")
 TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 
 
@@ -35,60 +30,20 @@ class Stated:
     bones: Rows
 
 
-def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
-    """The result of `read`, or None and its message among the reasons; a TableError is raised."""
-    try:
-        return read()
-    except TableError:
-        raise
-    except InputError as error:
-        reasons.append(error.message)
-        return None
-
-
-Opened = Callable[[Path, Table], PartsReader]
-"""Opens a subject's table, of which all skeletons have a part, or gives the one that is open."""
-
-
-@dataclass(frozen=True)
-class PartTable:
-    """A table's file, and the part of it that is read; a part that failed is empty, its message a reason."""
-
-    opened: Opened
-    path: Path
-    table: Table
-    part: Part
-
-    def rows(self, reasons: list[str]) -> list[Row]:
-        """Rows of the part."""
-        return readable(lambda: self.opened(self.path, self.table).rows(self.part), reasons) or []
-
-    def columns(
-        self, name: RecordingName, by: str, own: str, columns: Sequence[str], reasons: list[str]
-    ) -> Array | None:
-        """Numbers (T, columns) of one recording, of one digit or segment; None where there are none."""
-        key = (self.part, name.task, name.trial, by, columns)
-        read = readable(lambda: self.opened(self.path, self.table).recording(*key, name=own), reasons)
-        return None if read is None else read.get(own)
-
-
 @dataclass(frozen=True)
 class ScoredSkeleton:
-    """A skeleton and where its tables are.
+    """A skeleton and the reader of its tables.
 
-    calibrated_on : tasks, or "task, trial", and tasks : that it was made from. posed_tips : of the whole
-    hand; None where the model has none. metacarpals : by digit, or bone_poses by segment. tip_messages : by
-    task, trial and digit. message : what could not be read. reference : whether it is the hand that anatomy
-    alone expects, scored in the frames that it was posed in.
+    reader : of any recording of the hand. calibrated_on : tasks, or "task, trial", and tasks : that it was
+    made from. stated : what its tables say. tip_messages : by task, trial and digit. message : what could
+    not be read. reference : whether it is the hand that anatomy alone expects, scored in the frames that it
+    was posed in.
     """
 
-    part: Part
+    reader: RecordingReader
     calibrated_on: str
     tasks: tuple[str, ...]
     stated: Stated
-    tips: PartTable | None
-    metacarpals: PartTable | None
-    posed_tips: PartTable | None
     tip_messages: Mapping[tuple[str, str, str], str]
     message: str
     reference: bool = False
@@ -99,64 +54,41 @@ class ScoredSkeleton:
 
 
 def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkeleton:
-    """Read the short tables of a skeleton; `message` says which parts failed. A TableError is raised."""
+    """Read the short tables of a skeleton; `message` says which parts failed. A TableError is raised.
 
-    def of(table: Table) -> PartTable:
-        return PartTable(opened, plan.table(table.name), table, part)
-
-    reasons: list[str] = []
-    stated = _stated(of, reasons)
-    errors = of(catalogue.TIP_ERRORS).rows(reasons)
-    posed_tips = None
-    if plan.models[part.model].fitting is not None:
-        file = plan.fit_table(part.hand, part.model, catalogue.POSED_TIPS.name)
-        posed_tips = PartTable(opened, file, catalogue.POSED_TIPS, part)
-    calibrating = plan.calibrating(part.hand, part.model, part.made_without)
-    return ScoredSkeleton(
-        part=part,
-        calibrated_on=";".join(", ".join(filter(None, (r.task, r.trial))) for r in calibrating),
-        tasks=tuple(recording.task for recording in calibrating),
-        stated=stated,
-        tips=of(catalogue.TIPS),
-        metacarpals=of(catalogue.METACARPALS),
-        posed_tips=posed_tips,
-        tip_messages={(row["task"], row["trial"], row["digit"]): row["message"] for row in errors},
-        message=joined(reasons),
+    part : of the tables; under the model REFERENCE the hand that anatomy expects, which stands beside all
+    models.
+    """
+    hand, layout, reference = part.hand, plan.layouts[part.hand], part.model == REFERENCE
+    any_recording = next(each for each in plan.recordings if each.hand.hand == hand)
+    reader = RecordingReader(
+        any_recording,
+        layout,
+        read_model(REFERENCE) if reference else plan.models[part.model],
+        part,
+        plan.poses_files[any_recording],
+        plan.folder,
+        plan.fits(hand, part.model),
+        opened,
     )
-
-
-def read_prior(opened: Opened, plan: SubjectPlan, hand: str) -> ScoredSkeleton | None:
-    """Read the hand that anatomy expects, a reference for all models; None without known digits."""
-    layout, part = plan.layouts[hand], plan.part(hand, REFERENCE)
-    digits = {digit.name for digit in known_digits(layout)}
-    if not digits:
-        return None
-
-    def of(table: Table) -> PartTable:
-        path = plan.fit_table(hand, REFERENCE, _OF_A_FIT.get(table.name, table.name))
-        return PartTable(opened, path, table, part)
-
     reasons: list[str] = []
-    stated = _stated(of, reasons)
-    unknown = "no published anatomy of this digit"
-    return ScoredSkeleton(
-        part=part,
-        calibrated_on="",
-        tasks=tuple(recording.task for recording in plan.all_calibrating(hand)),
-        stated=stated,
-        tips=None,
-        metacarpals=None if reasons else of(catalogue.BONE_POSES),
-        posed_tips=None if reasons else of(catalogue.POSED_TIPS),
-        tip_messages={
-            (recording.task, recording.trial, digit): unknown
+    joints, bones = (
+        readable(lambda table=table: reader.rows(table), reasons) or []  # type: ignore[misc]
+        for table in (JOINT_CENTRES, BONE_LENGTHS)
+    )
+    stated = Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
+    if reference:
+        calibrating, calibrated_on = plan.all_calibrating(hand), ""
+        unknown = layout.digits.keys() - {digit.name for digit in known_digits(layout)}
+        tip_messages = {
+            (recording.task, recording.trial, digit): "no published anatomy of this digit"
             for recording in plan.evaluated(hand)
-            for digit in layout.digits.keys() - digits
-        },
-        message=joined(reasons),
-        reference=True,
-    )
-
-
-def _stated(of: Callable[[Table], PartTable], reasons: list[str]) -> Stated:
-    joints, bones = of(catalogue.JOINT_CENTRES).rows(reasons), of(catalogue.BONE_LENGTHS).rows(reasons)
-    return Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
+            for digit in unknown
+        }
+    else:
+        calibrating = plan.calibrating(hand, part.model, part.made_without)
+        calibrated_on = ";".join(", ".join(filter(None, (r.task, r.trial))) for r in calibrating)
+        errors = readable(lambda: reader.rows(TIP_ERRORS), reasons) or []
+        tip_messages = {(row["task"], row["trial"], row["digit"]): row["message"] for row in errors}
+    tasks = tuple(recording.task for recording in calibrating)
+    return ScoredSkeleton(reader, calibrated_on, tasks, stated, tip_messages, joined(reasons), reference)

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import joined
+from shukotsu.schemas.catalogue import BONE_POSES, METACARPALS, POSED_TIPS, TIPS
 from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import Poses, RecordingName, read_poses
 from shukotsu.schemas.study import Recording
-from shukotsu.schemas.tables import vector_of
+from shukotsu.schemas.tables import Table, vector_of
 from shukotsu.skeleton.digit_chain import Rows, all_valid, carried_mm
+from shukotsu.skeleton.posed_recording import QUATERNION, readable
 from shukotsu.skeleton.rotations import Array, conjugate, rotate
-from shukotsu.stages.evaluate_skeletons.scored_skeleton import QUATERNION, TIP, Row, ScoredSkeleton, readable
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import TIP, Row, ScoredSkeleton
 from shukotsu.stages.evaluate_skeletons.truth import TrueDigit, Truth, at_frames, directions
 
 DISTAL_RECEIVER, TRUE_SKELETON = "distal-receiver", "true-skeleton"
@@ -31,12 +33,17 @@ class EvaluatedRecording:
     numbered as the recording's, of a simulated one; stated_truth : its joints and bones.
     """
 
-    name: RecordingName
+    recording: Recording
     layout: Layout
     poses: Poses | None
     truth: Mapping[str, TrueDigit]
     stated_truth: Truth | None
     message: str = ""
+
+    @property
+    def name(self) -> RecordingName:
+        """Whose recording it is, and of what."""
+        return RecordingName(**self.recording.key)
 
     def row(self, digit: str, model: str, message: str = "") -> Row:
         """A reference's row without numbers; one that no recording made."""
@@ -54,33 +61,39 @@ class EvaluatedRecording:
 
 def evaluated_recording(plan: SubjectPlan, recording: Recording, truth: Truth | None) -> EvaluatedRecording:
     """Read a recording and its truth. Raises InputError where the truth is not that of the recording."""
-    name = RecordingName(**recording.key)
     layout = plan.layouts[recording.hand.hand]
     reasons: list[str] = []
     poses = readable(lambda: read_poses(plan.poses(recording), layout.measured), reasons)
     if poses is None:
-        return EvaluatedRecording(name, layout, None, {}, None, *reasons)
+        return EvaluatedRecording(recording, layout, None, {}, None, *reasons)
     tip_of = {digit.name: digit.tip for digit in layout.digits.values()}
     true = {} if truth is None else truth.digits(poses, tip_of)
-    return EvaluatedRecording(name, layout, poses, true, truth)
+    return EvaluatedRecording(recording, layout, poses, true, truth)
 
 
 def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> list[Row]:
     """Rows of one skeleton in one recording, a digit each; without numbers, and why, where it has none."""
     name, rows = recording.name, []
+    reader = replace(skeleton.reader, recording=recording.recording)
     columns = ("error_mm", "frame", *TIP)
     for digit in recording.layout.digits.values():  # of a long recording one alone is in memory
-        reasons, here = [skeleton.message], (name, "digit", digit.name)
-        own = replayed = None if skeleton.tips is None else skeleton.tips.columns(*here, columns, reasons)
-        if skeleton.posed_tips is not None:
-            own = skeleton.posed_tips.columns(*here, (*columns, "error_left_out_mm"), reasons)
+        reasons = [skeleton.message]
+
+        def numbers(table: Table, names: Sequence[str], of: str, why: list[str] = reasons) -> Array | None:
+            read = readable(lambda: reader.numbers(table, names, name=of, every=False), why)
+            return None if read is None else read.get(of)
+
+        posed = replayed = None if skeleton.reference else numbers(TIPS, columns, digit.name)
+        lost = skeleton.reference and bool(skeleton.message)
+        if reader.is_fitted:
+            posed = None if lost else numbers(POSED_TIPS, (*columns, "error_left_out_mm"), digit.name)
         bone = None
-        if recording.truth and skeleton.metacarpals is not None:
-            at = (name, "segment", digit.segments[0]) if skeleton.reference else here
-            bone = skeleton.metacarpals.columns(*at, ("frame", *QUATERNION), reasons)
+        if recording.truth and not lost:
+            table, of = (BONE_POSES, digit.segments[0]) if skeleton.reference else (METACARPALS, digit.name)
+            bone = numbers(table, ("frame", *QUATERNION), of)
         message = skeleton.tip_messages.get((name.task, name.trial, digit.name), "")
-        row = recording.row(digit.name, skeleton.part.model, joined([*reasons, message]))
-        tip = np.empty((0, len(columns))) if own is None else own
+        row = recording.row(digit.name, reader.part.model, joined([*reasons, message]))
+        tip = np.empty((0, len(columns))) if posed is None else posed
         frame, poses = tip[:, 1].astype(np.int64), recording.poses
         if skeleton.reference and poses is not None:
             poses = poses.take(np.flatnonzero(np.isin(poses.frame, frame)))
@@ -90,7 +103,7 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
             "reference": skeleton.reference,
             "wrist_mcp_sd_mm": wrist_mcp_sd(poses, digit, recording.layout, skeleton.stated.joints),
         }
-        row |= tip_numbers(replayed, own)
+        row |= tip_numbers(replayed, posed, fitted=reader.is_fitted)
         true = recording.truth.get(digit.name)
         if true is not None:
             row |= true_tip_numbers(tip[:, 2:5], frame, true)
@@ -101,26 +114,26 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
     return rows
 
 
-def tip_numbers(replayed: Array | None, own: Array | None) -> Row:
-    """Tip errors of one digit in one recording, and n_frames.
+def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) -> Row:
+    """Return tip errors of one digit in one recording, and n_frames.
 
-    replayed, own : (T, ...) of tips, and of posed_tips where the model poses the whole hand; first the error,
-    last the left-out one. The replay never asks where the distal receiver is: without a posed hand its error
-    is the left-out one, too.
+    replayed : (T, ...) of tips; posed : of posed_tips where the model poses the whole hand (fitted); first
+    the error, last the left-out one. The replay never asks where the distal receiver is: without a posed
+    hand its error is the left-out one, too.
     """
     nothing = np.empty(0)
     replay = nothing if replayed is None else known(replayed[:, 0])
     row = mean_and_p95("replay", replay)
-    if own is replayed:
-        posed, left_out = nothing, {name.replace("replay", "left_out"): row[name] for name in row}
+    error_mm = nothing if not fitted or posed is None else known(posed[:, 0])
+    if fitted:
+        left_out = mean_and_p95("left_out", nothing if posed is None else posed[:, -1])
     else:
-        posed, tried = (nothing, nothing) if own is None else (known(own[:, 0]), own[:, -1])
-        left_out = mean_and_p95("left_out", tried)
+        left_out = {name.replace("replay", "left_out"): row[name] for name in row}
     return {
         **row,
         **left_out,
-        "posed_mean_mm": float(posed.mean()) if len(posed) else None,
-        "n_frames": max(len(replay), len(posed)),
+        "posed_mean_mm": float(error_mm.mean()) if len(error_mm) else None,
+        "n_frames": max(len(replay), len(error_mm)),
     }
 
 

@@ -15,8 +15,9 @@ from shukotsu.schemas.parts import numbers_by_name
 from shukotsu.schemas.poses import Poses, RecordingName
 from shukotsu.schemas.study import Hand
 from shukotsu.schemas.tables import Table, read_table, rows_of
+from shukotsu.skeleton.posed_recording import QUATERNION
 from shukotsu.skeleton.rotations import Array, rotate
-from shukotsu.stages.evaluate_skeletons.scored_skeleton import QUATERNION, TIP, Row, Stated
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import TIP, Row, Stated
 
 OTHER_MM = 0.5
 """A recording's own truth says to rounding how far each tip is from its receiver; another's does not."""

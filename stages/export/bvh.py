@@ -26,12 +26,11 @@ from shukotsu.errors import InputError
 from shukotsu.files.whole_files import replacing, write_text
 from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, conjugate, matrix, multiply
-from shukotsu.stages.export.euler_angles import continuous_angles
 from shukotsu.stages.export.file_facts import facts_text
-from shukotsu.stages.export.motion import MOVES_MM, local_motion, require_whole, rest_pose
+from shukotsu.stages.export.gaps import largest_time_error_s
+from shukotsu.stages.export.motion import MOVES_MM, continuous_angles, local_motion, require_whole, rest_pose
 from shukotsu.stages.export.registry import FORMATS
-from shukotsu.stages.export.resampling import largest_time_error_s
-from shukotsu.stages.export.rig_names import ascii_name
+from shukotsu.stages.export.rigging import ascii_name
 
 ANGLE_DECIMALS = 7
 LENGTH_DECIMALS = 7

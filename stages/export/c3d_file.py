@@ -22,7 +22,7 @@ from shukotsu.skeleton.posing import Index, PosedRecording
 from shukotsu.skeleton.rotations import Array, matrix
 from shukotsu.stages.export.file_facts import facts_text
 from shukotsu.stages.export.motion import with_seen_receivers
-from shukotsu.stages.export.rig_names import ascii_name
+from shukotsu.stages.export.rigging import ascii_name
 
 ARM_MM = 20.0
 """From a receiver's origin to the points on its axes."""

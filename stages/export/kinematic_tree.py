@@ -41,9 +41,15 @@ from shukotsu.skeleton.rotations import (
     rotate,
     unit,
 )
-from shukotsu.stages.export.euler_angles import continuous_angles
-from shukotsu.stages.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, carrier, local_motion
-from shukotsu.stages.export.rig_names import plain_names
+from shukotsu.stages.export.motion import (
+    BONE_TO_WEBXR,
+    DISTAL,
+    MOVES_MM,
+    carrier,
+    continuous_angles,
+    local_motion,
+)
+from shukotsu.stages.export.rigging import plain_names
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 STILL_RAD = 1e-7

@@ -83,9 +83,8 @@ def prepared(motion: PosedRecording, settings: Settings, *, holds_gaps: bool, up
     """
     from shukotsu.errors import InputError
     from shukotsu.skeleton.rotations import multiply, rotate
-    from shukotsu.stages.export.gaps import closed
+    from shukotsu.stages.export.gaps import closed, resampled
     from shukotsu.stages.export.motion import stiffened
-    from shukotsu.stages.export.resampling import resampled
     from shukotsu.stages.export.rigging import on_rig
 
     if not (holds_gaps and settings.gaps == "refuse"):

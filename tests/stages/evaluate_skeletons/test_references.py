@@ -7,6 +7,7 @@ import pytest
 
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import RecordingName
+from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Provenance
 from shukotsu.stages.evaluate_skeletons.scores import EvaluatedRecording, true_skeleton_row
 from shukotsu.stages.evaluate_skeletons.truth import read_truth
@@ -24,7 +25,9 @@ def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRe
     write_truth(folder, made, Provenance())
     truth, poses = read_truth(folder, name), made.poses()
     true = truth.digits(poses, {digit.name: digit.tip for digit in LAYOUT.digits.values()})
-    return EvaluatedRecording(name, LAYOUT, poses, true, truth)
+    of_none = ("both", Path(), "", Path(), "", None, "", "")
+    recording = Recording(name.of_hand, "rom", "", *of_none)
+    return EvaluatedRecording(recording, LAYOUT, poses, true, truth)
 
 
 @pytest.mark.parametrize("hand", ["right", "left"])

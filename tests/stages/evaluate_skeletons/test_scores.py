@@ -21,23 +21,23 @@ def true_digit(frame: list[int], tip_mm: list[list[float]]) -> TrueDigit:
 
 def test_a_replay_is_its_own_left_out_error() -> None:
     replayed = np.array([[1.0], [3.0], [NAN]])
-    found = tip_numbers(replayed, replayed)
+    found = tip_numbers(replayed, replayed, fitted=False)
     assert (found["replay_mean_mm"], found["left_out_mean_mm"]) == (2.0, 2.0)
     assert (found["posed_mean_mm"], found["n_frames"]) == (None, 2)
     assert found["replay_p95_mm"] == pytest.approx(2.9)
     nothing = np.array([[NAN]])
-    assert tip_numbers(nothing, nothing) == {"posed_mean_mm": None, "n_frames": 0}
+    assert tip_numbers(nothing, nothing, fitted=False) == {"posed_mean_mm": None, "n_frames": 0}
 
 
 def test_a_whole_hand_has_a_left_out_error_of_its_own() -> None:
     """It is that of the frames tried; where the hand could not be posed the replay does not stand in."""
     replayed = np.array([[1.0], [3.0], [5.0]])
     posed = np.array([[0.5, NAN], [0.5, 4.0], [2.0, NAN]])
-    found = tip_numbers(replayed, posed)
+    found = tip_numbers(replayed, posed, fitted=True)
     assert found["replay_mean_mm"] == 3.0
     assert found["posed_mean_mm"] == 1.0
     assert (found["left_out_mean_mm"], found["left_out_p95_mm"], found["n_frames"]) == (4.0, 4.0, 3)
-    assert "left_out_mean_mm" not in tip_numbers(replayed, None)
+    assert "left_out_mean_mm" not in tip_numbers(replayed, None, fitted=True)
 
 
 def test_truth_is_compared_frame_by_frame() -> None:

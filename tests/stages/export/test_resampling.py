@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from shukotsu.errors import InputError
 from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import about_axis, angle, conjugate, multiply, unit
-from shukotsu.stages.export.resampling import resampled
+from shukotsu.stages.export.gaps import resampled
 
 
 def spinning(time_s: np.ndarray, axis: np.ndarray, speed: float, rate_hz: float) -> PosedRecording:

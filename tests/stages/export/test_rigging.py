@@ -9,8 +9,7 @@ from export_samples.known_hands import FITTED, REPLAYED, KnownHand
 from shukotsu.errors import InputError
 from shukotsu.skeleton.rotations import rotate
 from shukotsu.stages.export.motion import local_motion, rest_pose
-from shukotsu.stages.export.rig_names import RIGS
-from shukotsu.stages.export.rigging import folded, on_rig
+from shukotsu.stages.export.rigging import RIGS, folded, on_rig
 
 COUNTS = {"webxr": 25, "vrm": 21, "unity": 21, "unreal": 25, "mixamo": 21}
 LACKING = ["index_cmc", "middle_cmc", "ring_cmc", "little_cmc"]
