@@ -159,7 +159,7 @@ rule capture:  # section 2: a recording -> its poses
 
 rule check_recordings:  # not in the paper: what was declared, against what the poses say
     input:
-        study.poses,
+        poses=study.poses,
         plan=ancient(f"{subject}/plan.json"),
     output:
         f"{subject}/findings.parquet",
@@ -173,14 +173,14 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
     message:
         "check_recordings: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.stages.check_recordings --record-failure --plan {{input.plan:q}} --inputs {{input:q}} --out {{output:q}}"
+        f"{run} shukotsu.stages.check_recordings --record-failure --plan {{input.plan:q}} --poses {{input.poses:q}} --out {{output:q}}"
         " > /dev/null 2> {log:q}"
 
 
 rule align_events:  # not in the paper: notes, markers and pulses, on each recording's own clock
     input:
-        study.poses,
-        ancient(study.event_files),
+        poses=study.poses,
+        event_files=ancient(study.event_files),
         plan=ancient(f"{subject}/plan.json"),
     output:
         events=f"{subject}/events.parquet",
@@ -196,13 +196,13 @@ rule align_events:  # not in the paper: notes, markers and pulses, on each recor
     message:
         "align_events: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.stages.align_events --record-failure --plan {{input.plan:q}} --inputs {{input:q}} --out {{output.events:q}}"
+        f"{run} shukotsu.stages.align_events --record-failure --plan {{input.plan:q}} --poses {{input.poses:q}} --out {{output.events:q}}"
         " --out-clocks {output.clocks:q} 2> {log:q}"
 
 
 rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     input:
-        study.poses,
+        poses=study.poses,
         plan=ancient(f"{subject}/plan.json"),
         findings=f"{subject}/findings.parquet",
     output:
@@ -217,14 +217,15 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     message:
         "solve_joints: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.stages.solve_joints --record-failure --plan {{input.plan:q}} --inputs {{input:q}} --out {{output:q}} 2> {{log:q}}"
+        f"{run} shukotsu.stages.solve_joints --record-failure --plan {{input.plan:q}} --poses {{input.poses:q}}"
+        " --findings {input.findings:q} --out {output:q} 2> {log:q}"
 
 
 rule project_planes:  # end of section 4: the plane that cuts each axis; manual corrections
     input:
         plan=ancient(f"{subject}/plan.json"),
         findings=f"{subject}/findings.parquet",
-        joints=f"{subject}/joint_solutions.parquet",
+        joint_solutions=f"{subject}/joint_solutions.parquet",
     output:
         f"{subject}/projected_joints.parquet",
     log:
@@ -235,13 +236,13 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
     message:
         "project_planes: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.stages.project_planes --record-failure --plan {{input.plan:q}} --inputs {{input:q}}"
-        " --joints {input.joints:q} --out {output:q} 2> {log:q}"
+        f"{run} shukotsu.stages.project_planes --record-failure --plan {{input.plan:q}} --findings {{input.findings:q}}"
+        " --joint-solutions {input.joint_solutions:q} --out {output:q} 2> {log:q}"
 
 
 rule fit_hand:  # not in the paper: a whole hand at once, and its recordings posed with it
     input:
-        study.poses_of_fit,
+        poses=study.poses_of_fit,
         plan=ancient(f"{subject}/plan.json"),
         findings=f"{subject}/findings.parquet",
     output:
@@ -258,17 +259,17 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
     message:
         "fit_hand: subject {wildcards.subject}, {wildcards.hand} hand, model {wildcards.model}"
     shell:
-        f"{run} shukotsu.stages.fit_hand --record-failure --plan {{input.plan:q}} --inputs {{input:q}} --hand {{wildcards.hand}}"
-        " --model {params.model:q} {params.out:q} 2> {log:q}"
+        f"{run} shukotsu.stages.fit_hand --record-failure --plan {{input.plan:q}} --poses {{input.poses:q}} --findings {{input.findings:q}}"
+        " --hand {wildcards.hand} --model {params.model:q} {params.out:q} 2> {log:q}"
 
 
 rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, metacarpal postures
     input:
-        study.poses,
-        study.fits,
+        poses=study.poses,
+        **study.fits("fitted_joints", "fitted_bones", "bone_poses"),
         plan=ancient(f"{subject}/plan.json"),
         findings=f"{subject}/findings.parquet",
-        joints=f"{subject}/projected_joints.parquet",
+        projected_joints=f"{subject}/projected_joints.parquet",
     output:
         joints=f"{subject}/joint_centres.parquet",
         bones=f"{subject}/bone_lengths.parquet",
@@ -283,18 +284,19 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
     message:
         "estimate_metacarpals: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.stages.estimate_metacarpals --record-failure --plan {{input.plan:q}} --inputs {{input:q}}"
-        " --joints {input.joints:q} --out-joints {output.joints:q} --out-bones {output.bones:q}"
+        f"{run} shukotsu.stages.estimate_metacarpals --record-failure --plan {{input.plan:q}} --poses {{input.poses:q}}"
+        " --findings {input.findings:q} --projected-joints {input.projected_joints:q} --fitted-joints {input.fitted_joints:q} --fitted-bones {input.fitted_bones:q} --bone-poses {input.bone_poses:q}"
+        " --out-joints {output.joints:q} --out-bones {output.bones:q}"
         " --out {output.metacarpals:q} 2> {log:q}"
 
 
 rule evaluate_tips:  # section 6: replay and tip errors
     input:
-        study.poses,
+        poses=study.poses,
         plan=ancient(f"{subject}/plan.json"),
         findings=f"{subject}/findings.parquet",
-        joints=f"{subject}/joint_centres.parquet",
-        bones=f"{subject}/bone_lengths.parquet",
+        joint_centres=f"{subject}/joint_centres.parquet",
+        bone_lengths=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
     output:
         tips=f"{subject}/tips.parquet",
@@ -309,24 +311,24 @@ rule evaluate_tips:  # section 6: replay and tip errors
     message:
         "evaluate_tips: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.stages.evaluate_tips --record-failure --plan {{input.plan:q}} --inputs {{input:q}} --joints {{input.joints:q}}"
-        " --bones {input.bones:q} --metacarpals {input.metacarpals:q} --out {output.tips:q}"
+        f"{run} shukotsu.stages.evaluate_tips --record-failure --plan {{input.plan:q}} --poses {{input.poses:q}}"
+        " --findings {input.findings:q} --joint-centres {input.joint_centres:q} --bone-lengths {input.bone_lengths:q} --metacarpals {input.metacarpals:q}"
+        " --out {output.tips:q}"
         " --out-errors {output.errors:q} 2> {log:q}"
 
 
 rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that they have not seen
     input:
-        study.poses,
-        study.fits,
-        study.truth,
-        study.references,
+        poses=study.poses,
+        truth=study.truth,
+        **study.fits("posed_tips", "bone_poses", "fitted_joints", "fitted_bones", references=True),
         plan=ancient(f"{subject}/plan.json"),
         findings=f"{subject}/findings.parquet",
-        joints=f"{subject}/joint_centres.parquet",
-        bones=f"{subject}/bone_lengths.parquet",
+        joint_centres=f"{subject}/joint_centres.parquet",
+        bone_lengths=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
         tips=f"{subject}/tips.parquet",
-        errors=f"{subject}/tip_errors.parquet",
+        tip_errors=f"{subject}/tip_errors.parquet",
     output:
         scores=f"{subject}/skeleton_scores.parquet",
         errors=f"{subject}/joint_errors.parquet",
@@ -340,18 +342,20 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
     message:
         "evaluate_skeletons: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.stages.evaluate_skeletons --record-failure --plan {{input.plan:q}} --inputs {{input:q}}"
+        f"{run} shukotsu.stages.evaluate_skeletons --record-failure --plan {{input.plan:q}} --poses {{input.poses:q}}"
+        " --findings {input.findings:q} --joint-centres {input.joint_centres:q} --bone-lengths {input.bone_lengths:q} --metacarpals {input.metacarpals:q}"
+        " --tips {input.tips:q} --tip-errors {input.tip_errors:q} --posed-tips {input.posed_tips:q} --bone-poses {input.bone_poses:q} --fitted-joints {input.fitted_joints:q} --fitted-bones {input.fitted_bones:q}"
         " --out {output.scores:q} --out-joints {output.errors:q} 2> {log:q}"
 
 
 rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the fingertips, strokes at events
     input:
-        study.poses,
-        study.fits,
+        poses=study.poses,
+        **study.fits("joint_angles", "posed_tips", "bone_poses", "moved_receivers"),
         plan=ancient(f"{subject}/plan.json"),
         findings=f"{subject}/findings.parquet",
-        joints=f"{subject}/joint_centres.parquet",
-        bones=f"{subject}/bone_lengths.parquet",
+        joint_centres=f"{subject}/joint_centres.parquet",
+        bone_lengths=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
         events=f"{subject}/events.parquet",
         clocks=f"{subject}/clocks.parquet",
@@ -368,7 +372,9 @@ rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the 
     message:
         "measure_movement: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.stages.measure_movement --record-failure --plan {{input.plan:q}} --inputs {{input:q}}"
+        f"{run} shukotsu.stages.measure_movement --record-failure --plan {{input.plan:q}} --poses {{input.poses:q}}"
+        " --findings {input.findings:q} --joint-centres {input.joint_centres:q} --bone-lengths {input.bone_lengths:q} --metacarpals {input.metacarpals:q}"
+        " --joint-angles {input.joint_angles:q} --posed-tips {input.posed_tips:q} --bone-poses {input.bone_poses:q} --moved-receivers {input.moved_receivers:q}"
         " --events {input.events:q} --clocks {input.clocks:q} {params.out:q} 2> {log:q}"
 
 
@@ -432,12 +438,12 @@ rule compare_movement:  # not in the paper: how subjects, sessions and tasks dif
 
 rule export:  # skeletons and their motion for other programs
     input:
-        study.poses,
-        study.fits,
+        poses=study.poses,
+        **study.fits("joint_angles", "posed_tips", "bone_poses", "moved_receivers"),
         plan=ancient(f"{subject}/plan.json"),
         findings=f"{subject}/findings.parquet",
-        joints=f"{subject}/joint_centres.parquet",
-        bones=f"{subject}/bone_lengths.parquet",
+        joint_centres=f"{subject}/joint_centres.parquet",
+        bone_lengths=f"{subject}/bone_lengths.parquet",
         metacarpals=f"{subject}/metacarpals.parquet",
     output:
         directory(f"{subject}/exports"),
@@ -453,7 +459,9 @@ rule export:  # skeletons and their motion for other programs
     message:
         "export: subject {wildcards.subject}"
     shell:
-        f"{run} shukotsu.stages.export --record-failure --plan {{input.plan:q}} --inputs {{input:q}} --formats {{params.formats}}"
+        f"{run} shukotsu.stages.export --record-failure --plan {{input.plan:q}} --poses {{input.poses:q}}"
+        " --findings {input.findings:q} --joint-centres {input.joint_centres:q} --bone-lengths {input.bone_lengths:q} --metacarpals {input.metacarpals:q}"
+        " --joint-angles {input.joint_angles:q} --posed-tips {input.posed_tips:q} --bone-poses {input.bone_poses:q} --moved-receivers {input.moved_receivers:q} --formats {params.formats}"
         " {params.options} --out {output:q} > /dev/null 2> {log:q}"
 
 
@@ -543,7 +551,7 @@ rule report:  # it names the pages that could not be made
 rule subject_pages:  # the report's pages of a subject and of each of its recordings
     input:
         study.poses,
-        study.fits,
+        study.fit_tables,
         study.subject_tables,
         plan=ancient(f"{subject}/plan.json"),
     output:

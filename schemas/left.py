@@ -79,6 +79,11 @@ LEFT = {
     ("option", "emulate --message"): _PLUS,
     ("option", "emulate --device"): "the emulator is a LIBERTY",
     ("option", "emulate --ports"): "give --stations",
+    ("option", "stage project_planes --joints"): "give --joint-solutions",
+    ("option", "stage estimate_metacarpals --joints"): "give --projected-joints",
+    ("option", "stage estimate_metacarpals --fit"): "give --fitted-joints, --fitted-bones and --bone-poses",
+    ("option", "stage evaluate_tips --joints"): "give --joint-centres",
+    ("option", "stage evaluate_tips --bones"): "give --bone-lengths",
     **{
         ("option", f"emulate --{option}"): "leave it out; the emulator has no faults"
         for option in _EMULATED_FAULTS

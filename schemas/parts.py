@@ -121,17 +121,20 @@ def part_metadata(path: Path, table: Table) -> dict[Part, dict[str, Any]]:
         return _parts_of(file.file, path)
 
 
+def parts_in(path: Path) -> list[Part]:
+    """Return the parts of any subject table; none where it is no such table, or not there."""
+    if not path.is_file():
+        return []
+    with open_parquet(path, "a subject table") as file:
+        return list(_parts_of(file, path)) if PARTS_KEY.encode() in (file.metadata.metadata or {}) else []
+
+
 def check_subject(path: Path, subject: str, session: str = "") -> None:
     """Raise TableError where a subject table is of other subjects, or sessions, only.
 
     What is no subject table, or not there, is left to the reader, which knows what it expects.
     """
-    if not path.is_file():
-        return
-    with open_parquet(path, "a subject table") as file:
-        if PARTS_KEY.encode() not in (file.metadata.metadata or {}):
-            return
-        subjects = sorted({(part.subject, part.session) for part in _parts_of(file, path)})
+    subjects = sorted({(part.subject, part.session) for part in parts_in(path)})
     if subjects and (subject, session) not in subjects:
         names = listed([SubjectSession(*who).label for who in subjects])
         raise TableError(

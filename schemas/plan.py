@@ -16,14 +16,14 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from shukotsu.errors import InputError
-from shukotsu.files.text_files import read_text, reading
+from shukotsu.errors import InputError, TableError
+from shukotsu.files.text_files import read_text
 from shukotsu.schemas.catalogue import FINDINGS
 from shukotsu.schemas.config_files import CONFIG_FOLDER, REFERENCE, config_path, read_config
 from shukotsu.schemas.findings import REFUSED, SUSPECT
 from shukotsu.schemas.layout import Layout, layout_from_config
 from shukotsu.schemas.model import SkeletonModel, model_from_config
-from shukotsu.schemas.parts import Part
+from shukotsu.schemas.parts import Part, parts_in
 from shukotsu.schemas.poses import one_hand, recording_name
 from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
@@ -43,9 +43,9 @@ class SubjectPlan:
     where the truth is. is_study : whether the recordings' roles say what calibrates a model and which tasks
     are left out in turn; else every recording is used as a command line names it. refused : the sentence of
     each recording that a finding refuses; such a one is excluded. suspect : those that a finding suspects.
-    session : where the recordings sheet names any. inputs : files that its poses and tables are read from
-    where a command line names them; else they are in its folder. factors : the subject's levels, by the
-    participants sheet.
+    session : where the recordings sheet names any. named : tables that a command line names, by name, hand
+    and model, these two empty but for a fit's; None where all are read from the subject's folder. factors :
+    the subject's levels, by the participants sheet.
     """
 
     study: str
@@ -68,7 +68,7 @@ class SubjectPlan:
     suspect: tuple[Recording, ...] = ()
     session: str = ""
     factors: Mapping[str, str] = field(default_factory=dict)
-    inputs: tuple[Path, ...] | None = None
+    named: Mapping[tuple[str, str, str], Path] | None = None
 
     @property
     def who(self) -> SubjectSession:
@@ -85,40 +85,44 @@ class SubjectPlan:
         return tuple(self.layouts)
 
     def poses(self, recording: Recording) -> Path:
-        """A recording's poses table."""
-        path = self.poses_files[recording]
-        return path if recording.exclude else self._input(path)  # one that is excluded is not read
+        """Return a recording's poses table. Raises InputError where a command line names others alone."""
+        if recording not in self.poses_files:
+            raise InputError(
+                f"--poses: lacks those of {recording.hand}, {recording.name}; name their file there"
+            )
+        return self.poses_files[recording]
 
-    def table(self, name: str) -> Path:
-        """A table of the subject, of both hands and all models."""
-        return self._input(self.folder / f"{name}.parquet")
+    def table(self, name: str, hand: str = "", model: str = "") -> Path:
+        """Return the file of a table; of a fit of the whole hand that of a hand under a model.
+
+        Raises InputError where a command line names the tables to read, and not this one.
+        """
+        is_of_fit = name in FIT_TABLES
+        if self.named is None:
+            return (self.fits(hand, model) if is_of_fit else self.folder) / f"{name}.parquet"
+        key = (name, hand, model) if is_of_fit else (name, "", "")
+        if key not in self.named:
+            whose = f"of the {hand} hand under model {model} " if is_of_fit else ""
+            raise InputError(f"{option_of(name)}: no table {whose}is given; name its file there")
+        return self.named[key]
 
     def fits(self, hand: str, model: str) -> Path:
-        """Folder of the tables that a fit of the whole hand writes."""
+        """Return the folder of the tables that a fit of the whole hand writes."""
         return self.folder / "fits" / hand / path_token(model)
 
     def fit_table(self, hand: str, model: str, name: str) -> Path:
-        """A table of a hand under a model that fits the whole hand."""
-        return self._input(self.fits(hand, model) / f"{name}.parquet")
-
-    def _given(self, path: Path) -> Path | None:
-        """Return the input at a path's place in a folder of the subject's; None where none is."""
-        if self.inputs is None or not path.is_relative_to(self.folder):
-            return path
-        place = (self.folder.name, *path.relative_to(self.folder).parts)
-        return next((own for own in self.inputs if own.parts[-len(place) :] == place), None)
-
-    def _input(self, path: Path) -> Path:
-        given = self._given(path)
-        if given is None:
-            raise InputError(f"{path}: is not among the files of --inputs; name it there, or leave that out")
-        return given
+        """Return a table of a hand under a model that fits the whole hand."""
+        return self.table(name, hand, model)
 
     def files_of(self, name: str) -> list[Path]:
         """Files of a table: one; of a fit of the whole hand one for every hand and fitted model."""
         if name in FIT_TABLES:
-            return [self.fit_table(hand, model, name) for hand in self.hands for model in self.fitted_models]
+            return [self.table(name, *fit) for fit in self.fits_of_hands()]
         return [self.table(name)]
+
+    def fits_of_hands(self) -> list[tuple[str, str]]:
+        """Return every hand with each model that fits it whole."""
+        return [(hand, model) for hand in self.hands for model in self.fitted_models]
 
     def truth(self, recording: Recording) -> Path | None:
         """Folder of the truth beside a simulated recording; None for any other."""
@@ -160,15 +164,41 @@ class SubjectPlan:
         tasks = dict.fromkeys(recording.task for recording in self.evaluated(hand))
         return [task for task in tasks if task in used and self.calibrating(hand, model, task)]
 
-    def with_findings(self) -> SubjectPlan:
-        """The plan with what the subject's findings table, if there is one, refuses and suspects."""
-        path = self._given(self.folder / f"{FINDINGS.name}.parquet")
-        if path is None:
-            return self
-        with reading(path, "a findings table"):
-            if not path.is_file():
-                return self
-        rows = list(rows_of(read_table(path, FINDINGS)))
+    def naming(self, poses: Sequence[Path], tables: Mapping[str, Sequence[Path]]) -> SubjectPlan:
+        """Return the plan with the poses and tables that a command line names, known by what is in them.
+
+        poses : none where they are read from where the plan says. tables : by name. Raises InputError where
+        two files are of the same, TableError where poses are of no recording of the plan.
+        """
+        named: dict[tuple[str, str, str], Path] = {}
+        for name, paths in tables.items():
+            for path in paths:
+                fits = (
+                    {(part.hand, part.model) for part in parts_in(path)} if name in FIT_TABLES else {("", "")}
+                )
+                for key in ((name, *fit) for fit in fits):
+                    if named.setdefault(key, path) != path:
+                        raise InputError(
+                            f"{option_of(name)}: {path}: is of the same as {named[key]}; name one of them"
+                        )
+        files: dict[Recording, Path] = {}
+        recordings = {(own.hand, own.task, own.trial): own for own in self.recordings}
+        for path in poses:
+            name_in_file = recording_name(path)
+            recording = recordings.get((name_in_file.of_hand, name_in_file.task, name_in_file.trial))
+            if recording is None or recording in files:
+                raise TableError(
+                    f"{path}: is of {name_in_file}, "
+                    + ("which the plan lacks" if recording is None else f"as {files[recording]} is")
+                    + "; remove it and run the study again"
+                )
+            files[recording] = path
+        excluded = {own: path for own, path in self.poses_files.items() if own.exclude}
+        return replace(self, named=named, poses_files={**excluded, **files} if poses else self.poses_files)
+
+    def checked(self, findings: Path) -> SubjectPlan:
+        """Return the plan with what the subject's findings table refuses and suspects."""
+        rows = list(rows_of(read_table(findings, FINDINGS)))
         reasons, suspicions = (
             {
                 (row["hand"], row["task"], row["trial"]): row["message"]
@@ -409,12 +439,13 @@ def plan_digest(*contents: Any) -> str:
     return hashlib.sha256(json.dumps(contents, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def read_plan(path: Path, inputs: Sequence[Path] | None = None, *, checked: bool = True) -> SubjectPlan:
-    """Read a subject's plan. Raises InputError where the file is absent or is no plan of this version.
+def option_of(name: str) -> str:
+    """Return the option that names a table on a command line."""
+    return f"--{name.replace('_', '-')}"
 
-    inputs : the files of the subject that may be read; unless given, all in its folder. checked : leave out
-    the recordings that its findings refuse, as all stages do that come after.
-    """
+
+def read_plan(path: Path) -> SubjectPlan:
+    """Read a subject's plan. Raises InputError where the file is absent or is no plan of this version."""
     try:
         remedy = "run the study to write the subject's plan"
         content = json.loads(read_text(path, "a subject's plan", remedy=remedy))
@@ -427,11 +458,16 @@ def read_plan(path: Path, inputs: Sequence[Path] | None = None, *, checked: bool
             f"{path}: not a subject's plan of version {VERSION}; remove it and run the study again"
         )
     try:
-        plan = plan_from_content(content, str(path))
+        return plan_from_content(content, str(path))
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
         raise InputError(f"{path}: a damaged plan; remove it and run the study again") from error
-    plan = plan if inputs is None else replace(plan, inputs=tuple(inputs))
-    return plan.with_findings() if checked else plan
+
+
+def plan_of_results(path: Path) -> SubjectPlan:
+    """Read a subject's plan beside its results, with what its findings there refuse and suspect."""
+    plan = read_plan(path)
+    findings = plan.table(FINDINGS.name)
+    return plan.checked(findings) if findings.is_file() else plan
 
 
 def plan_from_content(content: Mapping[str, Any], where: str) -> SubjectPlan:

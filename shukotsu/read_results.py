@@ -134,11 +134,13 @@ def _series(joint: str, angles_deg: Angles) -> Array:
 
 def _plan_in_place(path: Path) -> SubjectPlan:
     """Return a subject's plan with its paths where the results are now, whatever folder Python runs in."""
-    plan, folder = read_plan(path, checked=False), path.parent
+    plan, folder = read_plan(path), path.parent
+    findings = folder / "findings.parquet"
     files = {
         recording: folder / file.relative_to(plan.folder) for recording, file in plan.poses_files.items()
     }
-    return replace(plan, folder=folder, poses_files=files).with_findings()
+    plan = replace(plan, folder=folder, poses_files=files)
+    return plan.checked(findings) if findings.is_file() else plan
 
 
 def _recording(plan: SubjectPlan, hand: str, task: str, trial: str) -> Recording:

@@ -56,6 +56,12 @@ def parser(
     return built
 
 
+def add_outputs(parser: argparse.ArgumentParser, **outputs: str) -> None:
+    """Add a required option for each file or folder to write: its argument's name and its help."""
+    for name, help_text in outputs.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", type=Path, required=True, help=help_text)
+
+
 def _path(text: str) -> Path:
     """Return an argument as a path; an empty one, as of a shell's variable that is not set, is no folder."""
     if not text:
@@ -255,6 +261,9 @@ def begin() -> None:
 
 
 def dispatched(module: str, argv: Sequence[str]) -> int:
-    """Hand over to the `main` of a module."""
-    status: int = importlib.import_module(module).main(argv)
+    """Hand over to the `main` of a module, or of a package's command line."""
+    loaded = importlib.import_module(module)
+    if hasattr(loaded, "__path__"):
+        loaded = importlib.import_module(f"{module}.__main__")
+    status: int = loaded.main(argv)
     return status

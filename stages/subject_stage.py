@@ -1,10 +1,10 @@
-"""The stages of a subject share options that name a plan or a hand alone, failures and provenance."""
+"""The stages of a subject share options that name a plan or a hand alone, tables, failures and provenance."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,30 +15,65 @@ from shukotsu.stages import command_line
 if TYPE_CHECKING:
     from shukotsu.schemas.parts import Part, PartsWriter
     from shukotsu.schemas.plan import SubjectPlan
-    from shukotsu.schemas.tables import Provenance, Table
+    from shukotsu.schemas.tables import Provenance
+
+Writes = Mapping[str, str | Sequence[str]]
+"""By the name of an output's argument the table in that file, or those in that folder."""
+
+_TABLES = {
+    "findings": "what check_recordings refuses and suspects (default: nothing)",
+    "joint_solutions": "joints as solve_joints wrote them",
+    "projected_joints": "joints as project_planes wrote them",
+    "joint_centres": "joints with the wrist point, as estimate_metacarpals wrote them",
+    "bone_lengths": "bones of the same skeletons",
+    "metacarpals": "metacarpals of the same skeletons",
+    "tips": "tips as evaluate_tips wrote them",
+    "tip_errors": "tip errors as evaluate_tips wrote them",
+    "events": "events as align_events wrote them (default: none)",
+    "clocks": "clocks as align_events wrote them (default: all are trusted)",
+}
+"""Help of the options that name a subject's tables; every other one is a fit's, a file a hand and model."""
+
+_SIZES = {
+    "hand_length_mm": "wrist crease to the middle finger's tip (default: not measured)",
+    "hand_breadth_mm": "across the knuckles of digits 2 to 5 (default: not measured)",
+}
+"""Help of the sizes of a hand."""
+
+_CALIBRATION, _EVALUATED = (
+    "poses files that the joints are solved from",
+    "poses files to evaluate the hand in",
+)
 
 
 def add_plan_options(
     parser: argparse.ArgumentParser,
-    *,
+    *tables: str,
     calibration: str = "",
     evaluated: str = "",
     sizes: Sequence[str] = (),
     sheets: Sequence[str] = (),
 ) -> None:
-    """Add the options that say which hands a stage works on; `plan_of` reads them.
+    """Add the options that say which hands a stage works on and name its tables; `plan_of` reads them.
 
-    A study gives --plan. A hand alone is given by poses files, a layout and a model: calibration, evaluated
-    are names of the options for files, such as --poses, sizes and sheets of those that the stage uses.
+    tables : the subject's tables that the stage reads. A study gives --plan and all poses. A hand alone is
+    poses files, a layout and a model: calibration, evaluated are names of the options for files, such as
+    --poses, sizes and sheets of those that the stage uses.
     """
-    add_plan(parser, "the subject's plan, in place of the options of a hand alone")
-    alone = parser.add_argument_group("a hand alone")
+    parser.add_argument(
+        "--plan", type=Path, help="the subject's plan, in place of the options of a hand alone"
+    )
     for dest, option, help_text in (
-        ("calibration", calibration, "poses files that the joints are solved from"),
-        ("evaluated", evaluated, "poses files to evaluate the hand in"),
+        ("calibration", calibration, _CALIBRATION),
+        ("evaluated", evaluated, _EVALUATED),
     ):
+        more = (
+            "; with --plan all of the subject's (default: those that it names)" if option == "--poses" else ""
+        )
         if option:
-            alone.add_argument(option, dest=dest, type=Path, nargs="*", default=[], help=help_text)
+            parser.add_argument(option, dest=dest, type=Path, nargs="*", default=[], help=help_text + more)
+    add_tables(parser, *tables)
+    alone = parser.add_argument_group("a hand alone")
     alone.add_argument("--layout", help="a layout that ships, or a path")
     alone.add_argument("--model", help="a skeleton model that ships, or a path")
     alone.add_argument("--subject", help="whose hand (default: as the poses say)")
@@ -50,73 +85,77 @@ def add_plan_options(
         alone.add_argument(f"--{name}", type=Path, help=f"sheet of {name}")
 
 
-def add_plan(parser: argparse.ArgumentParser, help_text: str, **options: Any) -> None:
-    """Add the options that name the subject's plan, and the files that are read of what is in its folder.
-
-    options : of argparse, for the first one.
-    """
-    parser.add_argument("--plan", type=Path, help=help_text, **options)
-    parser.add_argument(
-        "--inputs",
-        type=Path,
-        nargs="*",
-        metavar="FILE",
-        help="with --plan: poses and tables of the subject to read, and no others (default: all that lie "
-        "where the plan says)",
-    )
-
-
-_SIZES = {
-    "hand_length_mm": "wrist crease to the middle finger's tip (default: not measured)",
-    "hand_breadth_mm": "across the knuckles of digits 2 to 5 (default: not measured)",
-}
-"""Help of the sizes of a hand."""
+def add_tables(parser: argparse.ArgumentParser, *tables: str) -> None:
+    """Add an option for each of these tables of a subject."""
+    parser.set_defaults(tables=tables)
+    for name in tables:
+        is_of_fit = name not in _TABLES
+        parser.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=Path,
+            nargs="*" if is_of_fit else 1,
+            default=[],
+            metavar="FILE",
+            help=f"{name} of every fit_hand, in any order" if is_of_fit else _TABLES[name],
+        )
 
 
-def plan_of(arguments: argparse.Namespace, joints: tuple[Path, Table] | None = None) -> SubjectPlan:
+def plan_of(arguments: argparse.Namespace) -> SubjectPlan:
     """Read the plan that the options of `add_plan_options` name, or make one of a hand alone.
 
-    joints : a subject table, and which one it is to be, that says whose hand it is where no poses file does.
-    Raises InputError where neither is given, where a size is none that a hand has, and as reading does.
+    It reads the tables that the options name. Raises InputError where neither is given, where a size is none
+    that a hand has, and as reading does.
     """
+    from shukotsu.schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
     from shukotsu.schemas.layout import read_layout
     from shukotsu.schemas.model import read_model
     from shukotsu.schemas.parts import one_hand_of
     from shukotsu.schemas.plan import plan_of_poses, read_plan
     from shukotsu.schemas.sheets import HAND_SHEETS
 
-    given: dict[str, Any] = vars(arguments)
+    options: dict[str, Any] = vars(arguments)
+    tables = {name: options[name] for name in arguments.tables if name != "findings"}
+    calibration, evaluated = options.get("calibration", []), options.get("evaluated", [])
     if arguments.plan is not None:
-        return read_plan(arguments.plan, arguments.inputs)
-    if arguments.layout is None:
+        plan = read_plan(arguments.plan).naming([*calibration, *evaluated], tables)
+    elif arguments.layout is None:
         raise InputError("--plan or --layout: give the subject's plan, or the poses and the layout of a hand")
-    for name, (least, largest) in HAND_SIZES_MM.items():
-        value = given.get(name)
-        if value is not None and not least < value < largest:
-            option = f"--{name.replace('_', '-')}"
-            raise InputError(f"{option}: is {value:g}; expected millimetres, {least:g} to {largest:g}")
-    whose = {name: given[name] for name in ("subject", "session", "hand")}
-    if joints is not None and not given.get("calibration") and not given.get("evaluated"):
-        whose = vars(one_hand_of(*joints, **whose))
-    return plan_of_poses(
-        given.get("calibration", []),
-        given.get("evaluated", []),
-        read_layout(arguments.layout),
-        [] if arguments.model is None else [read_model(arguments.model)],
-        **whose,
-        sizes_mm={name: given.get(name) for name in _SIZES},
-        sheets={name: given.get(name) for name in HAND_SHEETS},
-    )
+    else:
+        for name, (least, largest) in HAND_SIZES_MM.items():
+            value = options.get(name)
+            if value is not None and not least < value < largest:
+                option = f"--{name.replace('_', '-')}"
+                raise InputError(f"{option}: is {value:g}; expected millimetres, {least:g} to {largest:g}")
+        whose = {name: options[name] for name in ("subject", "session", "hand")}
+        if not calibration and not evaluated and (joints := next(filter(None, tables.values()), None)):
+            table = JOINT_SOLUTIONS if options.get("joint_solutions") else JOINT_CENTRES
+            whose = vars(one_hand_of(joints[0], table, **whose))
+        plan = plan_of_poses(
+            calibration,
+            evaluated,
+            read_layout(arguments.layout),
+            [] if arguments.model is None else [read_model(arguments.model)],
+            **whose,
+            sizes_mm={name: options.get(name) for name in _SIZES},
+            sheets={name: options.get(name) for name in HAND_SHEETS},
+        ).naming([], tables)
+    return plan.checked(*options["findings"]) if options.get("findings") else plan
+
+
+def hands_of(arguments: argparse.Namespace, _: str = "") -> list[Part]:
+    """Return the parts of a table that has one for each of a subject's hands."""
+    plan = plan_of(arguments)
+    return [plan.part(hand) for hand in plan.hands]
 
 
 def config_files(arguments: argparse.Namespace) -> list[Path]:
     """Return the files that say how a hand is worked on: the plan, or those behind --layout and --model."""
     from shukotsu.schemas.config_files import config_path
 
-    given = vars(arguments)
-    if given.get("plan") is not None:
+    options = vars(arguments)
+    if options.get("plan") is not None:
         return [arguments.plan]
-    names = {kind: given[kind] for kind in ("layout", "model") if given[kind] is not None}
+    names = {kind: options[kind] for kind in ("layout", "model") if options[kind] is not None}
     return [config_path(name, kind, Path()) for kind, name in names.items()]
 
 
@@ -171,13 +210,63 @@ def check_made_together(*tables: Path) -> None:
     from shukotsu.schemas.tables import read_metadata
 
     inputs = {path: {entry["sha256"] for entry in read_metadata(path)["inputs"]} for path in tables}
-    known = [(path, digests) for path, digests in inputs.items() if digests]
-    for path, digests in known[1:]:
-        if digests != known[0][1]:
+    digests_of = [(path, digests) for path, digests in inputs.items() if digests]
+    for path, digests in digests_of[1:]:
+        if digests != digests_of[0][1]:
             raise TableError(
-                f"{path}: was not made from the same files as {known[0][0]}; expected tables of one hand, "
-                "made together"
+                f"{path}: was not made from the same files as {digests_of[0][0]}; expected tables of one "
+                "hand, made together"
             )
+
+
+@contextmanager
+def writing(
+    arguments: argparse.Namespace, writes: Writes, provenance: Provenance
+) -> Iterator[dict[str, PartsWriter]]:
+    """Open the tables that a stage writes, by their names, for their parts to be written."""
+    from shukotsu.schemas.catalogue import TABLES
+    from shukotsu.schemas.parts import parts_writer
+
+    files: dict[str, Path] = {}
+    for argument, names in writes.items():
+        path: Path = getattr(arguments, argument)
+        files |= {names: path} if isinstance(names, str) else {n: path / f"{n}.parquet" for n in names}
+    forms = TABLES | {
+        "projected_joints": TABLES["joint_centres"],
+        "fitted_joints": TABLES["joint_centres"],
+        "fitted_bones": TABLES["bone_lengths"],
+    }
+    with ExitStack() as stack:
+        yield {
+            name: stack.enter_context(parts_writer(path, forms[name], provenance))
+            for name, path in files.items()
+        }
+
+
+def run(
+    build_parser: Callable[[], argparse.ArgumentParser],
+    argv: Sequence[str] | None,
+    work: Callable[[argparse.Namespace], None],
+    writes: Writes,
+    parts: Callable[[argparse.Namespace, str], Iterable[Part]] = lambda arguments, _: plan_of(
+        arguments
+    ).parts(),
+) -> int:
+    """Run a stage that writes tables in parts; return its exit code.
+
+    With --record-failure a bug outside of all parts is written as the reason why each of them cannot be had.
+    parts : of a table, by its name; by default every skeleton of the plan.
+    """
+
+    def record_bug(arguments: argparse.Namespace, message: str) -> None:
+        from shukotsu.schemas.tables import Provenance
+
+        with writing(arguments, writes, Provenance()) as tables:
+            for name, table in tables.items():
+                for part in parts(arguments, name):
+                    table.failure(part, message)
+
+    return command_line.run(build_parser, argv, work, record_bug=record_bug)
 
 
 @contextmanager
@@ -192,15 +281,3 @@ def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsW
     for message in messages:
         for table in tables:
             table.failure(part, message)
-
-
-def record_failed_parts(message: str, tables: Mapping[Path, Table], parts: Iterable[Part]) -> None:
-    """Write tables of which no part can be had, and why: of a stage that a bug ended outside of its parts."""
-    from shukotsu.schemas.parts import parts_writer
-    from shukotsu.schemas.tables import Provenance
-
-    failed = list(parts)
-    for path, table in tables.items():
-        with parts_writer(path, table, Provenance()) as writer:
-            for part in failed:
-                writer.failure(part, message)

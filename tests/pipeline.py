@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import stage_runs
+
 from shukotsu.__main__ import main as capture
 from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.parts import open_parts
+from shukotsu.schemas.plan import option_of
 from shukotsu.schemas.tables import Table, read_table, rows_of
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.estimate_metacarpals.__main__ import main as estimate_metacarpals
-from shukotsu.stages.evaluate_tips.__main__ import main as evaluate_tips
-from shukotsu.stages.project_planes.__main__ import main as project_planes
-from shukotsu.stages.solve_joints.__main__ import main as solve_joints
 
 Row = dict[str, Any]
 
@@ -76,16 +75,16 @@ def run_stages(
     common : arguments of every stage; solve, project, replay : more of them for the joint solve, for the
     planes, and for both the metacarpals and the tips.
     """
-    made = {"out-joints": "joint_centres", "out-bones": "bone_lengths", "out": "metacarpals"}
-    built = {"joints": "joint_centres", "bones": "bone_lengths", "metacarpals": "metacarpals"}
-    for stage, own, tables in (
-        (solve_joints, solve, {"out": "joint_solutions"}),
-        (project_planes, project, {"joints": "joint_solutions", "out": "projected_joints"}),
-        (estimate_metacarpals, replay, {"joints": "projected_joints", **made}),
-        (evaluate_tips, replay, {**built, "out": "tips", "out-errors": "tip_errors"}),
+    for stage, options in (
+        ("solve_joints", solve),
+        ("project_planes", project),
+        ("estimate_metacarpals", replay),
+        ("evaluate_tips", replay),
     ):
-        files = [f"--{option}={folder / table}.parquet" for option, table in tables.items()]
-        assert stage([*map(str, (*common, *own)), *files]) == 0, stage.__module__
+        reads = [name for name in stage_runs.READS[stage] if (folder / f"{name}.parquet").is_file()]
+        files = [f"{option_of(name)}={folder / name}.parquet" for name in reads if name != "findings"]
+        argv = [*map(str, (*common, *options)), *files, *stage_runs.outputs(stage, folder)]
+        assert getattr(stage_runs, stage)(argv) == 0, stage
 
 
 def run_hand(

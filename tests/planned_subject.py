@@ -13,13 +13,13 @@ from typing import Any
 import pyarrow.parquet as pq
 from simulated_poses import recorded, write_poses
 from small_study import run_stages, write_plans, write_study
+from stage_runs import fit_hand, of_plan
 
 from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.parts import Part, read_part
-from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.plan import SubjectPlan, plan_of_results
 from shukotsu.schemas.tables import METADATA_KEY, Provenance, rows_of
-from shukotsu.stages.fit_hand.__main__ import main as fit_hand
 from shukotsu.stages.simulate.written_truth import write_truth
 
 QUICK = """model: quick
@@ -66,7 +66,7 @@ class PlannedSubject:
     @property
     def plan(self) -> SubjectPlan:
         """The same, read."""
-        return read_plan(self.plan_file)
+        return plan_of_results(self.plan_file)
 
     def poses(self, task: str, hand: str = "right") -> Path:
         """A recording's poses table."""
@@ -109,7 +109,8 @@ class PlannedSubject:
     def fit(self, hand: str, *options: str, model: str = "quick") -> int:
         """Fit a hand under a model; give the exit code."""
         out = f"--out={self.fit_folder(hand, model)}"
-        return fit_hand([f"--plan={self.plan_file}", f"--hand={hand}", f"--model={model}", out, *options])
+        plan = of_plan("fit_hand", self.plan_file)
+        return fit_hand([*plan, f"--hand={hand}", f"--model={model}", out, *options])
 
     def rows(self, path: Path, table: str, part: Part) -> list[Row]:
         """Rows of a part of a table."""

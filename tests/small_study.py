@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pipeline
+import stage_runs
+from stage_runs import of_plan, outputs
 
 from shukotsu.files.whole_files import write_text
 from shukotsu.schemas.plan import StudyPlans, SubjectPlan, plan_text, read_plan
@@ -66,5 +68,7 @@ def write_poses(plan: SubjectPlan, n_frames: int = 300) -> None:
 def run_stages(plan_file: Path, *options: str) -> SubjectPlan:
     """Run every stage of a subject from poses to tip errors by its plan; a failure fails the test."""
     plan = read_plan(plan_file)
-    pipeline.run_stages(plan.folder, *options, "--plan", plan_file)
+    for stage in ("solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips"):
+        argv = [*of_plan(stage, plan_file), *outputs(stage, plan.folder), *options]
+        assert getattr(stage_runs, stage)(argv) == 0, stage
     return plan

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import tempfile
+from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
@@ -99,14 +100,14 @@ def _import(recording: Recording, poses: Path) -> None:
 def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[tuple[str, str]]:
     """Findings on a subject's recordings, or why one cannot be read; digests of the poses join the others."""
     from shukotsu.schemas.poses import usable_poses
-    from shukotsu.stages.check_recordings.__main__ import build_parser, check_subject
+    from shukotsu.stages.check_recordings.checked_subject import check_subject
 
     findings = [
         (_name(own), f"cannot be read: {reason}")
         for own in plan.recordings
         for reason in usable_poses([plan.poses(own)])[1]
     ]
-    for own, checked in check_subject(plan, build_parser().parse_args(["--record-failure"])):
+    for own, checked in check_subject(plan, Namespace(stage="check_recordings", record_failure=True)):
         accepted = (finding.accept(own.accept) for finding in checked.findings)
         findings += [(_name(own), _said(one)) for one in accepted]
         digests.append((own, checked.digest))

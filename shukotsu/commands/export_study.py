@@ -8,19 +8,20 @@ from pathlib import Path
 from shukotsu.commands.study_file import add_study, read_files
 from shukotsu.errors import InputError
 from shukotsu.stages import command_line
-from shukotsu.stages.export import __main__ as export_stage
+from shukotsu.stages.export.registry import DESCRIPTION
+from shukotsu.stages.export.settings import add_options
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the command's argument parser: the stage's options, and the study."""
     parser = command_line.parser(
         "shukotsu export",
-        export_stage.DESCRIPTION,
+        DESCRIPTION,
         "shukotsu export study.yaml --hand right --model whole-hand --formats bvh,glb --out exports",
         records_failure=False,
     )
     add_study(parser)
-    export_stage.add_options(parser)
+    add_options(parser)
     return parser
 
 
@@ -36,8 +37,11 @@ def plans(study: Path) -> list[Path]:
 
 def export_study(arguments: argparse.Namespace) -> None:
     """Export what is asked for of every subject."""
-    arguments.plan, arguments.inputs, arguments.record_failure = plans(arguments.study), None, False
-    export_stage.export(arguments)
+    from shukotsu.schemas.plan import plan_of_results
+    from shukotsu.stages.export.exported_plans import export_plans
+
+    arguments.plan, arguments.record_failure = plans(arguments.study), False
+    export_plans({path: plan_of_results(path) for path in arguments.plan}, arguments)
 
 
 def main(argv: list[str]) -> int:

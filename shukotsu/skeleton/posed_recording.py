@@ -27,7 +27,6 @@ from shukotsu.schemas.model import SkeletonModel
 from shukotsu.schemas.parts import Part, PartsReader, open_parts, read_part
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import Poses, RecordingName, frame_count, pose_blocks, read_every
-from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table, rows_of
 from shukotsu.skeleton.posing import (
@@ -47,9 +46,6 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 
 Opened = Callable[[Path, Table], AbstractContextManager[PartsReader]]
 T = TypeVar("T")
-
-_OF_A_FIT = {"joint_centres": "fitted_joints", "bone_lengths": "fitted_bones"}
-"""Tables of the hand that anatomy alone expects, which its fit alone writes."""
 
 
 def read_skeleton(
@@ -72,9 +68,9 @@ def read_skeleton(
 class RecordingReader:
     """A recording of a hand and where to read it under one model.
 
-    poses_file : the recording's poses table. part : whose rows of the tables. folder : of the subject's
-    tables; fit_folder : of those of the hand's fit under the model. opened : opens a table. What it reads
-    raises InputError where a table is absent or its making failed, or has no row of the recording.
+    poses_file : the recording's poses table. part : whose rows of the tables. tables : returns the file of a
+    table of the skeleton by its name. opened : opens a table. What it reads raises InputError where a table is
+    absent or its making failed, and where it has no row of the recording.
     """
 
     recording: Recording
@@ -82,18 +78,12 @@ class RecordingReader:
     model: SkeletonModel
     part: Part
     poses_file: Path
-    folder: Path
-    fit_folder: Path
+    tables: Callable[[str], Path]
     opened: Opened = open_parts
-
-    def path(self, table: Table) -> Path:
-        """Return the file of a table; those of a fit are there only where the model fits the whole hand."""
-        name = _OF_A_FIT.get(table.name, table.name) if self.model.is_reference else table.name
-        return (self.fit_folder if name in FIT_TABLES else self.folder) / f"{name}.parquet"
 
     def rows(self, table: Table) -> list[dict[str, Any]]:
         """Read the part's rows of a short table."""
-        with self.opened(self.path(table), table) as parts:
+        with self.opened(self.tables(table.name), table) as parts:
             return parts.rows(self.part)
 
     @property
@@ -104,15 +94,15 @@ class RecordingReader:
     @cached_property
     def skeleton(self) -> Skeleton:
         """Joints and bones."""
-        files = self.path(JOINT_CENTRES), self.path(BONE_LENGTHS)
-        return read_skeleton(*files, self.layout, self.model, self.part)
+        joints, bones = self.tables(JOINT_CENTRES.name), self.tables(BONE_LENGTHS.name)
+        return read_skeleton(joints, bones, self.layout, self.model, self.part)
 
     @cached_property
     def moved(self) -> list[Mapping[str, Any]]:
         """Rows of moved_receivers of the recording: what sits elsewhere in it than in the calibration."""
         if not self.is_fitted:
             return []
-        rows = rows_of(read_part(self.path(MOVED_RECEIVERS), MOVED_RECEIVERS, self.part))
+        rows = rows_of(read_part(self.tables(MOVED_RECEIVERS.name), MOVED_RECEIVERS, self.part))
         return [
             row for row in rows if (row["task"], row["trial"]) == (self.recording.task, self.recording.trial)
         ]
@@ -171,7 +161,7 @@ class RecordingReader:
         by = next(column for column in ("segment", "joint", "digit") if column in table.key)
         key = self.part, self.recording.task, self.recording.trial, by
         count = self.n_frames if frames is None and every else None
-        with self.opened(self.path(table), table) as parts:
+        with self.opened(self.tables(table.name), table) as parts:
             return parts.recording(*key, columns, count, frames, name)
 
     def series(self, table: Table, columns: Sequence[str]) -> dict[str, Callable[[], Array]]:
@@ -194,7 +184,7 @@ class RecordingReader:
             why = "nothing of it could be posed; the study's table of problems says why"
             if self.recording.role == "calibration":
                 why = "only recordings of role evaluation or both are posed; give it one of these roles"
-            raise InputError(f"{self.path(table)}: has no row of {self.recording.name}; {why}")
+            raise InputError(f"{self.tables(table.name)}: has no row of {self.recording.name}; {why}")
         return numbers
 
 
@@ -212,6 +202,6 @@ def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
 def recording_reader(plan: SubjectPlan, recording: Recording, model: str) -> RecordingReader:
     """Return the reader of a recording of a plan under one of its models."""
     hand = recording.hand.hand
-    part, poses_file = plan.part(hand, model), plan.poses(recording)
+    tables = partial(plan.table, hand=hand, model=model)
     of_hand = recording, plan.layouts[hand], plan.models[model]
-    return RecordingReader(*of_hand, part, poses_file, plan.folder, plan.fits(hand, model))
+    return RecordingReader(*of_hand, plan.part(hand, model), plan.poses(recording), tables)

@@ -22,7 +22,7 @@ def remove_former_results(results: Results, present: Collection[str]) -> list[st
     for path in sorted(results.folder.glob("sub-*/plan.json")):
         plan = None
         with suppress(InputError):  # one that cannot be read says nothing of what was made
-            plan = read_plan(path, checked=False)
+            plan = read_plan(path)
         if plan is None or plan.folder != path.parent:
             continue
         former = [own for own in _written(plan, results, present) if own.as_posix() not in present]

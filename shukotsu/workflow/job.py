@@ -56,15 +56,9 @@ def run_in_fork(argv: Sequence[str]) -> int | None:
 
 def run(argv: Sequence[str]) -> int:
     """Run the command line in this process."""
-    from importlib.util import find_spec
-
     from shukotsu.stages import command_line
 
-    name, *rest = argv
-    spec = find_spec(name)
-    is_package = spec is not None and spec.submodule_search_locations is not None
-    module = f"{name}.__main__" if is_package else name
-    return command_line.ended(lambda: command_line.dispatched(module, rest))
+    return command_line.ended(lambda: command_line.dispatched(argv[0], argv[1:]))
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import re
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -257,16 +258,27 @@ class StudyFiles:
         """The layout of a hand."""
         return _relative(self.study.layout_of(self._plans[wildcards.subject].hand(wildcards.hand)))
 
-    def fits(self, wildcards: Wildcards) -> list[str]:
-        """Tables of the subject's whole-hand fits."""
-        plan = self._plans[wildcards.subject]
-        return [str(path) for table in results.FIT_TABLES for path in plan.files_of(table)]
+    def fits(self, *names: str, references: bool = False) -> dict[str, Callable[[Wildcards], list[str]]]:
+        """Return, by name, what lists those tables of the subject's whole-hand fits.
 
-    def references(self, wildcards: Wildcards) -> list[str]:
-        """Tables of the subject's hands as anatomy alone has them, where it knows any digit."""
-        plan = self._plans[wildcards.subject]
-        hands = [hand for hand, layout in plan.layouts.items() if known_digits(layout)]
-        return [str(plan.fit_table(hand, REFERENCE, table)) for hand in hands for table in results.FIT_TABLES]
+        references : of its hands as anatomy alone has them too, where it knows any digit.
+        """
+
+        def files(wildcards: Wildcards, name: str) -> list[str]:
+            plan = self._plans[wildcards.subject]
+            hands = [hand for hand, layout in plan.layouts.items() if references and known_digits(layout)]
+            fits = [*plan.fits_of_hands(), *((hand, REFERENCE) for hand in hands)]
+            return [str(plan.table(name, *fit)) for fit in fits]
+
+        return {name: partial(files, name=name) for name in names}
+
+    def fit_tables(self, wildcards: Wildcards) -> list[str]:
+        """Return every table of the subject's whole-hand fits, its references' too."""
+        return [
+            path
+            for files in self.fits(*results.FIT_TABLES, references=True).values()
+            for path in files(wildcards)
+        ]
 
     def fit_plan(self, wildcards: Wildcards) -> str:
         """Digest of the plan of a fit of the whole hand."""
@@ -344,12 +356,12 @@ class StudyFiles:
             for table in ("findings", "joint_solutions", "projected_joints", *results.GATHERED_TABLES)
             for path in plan.files_of(table)
         ]
-        return tables + self._of_all(self.references)
+        return [*dict.fromkeys([*tables, *self._of_all(self.fit_tables)])]
 
     @property
     def tables(self) -> list[str]:
         """Every table of every subject."""
-        kinds = (self.poses, self.fits, self.references, self.subject_tables)
+        kinds = (self.poses, self.fit_tables, self.subject_tables)
         return [path for each in kinds for path in self._of_all(each)]
 
     def all_poses(self, _: Wildcards = None) -> list[str]:
@@ -360,7 +372,7 @@ class StudyFiles:
         """Tables of all subjects that exports are made of."""
         names = ("findings", "joint_centres", "bone_lengths", "metacarpals")
         tables = [str(plan.table(name)) for plan in self._plans.values() for name in names]
-        return [*self.all_poses(), *tables, *self._of_all(self.fits)]
+        return [*self.all_poses(), *tables, *self._of_all(self.fit_tables)]
 
     def _of_all(self, files: Callable[[Wildcards], list[str]]) -> list[str]:
         return [path for token in self._plans for path in files(SimpleNamespace(subject=token))]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,11 @@ import numpy as np
 from shukotsu.errors import InputError, guess, listed, reading_what_was_brought
 from shukotsu.files.whole_files import file_sha256
 from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.parts import Part
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.poses import recording_name, usable_poses
 from shukotsu.schemas.tables import open_table, read_metadata
+from shukotsu.stages import command_line
 from shukotsu.stages.align_events.clock_fit import fit_clock
 from shukotsu.stages.align_events.event_list import FARTHEST_S, Array, Events
 
@@ -40,7 +46,8 @@ class RecordingEvents:
 
     poses : its poses table. recording : its own file, None where not known. file : its file of events, None
     where it has none. pulses : which events of the file both clocks have, `NAME` or `NAME = NAME OF THE
-    RECORDING`, or SAME_CLOCK; empty where nothing says. rows : its rows of the study's sheet.
+    RECORDING`, or SAME_CLOCK; empty where nothing says. rows : its rows of the study's sheet. key : its name
+    in tables.
     """
 
     poses: Path
@@ -48,6 +55,7 @@ class RecordingEvents:
     file: Path | None = None
     pulses: str = ""
     rows: Sequence[Mapping[str, Any]] = ()
+    key: Mapping[str, str] = field(default_factory=dict)
 
     def aligned(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
         """Return the rows of events, in order of time, and of clocks, both without what names the recording.
@@ -188,3 +196,45 @@ def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[dict[str, An
             events.names, time_s, events.duration_s, events.value, events.channel, sd_s, strict=True
         )
     ]
+
+
+def of_plan(plan: SubjectPlan) -> dict[Part, list[RecordingEvents]]:
+    """Return the recordings of a plan that hold poses, and their events, by the hand's part."""
+    by_part: dict[Part, list[RecordingEvents]] = {plan.part(hand): [] for hand in plan.hands}
+    for recording in plan.recordings:
+        if recording.exclude or not usable_poses([plan.poses(recording)])[0]:
+            continue
+        key = recording.key
+        rows = [row.values for row in plan.events if all(row[name] in ("", key[name]) for name in key)]
+        files = (plan.poses(recording), recording.file, recording.events, recording.pulses)
+        by_part[plan.part(recording.hand.hand)].append(RecordingEvents(*files, rows, key))
+    return by_part
+
+
+def recording_alone(
+    poses: Path, recording: Path | None, events: Path, pulses: str
+) -> dict[Part, list[RecordingEvents]]:
+    """Return a recording that a command line names, and its events, by the hand's part."""
+    name = recording_name(poses)
+    key = {**vars(name.of_hand), "task": name.task, "trial": name.trial}
+    part = Part(name.hand, subject=name.subject, session=name.session)
+    return {part: [RecordingEvents(poses, recording, events, pulses, key=key)]}
+
+
+def aligned_rows(
+    arguments: Namespace, recording: RecordingEvents
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Return a recording's rows of events and clocks; with --record-failure why there are none."""
+    event_rows: list[dict[str, Any]] = []
+    clock_rows: list[dict[str, Any]] = []
+    key = recording.key
+    with command_line.recorded(arguments, arguments.record_failure) as messages:
+        event_rows, clock_rows = recording.aligned()
+    for message in messages:
+        failed = {"source": "", "n_pulses": 0, "n_missing": 0, "n_extra": 0}
+        clock_rows = [{**failed, "status": "failed", "message": message}]
+    for row in clock_rows:
+        if row["message"]:
+            where = ", ".join(filter(None, (key["hand"], key["task"], key["trial"])))
+            print(f"{row['status']}: {where}: {row['message']}", file=sys.stderr)
+    return [{**key, **row} for row in event_rows], [{**key, **row} for row in clock_rows]

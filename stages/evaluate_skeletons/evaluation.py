@@ -8,6 +8,7 @@ from contextlib import ExitStack, nullcontext
 from functools import cache
 
 from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.schemas.catalogue import JOINT_ERRORS, SKELETON_SCORES
 from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.parts import open_parts
 from shukotsu.schemas.plan import SubjectPlan
@@ -26,7 +27,10 @@ from shukotsu.stages.evaluate_skeletons.truth_errors import joint_errors, truth_
 
 
 def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
-    """Rows of skeleton_scores and of joint_errors of a hand. Raises InputError for another's truth."""
+    """Return rows of skeleton_scores and of joint_errors of a hand, of each key the first.
+
+    A model that never used a task is the same without it. Raises InputError for another's truth.
+    """
     truths = _truths(plan, hand)
     with ExitStack() as stack:
         open_once = cache(lambda path, table: stack.enter_context(open_parts(path, table)))
@@ -46,7 +50,14 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
         if truth is not None:
             keys = {"model": skeleton.reader.part.model, "calibrated_on": skeleton.calibrated_on}
             errors += [keys | row for row in joint_errors(skeleton.stated, truth, plan.layouts[hand])]
-    return scores, errors
+    return _first_of_each(scores, SKELETON_SCORES.key), _first_of_each(errors, JOINT_ERRORS.key)
+
+
+def _first_of_each(rows: Sequence[Row], key: Sequence[str]) -> list[Row]:
+    first: dict[tuple[object, ...], Row] = {}
+    for row in rows:
+        first.setdefault(tuple(row.get(name) for name in key), row)
+    return list(first.values())
 
 
 def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, Truth]:

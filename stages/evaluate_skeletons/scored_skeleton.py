@@ -19,6 +19,9 @@ from shukotsu.skeleton.posed_recording import Opened, RecordingReader, readable
 
 Row = dict[str, Any]
 
+_OF_A_FIT = {"joint_centres": "fitted_joints", "bone_lengths": "fitted_bones"}
+"""Tables of the hand that anatomy alone expects, which its fit alone writes."""
+
 TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 
 
@@ -67,8 +70,7 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
         read_model(REFERENCE) if reference else plan.models[part.model],
         part,
         plan.poses_files[any_recording],
-        plan.folder,
-        plan.fits(hand, part.model),
+        lambda name: plan.table(_OF_A_FIT.get(name, name) if reference else name, hand, part.model),
         opened,
     )
     reasons: list[str] = []

@@ -9,9 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.schemas.poses import Poses, PosesReader
+from shukotsu.errors import InputError, TableError
+from shukotsu.schemas.catalogue import METACARPALS
+from shukotsu.schemas.parts import Part, PartsWriter, open_parts
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.poses import Poses, PosesReader, frame_count, poses_reader
 from shukotsu.sentences.translation import listed
 from shukotsu.skeleton.digit_chain import DigitChain, digit_chain
+from shukotsu.skeleton.posed_recording import read_skeleton
 from shukotsu.skeleton.posing import Skeleton, receiver_bones, root_names
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.evaluate_tips.replay import (
@@ -27,6 +32,39 @@ from shukotsu.stages.evaluate_tips.replay import (
 Index = npt.NDArray[np.int64]
 
 BINDINGS = ("first-frame", "least-squares")
+
+
+def write_part(plan: SubjectPlan, part: Part, tips: PartsWriter, errors: PartsWriter) -> None:
+    """Replay one skeleton in its recordings; one whose import failed has rows of tip_errors that say why."""
+    layout, model = plan.layouts[part.hand], plan.models[part.model]
+    skeleton = read_skeleton(plan.table("joint_centres"), plan.table("bone_lengths"), layout, model, part)
+    calibrated = plan.calibrating(part.hand, part.model, part.made_without)
+    tips.rows(part, [])
+    errors.rows(part, [])
+    for recording in plan.evaluated(part.hand, part.made_without):
+        keys: dict[str, Any] = recording.key
+        row_keys = {**keys, "held_out": recording not in calibrated}
+        try:
+            frame_count(plan.poses(recording))
+        except TableError:
+            raise
+        except InputError as error:
+            for digit in layout.digits:
+                errors.rows(part, [{**row_keys, **row} for row in unavailable_rows(digit, str(error))])
+            continue
+
+        def turns(
+            digit: str, frames: Index, task: str = recording.task, trial: str = recording.trial
+        ) -> dict[str, Array]:
+            keys = (task, trial, "digit", [f"q{name}" for name in "wxyz"])
+            with open_parts(plan.table("metacarpals"), METACARPALS) as parts:
+                return parts.recording(part, *keys, len(frames), frames, digit)
+
+        reader = poses_reader([plan.poses(recording)], layout.measured)
+        for columns, rows in replay_recording(skeleton, reader, turns):
+            if columns is not None:
+                tips.columns(part, {**keys, **columns})
+            errors.rows(part, [{**row_keys, **row} for row in rows])
 
 
 def replay_recording(

@@ -4,25 +4,14 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
 
 from shukotsu.stages import command_line, subject_stage
-from shukotsu.stages.export.registry import FORMATS, chosen_formats, write_format
-from shukotsu.stages.export.settings import Settings, add_motion_options, settings_of
+from shukotsu.stages.export.registry import DESCRIPTION
+from shukotsu.stages.export.settings import add_options
 
-if TYPE_CHECKING:
-    from shukotsu.schemas.plan import SubjectPlan
-    from shukotsu.schemas.study import Recording
-
-T = TypeVar("T")
-
-DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n\nformats:" + "".join(
-    f"\n  {name:6}{form.what}" for name, form in FORMATS.items()
-)
+TABLES = ("findings", "joint_centres", "bone_lengths", "metacarpals")
+POSED = ("joint_angles", "bone_poses", "posed_tips", "moved_receivers")
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -33,139 +22,35 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage export --plan results/demo/sub-01/plan.json --hand right --recording opposition "
         "--model whole-hand --formats bvh,csv --out exports",
     )
-    subject_stage.add_plan(parser, "subjects' plans, plan.json in their results", nargs="+", required=True)
+    add = parser.add_argument
+    add("--plan", type=Path, nargs="+", required=True, help="subjects' plans; tables are those beside them")
+    add("--poses", type=Path, nargs="*", default=[], dest="evaluated", help="poses, with the tables below")
+    subject_stage.add_tables(parser, *TABLES, *POSED)
     add_options(parser)
     return parser
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say what to export, and how."""
-    where = "[STUDY]" if parser.prog == "shukotsu export" else "--plan PLAN ..."
-    parser.usage = f"{parser.prog} {where} --formats NAMES --out FOLDER [options]"
-    add = parser.add_argument
-    add("--hand", choices=("right", "left"), default="", help="which hand (default: each)")
-    name = "the task, or TASK_TRIAL (default: all evaluated ones)"
-    add("--recording", default="", metavar="NAME", help=name)
-    add("--model", "--models", default="", metavar="NAMES", help="models, joined by commas (default: all)")
-    add("--formats", required=True, metavar="NAMES", help="of those above, joined by commas")
-    add("--out", type=Path, required=True, metavar="FOLDER", help="the folder to write to")
-    add("--participants", type=Path, metavar="SHEET", help="the study's sheet of them, for bids")
-    add_motion_options(parser)
-
-
 def export(arguments: argparse.Namespace) -> None:
-    """Write every format of every chosen recording and model, say on stderr what was done.
-
-    What cannot be written does not keep the rest from being written. Its InputError is raised at the end, or
-    with --record-failure written into STEM_FORMAT.failed.txt, or STEM.failed.txt where no format could be.
-    """
+    """Export from the tables of one subject that are named, or from those beside each plan."""
     from shukotsu.errors import InputError
-    from shukotsu.files.whole_files import write_text
-    from shukotsu.schemas.plan import read_plan
-    from shukotsu.stages.export.plan_selection import chosen_models, chosen_recordings
+    from shukotsu.schemas.plan import plan_of_results
+    from shukotsu.stages.export.exported_plans import export_plans
 
-    formats, settings = chosen_formats(arguments.formats), settings_of(arguments)
-    plans = {path: read_plan(path, arguments.inputs) for path in arguments.plan}
-    chosen = [
-        (plan, model, recording)
-        for path, plan in plans.items()
-        for model in chosen_models(plan, path, arguments.model)
-        for recording in chosen_recordings(plan, path, arguments.hand, arguments.recording)
-    ]
-    if "bids" in formats:
-        _describe_dataset(list(plans.values()), arguments)
-    failures: list[tuple[str, str]] = []
-    _forget_failures(arguments.out, _failure_name(arguments))
-    for plan, model, recording in chosen:
-        failures += _export_recording(plan, recording, model, formats, settings, arguments)
-    for stem, message in failures if arguments.record_failure else ():
-        print(f"error: {message}", file=sys.stderr)
-        write_text(arguments.out / f"{stem}.failed.txt", f"{message}\n")
-    if arguments.record_failure:  # also of a subject that has nothing to export
-        arguments.out.mkdir(parents=True, exist_ok=True)
-    elif failures:
-        raise InputError("; ".join(dict.fromkeys(message for _, message in failures)))
-
-
-def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespace) -> None:
-    """Write the files of a whole dataset; one that is there keeps its own when a subject is added."""
-    from shukotsu.schemas.sheets import PARTICIPANTS, read_sheet
-    from shukotsu.stages.export.motion_bids import write_dataset_files
-
-    path = arguments.out / FORMATS["bids"].shared
-    if path.exists() and len(plans) == 1 and arguments.participants is None:
-        return
-    participants: dict[str, dict[str, object]] = {plan.subject: {} for plan in plans}
-    for row in read_sheet(arguments.participants, PARTICIPANTS):
-        if row["subject"] in participants:
-            participants[row["subject"]] = {n: value for n, value in row.values.items() if n != "subject"}
-    write_dataset_files(path.parent, plans[0].study, participants, arguments.licence)
-
-
-def _export_recording(
-    plan: SubjectPlan,
-    recording: Recording,
-    model: str,
-    formats: Sequence[str],
-    settings: Settings,
-    arguments: argparse.Namespace,
-) -> Iterator[tuple[str, str]]:
-    """Write one recording under one model; yield stem and message of failures."""
-    from shukotsu.skeleton.posed_recording import recording_reader
-    from shukotsu.stages.export.file_facts import file_stem
-    from shukotsu.stages.export.motion import read_motion
-
-    stem = file_stem(plan.who, recording.hand.hand, recording.task, recording.trial, model)
-    _forget_failures(arguments.out, stem, *(f"{stem}_{name}" for name in formats))
-    reader = recording_reader(plan, recording, model)
-    motion, trouble = _tried(arguments, lambda: read_motion(reader, arguments.licence, arguments.frames))
-    if motion is None:
-        yield stem, trouble
-        return
-    for note in motion.notes:
-        print(f"note: {note}", file=sys.stderr)
-    for name in formats:
-        path = arguments.out / (FORMATS[name].shared or f"{stem}{FORMATS[name].extensions[0]}")
-        remarks, trouble = _tried(arguments, partial(write_format, motion, settings, name, path))
-        if remarks is None:
-            yield f"{stem}_{name}", trouble
-            continue
-        for remark in remarks:
-            print(f"{name}: {remark}", file=sys.stderr)
-        print(path)
-
-
-def _tried(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | None, str]:
-    """Make it, or return None and why it cannot be: bad input or, with --record-failure, a bug."""
-    from shukotsu.errors import InputError, StorageError
-
-    try:
-        with command_line.recorded(arguments, arguments.record_failure, only_bugs=True) as messages:
-            return make(), ""
-    except StorageError:
-        raise  # the disk's trouble, and not that of this recording
-    except InputError as error:
-        return None, str(error)
-    return None, messages[0]
+    paths = arguments.plan
+    if not any(vars(arguments)[name] for name in (*arguments.tables, "evaluated")):
+        export_plans({path: plan_of_results(path) for path in paths}, arguments)
+    elif len(paths) > 1:
+        raise InputError("--plan: names several subjects; name tables of one alone, or none")
+    else:
+        options = argparse.Namespace(**vars(arguments) | {"plan": paths[0]})
+        export_plans({paths[0]: subject_stage.plan_of(options)}, arguments)
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
-    """Write why nothing could be exported into a text file, named as the folder of the first plan."""
-    from shukotsu.files.whole_files import write_text
+    """Write why nothing could be exported."""
+    from shukotsu.stages.export import exported_plans
 
-    write_text(arguments.out / f"{_failure_name(arguments)}.failed.txt", f"{message}\n")
-
-
-def _failure_name(arguments: argparse.Namespace) -> str:
-    """Return the name for the note on a failure of everything: the folder of the first plan."""
-    return str(arguments.plan[0].absolute().parent.name)
-
-
-def _forget_failures(folder: Path, *names: str) -> None:
-    """Remove the notes on failures of an earlier run."""
-    for name in names:
-        with suppress(PermissionError):  # then nothing can be written here either, and that is said
-            (folder / f"{name}.failed.txt").unlink(missing_ok=True)
+    exported_plans.record_failure(arguments, message)
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -97,6 +97,10 @@ FORMATS: Mapping[str, Format] = {
     ),
 }
 
+DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n\nformats:" + "".join(
+    f"\n  {name:6}{form.what}" for name, form in FORMATS.items()
+)
+
 
 def chosen_formats(names_list: str) -> list[str]:
     """Return names from a comma-separated list, each once; InputError where one is no format."""

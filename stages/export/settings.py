@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -28,6 +29,21 @@ class Settings:
     rig: str = ""
     stiff: bool = False
     fps: float | None = None
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what to export, and how; `settings_of` reads those of the motion."""
+    where = "[STUDY]" if parser.prog == "shukotsu export" else "--plan PLAN ..."
+    parser.usage = f"{parser.prog} {where} --formats NAMES --out FOLDER [options]"
+    add = parser.add_argument
+    add("--hand", choices=("right", "left"), default="", help="which hand (default: each)")
+    name = "the task, or TASK_TRIAL (default: all evaluated ones)"
+    add("--recording", default="", metavar="NAME", help=name)
+    add("--model", "--models", default="", metavar="NAMES", help="models, joined by commas (default: all)")
+    add("--formats", required=True, metavar="NAMES", help="of those above, joined by commas")
+    add("--out", type=Path, required=True, metavar="FOLDER", help="the folder to write to")
+    add("--participants", type=Path, metavar="SHEET", help="the study's sheet of them, for bids")
+    add_motion_options(parser)
 
 
 def add_motion_options(parser: argparse.ArgumentParser) -> None:

@@ -59,7 +59,7 @@ Row = dict[str, Any]
 
 def gather_study(study: Study, results: Results) -> None:
     """Write the study-wide tables into its results folder. Raises TableError where a subject's is damaged."""
-    plans = [read_plan(results.plan(*who), checked=False) for who in study.sessions]
+    plans = [read_plan(results.plan(*who)) for who in study.sessions]
     problems: list[Row] = []
     problems += [
         problem_row("plan", worded("recording", REFUSED, row.message), **vars(row.hand), task=row.task)

@@ -3,17 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
 from shukotsu.schemas.layout import Joint, Layout
 from shukotsu.schemas.model import SkeletonModel
-from shukotsu.schemas.tables import vector_columns, vector_of
+from shukotsu.schemas.parts import Part, read_part
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.tables import rows_of, vector_columns, vector_of
 from shukotsu.schemas.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, noted
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.project_planes import plane
 from shukotsu.stages.project_planes.unseen_error import unseen_covariance
+
+
+def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[dict[str, Any]]:
+    """Return one skeleton's rows of joint_centres from its rows of joint_solutions."""
+    layout, model = plan.layouts[part.hand], plan.models[part.model]
+    rows_of_hand = [row for row in plan.corrections if row["hand"] == part.hand and model.planes.corrections]
+    corrections_mm = {row["joint"]: vector_of(row.values, "d", "_mm") for row in rows_of_hand}
+    rows = []
+    for solution in rows_of(read_part(solutions, JOINT_SOLUTIONS, part)):
+        joint = layout.joints.get(solution["joint"])
+        if joint is None:
+            raise InputError(
+                f"{solutions}: joint {solution['joint']} is not in layout {layout.name}; "
+                "give the layout that the joints were solved with"
+            )
+        row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
+        rows.append({**plan.who._asdict(), **row})
+    return rows
 
 
 def place_joint(

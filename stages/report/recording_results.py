@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import (
-    BONE_POSES,
     JOINT_ANGLES,
     JOINT_CENTRES,
     JOINT_SOLUTIONS,
@@ -22,6 +21,7 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import the_papers
 from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.poses import Poses, pose_blocks
+from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import Table
 from shukotsu.sentences.translation import N_
@@ -191,8 +191,9 @@ def _reader(results: StudyResults, recording: Recording, model: str) -> Recordin
         results.models[model],
         Part(hand.hand, model, "", *hand.who),
         results.poses(recording),
-        results.paths.subject(*hand.who),
-        results.fit_table(hand, model, BONE_POSES.name).parent,
+        lambda name: (
+            results.fit_table(hand, model, name) if name in FIT_TABLES else results.subject_table(hand, name)
+        ),
     )
 
 
@@ -225,7 +226,7 @@ def _model_results(results: StudyResults, reader: RecordingReader, every: int) -
     hand = recording.hand
     joints = results.joints_of.get((hand, name), [])
     if not joints:
-        read_part(reader.path(JOINT_CENTRES), JOINT_CENTRES, part, ["joint"])
+        read_part(reader.tables(JOINT_CENTRES.name), JOINT_CENTRES, part, ["joint"])
         raise InputError(N_("the joint_centres table has no row"))
     path = results.subject_table(hand, JOINT_SOLUTIONS.name)
     solutions = read_part(path, JOINT_SOLUTIONS, part, ["joint", "singular_values"]).to_pylist()

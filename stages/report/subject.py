@@ -51,7 +51,7 @@ def write_pages(arguments: argparse.Namespace) -> None:
     from functools import partial
 
     from shukotsu.files.whole_files import write_text
-    from shukotsu.schemas.plan import read_plan
+    from shukotsu.schemas.plan import plan_of_results
     from shukotsu.stages.report.plots.panels import taken_failures
     from shukotsu.stages.report.recording_page.recording_content import failure_page, recording_title
     from shukotsu.stages.report.study_page import render_failure
@@ -60,7 +60,7 @@ def write_pages(arguments: argparse.Namespace) -> None:
     from shukotsu.stages.report.wording import check_language, speaking
 
     check_language(arguments.language, "--language")
-    results = read_subject(read_plan(arguments.plan))
+    results = read_subject(plan_of_results(arguments.plan))
     with speaking(arguments.language):
         pages: dict[Path, Page] = {}
         if not arguments.recording:
@@ -124,13 +124,13 @@ def _recording_page(results: StudyResults, recording: Recording) -> str:
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write pages that say why there is none; where the plan cannot be read, that of the subject alone."""
     from shukotsu.files.whole_files import write_text
-    from shukotsu.schemas.plan import read_plan
+    from shukotsu.schemas.plan import plan_of_results
     from shukotsu.stages.report.study_page import render_failure
     from shukotsu.stages.report.wording import languages, speaking
 
     shown: list[Recording] = []
     with suppress(InputError):
-        plan = read_plan(arguments.plan)
+        plan = plan_of_results(arguments.plan)
         shown = [own for hand in plan.hands for own in plan.evaluated(hand)]
     with speaking(arguments.language if arguments.language in languages() else "en"):
         for page in (Path("subject.html"), *map(_page, shown)):

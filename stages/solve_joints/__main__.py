@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from shukotsu.stages import command_line, subject_stage
+
+WRITES = {"out": "joint_solutions"}
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -17,8 +18,8 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu stage solve_joints --poses results/demo/sub-01/right/rom/poses.parquet "
         "--layout liberty16 --model paper-fig4 --out joint_solutions.parquet",
     )
-    subject_stage.add_plan_options(parser, calibration="--poses")
-    parser.add_argument("--out", type=Path, required=True, help="the joint_solutions table to write")
+    subject_stage.add_plan_options(parser, "findings", calibration="--poses")
+    command_line.add_outputs(parser, out="the joint_solutions table to write")
     return parser
 
 
@@ -26,8 +27,6 @@ def solve(arguments: argparse.Namespace) -> None:
     """Solve the joints of every hand under every model, also without each task that is left out in turn."""
     from shukotsu.anatomy.known_digits import refusal
     from shukotsu.errors import InputError
-    from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
-    from shukotsu.schemas.parts import parts_writer
     from shukotsu.schemas.tables import Provenance
     from shukotsu.stages.solve_joints.part_solutions import PartRequest, solve_parts
 
@@ -45,28 +44,21 @@ def solve(arguments: argparse.Namespace) -> None:
         for part in plan.parts()
     ]
     outcomes = solve_parts(requests)
-    with parts_writer(arguments.out, JOINT_SOLUTIONS, provenance) as write:
+    with subject_stage.writing(arguments, WRITES, provenance) as tables:
+        solutions = tables["joint_solutions"]
         for part, outcome in outcomes.items():
-            with subject_stage.recording_failure(arguments, part, write):
+            with subject_stage.recording_failure(arguments, part, solutions):
                 plan.check_calibration_left(part.hand)
                 if reason := refusal(plan.layouts[part.hand], part.model, plan.models[part.model]):
                     raise InputError(reason)
                 if isinstance(outcome, Exception):
                     raise outcome
-                write.rows(part, [{**plan.who._asdict(), **row} for row in outcome])
-
-
-def record_bug(arguments: argparse.Namespace, message: str) -> None:
-    """Write why no joint was solved, of every part."""
-    from shukotsu.schemas.catalogue import JOINT_SOLUTIONS
-
-    parts = subject_stage.plan_of(arguments).parts()
-    subject_stage.record_failed_parts(message, {arguments.out: JOINT_SOLUTIONS}, parts)
+                solutions.rows(part, [{**plan.who._asdict(), **row} for row in outcome])
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the stage; return its exit code."""
-    return command_line.run(build_parser, argv, solve, record_bug=record_bug)
+    return subject_stage.run(build_parser, argv, solve, WRITES)
 
 
 if __name__ == "__main__":

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 from small_study import write_plans, write_study
+from stage_runs import check_recordings as check_recordings
 
 from shukotsu.commands.check_file import main as check
 from shukotsu.schemas.catalogue import FINDINGS
 from shukotsu.schemas.plan import read_plan
 from shukotsu.schemas.tables import read_table, rows_of
 from shukotsu.stages.capture.import_recording import main as import_recording
-from shukotsu.stages.check_recordings.__main__ import main as check_recordings
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.recording import write_recording
 from shukotsu.stages.simulate.simulation import simulate
@@ -43,7 +43,7 @@ def of_run(study: Path) -> set[tuple[str, ...]]:
     """Recording, severity, kind and message of every finding that the stages of a run write."""
     found = set()
     for path in write_plans(study).values():
-        plan = read_plan(path, checked=False)
+        plan = read_plan(path)
         for recording in plan.recordings:
             if not recording.exclude:
                 poses = plan.poses(recording)

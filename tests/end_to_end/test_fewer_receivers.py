@@ -10,11 +10,10 @@ from pipeline import import_recording
 from planned_subject import QUICK, PlannedSubject
 from simulated_poses import recorded
 from small_study import write_plans, write_study
+from stage_runs import check_recordings, evaluate_skeletons, of_plan, outputs
 
 from shukotsu.schemas.catalogue import FINDINGS, POSES, SKELETON_SCORES
 from shukotsu.schemas.tables import read_metadata, read_table, rows_of
-from shukotsu.stages.check_recordings.__main__ import main as check_recordings
-from shukotsu.stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
 from shukotsu.stages.simulate.random_hand import DIGITS
 from shukotsu.stages.simulate.recording import write_recording
 
@@ -43,11 +42,8 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
     folder = subject.plan_file.parent
     assert check_recordings([f"--plan={subject.plan_file}", f"--out={folder / 'findings.parquet'}"]) == 0
     subject.run_stages()
-    tables = [
-        f"--out={folder / 'skeleton_scores.parquet'}",
-        f"--out-joints={folder / 'joint_errors.parquet'}",
-    ]
-    assert evaluate_skeletons([f"--plan={subject.plan_file}", *tables]) == 0
+    stage = "evaluate_skeletons"
+    assert evaluate_skeletons([*of_plan(stage, subject.plan_file), *outputs(stage, folder)]) == 0
     return subject
 
 

@@ -2,54 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
+import stage_runs
 from planned_subject import PlannedSubject, planned_subject
+from stage_runs import of_plan, outputs
 
 from shukotsu.schemas.catalogue import PROBLEMS
 from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.tables import read_table, rows_of
-from shukotsu.stages.align_events.__main__ import main as align_events
-from shukotsu.stages.check_recordings.__main__ import main as check_recordings
-from shukotsu.stages.compare_models.__main__ import main as compare_models
-from shukotsu.stages.estimate_metacarpals.__main__ import main as estimate_metacarpals
-from shukotsu.stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
-from shukotsu.stages.evaluate_tips.__main__ import main as evaluate_tips
-from shukotsu.stages.export.__main__ import main as export
-from shukotsu.stages.fit_hand.__main__ import main as fit_hand
-from shukotsu.stages.gather.__main__ import main as gather
-from shukotsu.stages.measure_movement.__main__ import main as measure_movement
-from shukotsu.stages.project_planes.__main__ import main as project_planes
-from shukotsu.stages.report.__main__ import main as report
 from shukotsu.stages.report.subject import main as subject_pages
-from shukotsu.stages.solve_joints.__main__ import main as solve_joints
 
 pytestmark = pytest.mark.slow
 
-BUILT = {"joints": "joint_centres", "bones": "bone_lengths", "metacarpals": "metacarpals"}
-STAGES: dict[str, tuple[Callable[[list[str]], int], dict[str, str]]] = {
-    "check_recordings": (check_recordings, {"out": "findings"}),
-    "align_events": (align_events, {"out": "events", "out-clocks": "clocks"}),
-    "solve_joints": (solve_joints, {"out": "joint_solutions"}),
-    "project_planes": (project_planes, {"joints": "joint_solutions", "out": "projected_joints"}),
-    "fit_hand": (fit_hand, {}),
-    "estimate_metacarpals": (
-        estimate_metacarpals,
-        {"joints": "projected_joints", "out-joints": "joint_centres", "out-bones": "bone_lengths"}
-        | {"out": "metacarpals"},
-    ),
-    "evaluate_tips": (evaluate_tips, {**BUILT, "out": "tips", "out-errors": "tip_errors"}),
-    "evaluate_skeletons": (evaluate_skeletons, {"out": "skeleton_scores", "out-joints": "joint_errors"}),
-    "measure_movement": (measure_movement, {"events": "events"}),
-    "export": (export, {}),
-    "report.subject": (subject_pages, {}),
+STAGES: dict[str, Sequence[str]] = {
+    "check_recordings": (),
+    "align_events": (),
+    **dict.fromkeys(("solve_joints", "project_planes", "fit_hand", "estimate_metacarpals"), ()),
+    **dict.fromkeys(("evaluate_tips", "evaluate_skeletons"), ()),
+    "measure_movement": ("--events={}/events.parquet",),
+    "export": ("--formats=csv", "--out={}/exports"),
+    "report.subject": (),
 }
-"""In their order: the command line, and its tables by option."""
-
 IN_A_PART = {
     "check_recordings": "shukotsu.checks.checked_poses.checked_poses",
     "align_events": "shukotsu.stages.align_events.recording_events.RecordingEvents.aligned",
@@ -60,34 +38,31 @@ IN_A_PART = {
     "evaluate_tips": "shukotsu.stages.evaluate_tips.tip_tables.replay_recording",
     "evaluate_skeletons": "shukotsu.stages.evaluate_skeletons.evaluation.evaluate_hand",
     "measure_movement": "shukotsu.anatomy.recorded_movement.RecordedMovement.joints",
-    "export": "shukotsu.stages.export.__main__.write_format",
+    "export": "shukotsu.stages.export.exported_plans.write_format",
     "report.subject": "shukotsu.stages.report.recording_page.recording_content.recording_page",
 }
 OUTSIDE = {
     **dict.fromkeys(STAGES, "shukotsu.stages.subject_stage.poses_files"),
     "project_planes": "shukotsu.stages.subject_stage.provenance_of",
-    "export": "shukotsu.stages.export.plan_selection.chosen_recordings",
+    "export": "shukotsu.stages.export.exported_plans.chosen_recordings",
     "report.subject": "shukotsu.stages.report.study_results.read_subject",
 }
 
 
 def run(subject: PlannedSubject, stage: str) -> None:
     """Run one stage of the subject as a study does; a failure fails the test."""
-    main, tables = STAGES[stage]
     folder = subject.plan_file.parent
-    files = [f"--{option}={folder / name}.parquet" for option, name in tables.items()]
-    own = [f"--plan={subject.plan_file}", "--record-failure", *files]
+    own = [*of_plan(stage, subject.plan_file), "--record-failure"]
+    own += [option.format(folder) for option in STAGES[stage]]
     if stage == "fit_hand":
         for hand in subject.plan.hands:
             for model in ("quick", REFERENCE):
                 out = f"--out={subject.fit_folder(hand, model)}"
-                assert main([*own, f"--hand={hand}", f"--model={model}", out]) == 0
-    elif stage == "export":
-        assert main([*own, "--formats=csv", f"--out={folder / 'exports'}"]) == 0
+                assert stage_runs.fit_hand([*own, f"--hand={hand}", f"--model={model}", out]) == 0
     elif stage == "report.subject":
-        assert main([*own, f"--out={Results(folder.parent).subject_pages('01')}"]) == 0
+        assert subject_pages([*own, f"--out={Results(folder.parent).subject_pages('01')}"]) == 0
     else:
-        assert main([*own, *([] if "out" in tables else [f"--out={folder}"])]) == 0
+        assert getattr(stage_runs, stage)([*own, *(outputs(stage, folder) if stage != "export" else [])]) == 0
 
 
 @pytest.fixture(scope="module")
@@ -119,9 +94,9 @@ def test_the_study_ends_with_a_report_that_names_it(
     after = [*STAGES]
     for later in after[after.index(stage) + 1 :]:
         run(subject, later)
-    for make in (gather, compare_models):
+    for make in (stage_runs.gather, stage_runs.compare_models):
         assert make([study, f"--results={results.folder}"]) == 0
-    assert report([study, f"--results={results.folder}", f"--out={results.report}"]) == 0
+    assert stage_runs.report([study, f"--results={results.folder}", f"--out={results.report}"]) == 0
     sentence = f"internal error in {stage} (RuntimeError: planted); please report it with the log"
     if stage == "export":
         (text,) = {file.read_text() for file in (subject.plan_file.parent / "exports").glob("*.failed.txt")}

@@ -8,8 +8,10 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
+import stage_runs
 from planned_subject import PlannedSubject, planned_subject
 from small_study import run_stages
+from stage_runs import of_plan, outputs
 
 from shukotsu.schemas.catalogue import FINDINGS, POSES, TABLES
 from shukotsu.schemas.config_files import REFERENCE
@@ -17,9 +19,7 @@ from shukotsu.schemas.findings import SUSPECT, worded
 from shukotsu.schemas.parts import part_metadata
 from shukotsu.schemas.results import FIT_TABLES, SUBJECT_TABLES
 from shukotsu.schemas.tables import Provenance, columns_from_rows, read_table, write_failure, write_table
-from shukotsu.stages.evaluate_skeletons.__main__ import main as evaluate_skeletons
 from shukotsu.stages.fit_hand.hand_tables import FIT
-from shukotsu.stages.measure_movement.__main__ import main as measure_movement
 
 pytestmark = pytest.mark.slow
 
@@ -43,14 +43,13 @@ def find(subject: PlannedSubject, **finding: str) -> None:
 def run(subject: PlannedSubject) -> PlannedSubject:
     """Run every stage of the subject that comes after the findings, as a study does."""
     folder = subject.plan_file.parent
-    own = [f"--plan={subject.plan_file}", "--record-failure"]
     for hand in subject.plan.hands:
         assert subject.fit(hand, "--record-failure") == 0
         assert subject.fit(hand, "--record-failure", model=REFERENCE) == 0
     run_stages(subject.plan_file, "--record-failure")
-    scores = [f"--out={folder}/skeleton_scores.parquet", f"--out-joints={folder}/joint_errors.parquet"]
-    assert evaluate_skeletons([*own, *scores]) == 0
-    assert measure_movement([*own, f"--out={folder}"]) == 0
+    for stage in ("evaluate_skeletons", "measure_movement"):
+        argv = [*of_plan(stage, subject.plan_file), "--record-failure", *outputs(stage, folder)]
+        assert getattr(stage_runs, stage)(argv) == 0
     return subject
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS, POSES
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.parts import part_metadata, parts_writer, read_part
-from shukotsu.schemas.plan import StudyPlans, SubjectPlan, plan_text, read_plan
+from shukotsu.schemas.plan import StudyPlans, SubjectPlan, plan_of_results, plan_text
 from shukotsu.schemas.poses import Poses, read_poses
 from shukotsu.schemas.study import Recording, read_study
 from shukotsu.schemas.tables import Provenance, Table, rows_of, write_table
@@ -51,7 +51,7 @@ class KnownHand:
     @property
     def plan(self) -> SubjectPlan:
         """The subject's plan."""
-        return read_plan(self.plan_path)
+        return plan_of_results(self.plan_path)
 
     @property
     def recording(self) -> Recording:

@@ -205,5 +205,5 @@ def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(
         row = {"subject": "01", "session": "", "hand": "left", "task": "grip", "trial": ""}
         row |= worded("units", severity, "In inch.").columns
         write_table(plan.table("findings"), FINDINGS, columns_from_rows(FINDINGS, [row]), Provenance())
-        found = plan.with_findings()
+        found = plan.checked(plan.table("findings"))
         assert (found.doubted("left"), found.doubted("right")) == (doubted, "")

@@ -7,24 +7,24 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import stage_runs
 from planned_subject import PlannedSubject, planned_subject
 from small_study import run_stages
+from stage_runs import of_plan, outputs
 
 from shukotsu.anatomy import recorded_movement
 from shukotsu.checks import checked_recording, mirror_jumps, timeline
 from shukotsu.schemas import poses
 from shukotsu.skeleton import posed_recording
-from shukotsu.stages.check_recordings.__main__ import main as check_recordings
-from shukotsu.stages.measure_movement.__main__ import main as measure_movement
 
 FEW = 37
 
 
 def tables(subject: PlannedSubject, out: Path) -> dict[str, pa.Table]:
-    plan = f"--plan={subject.plan_file}"
     run_stages(subject.plan_file)
-    assert check_recordings([plan, f"--out={out / 'findings.parquet'}"]) == 0
-    assert measure_movement([plan, f"--out={out}"]) == 0
+    for stage in ("check_recordings", "measure_movement"):
+        argv = [*of_plan(stage, subject.plan_file), *outputs(stage, out)]
+        assert getattr(stage_runs, stage)(argv) == 0
     files = [*subject.plan_file.parent.glob("*.parquet"), *out.glob("*.parquet")]
     return {file.name: pq.read_table(file) for file in files}
 

@@ -38,6 +38,7 @@ def options(*argv: object) -> argparse.Namespace:
     parser = command_line.parser("stages.any", "Any.", "any")
     subject_stage.add_plan_options(
         parser,
+        "joint_solutions",
         calibration="--calibration",
         evaluated="--poses",
         sizes=("hand_length_mm", "hand_breadth_mm"),
@@ -157,7 +158,7 @@ def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> Non
 def test_a_python_without_the_packages_is_said(module: str) -> None:
     """The system's own, outside the environment."""
     words = {"solve_joints": "--poses a --layout arm --model rigid --out b"}
-    words["evaluate_tips"] = "--joints a --bones b --metacarpals c --layout arm --out d --out-errors e"
+    words["evaluate_tips"] = "--joint-centres a --layout arm --out d --out-errors e"
     command = [sys.executable, "-S", "-m", *f"stages.{module} {words.get(module, '')}".split()]
     ended = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert ended.returncode == 2

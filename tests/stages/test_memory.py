@@ -13,7 +13,7 @@ HOUR = 3600 * 240
 MOST_BYTES = 10**9
 
 PEAK = (
-    "from stages.{}.__main__ import main; import re, sys; assert main(sys.argv[1:]) == 0; "
+    "import re, sys; from shukotsu.workflow import job; assert job.run(sys.argv[1:]) == 0; "
     "print(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1])"
 )
 
@@ -22,7 +22,7 @@ def peak_bytes(stage: str, *argv: object) -> int:
     """Run a stage under paper-fig4 in a process of its own; the most memory that it held."""
     words = [*map(str, argv), "--layout", "liberty16", "--model", "paper-fig4"]
     finished = subprocess.run(
-        [sys.executable, "-c", PEAK.format(stage), *words],
+        [sys.executable, "-c", PEAK, f"shukotsu.stages.{stage}", *words],
         env=os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"},
         check=True,
         capture_output=True,
@@ -40,10 +40,10 @@ def test_metacarpals_and_tips_of_an_hour(tmp_path: Path) -> None:
         for name in ("solved", "placed", "joints", "bones", "turns", "tips", "errors")
     )
     peak_bytes("solve_joints", "--poses", short, "--out", solved)
-    peak_bytes("project_planes", "--joints", solved, "--out", placed)
+    peak_bytes("project_planes", "--joint-solutions", solved, "--out", placed)
     recordings = ["--calibration", hour, "--poses", hour]
     built = ["--out-joints", joints, "--out-bones", bones, "--out", metacarpals]
-    assert peak_bytes("estimate_metacarpals", "--joints", placed, *recordings, *built) < MOST_BYTES
-    read = ["--joints", joints, "--bones", bones, "--metacarpals", metacarpals]
+    assert peak_bytes("estimate_metacarpals", "--projected-joints", placed, *recordings, *built) < MOST_BYTES
+    read = ["--joint-centres", joints, "--bone-lengths", bones, "--metacarpals", metacarpals]
     written = ["--out", tips, "--out-errors", errors]
     assert peak_bytes("evaluate_tips", *read, *recordings, *written) < MOST_BYTES

@@ -8,11 +8,11 @@ import pytest
 from event_files import SAMPLES, midi_of, poses_of, records_of
 from recording_files import damaged
 from small_study import HEADER, write_plans, write_study
+from stage_runs import align_events as main
 
 from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.plan import read_plan
 from shukotsu.schemas.tables import read_table, rows_of
-from shukotsu.stages.align_events.__main__ import main
 
 TRUE_S = np.cumsum([1.0, 0.7, 1.9, 1.1, 2.3, 0.9, 1.4, 3.0, 0.8, 1.7])
 KEY = {"subject": "01", "session": "", "hand": "right", "task": "piece", "trial": "2"}

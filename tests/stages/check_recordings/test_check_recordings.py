@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from simulated_poses import hand_of, write_poses
 from small_study import write_plans, write_study
+from stage_runs import check_recordings as main
 
 from benchmarks.mistakes import MISTAKES
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import FINDINGS, POSES
-from shukotsu.schemas.plan import SubjectPlan, read_plan
+from shukotsu.schemas.plan import SubjectPlan, plan_of_results, read_plan
 from shukotsu.schemas.tables import Provenance, read_metadata, read_table, rows_of, write_failure
-from shukotsu.stages.check_recordings.__main__ import main
 
 ROWS = (
     "01 right rom calibration a.csv - - - -",
@@ -50,7 +50,7 @@ def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def plan(plan_file: Path) -> SubjectPlan:
     """The plan, its findings written, as later stages read it."""
     assert main(["--plan", str(plan_file), "--out", str(plan_file.with_name("findings.parquet"))]) == 0
-    return read_plan(plan_file)
+    return plan_of_results(plan_file)
 
 
 def test_findings_by_recording_accepted_where_the_sheet_says_so(plan: SubjectPlan) -> None:
@@ -67,7 +67,7 @@ def test_findings_by_recording_accepted_where_the_sheet_says_so(plan: SubjectPla
 def test_a_refused_recording_is_used_by_no_later_stage(plan: SubjectPlan, plan_file: Path) -> None:
     assert [recording.task for recording in plan.all_calibrating("left")] == []
     assert [recording.task for recording in plan.all_calibrating("right")] == ["rom"]
-    assert len(read_plan(plan_file, checked=False).all_calibrating("left")) == 1
+    assert len(read_plan(plan_file).all_calibrating("left")) == 1
     plan.check_calibration_left("right")
     with pytest.raises(InputError, match=r"no calibration recording is left: The poses jump about"):
         plan.check_calibration_left("left")

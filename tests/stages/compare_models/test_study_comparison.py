@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 from report_samples.many_subjects import many_subjects
+from stage_runs import compare_models as main
 
 from shukotsu.schemas.catalogue import PROBLEMS, TABLES
 from shukotsu.schemas.results import MODEL_COMPARISONS, Results
 from shukotsu.schemas.tables import Provenance, columns_from_rows, read_metadata, read_table, write_table
-from shukotsu.stages.compare_models.__main__ import main
 
 
 def test_tables_are_written_and_a_suspect_hand_is_in_none(tmp_path: Path) -> None:

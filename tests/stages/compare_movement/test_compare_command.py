@@ -7,11 +7,11 @@ from pathlib import Path
 import drawn_movement as drawn
 import pytest
 from small_study import write_study
+from stage_runs import compare_movement as main
 
 from shukotsu.schemas.catalogue import MOVEMENT_DIFFERENCES, PROBLEMS
 from shukotsu.schemas.results import MOVEMENT_COMPARISONS, Results
 from shukotsu.schemas.tables import read_metadata, read_table
-from shukotsu.stages.compare_movement.__main__ import main
 
 RECORDINGS = drawn.recordings(8, ("",))
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pipeline import recording_numbers
+from stage_runs import estimate_metacarpals as main
 
 from shukotsu.schemas.catalogue import (
     BONE_LENGTHS,
@@ -16,7 +17,6 @@ from shukotsu.schemas.catalogue import (
 from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.tables import Provenance, Table, read_metadata, read_table, rows_of
-from shukotsu.stages.estimate_metacarpals.__main__ import main
 
 WHOLE = Part("right", "rigid", "", "01")
 TURNS = [f"q{name}" for name in "wxyz"]
@@ -32,7 +32,7 @@ def run(out: Path, joints: Path, *options: object) -> int:
     """Run the stage into a folder."""
     out.mkdir(exist_ok=True)
     written = ["--out-joints", out / "joint_centres.parquet", "--out-bones", out / "bone_lengths.parquet"]
-    argv = ["--joints", joints, *written, "--out", out / "metacarpals.parquet", *options]
+    argv = ["--projected-joints", joints, *written, "--out", out / "metacarpals.parquet", *options]
     return main([str(argument) for argument in argv])
 
 

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 from planned_subject import PlannedSubject, planned_subject
+from stage_runs import evaluate_skeletons as main
+from stage_runs import of_plan, outputs
 
 from shukotsu.schemas.catalogue import JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCORES, TABLES, TIPS
 from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.tables import Provenance, read_table, rows_of
-from shukotsu.stages.evaluate_skeletons.__main__ import main
 from shukotsu.stages.fit_hand.hand_tables import FIT
 
 TASKS = ("opposition", "rom")
@@ -39,8 +40,8 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
 
 
 def run(subject: PlannedSubject, out: Path, *options: str) -> int:
-    outputs = [f"--out={out / 'skeleton_scores.parquet'}", f"--out-joints={out / 'joint_errors.parquet'}"]
-    return main([f"--plan={subject.plan_file}", *outputs, *options])
+    stage = "evaluate_skeletons"
+    return main([*of_plan(stage, subject.plan_file), *outputs(stage, out), *options])
 
 
 def evaluated(subject: PlannedSubject, out: Path) -> Results:

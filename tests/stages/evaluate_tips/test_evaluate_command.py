@@ -7,6 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 from pipeline import recording_numbers
+from stage_runs import evaluate_tips as main
 
 from shukotsu.schemas.catalogue import METACARPALS, TIP_ERRORS, TIPS
 from shukotsu.schemas.layout import read_layout
@@ -14,7 +15,6 @@ from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.poses import read_poses
 from shukotsu.schemas.tables import Provenance, rows_of
-from shukotsu.stages.evaluate_tips.__main__ import main
 
 WHOLE = Part("right", "rigid", "", "01")
 DIGITS = ("thumb", "index", "middle", "ring", "little")
@@ -29,7 +29,7 @@ def run(plan: SubjectPlan, out: Path, *options: object, **tables: Path) -> int:
     """Run the stage on the plan's tables, or others in their place, into a folder."""
     out.mkdir(exist_ok=True)
     read = {name: plan.table(name) for name in ("joint_centres", "bone_lengths", "metacarpals")} | tables
-    argv = ["--joints", read["joint_centres"], "--bones", read["bone_lengths"]]
+    argv = ["--joint-centres", read["joint_centres"], "--bone-lengths", read["bone_lengths"]]
     argv += ["--metacarpals", read["metacarpals"], *options]
     argv += ["--out", out / "tips.parquet", "--out-errors", out / "tip_errors.parquet"]
     return main([str(argument) for argument in argv])

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from export_samples.known_hands import FITTED, POSE, REPLAYED, KnownHand, make_hand, make_hands
+from stage_runs import export as main
 
 from shukotsu.schemas.catalogue import BONE_POSES
-from shukotsu.stages.export.__main__ import main
 
 STEM = f"sub-01_hand-right_task-opposition_model-{FITTED}"
 

@@ -11,6 +11,7 @@ import pytest
 from pipeline import Row
 from planned_subject import QUICK, SHEETS, PlannedSubject, planned_subject
 from simulated_poses import recorded, write_poses
+from stage_runs import fit_hand as main
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import TABLES
@@ -18,7 +19,6 @@ from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.tables import column_array, rows_of
 from shukotsu.skeleton.rotations import multiply, rotate
-from shukotsu.stages.fit_hand.__main__ import main
 from shukotsu.stages.fit_hand.calibration import read_thinned
 from shukotsu.stages.fit_hand.hand_tables import FIT
 from shukotsu.stages.simulate.random_hand import DIGITS, TIP_BONES

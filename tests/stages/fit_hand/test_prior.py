@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from planned_subject import planned_subject
+from stage_runs import fit_hand as main
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.config_files import REFERENCE
@@ -13,7 +14,6 @@ from shukotsu.schemas.model import read_model
 from shukotsu.schemas.parts import part_metadata
 from shukotsu.schemas.plan import plan_of_poses
 from shukotsu.schemas.study import read_study
-from shukotsu.stages.fit_hand.__main__ import main
 from shukotsu.stages.fit_hand.calibration import calibrated_hand
 from shukotsu.stages.fit_hand.hand_tables import FIT
 

@@ -8,6 +8,7 @@ import pyarrow as pa
 import pytest
 import yaml
 from small_study import write_plans, write_study
+from stage_runs import gather as main
 
 from shukotsu.errors import TableError
 from shukotsu.schemas.catalogue import CLOCKS, FINDINGS, POSES, TABLES
@@ -26,7 +27,6 @@ from shukotsu.schemas.tables import (
     write_failure,
     write_table,
 )
-from shukotsu.stages.gather.__main__ import main
 from shukotsu.stages.gather.study_tables import gather_study
 
 ROWS = (

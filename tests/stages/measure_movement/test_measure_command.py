@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from planned_subject import QUICK, PlannedSubject, planned_subject
 from simulated_poses import recorded
+from stage_runs import measure_movement as main
+from stage_runs import of_plan
 
 from shukotsu.anatomy.neutral_bones import neutral_rotations
 from shukotsu.schemas.catalogue import CLOCKS, EVENTS, TABLES
@@ -27,7 +29,6 @@ from shukotsu.schemas.tables import (
 from shukotsu.skeleton.joint_angles import joint_angles, joint_rotation
 from shukotsu.skeleton.posing import SkeletonJoint
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.measure_movement.__main__ import main
 from shukotsu.stages.simulate.random_hand import BONES
 
 N_FRAMES, SEED = 1500, 4
@@ -72,7 +73,7 @@ def out(subject: PlannedSubject, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 def run(subject: PlannedSubject, out: Path, *options: str) -> int:
-    return main([f"--plan={subject.plan_file}", f"--out={out}", *options])
+    return main([*of_plan("measure_movement", subject.plan_file), f"--out={out}", *options])
 
 
 def rows_in(out: Path, name: str, **wanted: str) -> list[Row]:

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from planned_subject import QUICK, PlannedSubject, planned_subject
 from simulated_poses import write_poses
+from stage_runs import measure_movement as main
+from stage_runs import of_plan
 
 from benchmarks.pianist import Played, play
 from shukotsu.schemas.catalogue import CLOCKS, EVENTS, TABLES
 from shukotsu.schemas.parts import part_metadata
 from shukotsu.schemas.tables import Provenance, columns_from_rows, read_table, rows_of, write_table
-from shukotsu.stages.measure_movement.__main__ import main
 
 TASK, SEED = "opposition", 4
 KEYS = {"subject": "01", "session": "", "hand": "right", "task": TASK, "trial": ""}
@@ -71,7 +72,7 @@ def write_events(subject: PlannedSubject, rows: list[Row], status: str = "ok") -
 def run(subject: PlannedSubject, out: Path, *options: str) -> int:
     folder = subject.plan_file.parent
     names = (f"--events={folder}/events.parquet", f"--clocks={folder}/clocks.parquet", f"--out={out}")
-    return main([f"--plan={subject.plan_file}", *names, *options])
+    return main([*of_plan("measure_movement", subject.plan_file), *names, *options])
 
 
 def test_strokes_are_those_that_were_played(measured: Measured) -> None:

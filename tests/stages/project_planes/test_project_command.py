@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from small_study import write_plans, write_study
+from stage_runs import project_planes as main
 
 from shukotsu.schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS
 from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.schemas.plan import SubjectPlan, read_plan
 from shukotsu.schemas.tables import Provenance, read_metadata, rows_of
 from shukotsu.schemas.verdict import doubts_of
-from shukotsu.stages.project_planes.__main__ import main
 
 SHEET = (
     "subject hand joint dx_mm dy_mm dz_mm\n"
@@ -49,7 +49,7 @@ def test_corrections_move_that_hands_joint_under_models_that_take_them(
 ) -> None:
     plan, solutions = corrected
     out = tmp_path / "projected.parquet"
-    argv = ["--plan", plan, "--joints", solutions, "--out", out, "--record-failure"]
+    argv = ["--plan", plan, "--joint-solutions", solutions, "--out", out, "--record-failure"]
     assert main([str(argument) for argument in argv]) == 0
     as_solved, moved = (
         {row["joint"]: row for row in rows_of(read_part(out, JOINT_CENTRES, Part("right", model, "", "01")))}
@@ -72,7 +72,14 @@ def test_a_hand_alone_has_the_same_numbers(plan_file: Path, tmp_path: Path) -> N
     """Whose hand it is the solutions say, or of several hands an option."""
     plan: SubjectPlan = read_plan(plan_file)
     out, part = tmp_path / "projected.parquet", Part("right", "rigid", "", "01")
-    argv = ["--layout", "liberty16", "--model", "rigid", "--joints", str(plan.table("joint_solutions"))]
+    argv = [
+        "--layout",
+        "liberty16",
+        "--model",
+        "rigid",
+        "--joint-solutions",
+        str(plan.table("joint_solutions")),
+    ]
     assert main([*argv, "--out", str(out)]) == 2
     assert main([*argv, "--out", str(out), "--hand", "right"]) == 0
     expected = read_part(plan.table("projected_joints"), JOINT_CENTRES, part)

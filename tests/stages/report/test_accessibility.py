@@ -14,10 +14,10 @@ from playwright.sync_api import Browser
 from report_samples.hand_tables import write_subject_tables
 from report_samples.made_movement import write_movement
 from report_samples.made_study import FITTED_MODELS, make_study
+from stage_runs import report as main
 
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.study import read_study
-from shukotsu.stages.report.__main__ import main
 from shukotsu.stages.report.subject import main as subject_main
 
 pytestmark = pytest.mark.tools

@@ -5,16 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from stage_runs import report
 
 from shukotsu.schemas.model import read_model
-from shukotsu.stages import command_line
-from shukotsu.stages.report.__main__ import build_parser, record_failure, report
 from shukotsu.stages.report.paper_tables import own_table, printed_table
 from shukotsu.stages.report.study_results import StudyResults
 
 
 def _run(*words: str) -> int:
-    return command_line.run(build_parser, words, report, record_failure)
+    return report(words)
 
 
 @pytest.mark.parametrize(

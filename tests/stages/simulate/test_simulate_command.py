@@ -8,10 +8,10 @@ import numpy as np
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
+from stage_runs import simulate as main
 
 from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, TIPS
 from shukotsu.schemas.tables import read_metadata, read_table, rows_of
-from shukotsu.stages.simulate.__main__ import main
 
 COLUMNS = ["frame", "time_s", "segment", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]
 

@@ -11,8 +11,8 @@ from long_poses import long_poses
 MINUTE = 60 * 240
 _MEASURED = """
 import sys
-from shukotsu.stages.solve_joints.__main__ import main
-assert main(sys.argv[1:]) == 0
+from shukotsu.workflow import job
+assert job.run(["shukotsu.stages.solve_joints", *sys.argv[1:]]) == 0
 (peak,) = [line for line in open("/proc/self/status") if line.startswith("VmHWM:")]
 print(peak.split()[1])
 """

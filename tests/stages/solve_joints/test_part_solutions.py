@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from long_poses import long_poses
+from stage_runs import solve_joints as main
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.schemas.catalogue import JOINT_SOLUTIONS, POSES
@@ -15,7 +16,6 @@ from shukotsu.schemas.model import JointSolving, read_model
 from shukotsu.schemas.parts import Part, part_metadata, read_part
 from shukotsu.schemas.tables import Provenance, write_failure
 from shukotsu.stages.solve_joints import part_solutions
-from shukotsu.stages.solve_joints.__main__ import main
 from shukotsu.stages.solve_joints.part_solutions import PartRequest, solve_parts
 
 LAYOUT = read_layout("liberty16")

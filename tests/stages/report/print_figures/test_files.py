@@ -13,15 +13,14 @@ import pytest
 from matplotlib.figure import Figure
 from report_samples.hand_tables import write_tips
 from report_samples.made_study import make_study
+from stage_runs import print_figures
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.results import FIGURE_KINDS, STUDY_FIGURES, Results
 from shukotsu.schemas.study import read_study
-from shukotsu.stages import command_line
 from shukotsu.stages.report.palette import Look
 from shukotsu.stages.report.plots.panels import Panel, Row, Scale, draw_rows, print_figure
 from shukotsu.stages.report.plots.style import label
-from shukotsu.stages.report.print_figures.__main__ import build_parser, draw, record_failure
 from shukotsu.stages.report.print_figures.study_figures import Drawing, drawn, not_drawn, save
 
 REPOSITORY = Path(__file__).resolve().parents[4]
@@ -31,7 +30,7 @@ TEXT = "{http://www.w3.org/2000/svg}text"
 
 def run(*words: str) -> int:
     """The command line's exit code, in this process."""
-    return command_line.run(build_parser, words, draw, record_failure)
+    return print_figures(words)
 
 
 def words_of(study: tuple[Path, Path], out: Path) -> list[str]:
