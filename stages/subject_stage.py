@@ -231,14 +231,11 @@ def writing(
     for argument, names in writes.items():
         path: Path = getattr(arguments, argument)
         files |= {names: path} if isinstance(names, str) else {n: path / f"{n}.parquet" for n in names}
-    forms = TABLES | {
-        "projected_joints": TABLES["joint_centres"],
-        "fitted_joints": TABLES["joint_centres"],
-        "fitted_bones": TABLES["bone_lengths"],
-    }
+    joints, bones = TABLES["joint_centres"], TABLES["bone_lengths"]
+    forms = {"projected_joints": joints, "fitted_joints": joints, "fitted_bones": bones}
     with ExitStack() as stack:
         yield {
-            name: stack.enter_context(parts_writer(path, forms[name], provenance))
+            name: stack.enter_context(parts_writer(path, forms.get(name) or TABLES[name], provenance))
             for name, path in files.items()
         }
 

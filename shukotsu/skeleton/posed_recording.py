@@ -68,9 +68,9 @@ def read_skeleton(
 class RecordingReader:
     """A recording of a hand and where to read it under one model.
 
-    poses_file : the recording's poses table. part : whose rows of the tables. tables : returns the file of a
-    table of the skeleton by its name. opened : opens a table. What it reads raises InputError where a table is
-    absent or its making failed, and where it has no row of the recording.
+    poses_file : the recording's poses table. part : whose rows of the tables. tables : returns the file of
+    a table by its name. opened : opens a table. What it reads raises InputError where a table is absent or
+    its making failed, and where it has no row of the recording.
     """
 
     recording: Recording

@@ -95,7 +95,8 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
     if not reader.is_fitted:
         joints = (replace(j, name=f"{j.digit}{RECEIVER_TIP}") if j.tip else j for j in bones.joints)
         bones = replace(bones, joints=tuple(joints))
-    where = f"{reader.folder}: {reader.part.hand} hand, model {reader.model.name}"
+    folder = reader.tables(JOINT_CENTRES.name).parent
+    where = f"{folder}: {reader.part.hand} hand, model {reader.model.name}"
     if bones.root_failure:
         raise InputError(f"{where}: {bones.root_failure}, and it is the skeleton's root")
     for joint, offset in zip(bones.joints[1:], bones.rest_offset_mm[1:], strict=True):
@@ -116,9 +117,11 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
         reasons = "; ".join(notes) or "the layout has none"
         raise InputError(f"{where}: no digit of {reader.recording.name} can be exported: {reasons}")
     of_model = (BONE_POSES, POSED_TIPS) if reader.is_fitted else (METACARPALS,)
-    files = map(reader.path, (JOINT_CENTRES, BONE_LENGTHS, *of_model))
+    files = (reader.tables(table.name) for table in (JOINT_CENTRES, BONE_LENGTHS, *of_model))
     inputs = {
-        file.relative_to(reader.folder.parent).as_posix(): file_sha256(file)
+        (file.relative_to(folder.parent).as_posix() if file.is_relative_to(folder.parent) else file.name): (
+            file_sha256(file)
+        )
         for file in (reader.poses_file, *files)
         if file.is_file()
     }
