@@ -10,7 +10,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -60,17 +60,13 @@ for _tag, (_pattern, _letters) in _CORE_SCHEMA.items():
         _class.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})\Z"), _firsts)
 
 
-def _whole(_: _StrictLoader, node: yaml.ScalarNode) -> int:
-    text = str(node.value)
-    return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
-
-
-def _real(_: _StrictLoader, node: yaml.ScalarNode) -> float:
-    return float(str(node.value).lower().replace(".inf", "inf").replace(".nan", "nan"))
-
-
-_StrictLoader.add_constructor("tag:yaml.org,2002:int", _whole)
-_StrictLoader.add_constructor("tag:yaml.org,2002:float", _real)
+_StrictLoader.add_constructor(
+    "tag:yaml.org,2002:int", lambda _, node: int(node.value, {"0o": 8, "0x": 16}.get(node.value[:2], 10))
+)
+_StrictLoader.add_constructor(
+    "tag:yaml.org,2002:float",
+    lambda _, node: float(node.value.lower().replace(".inf", "inf").replace(".nan", "nan")),
+)
 
 
 def _mapping_without_twins(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -149,9 +145,8 @@ def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
 
     Raises YAMLError where they are too many, or where an alias stands for what holds it.
     """
-    known = counted.get(id(node))
-    if known is not None:
-        return known
+    if id(node) in counted:
+        return counted[id(node)]
     counted[id(node)] = limits.CONFIG_VALUES  # while it is being counted: an alias in itself has no end
     parts = node.value if isinstance(node, yaml.CollectionNode) else ()
     inside = [part for pair in parts for part in pair] if isinstance(node, yaml.MappingNode) else parts
@@ -193,15 +188,12 @@ def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
         kinds = {type(None): "nothing", str: "a text", list: "a list"}
         what = kinds.get(type(loaded), "a value")
         raise InputError(f"{where}: holds {what}, no keys; expected a {kind} file, lines of `key: value`")
-    odd = _odd_values(loaded)
-    if odd:
-        raise InputError(f"{where}: " + "; ".join(odd[:5]))
+    if fault := next(_odd_values(loaded), ""):
+        raise InputError(f"{where}: {fault}")
     schema = json_schema(kind)
-    validator = jsonschema.Draft202012Validator(schema)
-    errors = sorted(validator.iter_errors(loaded), key=lambda e: [str(part) for part in e.absolute_path])
-    sentences = list(dict.fromkeys(_sentence(error) for error in errors))
-    if sentences:
-        raise InputError(f"{where}: " + "; ".join(sentences[:5]))
+    errors = jsonschema.Draft202012Validator(schema).iter_errors(loaded)
+    if (error := jsonschema.exceptions.best_match(errors)) is not None:
+        raise InputError(f"{where}: {_sentence(error)}")
     filled: dict[str, Any] = _with_defaults(loaded, schema, schema)
     return filled
 
@@ -225,16 +217,12 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
         return path
     if why := instead(kind, name):
         raise InputError(f"{kind}s: {why}")
-    near = _nearest(name, shipped(kind)) or slash_hint(name)
+    close = difflib.get_close_matches(name, shipped(kind), 1)
+    near = f"; did you mean {close[0]!r}?" if close else slash_hint(name)
     raise InputError(
         f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
         f"nor a file in {folder}{near}"
     )
-
-
-def _nearest(word: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(word, known, 1)
-    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 _IN_WORDS = {
@@ -242,53 +230,6 @@ _IN_WORDS = {
     "letter or a digit",
     "^[a-z][a-z0-9_]*$": "a name of small letters, digits and '_' that begins with a letter",
     "^[XYZ]{3}$": "three of the letters X, Y and Z",
-}
-"""What the patterns of the schemas mean."""
-
-
-def _sentence(error: Any) -> str:
-    place = ".".join(str(part) for part in error.absolute_path)
-    prefix = f"{place}: " if place else ""
-    if error.validator == "additionalProperties":
-        known = list(error.schema.get("properties", {}))
-        odd = sorted(str(key) for key in set(error.instance) - set(known))
-        if why := next(filter(None, (instead("key", key) for key in odd)), ""):
-            return prefix + why
-        guesses = "".join(_nearest(key, known) for key in odd[:1])
-        return f"{prefix}unknown key {', '.join(map(repr, odd))}; known are {', '.join(known)}{guesses}"
-    if error.validator == "required":
-        absent = [key for key in error.validator_value if key not in error.instance]
-        return f"{prefix}the key {', '.join(map(repr, absent))} is missing"
-    if error.validator == "pattern" and error.validator_value in _IN_WORDS:
-        return f"{prefix}{shortened(repr(error.instance), 100)} is not {_IN_WORDS[error.validator_value]}"
-    bound = _BOUNDS.get(error.validator)
-    if error.validator in ("minItems", "maxItems", "minProperties"):
-        meaning = error.schema.get("description", "a list of that length")
-        return f"{prefix}has {len(error.instance)}; expected {bound} {error.validator_value}: {meaning}"
-    if error.validator in ("minLength", "maxLength"):
-        return f"{prefix}has {len(error.instance)} letters; expected {bound} {error.validator_value}"
-    if error.validator == "uniqueItems":
-        return f"{prefix}{_shown(error.instance)} names one thing twice"
-    if error.validator == "type":
-        kinds = error.validator_value
-        expected = " or ".join(_KINDS[kind] for kind in ([kinds] if isinstance(kinds, str) else kinds))
-        return f"{prefix}is {_shown(error.instance)}; expected {expected}"
-    if error.validator == "enum":
-        if why := instead(place.split(".")[0].removesuffix("s"), str(error.instance)):
-            return prefix + why
-        words = ", ".join(map(str, error.validator_value))
-        return f"{prefix}is {_shown(error.instance)}; expected one of {words}"
-    if bound:
-        return f"{prefix}is {_shown(error.instance)}; expected {bound} {error.validator_value}"
-    return f"{prefix}{shortened(error.message, 200)}"
-
-
-_BOUNDS = {
-    **dict.fromkeys(("minimum", "minItems", "minProperties", "minLength"), "at least"),
-    **dict.fromkeys(("maximum", "maxItems", "maxLength"), "at most"),
-    "exclusiveMinimum": "more than",
-}
-_KINDS = {
     "object": "a group, lines of `key: value`",
     "array": "a list",
     "string": "a text",
@@ -296,28 +237,58 @@ _KINDS = {
     "integer": "a whole number",
     "boolean": "true or false",
     "null": "nothing",
+    **dict.fromkeys(("minimum", "minItems", "minProperties", "minLength"), "at least"),
+    **dict.fromkeys(("maximum", "maxItems", "maxLength"), "at most"),
+    "exclusiveMinimum": "more than",
 }
+"""What the patterns, types and bounds of the schemas mean."""
 
 
-def _shown(value: Any) -> str:
-    """A value as YAML has it, not too long; that of a key without one is empty."""
-    if value is None:
-        return "empty"
-    return shortened(repr(value) if isinstance(value, str) else json.dumps(value, default=str), 100)
+def _sentence(error: Any) -> str:
+    """Return what an error of jsonschema means, with its key, what is there and what was expected."""
+    path, instance, rule, value = error.absolute_path, error.instance, error.validator, error.validator_value
+    text = repr(instance) if isinstance(instance, str) else json.dumps(instance, default=str)
+    actual = "is empty" if instance is None else f"is {shortened(text, 100)}"
+    if rule == "additionalProperties":
+        keys = list(error.schema.get("properties", {}))
+        odd = sorted(str(key) for key in set(instance) - set(keys))
+        close = difflib.get_close_matches(odd[0], keys, 1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        why = next(filter(None, (instead("key", key) for key in odd)), "")
+        fault = why or f"unknown key {', '.join(map(repr, odd))}; known are {', '.join(keys)}{hint}"
+    elif rule == "required":
+        fault = f"the key {', '.join(repr(key) for key in value if key not in instance)} is missing"
+    elif rule == "enum":
+        why = instead(str(path[0]).removesuffix("s"), str(instance))
+        fault = why or f"{actual}; expected one of {', '.join(map(str, value))}"
+    elif rule == "type":
+        kinds = [value] if isinstance(value, str) else value
+        fault = f"{actual}; expected {' or '.join(_IN_WORDS[kind] for kind in kinds)}"
+    elif rule == "pattern":
+        fault = f"{actual}; expected {_IN_WORDS.get(value, value)}"
+    elif rule in _IN_WORDS:
+        size = f"has {len(instance)}" if isinstance(instance, str | list | dict) else actual
+        letters = " letters" if isinstance(instance, str) else ""
+        meaning = f": {error.schema['description']}" if isinstance(instance, list | dict) else ""
+        fault = f"{size}{letters}; expected {_IN_WORDS[rule]} {value}{meaning}"
+    elif rule == "uniqueItems":
+        fault = f"{actual}, which names one thing twice"
+    else:
+        fault = shortened(error.message, 200)
+    return ": ".join(filter(None, (".".join(map(str, path)), fault)))
 
 
-def _odd_values(value: Any, place: str = "") -> list[str]:
+def _odd_values(value: Any, place: str = "") -> Iterator[str]:
     """Name what JSON Schema lets pass or trips over: .nan, .inf, huge numbers, control characters."""
     if isinstance(value, float) and not math.isfinite(value):
-        return [f"{place}: is {value}; expected a finite number"]
+        yield f"{place}: is {value}; expected a finite number"
     if isinstance(value, int) and abs(value) > limits.LARGEST_WHOLE:
-        return [f"{place}: is a number of more than {len(str(limits.LARGEST_WHOLE)) - 1} digits"]
+        yield f"{place}: is a number of more than {len(str(limits.LARGEST_WHOLE)) - 1} digits"
     if isinstance(value, str) and any(ord(c) < 32 and c not in "\n\t" for c in value):
-        return [f"{place}: holds a control character"]
+        yield f"{place}: holds a control character"
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    return [
-        text for key, part in parts for text in _odd_values(part, f"{place}.{key}" if place else str(key))
-    ]
+    for key, part in parts:
+        yield from _odd_values(part, f"{place}.{key}" if place else str(key))
 
 
 def _with_defaults(value: Any, schema: dict[str, Any], root: dict[str, Any]) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,21 +45,11 @@ def read_mapping(path: Path) -> FileMapping:
 
 def mapping_from_config(loaded: Any, where: str) -> FileMapping:
     """Check a loaded mapping, fill in its defaults; `where` names it in messages."""
-    if isinstance(loaded, dict):
-        # Before the schema does, and in words, what a draft or a first mapping most often gets wrong.
-        if left := list(dict.fromkeys(_unedited(loaded, ""))):
-            verb = "says" if len(left) == 1 else "say"
-            raise InputError(f"{where}: {listed(left, 4)} still {verb} CHECK: put the truth there")
-        _check_names(loaded, where)
+    if isinstance(loaded, dict) and (fault := next(_first_faults(loaded), "")):
+        raise InputError(f"{where}: {fault}")
     config = check_config(loaded, "mapping", where)
-    odd = sorted({"csv", "c3d", "xdf"} & loaded.keys() - {config["format"]})
-    if odd:
-        raise InputError(f"{where}: {odd[0]}: is for another format; format is {config['format']}")
-    _check_orientation(config, where)
-    _check_position_axes(config, where)
-    _check_receivers(config, where)
-    if config["format"] in _CHECKS:
-        _CHECKS[config["format"]](config, where)
+    if fault := next(_faults(config, loaded.keys()), ""):
+        raise InputError(f"{where}: {fault}")
     return FileMapping(
         where,
         config["format"],
@@ -92,16 +82,19 @@ def _unedited(value: object, place: str) -> Iterator[str]:
             yield from _unedited(part, inner)
 
 
-def _check_names(loaded: Mapping[str, Any], where: str) -> None:
-    """Refuse names that no segment has."""
+def _first_faults(loaded: Mapping[str, Any]) -> Iterator[str]:
+    """Name, before the schema does, what a draft or a first mapping most often gets wrong."""
+    if places := list(dict.fromkeys(_unedited(loaded, ""))):
+        verb = "says" if len(places) == 1 else "say"
+        yield f"{listed(places, 4)} still {verb} CHECK: put the truth there"
     receivers = loaded.get("receivers")
     for name in receivers if isinstance(receivers, Mapping) else ():
         if not _SEGMENT_NAME.fullmatch(str(name)):
             bare = re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_")
             guess = f"; did you mean {bare!r}?" if _SEGMENT_NAME.fullmatch(bare) else ""
-            raise InputError(
-                f"{where}: receivers: {name!r} is no segment's name; names are lower case letters, digits "
-                f"and underscores{guess}"
+            yield (
+                f"receivers: {name!r} is no segment's name; names are lower case letters, digits and "
+                f"underscores{guess}"
             )
 
 
@@ -124,146 +117,107 @@ _LONG_KEYS = ("receiver", "position", "orientation")
 """Of csv with long rows."""
 
 
-def _check_orientation(config: Mapping[str, Any], where: str) -> None:
-    orientation = config.get("orientation")
-    if orientation is None:
-        return
-    if config["format"] in _TURNED:
-        raise InputError(f"{where}: orientation: {_TURNED[config['format']]} none; leave it out")
-    kind = orientation["kind"]
-    missing = [key for key in _NEEDED[kind] if key not in orientation]
-    if missing:
-        raise InputError(f"{where}: orientation: {kind} needs the key {', '.join(map(repr, missing))}")
-    odd = [key for key in ("order", "axes", "unit") if key in orientation and key not in _NEEDED[kind]]
+def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
+    """Name what does not go together in a mapping that its schema allows; keys : those of the file itself."""
+    form, axes = config["format"], config["position_axes"]
+    odd = sorted({"csv", "c3d", "xdf"} & set(keys) - {form})
     if odd:
-        raise InputError(f"{where}: orientation.{odd[0]}: does not belong to {kind}; leave it out")
-    axes = orientation.get("axes", "XYZ")
-    if axes[0] == axes[1] or axes[1] == axes[2]:
-        raise InputError(f"{where}: orientation.axes: {axes} turns twice in a row about one axis")
-
-
-def _check_position_axes(config: Mapping[str, Any], where: str) -> None:
-    axes = config["position_axes"]
+        yield f"{odd[0]}: is for another format; format is {form}"
+    if "orientation" in config:
+        yield from _orientation_faults(form, config["orientation"])
     if sorted(axis[-1] for axis in axes) != ["x", "y", "z"]:
-        raise InputError(f"{where}: position_axes: is {', '.join(axes)}; expected each of x, y and z once")
-    if config["format"] == "c3d" and axes != ["x", "y", "z"]:
-        raise InputError(
-            f"{where}: position_axes: a C3D file has positions and rotations in one frame; leave it out"
-        )
-
-
-def _check_receivers(config: Mapping[str, Any], where: str) -> None:
-    """Refuse keys that the format does not read, and a segment that both moves and is fixed."""
-    name = config["csv"]["rows"] if config["format"] == "csv" else config["format"]
-    what = f"csv with {name} rows" if config["format"] == "csv" else name
-    known = _RECEIVER_KEYS[name]
+        yield f"position_axes: is {', '.join(axes)}; expected each of x, y and z once"
+    if form == "c3d" and axes != ["x", "y", "z"]:
+        yield "position_axes: a C3D file has positions and rotations in one frame; leave it out"
+    rows = config["csv"]["rows"] if form == "csv" else form
+    reads = _RECEIVER_KEYS[rows]
     for segment, receiver in config["receivers"].items():
-        odd = [key for key in receiver if key not in known]
+        odd = [key for key in receiver if key not in reads]
         if odd:
-            raise InputError(
-                f"{where}: receivers.{segment}.{odd[0]}: does not belong to {what}, "
-                f"which reads {', '.join(known) or 'no key here'}; leave it out"
+            what = f"csv with {rows} rows" if form == "csv" else form
+            yield (
+                f"receivers.{segment}.{odd[0]}: does not belong to {what}, which reads "
+                f"{', '.join(reads) or 'no key here'}; leave it out"
             )
         if segment in config["fixed"]:
-            raise InputError(f"{where}: fixed: {segment} has a receiver too; keep one of the two")
+            yield f"fixed: {segment} has a receiver too; keep one of the two"
+    if form == "csv":
+        yield from _csv_faults(config)
+    if form == "c3d":
+        yield from _c3d_faults(config["receivers"])
+    if form == "capture":
+        odd = [key for key in ("orientation", "rate_hz") if key in config]
+        odd += ["fixed"] * bool(config["fixed"]) + ["position_axes"] * (axes != ["x", "y", "z"])
+        if odd:
+            yield f"{odd[0]}: a raw capture says it itself; leave it out"
 
 
-def _check_csv(config: Mapping[str, Any], where: str) -> None:
-    table = config["csv"]
+def _orientation_faults(form: str, orientation: Mapping[str, Any]) -> Iterator[str]:
+    kind, axes = orientation["kind"], orientation.get("axes", "XYZ")
+    if form in _TURNED:
+        yield f"orientation: {_TURNED[form]} none; leave it out"
+    missing = [key for key in _NEEDED[kind] if key not in orientation]
+    if missing:
+        yield f"orientation: {kind} needs the key {', '.join(map(repr, missing))}"
+    odd = [key for key in ("order", "axes", "unit") if key in orientation and key not in _NEEDED[kind]]
+    if odd:
+        yield f"orientation.{odd[0]}: does not belong to {kind}; leave it out"
+    if axes[0] == axes[1] or axes[1] == axes[2]:
+        yield f"orientation.axes: {axes} turns twice in a row about one axis"
+
+
+def _csv_faults(config: Mapping[str, Any]) -> Iterator[str]:
+    table, receivers, long = config["csv"], config["receivers"], config["csv"]["rows"] == "long"
     if table["delimiter"] == table["decimal"]:
-        raise InputError(f"{where}: csv.decimal: the comma cannot both separate cells and be a decimal mark")
-    _check_rows(config, where)
-    groups = [("csv", table), *((f"receivers.{name}", part) for name, part in config["receivers"].items())]
-    for place, group in groups:
-        _check_columns(group, place, config, where)
-    _check_pair(groups, "time", [key for key in ("time_unit",) if key in table], "csv.time_unit", where)
-    limits = [key for key in ("quality_above", "quality_below") if key in table]
-    _check_pair(groups, "quality", limits, "csv.quality_above or csv.quality_below", where)
-    timed = "time" in table or all("time" in part for part in config["receivers"].values())
-    if not table["in_step"] and not (timed and "rate_hz" in config):
-        raise InputError(
-            f"{where}: csv.in_step: receivers that are not in step need a time column and rate_hz, "
-            "the rate of the grid of frames that they are put on"
-        )
-
-
-def _check_rows(config: Mapping[str, Any], where: str) -> None:
-    """Refuse keys that long rows need or wide rows do not have, and two receivers of one value."""
-    table, long = config["csv"], config["csv"]["rows"] == "long"
+        yield "csv.decimal: the comma cannot both separate cells and be a decimal mark"
     if "orientation" not in config:
-        raise InputError(
-            f"{where}: the key 'orientation' is missing: a receiver has positions and turns; say where"
-        )
+        yield "the key 'orientation' is missing: a receiver has positions and turns; say where"
     missing = [key for key in _LONG_KEYS if key not in table]
     if long and missing:
-        raise InputError(f"{where}: csv: long rows need the key {', '.join(map(repr, missing))}")
+        yield f"csv: long rows need the key {', '.join(map(repr, missing))}"
     odd = [key for key in (*_LONG_KEYS, "quality") if key in table]
     if odd and not long:
-        raise InputError(f"{where}: csv.{odd[0]}: is for long rows; with wide rows give it to each receiver")
-    seen: dict[str, str] = {}
-    for segment, receiver in config["receivers"].items():
+        yield f"csv.{odd[0]}: is for long rows; with wide rows give it to each receiver"
+    segments: dict[str, str] = {}
+    for segment, receiver in receivers.items():
         for key in ("value",) if long else ("position", "orientation"):
             if key not in receiver:
-                raise InputError(f"{where}: receivers.{segment}: the key {key!r} is missing")
-        other = seen.setdefault(str(receiver.get("value", segment)), segment)
+                yield f"receivers.{segment}: the key {key!r} is missing"
+        other = segments.setdefault(str(receiver.get("value", segment)), segment)
         if other != segment:
-            raise InputError(
-                f"{where}: receivers: {other} and {segment} both have value {receiver['value']!r}"
-            )
-
-
-def _check_columns(group: Mapping[str, Any], place: str, config: Mapping[str, Any], where: str) -> None:
-    """Refuse a wrong count of orientation columns, and column names where there is no header."""
-    columns, kind = group.get("orientation", []), config["orientation"]["kind"]
-    if columns and len(columns) != _NUMBERS[kind]:
-        raise InputError(
-            f"{where}: {place}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
+            yield f"receivers: {other} and {segment} both have value {receiver['value']!r}"
+    groups = [("csv", table), *((f"receivers.{name}", part) for name, part in receivers.items())]
+    for place, group in groups:
+        columns, kind = group.get("orientation", []), config["orientation"]["kind"]
+        if columns and len(columns) != _NUMBERS[kind]:
+            yield f"{place}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
+        for key in ("position", "orientation", "time", "quality", "frame", "receiver"):
+            cell = group.get(key, [])
+            for column in cell if isinstance(cell, list) else [cell]:
+                if isinstance(column, str) and not table["header"]:
+                    yield f"{place}.{key}: {column!r} is a name; without a header give numbers"
+    for column, keys in (("time", ["time_unit"]), ("quality", ["quality_above", "quality_below"])):
+        places = [place for place, group in groups if column in group]
+        units = [key for key in keys if key in table]
+        if places and not units:
+            yield f"{places[0]}.{column}: needs {' or '.join(f'csv.{key}' for key in keys)}"
+        if units and not places:
+            yield f"csv.{units[0]}: no {column} column is named"
+    timed = "time" in table or all("time" in part for part in receivers.values())
+    if not table["in_step"] and not (timed and "rate_hz" in config):
+        yield (
+            "csv.in_step: receivers that are not in step need a time column and rate_hz, the rate of the "
+            "grid of frames that they are put on"
         )
-    for key in ("position", "orientation", "time", "quality", "frame", "receiver"):
-        named = group.get(key, [])
-        for column in named if isinstance(named, list) else [named]:
-            if isinstance(column, str) and not config["csv"]["header"]:
-                raise InputError(
-                    f"{where}: {place}.{key}: {column!r} is a name; without a header give numbers"
-                )
 
 
-def _check_pair(
-    groups: Sequence[tuple[str, Mapping[str, Any]]], column: str, keys: list[str], needed: str, where: str
-) -> None:
-    """Refuse a column without the key that says how to read it, and that key without a column."""
-    places = [place for place, group in groups if column in group]
-    if places and not keys:
-        raise InputError(f"{where}: {places[0]}.{column}: needs {needed}")
-    if keys and not places:
-        raise InputError(f"{where}: csv.{keys[0]}: no {column} column is named")
-
-
-def _check_c3d(config: Mapping[str, Any], where: str) -> None:
-    for segment, receiver in config["receivers"].items():
+def _c3d_faults(receivers: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    for segment, receiver in receivers.items():
         if len(receiver) != 1:
-            raise InputError(f"{where}: receivers.{segment}: needs either 'markers' or 'rotation'")
+            yield f"receivers.{segment}: needs either 'markers' or 'rotation'"
         markers = receiver.get("markers", [])
         if 0 < len(markers) < 3:
-            raise InputError(
-                f"{where}: receivers.{segment}.markers: has {len(markers)}; "
-                "expected 3 or more of a rigid cluster"
-            )
-        twice = [marker for marker in markers if markers.count(marker) > 1]
-        if twice:
-            raise InputError(f"{where}: receivers.{segment}.markers: {twice[0]!r} is named twice")
-
-
-def _check_capture(config: Mapping[str, Any], where: str) -> None:
-    told = config["fixed"] or config["position_axes"] != ["x", "y", "z"]
-    odd = [key for key in ("orientation", "rate_hz") if key in config]
-    if told or odd:
-        key = (odd or ["fixed" if config["fixed"] else "position_axes"])[0]
-        raise InputError(f"{where}: {key}: a raw capture says it itself; leave it out")
-
-
-_CHECKS: dict[str, Callable[[Mapping[str, Any], str], None]] = {
-    "csv": _check_csv,
-    "c3d": _check_c3d,
-    "capture": _check_capture,
-}
+            yield f"receivers.{segment}.markers: has {len(markers)}; expected 3 or more of a rigid cluster"
+        for marker in markers:
+            if markers.count(marker) > 1:
+                yield f"receivers.{segment}.markers: {marker!r} is named twice"

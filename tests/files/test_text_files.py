@@ -71,6 +71,9 @@ def bomb(depth: int) -> str:
     return "\n".join(lines)
 
 
+REST = "recordings: r.tsv\nlayout: arm\nmodels: [rigid]\n"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -81,10 +84,10 @@ def bomb(depth: int) -> str:
         ("- " * 400, "nested deeper than 40"),
         ("study: " + "1" * 100_000, "not valid YAML: "),
         ("study: 0x" + "1" * 100_000, "study: is a number of more than 18 digits"),
-        ("study: " + "1:" * 5_000 + "1", "study: has 10001 letters"),
+        (REST + "study: " + "1:" * 5_000 + "1", "study: has 10001 letters"),
         ("study: a\n\trecordings: b", r"a tab .*\(line 2, column 1\); indent with blanks"),
         ('study: "a\\0b"', "study: holds a control character"),
-        ("study: " + "a" * 5_000, "study: has 5000 letters; expected at most 100"),
+        (REST + "study: " + "a" * 5_000, "study: has 5000 letters; expected at most 100"),
         ("x" * 1_900_000, "holds a text, no keys; expected a study file"),
         ("x" * 2_100_000, "has 2100000 bytes; expected a study file, at most 2000000 bytes"),
     ],

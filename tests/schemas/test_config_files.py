@@ -48,7 +48,7 @@ def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
             r"metacarpals\.rest_direction: has 2; expected at least 3: Where",
         ),
         ("planes:", "planes: is empty; expected a group, lines of `key: value`$"),
-        ("own_cmc: [a, a]", r'own_cmc: \["a", "a"\] names one thing twice$'),
+        ("own_cmc: [a, a]", r'own_cmc: is \["a", "a"\], which names one thing twice$'),
         ("description: again", "not valid YAML: the key 'description' is given twice .*line 3"),
         ("joints: {solver: closed, solver: closed}", "the key 'solver' is given twice"),
         ("? [a, b]\n: 1", r"not valid YAML: \['a', 'b'\] cannot be a key"),

@@ -97,7 +97,7 @@ def test_a_wrist_that_was_measured(tmp_path: Path) -> None:
         ("segments.tip.receiver", 1, "segments hand and tip both name receiver 1"),
         ("segments.tip.left_receiver", 1, "segments hand and tip both name receiver 1"),
         ("segments.tip.reciever", 1, r"segments\.tip: unknown key 'reciever'; .*did you mean 'receiver'"),
-        ("segments.Tip", {}, "segments: 'Tip' is not a name of small letters"),
+        ("segments.Tip", {}, "segments: is 'Tip'; expected a name of small letters"),
         ("receiver_axes", {"distal": [0, 1, 0]}, "segments.hand: .*distal and lateral are not"),
         ("receiver_axes", {"distal": [2, 0, 0]}, "unit vectors at right angles; distal has length 2"),
         ("segments.tip.receiver_axes", {"dorsal": [1, 0, 0]}, "segments.tip: .*distal and dorsal are not"),
