@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +20,11 @@ from shukotsu.sentences.translation import tr
 
 OWN_FACTORS = ("session", "hand", "task")
 """Columns that every recording has and that may be factors."""
+
+MOST_LEVELS, MOST_NUMBERS = 8, 4
+"""A factor with more levels, or more that are all numbers (they were measured, and have an order), is not
+compared pair by pair.
+"""
 
 SIZES = ("hand_length_mm", "hand_breadth_mm")
 """Sizes of a hand in the participants sheet."""
@@ -37,12 +44,12 @@ class SubjectSession(NamedTuple):
 
     @property
     def token(self) -> str:
-        """Its name in paths, after `sub-`."""
+        """Name in paths, after `sub-`."""
         return path_token(self.subject) + (f"_ses-{path_token(self.session)}" if self.session else "")
 
     @property
     def label(self) -> str:
-        """The subject, and the session where there is one."""
+        """Subject, and session where there is one."""
         return f"{self.subject}, session {self.session}" if self.session else self.subject
 
     def __str__(self) -> str:
@@ -60,12 +67,12 @@ class Hand:
 
     @property
     def who(self) -> SubjectSession:
-        """Whose it is."""
+        """Subject and session."""
         return SubjectSession(self.subject, self.session)
 
     @property
     def folder(self) -> str:
-        """Its part of a path below the study's results."""
+        """Part of a path below the study's results."""
         return f"sub-{self.who.token}/{self.hand}"
 
     def __str__(self) -> str:
@@ -149,10 +156,10 @@ class Study:
 
     @cached_property
     def _by_hand(self) -> dict[Hand, list[Recording]]:
-        found: dict[Hand, list[Recording]] = {}
+        hands: dict[Hand, list[Recording]] = {}
         for recording in self.recordings:
-            found.setdefault(recording.hand, []).append(recording)
-        return found
+            hands.setdefault(recording.hand, []).append(recording)
+        return hands
 
     @property
     def subjects(self) -> tuple[str, ...]:
@@ -165,15 +172,15 @@ class Study:
         return tuple(dict.fromkeys(recording.hand.who for recording in self.recordings))
 
     def of_session(self, subject: str, session: str = "") -> Study:
-        """The same study with that subject's recordings of that session alone.
+        """Return the study with that subject's recordings of that session alone.
 
         Raises InputError where the study has none.
         """
         recordings = tuple(r for r in self.recordings if r.hand.who == (subject, session))
         if not recordings:
-            known = listed([who.label for who in self.sessions])
             label = SubjectSession(subject, session).label
-            raise InputError(f"study {self.name}: has no subject {label!r}; expected one of {known}")
+            names = listed([who.label for who in self.sessions])
+            raise InputError(f"study {self.name}: has no subject {label!r}; expected one of {names}")
         return replace(self, recordings=recordings)
 
     @property
@@ -183,7 +190,7 @@ class Study:
 
     @property
     def factors(self) -> tuple[str, ...]:
-        """Names of the study's factors, see `shukotsu.schemas.factors`."""
+        """Names of the study's factors, see `factor_levels`."""
         return tuple(self.config["factors"])
 
     @property
@@ -192,14 +199,14 @@ class Study:
         return shown(self.recordings)
 
     def layout_of(self, hand: Hand) -> Path:
-        """The layout of the hand's recordings; of several that which wears most receivers."""
+        """Return the layout of the hand's recordings; of several that which wears most receivers."""
         layouts = list(dict.fromkeys(recording.layout for recording in self._by_hand[hand]))
         if len(layouts) == 1:
             return layouts[0]
         return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
 
     def judged_layout(self, hand: Hand) -> Layout:
-        """The layout of the hand's recordings, with what the study asks of its joints."""
+        """Return the layout of the hand's recordings, with what the study asks of its joints."""
         layout = read_layout(self.layout_of(hand).absolute())
         return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
 
@@ -210,20 +217,17 @@ def path_token(text: str) -> str:
     Everything else becomes %XX (UTF-8 bytes), so that two names never share a path; the last letter of
     a name that ends in REPETITIONS of something becomes %%XX.
     """
-    safe = [c if c.isalnum() or c in "-_" else _percent(c) for c in text]
+    coded = ["".join(f"%{byte:02X}" for byte in letter.encode()) for letter in text]
+    safe = [c if c.isalnum() or c in "-_" else code for c, code in zip(text, coded, strict=True)]
     token = "".join(safe)
     lengths = range(1, NAMES_BYTES // REPETITIONS + 1)
     if any(len(token) >= n * REPETITIONS and token.endswith(token[-n:] * REPETITIONS) for n in lengths):
-        safe[-1] = f"%{_percent(text[-1])}"
+        safe[-1] = f"%{coded[-1]}"
     return "".join(safe)
 
 
-def _percent(letter: str) -> str:
-    return "".join(f"%{byte:02X}" for byte in letter.encode())
-
-
 def shown(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
-    """Those that tips are evaluated on."""
+    """Return those that tips are evaluated on."""
     return tuple(r for r in recordings if r.role in ("evaluation", "both") and not r.exclude)
 
 
@@ -235,10 +239,45 @@ def levels_of(
     further = [name for name in names if name not in OWN_FACTORS]
     rows = []
     for recording in recordings:
-        known = {**people.get(recording.hand.subject, {}), **dict(recording.factors)}
-        texts = {name: "" if known.get(name) is None else str(known[name]) for name in further}
+        values = {**people.get(recording.hand.subject, {}), **dict(recording.factors)}
+        texts = {name: "" if values.get(name) is None else str(values[name]) for name in further}
         rows.append(recording.key | {name: "" if t in NO_LEVEL else t for name, t in texts.items()})
     return rows
+
+
+def factor_levels(study: Study) -> list[dict[str, str]]:
+    """Return a row for every evaluated recording: subject, session, hand, task, trial, and a level a factor.
+
+    Factors are named in the study file under `factors`: session, hand, task, or a further
+    column of the participants or the recordings sheet. A level is text; it is empty where the recording or
+    the participant has none. Raises InputError where the participants sheet cannot be read.
+    """
+    participants = read_sheet(study.sheets.get("participants"), PARTICIPANTS)
+    return levels_of(study.shown, participants, study.factors)
+
+
+def not_compared(study: Study) -> dict[str, str]:
+    """Return, by the factors whose levels are not compared pair by pair, why they are not."""
+
+    def is_number(text: str) -> bool:
+        with suppress(ValueError):
+            return math.isfinite(float(text))
+        return False
+
+    rows = factor_levels(study)
+    reasons = {}
+    for factor in study.factors:
+        levels = {row[factor] for row in rows} - {""}
+        if len(levels) < 2:
+            reasons[factor] = f"has {len(levels)} level{'' if levels else 's'}, so nothing is compared"
+        elif factor not in OWN_FACTORS and all(map(is_number, levels)) and len(levels) > MOST_NUMBERS:
+            reasons[factor] = f"has {len(levels)} numbers as levels, which are not compared pair by pair"
+        elif len(levels) > MOST_LEVELS:
+            reasons[factor] = (
+                f"has {len(levels)} levels; at most {MOST_LEVELS} are compared pair by pair; put groups of "
+                "them into the sheet's column"
+            )
+    return reasons
 
 
 def read_study(path: Path) -> Study:
@@ -251,36 +290,6 @@ def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study
     config = check_config(config, "study", where)
     layout = config_path(config["layout"], "layout", folder)
     models = _models(config["models"], folder, where)
-    sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
-    mapping = folder / config["mapping"] if "mapping" in config else None
-    names = list(config["factors"])
-    recordings, unusable = _recordings(sheets["recordings"], folder, layout, mapping, names)
-    for path in {r.layout for r in recordings} | {layout}:
-        read_layout(path.absolute())
-    read = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
-    _check_factors(dict.fromkeys(names, "factors"), recordings, read["participants"], where)
-    if "events" in sheets:
-        _check_events(sheets["events"], read["events"], recordings, unusable)
-    simulation = None
-    if "simulation" in config:
-        part = config["simulation"]
-        simulation = Simulation(folder / part["folder"], part["seed"])
-    return Study(
-        config["study"],
-        recordings,
-        models,
-        layout,
-        tuple(config["exports"]),
-        _export_settings(config, models, where),
-        simulation,
-        sheets,
-        config,
-        unusable,
-    )
-
-
-def _export_settings(config: dict[str, Any], models: dict[str, Path], where: str) -> dict[str, Any]:
-    """The settings with models named; InputError where one is not of the study."""
     settings = dict(config["export_settings"])
     for name in settings["models"]:
         if name not in models:
@@ -288,25 +297,53 @@ def _export_settings(config: dict[str, Any], models: dict[str, Path], where: str
                 f"{where}: export_settings.models: {name!r} is no model of the study; expected one of "
                 f"{', '.join(models)}"
             )
-    return settings | {"models": settings["models"] or list(models)}
+    sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
+    mapping = folder / config["mapping"] if "mapping" in config else None
+    recordings, unusable = _recordings(sheets["recordings"], folder, layout, mapping, config["factors"])
+    for path in {r.layout for r in recordings} | {layout}:
+        read_layout(path.absolute())
+    rows = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
+    _check_factors(config["factors"], recordings, rows["participants"], where)
+    if "events" in sheets:
+        _check_events(sheets["events"], rows["events"], recordings, unusable)
+    simulated = config.get("simulation")
+    return Study(
+        config["study"],
+        recordings,
+        models,
+        layout,
+        tuple(config["exports"]),
+        settings | {"models": settings["models"] or list(models)},
+        Simulation(folder / simulated["folder"], simulated["seed"]) if simulated is not None else None,
+        sheets,
+        config,
+        unusable,
+    )
+
+
+def _no_hand(row: Row, hands: Iterable[Hand]) -> str:
+    """Return that the study lacks the hand that a row is of, empty where it has it.
+
+    A row without a session is of all sessions.
+    """
+    hand = Hand(row["subject"], row["hand"], row["session"])
+    sides = set(hands)
+    if hand in sides | {replace(side, session="") for side in sides}:
+        return ""
+    return f"column subject: the study has no {hand.hand} hand of {hand.who.label!r}"
 
 
 def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:
     """Return, a sentence a row, which corrections cannot be applied: no such hand or no such joint."""
-    known_hands = set(hands)
-    known_hands |= {replace(hand, session="") for hand in known_hands}  # a row may be for all sessions
-    joints = [joint.name for joint in layout.solvable]
+    sides, joints = set(hands), [joint.name for joint in layout.solvable]
     problems = []
     for row in rows:
-        hand = Hand(row["subject"], row["hand"], row["session"])
-        if hand not in known_hands:
-            reason = f"column subject: the study has no {hand.hand} hand of {hand.who.label!r}"
-        elif row["joint"] not in joints:
+        reason = _no_hand(row, sides)
+        if not reason and row["joint"] not in joints:
             meant = guess(row["joint"], joints)
             reason = f"column joint: {row['joint']!r} is no joint of layout {layout.name}; {meant}"
-        else:
-            continue
-        problems.append(f"{path.name}: row {row.line}, {reason}; the row was not applied")
+        if reason:
+            problems.append(f"{path.name}: row {row.line}, {reason}; the row was not applied")
     return problems
 
 
@@ -314,18 +351,15 @@ def unmatched_rows(study: Study) -> list[str]:
     """Return, a sentence each, which rows of measurements and touches are of no hand of the study,
     and whose names the sheet of participants and that of recordings write otherwise.
     """
-    hands = set(study.hands) | {replace(hand, session="") for hand in study.hands}
-    problems = []
-    for name in ("measurements", "touches"):
-        for row in read_sheet(study.sheets.get(name), SHEETS[name]):
-            hand = Hand(row["subject"], row["hand"], row["session"])
-            if hand not in hands:
-                reason = f"column subject: the study has no {hand.hand} hand of {hand.who.label!r}"
-                place = f"{study.sheets[name].name}: row {row.line}"
-                problems.append(f"{place}, {reason}; the row was not applied")
+    problems = [
+        f"{study.sheets[name].name}: row {row.line}, {reason}; the row was not applied"
+        for name in ("measurements", "touches")
+        for row in read_sheet(study.sheets.get(name), SHEETS[name])
+        if (reason := _no_hand(row, study.hands))
+    ]
     people = {row["subject"]: row.line for row in read_sheet(study.sheets.get("participants"), PARTICIPANTS)}
-    left_out = {row.hand.subject for row in study.unusable}
-    nobody = [name for name in people if name not in {*study.subjects, *left_out}]
+    recorded = {*study.subjects, *(row.hand.subject for row in study.unusable)}
+    nobody = [name for name in people if name not in recorded]
     missing = [name for name in study.subjects if name not in people]
     if nobody and missing:
         names = listed([repr(name) for name in missing], 3)
@@ -346,28 +380,25 @@ def columns_handed_on(study: Study) -> list[str]:
 
 
 def _check_factors(
-    names: Mapping[str, str], recordings: Sequence[Recording], participants: Sequence[Row], where: str
+    names: Iterable[str], recordings: Sequence[Recording], participants: Sequence[Row], where: str
 ) -> None:
-    """Raise InputError where a factor is no further column of one sheet, participants' or recordings'.
-
-    names : the factors, and the key of the study file that names each.
-    """
-    read_otherwise = {cell.name for sheet in (PARTICIPANTS, RECORDINGS) for cell in sheet.cells}
+    """Raise InputError where a factor is no further column of one sheet, participants' or recordings'."""
+    cells = {cell.name for sheet in (PARTICIPANTS, RECORDINGS) for cell in sheet.cells}
     further = dict.fromkeys(name for row in participants for name in row.values)
-    known = [*OWN_FACTORS, *(name for name in further if name not in read_otherwise)]
+    columns = [*OWN_FACTORS, *(name for name in further if name not in cells)]
     of_recordings = {name for recording in recordings for name, _ in recording.factors}
-    for name, key in names.items():
+    for name in names:
         if name in OWN_FACTORS:
             continue
-        if name in read_otherwise:
-            reason = f"tells no levels apart; expected one of {', '.join(known)}"
-        elif name in of_recordings and name in known:
+        if name in cells:
+            reason = f"tells no levels apart; expected one of {', '.join(columns)}"
+        elif name in of_recordings and name in columns:
             reason = "is a column of both sheets, participants and recordings; keep one of them"
-        elif name not in of_recordings and name not in known:
-            reason = f"is no column of the sheets of participants and recordings; {guess(name, known)}"
+        elif name not in of_recordings and name not in columns:
+            reason = f"is no column of the sheets of participants and recordings; {guess(name, columns)}"
         else:
             continue
-        raise InputError(f"{where}: {key}: {name!r} {reason}")
+        raise InputError(f"{where}: factors: {name!r} {reason}")
 
 
 def _check_events(
@@ -417,29 +448,16 @@ def _why_unusable(recording: Recording) -> str:
             f"columns subject, session, task, trial: have {n_bytes} bytes in the names of files; expected at "
             f"most {NAMES_BYTES}"
         )
-    for column, path in (
-        ("file", recording.file),
-        ("mapping", recording.mapping),
-        ("events", recording.events),
-    ):
+    for column in ("file", "mapping", "events"):
+        path: Path | None = getattr(recording, column)
         if path and max((len(part.encode()) for part in path.parts), default=0) > FILE_NAME_BYTES:
-            return (
-                f"column {column}: has a part of more than {FILE_NAME_BYTES} bytes, which no file's name has"
-            )
+            limit = f"{FILE_NAME_BYTES} bytes, which no file's name has"
+            return f"column {column}: has a part of more than {limit}"
     return ""
 
 
 OWN_ENDINGS = (".arrows", ".parquet", ".pq")
-"""Files of these formats say what their numbers are; no mapping of the study's is for them."""
-
-
-def _mapping(row: Row, folder: Path, mapping: Path | None) -> Path | None:
-    """The mapping of a row: its own, or else the study's where its file may need one."""
-    own: str = row["mapping"]
-    if own:
-        return folder / own
-    needs_none = row["format"] != "auto" or row["file"].lower().endswith(OWN_ENDINGS)
-    return None if needs_none else mapping
+"""Endings of files that say what their numbers are; no mapping of the study's is for them."""
 
 
 def _recordings(
@@ -449,12 +467,13 @@ def _recordings(
 
     layout, mapping : of rows that name none.
     """
-    recordings, unusable, known = [], [], {cell.name for cell in RECORDINGS.cells}
+    recordings, unusable, cells = [], [], {cell.name for cell in RECORDINGS.cells}
     layouts: dict[Hand, tuple[Path, int]] = {}
     paths: dict[tuple[str, str], int] = {}
     units: dict[str, tuple[SubjectSession, int]] = {}
     for row in read_sheet(sheet, RECORDINGS, factors):
-        own = config_path(row["layout"], "layout", folder) if row["layout"] else layout
+        worn = config_path(row["layout"], "layout", folder) if row["layout"] else layout
+        needs_none = row["format"] != "auto" or row["file"].lower().endswith(OWN_ENDINGS)
         recording = Recording(
             Hand(row["subject"], row["hand"], row["session"]),
             row["task"],
@@ -462,27 +481,28 @@ def _recordings(
             row["role"],
             folder / row["file"],
             row["file"],
-            own,
+            worn,
             row["format"],
-            _mapping(row, folder, mapping),
+            folder / row["mapping"] if row["mapping"] else None if needs_none else mapping,
             row["hemisphere"],
             row["exclude"],
             row["accept"],
             folder / row["events"] if row["events"] else None,
             row["pulses"],
             tuple((name, row[name]) for name in factors if name in row.values and name not in OWN_FACTORS),
-            tuple((name, text) for name, text in row.values.items() if name and name not in known),
+            tuple((name, text) for name, text in row.values.items() if name and name not in cells),
         )
         reason = _why_unusable(recording)
         if reason:
             message = f"{sheet.name}: row {row.line}, {reason}; the row was left out"
             unusable.append(UnusableRow(recording.hand, row["task"], message))
             continue
-        first, line = layouts.setdefault(recording.hand, (own, row.line))
-        if first != own and not read_layout(own.absolute()).is_as(read_layout(first.absolute())):
+        first, line = layouts.setdefault(recording.hand, (worn, row.line))
+        if first != worn and not read_layout(worn.absolute()).is_as(read_layout(first.absolute())):
             raise InputError(
-                f"{sheet}: row {row.line}, column layout: {own.stem} has other bodies, joints or digits than "
-                f"{first.stem}, the layout of row {line}; layouts of a hand may differ in the receivers worn"
+                f"{sheet}: row {row.line}, column layout: {worn.stem} has other bodies, joints or digits "
+                f"than {first.stem}, the layout of row {line}; layouts of a hand may differ in the "
+                "receivers worn"
             )
         line = paths.setdefault((recording.hand.folder.casefold(), recording.name.casefold()), row.line)
         if line != row.line:

@@ -24,9 +24,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 def compare(arguments: argparse.Namespace) -> None:
     """Read the study's tables of movement, write those of comparisons."""
-    from shukotsu.schemas.factors import factor_levels, not_compared
     from shukotsu.schemas.results import Results
-    from shukotsu.schemas.study import read_study
+    from shukotsu.schemas.study import factor_levels, not_compared, read_study
     from shukotsu.stages.compare_movement.study_comparison import compare_study
 
     study = read_study(arguments.study)

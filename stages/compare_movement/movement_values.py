@@ -66,7 +66,7 @@ def level_column(factor: str) -> str:
 def recorded(rows: Sequence[Mapping[str, str]], factors: Collection[str], problems: pd.DataFrame) -> Recorded:
     """Mark in the recordings with their levels those of hands that a problem calls suspect.
 
-    rows : as `schemas.factors.factor_levels` gives them. problems : as the table has them.
+    rows : as `factor_levels` returns them. problems : as the table has them.
     """
     import pandas as pd
 

@@ -36,7 +36,7 @@ def compare_study(
 ) -> None:
     """Read the study's tables of movement and write the tables of comparisons beside them.
 
-    levels : as `schemas.factors.factor_levels` gives them. factors : those that are compared pair by pair.
+    levels : as `factor_levels` returns them. factors : those that are compared pair by pair.
     sheets : where they are from, for the tables' metadata. Raises TableError where a table is damaged.
     """
     problems = _read(results, PROBLEMS, ["subject", "session", "hand", "severity"])

@@ -14,7 +14,6 @@ import pyarrow as pa
 from shukotsu.anatomy.known_digits import leading_model
 from shukotsu.errors import InputError
 from shukotsu.schemas.catalogue import FINDINGS, RECORDINGS, TABLES, TIP_ERRORS
-from shukotsu.schemas.factors import not_compared
 from shukotsu.schemas.findings import NOTE, REFUSED, STAGE, problem_of, problem_row, worded
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel, read_model
@@ -22,7 +21,7 @@ from shukotsu.schemas.parts import part_metadata
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.recording_summary import recording_row
 from shukotsu.schemas.results import FAILED_PAGES, GATHERED_TABLES, Results
-from shukotsu.schemas.study import Hand, Recording, Study, SubjectSession, path_token
+from shukotsu.schemas.study import Hand, Recording, Study, SubjectSession, not_compared, path_token
 from shukotsu.schemas.tables import Table, open_table, read_metadata, read_table, rows_of
 from shukotsu.sentences.translation import tr
 

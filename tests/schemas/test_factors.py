@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.factors import factor_levels
-from shukotsu.schemas.study import read_study
+from shukotsu.schemas.study import factor_levels, read_study
 
 SHEET = """subject\tsession\thand\ttask\trole\tfile\tcondition
 01\t1\tright\tscale\tboth\ta.csv\tslow
