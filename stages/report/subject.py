@@ -53,7 +53,7 @@ def write_pages(arguments: argparse.Namespace) -> None:
     from shukotsu.files.whole_files import write_text
     from shukotsu.schemas.plan import plan_of_results
     from shukotsu.stages.report.plots.panels import taken_failures
-    from shukotsu.stages.report.recording_page.recording_content import failure_page, recording_title
+    from shukotsu.stages.report.recording_page import failure_page, recording_title
     from shukotsu.stages.report.study_page import render_failure
     from shukotsu.stages.report.study_results import read_subject
     from shukotsu.stages.report.subject_page import render_subject
@@ -108,7 +108,7 @@ def _named(results: StudyResults, hand: str, name: str) -> Recording:
 
 def _recording_page(results: StudyResults, recording: Recording) -> str:
     """The recording's page, or one that says why there is none: the subject's others must not be lost."""
-    from shukotsu.stages.report.recording_page.recording_content import (
+    from shukotsu.stages.report.recording_page import (
         failure_page,
         recording_page,
         recording_title,

@@ -39,7 +39,7 @@ IN_A_PART = {
     "evaluate_skeletons": "shukotsu.stages.evaluate_skeletons.evaluation.evaluate_hand",
     "measure_movement": "shukotsu.anatomy.recorded_movement.RecordedMovement.joints",
     "export": "shukotsu.stages.export.exported_plans.write_format",
-    "report.subject": "shukotsu.stages.report.recording_page.recording_content.recording_page",
+    "report.subject": "shukotsu.stages.report.recording_page.recording_page",
 }
 OUTSIDE = {
     **dict.fromkeys(STAGES, "shukotsu.stages.subject_stage.poses_files"),

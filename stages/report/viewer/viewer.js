@@ -20,11 +20,6 @@ const on = (target, event, act, options) => target.addEventListener(event, act, 
 const clamp = (value, low, high) => min(high, max(low, value));
 const partsOf = (root) =>
   Object.fromEntries([...root.querySelectorAll("[data-part]")].map((part) => [part.dataset.part, part]));
-/* Draw anew in the colours of the theme, and of paper, which waits for no frame. */
-function onColours(draw, drawNow) {
-  on(matchMedia("(prefers-color-scheme: dark)"), "change", draw);
-  on(matchMedia("print"), "change", drawNow);
-}
 
 /* ---- the recording ---- */
 
@@ -239,7 +234,7 @@ class Painter {
 class HandViewer {
   constructor(root, header, blocks) {
     const {digits, skeletons} = header;
-    Object.assign(this, {root, header, digits, skeletons, blocks, index: 0, asleep: true, playing: false, drawn: 0});
+    Object.assign(this, {root, header, digits, skeletons, blocks, index: 0, asleep: true, playing: false});
     Object.assign(this, {listeners: [], times: blocks.time.values, frames: blocks.frame.values});
     Object.assign(this, {last: this.frames.length - 1, shown: header.shown, part: partsOf(root)});
     this.canvas = this.part.canvas;
@@ -425,7 +420,6 @@ class HandViewer {
     const scale = this.mmPerPixel(), bar = [1, 5, 10, 20, 50, 100].findLast((mm) => mm / scale < 110);
     this.part.scale.style.width = `${bar / scale}px`;
     this.part.scale.textContent = `${bar} mm`;
-    this.drawn++;
   }
 
   placeLabels(parts, base, {turn, centre, pan, distance}) {
@@ -592,7 +586,7 @@ class HandViewer {
     }
     on(root, "change", () => this.describe());
     on(root, "keydown", (event) => this.key(event));
-    onColours(() => this.readColours(), () => this.draw(this.readColours()));
+    on(matchMedia("(prefers-color-scheme: dark)"), "change", () => this.readColours());
     new ResizeObserver(() => this.wake()).observe(this.canvas);
     on(this.canvas, "webglcontextlost", (event) => event.preventDefault());
     on(this.canvas, "webglcontextrestored", () => this.wake(this.painter.prepare()));

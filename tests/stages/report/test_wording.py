@@ -24,7 +24,7 @@ from shukotsu.sentences.translation import END, FOREIGN, tr, translated
 from shukotsu.stages.report import subject, templates, wording
 from shukotsu.stages.report.movement_results import read_movement
 from shukotsu.stages.report.plots import style
-from shukotsu.stages.report.recording_page.recording_content import recording_page
+from shukotsu.stages.report.recording_page import recording_page
 from shukotsu.stages.report.recording_results import read_recording
 from shukotsu.stages.report.study_page import render_study
 from shukotsu.stages.report.study_results import StudyResults, read_results

@@ -41,13 +41,6 @@ def texts(svg: Path) -> list[str]:
     return ["".join(element.itertext()) for element in ElementTree.parse(svg).iter(TEXT)]
 
 
-def page_mm(pdf: Path) -> tuple[float, float]:
-    boxes = re.findall(rb"/MediaBox \[ ?0 0 ([\d.]+) ([\d.]+) ?\]", pdf.read_bytes())
-    assert len(boxes) == 1
-    width, height = (float(value) / 72 * 25.4 for value in boxes[0])
-    return width, height
-
-
 @pytest.mark.slow
 def test_two_processes_write_the_same_bytes(
     simulated_files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -55,18 +48,10 @@ def test_two_processes_write_the_same_bytes(
     """One of them with other hashes, in another time zone and later."""
     first, second = tmp_path / "first", tmp_path / "second"
     assert run(*words_of(simulated_files, first)) == 0
-    said = capsys.readouterr().err.splitlines()
-    assert [Path(line.partition(": ")[0]).name for line in said] == list(
-        STUDY_FIGURES[-1:]
-    )  # no movement here
-    command = [
-        sys.executable,
-        "-W",
-        "error",
-        "-m",
-        "shukotsu.stages.report.print_figures",
-        *words_of(simulated_files, second),
-    ]
+    (line,) = capsys.readouterr().err.splitlines()
+    assert STUDY_FIGURES[-1] in line, "no movement here"
+    module = "shukotsu.stages.report.print_figures"
+    command = [sys.executable, "-W", "error", "-m", module, *words_of(simulated_files, second)]
     environment = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"}
     subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, check=True)
     assert sorted(path.name for path in first.iterdir()) == NAMES
@@ -75,29 +60,26 @@ def test_two_processes_write_the_same_bytes(
 
 
 @pytest.mark.parametrize(
-    ("name", "labels", "width_mm"),
+    ("name", "labels"),
     [
-        ("models", ("Joint against the truth [mm]", "n = 8 subjects, held out", "whole-hand", "a"), 175.0),
-        ("joint-errors", ("Joint error [mm]", "whole-hand; n = 15 hands", "thumb_cmc"), 175.0),
-        ("joint-trust", ("Hands [%]", "ring_dip"), 175.0),
+        ("models", ("Joint against the truth [mm]", "n = 8 subjects, held out", "whole-hand", "a")),
+        ("joint-errors", ("Joint error [mm]", "whole-hand; n = 15 hands", "thumb_cmc")),
+        ("joint-trust", ("Hands [%]", "ring_dip")),
     ],
 )
 def test_text_stays_text_and_the_page_has_the_columns_width(
-    drawings: dict[str, Drawing], tmp_path: Path, name: str, labels: tuple[str, ...], width_mm: float
+    drawings: dict[str, Drawing], tmp_path: Path, name: str, labels: tuple[str, ...]
 ) -> None:
-    drawing = drawings[name]
-    save(tmp_path, drawing)
-    found = texts(tmp_path / f"{name}.svg")
-    for wanted in labels:
-        assert wanted in found
-    assert page_mm(tmp_path / f"{name}.pdf")[0] == pytest.approx(width_mm, abs=0.01)
-    assert page_mm(tmp_path / f"{name}.pdf")[1] < 240
+    save(tmp_path, drawings[name])
+    assert set(labels) <= set(texts(tmp_path / f"{name}.svg"))
     pdf = (tmp_path / f"{name}.pdf").read_bytes()
+    ((width, height),) = re.findall(rb"/MediaBox \[ ?0 0 ([\d.]+) ([\d.]+) ?\]", pdf)
+    assert float(width) / 72 * 25.4 == pytest.approx(175.0, abs=0.01)
+    assert float(height) / 72 * 25.4 < 240
     assert b"/CIDFontType2" in pdf  # TrueType, not Type 3
     assert b"/Type3" not in pdf
     assert b"CreationDate" not in pdf
-    assert (tmp_path / f"{name}.txt").read_text("utf-8") == drawing.caption + "\n"
-    assert not list(tmp_path.glob(".*"))
+    assert (tmp_path / f"{name}.txt").read_text("utf-8") == drawings[name].caption + "\n"
 
 
 @pytest.mark.parametrize("name", ["山田", "$x_1$", r"\frac{1}", "<&>\"'", "a\tb\x07", "𝒳🖐", "é–Ω"])
@@ -111,8 +93,7 @@ def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path, name: str) -> N
         save(tmp_path, drawn("named", named))
     assert label(name) in texts(tmp_path / "named.svg")
     assert (tmp_path / "named.txt").read_text("utf-8").startswith(name)
-    known = {"$x_1$", r"\frac{1}", "<&>\"'", "é–Ω"}
-    assert (label(name) == name) == (name in known)
+    assert (label(name) == name) == (name in {"$x_1$", r"\frac{1}", "<&>\"'", "é–Ω"})
     assert label(name).isprintable()
 
 
@@ -135,8 +116,6 @@ def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
     assert {path.name for path in out.iterdir() if path.is_file()} == {*NAMES}
     (svg,) = out.glob("*/right/opposition/tip-error.svg")
     assert "Tip error [mm]" in texts(svg)
-    told = capsys.readouterr().err.splitlines()
-    assert {line.split(": ")[1] for line in told} == {"Not drawn"}
 
 
 def test_a_failure_is_a_sentence_or_is_drawn(

@@ -49,8 +49,8 @@ def test_tip_errors_are_the_tables_and_break_at_the_gap(results: StudyResults, r
     figure, caption = tip_error(results, recording)
     line = next(line for line in figure.axes[1].lines if line.get_color() == MODELS[2])
     data = read_table(results.paths.study_table("tips"), TIPS).to_pylist()
-    own = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
-    largest = max(row["error_mm"] for row in own if row["error_mm"] is not None)
+    rows = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
+    largest = max(row["error_mm"] for row in rows if row["error_mm"] is not None)
     assert np.nanmax(line.get_ydata()) == largest
     assert np.isnan(line.get_ydata()).sum() == 1
     assert "n = 240–300 frames" in caption
@@ -63,17 +63,11 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
     path = simulated.fit_table(recording.hand, "whole-hand", "joint_angles")
     key = {"subject": "S0", "hand": "left", "task": "opposition", "trial": "", "model": "whole-hand"}
     rows = [
-        {
-            **key,
-            "joint": joint,
-            "frame": frame,
-            "flexion_deg": 3.0 * frame,
-            "abduction_deg": -1.0,
-            "rotation_deg": 0.5,
-        }
+        {**key, "joint": joint, "frame": frame,
+         "flexion_deg": 3.0 * frame, "abduction_deg": -1.0, "rotation_deg": 0.5}
         for joint in ("wrist", "ring_cmc", "ring_mcp", "index_pip")
         for frame in range(12)
-    ]
+    ]  # fmt: skip
     write_parts(path, JOINT_ANGLES, {part_of(recording.hand, "whole-hand"): rows})
     try:
         figure, caption = joint_angles(simulated, recording, "whole-hand")
@@ -88,9 +82,9 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
 
 def test_a_recording_is_found_by_its_name_or_its_path(results: StudyResults) -> None:
     hostile = 'A & <b>"x"'
-    found = find_recording(results, hostile, "right", "opposition")
-    assert found.hand.subject == hostile
-    assert find_recording(results, found.hand.folder[4:].split("/")[0], "right", "opposition") == found
+    recording = find_recording(results, hostile, "right", "opposition")
+    assert recording.hand.subject == hostile
+    assert find_recording(results, recording.hand.who.token, "right", "opposition") == recording
     with pytest.raises(InputError, match="S01 right rom: no such recording; this hand has opposition"):
         find_recording(results, "S01", "right", "rom")
     with pytest.raises(InputError, match="hands are S01 right, S01 left"):

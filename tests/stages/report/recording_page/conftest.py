@@ -21,7 +21,7 @@ from shukotsu.schemas.plan import read_plan
 from shukotsu.schemas.results import FIT_TABLES, Results
 from shukotsu.schemas.study import Hand, Recording, Study, read_study
 from shukotsu.schemas.tables import Provenance, Table, read_table, rows_of, write_failure
-from shukotsu.stages.report.recording_page.recording_content import recording_page
+from shukotsu.stages.report.recording_page import recording_page
 from shukotsu.stages.report.recording_results import RecordingResults, read_recording
 from shukotsu.stages.report.study_results import StudyResults, read_subject
 

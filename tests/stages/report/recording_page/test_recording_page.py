@@ -10,15 +10,9 @@ import pytest
 from report_samples.made_study import HOSTILE
 from report_samples.read_page import read_page, table_called
 
-from shukotsu.schemas.catalogue import (
-    BONE_POSES,
-    JOINT_CENTRES,
-    JOINT_SOLUTIONS,
-    TIP_ERRORS,
-    TIPS,
-)
+from shukotsu.schemas.catalogue import BONE_POSES, JOINT_CENTRES, JOINT_SOLUTIONS, TIP_ERRORS, TIPS
 from shukotsu.schemas.study import Hand
-from shukotsu.stages.report.recording_page.recording_content import failure_page, recording_page
+from shukotsu.stages.report.recording_page import failure_page, recording_page
 
 TITLE = "Subject S01, right hand, opposition"
 
@@ -38,24 +32,22 @@ def test_what_the_calibration_says_is_what_the_tables_say(hands: Any, page: str,
     values = {row["joint"]: row["singular_values"] for row in hands.rows(model, JOINT_SOLUTIONS)}
     rows = hands.rows(model, JOINT_CENTRES)
     assert [row[0] for row in table.rows[1:]] == [row["joint"] for row in rows]
-    for found, row in zip(table.rows[1:], rows, strict=True):
+    for shown, row in zip(table.rows[1:], rows, strict=True):
         gaps = [cells(row[name], 2) for name in ("gap_rms_mm", "gap_rms_free_mm", "sd_mm")]
-        own = [cells(value, 4) for value in values.get(row["joint"], [None] * 6)]
-        assert found[2:] == [
-            *gaps, str(row["n_frames"]), cells(row["n_effective"], 1), *own, row["message"]
-        ]  # fmt: skip
+        singular = [cells(value, 4) for value in values.get(row["joint"], [None] * 6)]
+        counts = [str(row["n_frames"]), cells(row["n_effective"], 1)]
+        assert shown[2:] == [*gaps, *counts, *singular, row["message"]]
 
 
 def test_tip_errors_in_numbers_are_the_tables_rows(hands: Any, page: str) -> None:
     table = table_called(page, f"Tip error of the replay, {TITLE}.")
     rows = [row for model in hands.study.models for row in hands.rows(model, TIP_ERRORS)]
     assert len(table.rows) == len(rows) + 1 > 20
-    for found, row in zip(table.rows[1:], rows, strict=True):
-        numbers = (row[name] for name in ("mean_mm", "sd_mm", "median_mm", "p95_mm", "max_mm", "min_mm"))
-        assert found[:3] == [row["model"], row["digit"], row["binding"]]
-        assert found[3:11] == [
-            *(cells(v, 2) for v in numbers), str(row["n_frames"]), str(row["n_frames_total"])
-        ]  # fmt: skip
+    for shown, row in zip(table.rows[1:], rows, strict=True):
+        names = ("mean_mm", "sd_mm", "median_mm", "p95_mm", "max_mm", "min_mm")
+        numbers = [cells(row[name], 2) for name in names]
+        counts = [str(row["n_frames"]), str(row["n_frames_total"])]
+        assert shown[:11] == [row["model"], row["digit"], row["binding"], *numbers, *counts]
 
 
 def test_a_hostile_name_is_text_everywhere(hands: Any) -> None:
