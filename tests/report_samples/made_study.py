@@ -25,7 +25,7 @@ from report_samples.made_scores import (
 from shukotsu.schemas.catalogue import BONE_TIP, DISTAL_RECEIVER, POSES, TABLES
 from shukotsu.schemas.layout import Layout, read_layout
 from shukotsu.schemas.model import SkeletonModel, read_model
-from shukotsu.schemas.results import STUDY_TABLES, Results
+from shukotsu.schemas.results import MODEL_COMPARISONS, STUDY_TABLES, Results
 from shukotsu.schemas.study import path_token, read_study
 from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, write_table
 from shukotsu.schemas.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, noted
@@ -60,8 +60,12 @@ def make_study(
     models: tuple[str, ...] = MODELS,
     subjects: tuple[str, ...] = (),
     simulated: bool = False,
+    compared: bool = False,
 ) -> tuple[Path, Path]:
-    """Write a study file, its sheet and its results; give the study file and the results folder."""
+    """Write a study file, its sheet and its results; return the study file and the results folder.
+
+    compared : whether its models are compared, which costs most of the time; otherwise these tables are empty.
+    """
     subjects = subjects or ("S01", HOSTILE)
     rng = np.random.default_rng(7)
     study, results = folder / "study.yaml", folder / "results" / "made"
@@ -88,7 +92,10 @@ def make_study(
     )
     (folder / "sheet.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
     write_rows(results, rows)
-    compare_study(read_study(study), Results(results))
+    if compared:
+        compare_study(read_study(study), Results(results))
+    for name in () if compared else MODEL_COMPARISONS:
+        write(results / f"{name}.parquet", TABLES[name], [])
     return study, results
 
 

@@ -59,6 +59,7 @@ def fitted_made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         models=FITTED_MODELS,
         subjects=("S01",),
         simulated=True,
+        compared=True,
     )
 
 
