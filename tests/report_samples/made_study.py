@@ -64,7 +64,7 @@ def make_study(
 ) -> tuple[Path, Path]:
     """Write a study file, its sheet and its results; return the study file and the results folder.
 
-    compared : whether its models are compared, which costs most of the time; otherwise these tables are empty.
+    compared : whether its models are compared, which takes most of the time; else these tables are empty.
     """
     subjects = subjects or ("S01", HOSTILE)
     rng = np.random.default_rng(7)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,9 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
-from report_samples.unpacked_motion import unpacked
 
 from shukotsu.skeleton.rotations import matrix
+from shukotsu.stages.report.hand_motion import Array
 from shukotsu.stages.report.viewer import (
     ERROR_STEP_MM,
     FARTHEST_MM,
@@ -24,6 +25,23 @@ from shukotsu.stages.report.viewer import (
     motion_text,
     packed,
 )
+
+
+def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
+    """What `viewer.packed` wrote, by block: (T, N, W), NaN in gaps."""
+    raw = np.frombuffer(zlib.decompress(data), np.uint8)
+    blocks, at = {}, 0
+    for part in parts:
+        n_frames, count, width, planes = (part[key] for key in ("frames", "count", "width", "planes"))
+        code = np.zeros((count, width, n_frames), np.int64)
+        for plane in range(planes):
+            code |= raw[at : at + code.size].reshape(code.shape).astype(np.int64) << (8 * plane)
+            at += code.size
+        change = np.where(code > 0, ((code - 1) >> 1) ^ -((code - 1) & 1), 0)
+        values = np.where(code > 0, np.cumsum(change, axis=-1) * part["step"], np.nan)
+        blocks[part["name"]] = values.transpose(2, 0, 1)
+    return blocks
+
 
 NUMBERS = st.one_of(st.floats(-FARTHEST_MM, FARTHEST_MM), st.just(np.nan))
 VALUES = arrays(float, array_shapes(min_dims=3, max_dims=3, max_side=12), elements=NUMBERS)
