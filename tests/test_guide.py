@@ -19,6 +19,7 @@ import pytest
 import yaml
 from guide_pages import NAMES, PAGES, REPOSITORY, Block, anchors, blocks, commands, links, pictures, prose
 
+from guide.reference_pages import pages
 from shukotsu.schemas.config_files import json_schema
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.model import read_model
@@ -29,6 +30,15 @@ TAGS = ("br", "details", "div", "figure", "figcaption", "p", "span", "style", "s
 """What a page may be laid out with."""
 RUN_LANGUAGES = ("sh", "bash", "shell", "console", "python", "sql")
 KINDS = ("study", "layout", "model", "mapping")
+
+
+GENERATED = pages()
+"""The pages that `make docs` writes, of today's schemas, by name."""
+
+
+@pytest.mark.parametrize("name", sorted(GENERATED))
+def test_a_generated_page_is_in_step(name: str) -> None:
+    assert (REPOSITORY / "docs" / name).read_text("utf-8") == GENERATED[name], "run `make docs`"
 
 
 def first_yaml(page: str) -> str:
