@@ -13,14 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from simulated_poses import write_poses
 
-from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS, POSES
+from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.parts import part_metadata, parts_writer, read_part
 from shukotsu.schemas.plan import StudyPlans, SubjectPlan, plan_of_results, plan_text
 from shukotsu.schemas.poses import Poses, read_poses
 from shukotsu.schemas.study import Recording, read_study
-from shukotsu.schemas.tables import Provenance, Table, rows_of, write_table
+from shukotsu.schemas.tables import Provenance, Table, rows_of
 from shukotsu.schemas.verdict import UNJUDGED
 from shukotsu.skeleton.posed_recording import recording_reader
 from shukotsu.skeleton.posing import PosedRecording
@@ -120,30 +121,10 @@ def make_hands(folder: Path, hands: Sequence[str], n_frames: int, subject: str =
     plan_path.write_text(plan_text(content), "utf-8")
     known = [KnownHand(plan_path, own) for own in made]
     for one in known:
-        _write_poses(one)
+        write_poses(one.plan.poses(one.recording), one.made, one.made.hand, "opposition", one.made.subject)
         _write_replayed(one)
         _write_fitted(one)
     return known
-
-
-def _write_poses(known: KnownHand) -> None:
-    made = known.made
-    count = len(made.segments)
-    numbers = (
-        np.concatenate([made.position_mm, made.quaternion], -1).transpose(1, 0, 2).reshape(-1, len(POSE))
-    )
-    columns = {
-        "segment": np.repeat(made.segments, len(made.frame)),
-        "frame": np.tile(made.frame, count),
-        "time_s": np.tile(made.time_s, count),
-        **dict(zip(POSE, numbers.T, strict=True)),
-        "valid": np.ones(len(numbers), bool),
-        "flags": [""] * len(numbers),
-    }
-    name = {"subject": made.subject, "hand": made.hand, "task": made.task, "trial": ""}
-    path = known.plan.poses(known.recording)
-    path.parent.mkdir(parents=True)
-    write_table(path, POSES, columns, Provenance(parameters=name), row_group_rows=len(made.frame))
 
 
 def _write_replayed(known: KnownHand) -> None:

@@ -8,12 +8,13 @@ simulated study has a second task, rom, that calibrates only, and a truth.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from simulated_poses import write_poses
 
 from report_samples.made_scores import (
     gain_rows,
@@ -22,9 +23,10 @@ from report_samples.made_scores import (
     score_rows,
     spoiled,
 )
-from shukotsu.schemas.catalogue import BONE_TIP, DISTAL_RECEIVER, POSES, TABLES
+from shukotsu.schemas.catalogue import BONE_TIP, DISTAL_RECEIVER, TABLES
 from shukotsu.schemas.layout import Layout, read_layout
 from shukotsu.schemas.model import SkeletonModel, read_model
+from shukotsu.schemas.poses import Poses
 from shukotsu.schemas.results import MODEL_COMPARISONS, STUDY_TABLES, Results
 from shukotsu.schemas.study import path_token, read_study
 from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, write_table
@@ -144,8 +146,8 @@ def _add_hand(
     row = key | {"role": "both", "file": file, "status": "used", "message": "", "n_frames": n_frames}
     rows["recordings"].append(row | {"duration_s": n_frames / 240, "valid_percent": 99.5, "n_receivers": 16})
     poses = results / f"sub-{path_token(key['subject'])}" / key["hand"] / key["task"] / "poses.parquet"
-    columns = _resting_poses(layout, receivers, n_frames, rng)
-    write_table(poses, POSES, columns, NO_SOURCE, row_group_rows=n_frames)
+    resting = _resting_poses(layout, receivers, n_frames, rng)
+    write_poses(poses, resting, key["hand"], key["task"], key["subject"])
     for model in models:
         joints = _joint_rows(layout, model, key, centres, receivers)
         rows["joint_centres"] += joints
@@ -185,34 +187,18 @@ def hand_points(hand: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]
     return centres, receivers
 
 
-def pose_columns(
-    segments: Sequence[str], frame: np.ndarray, time_s: np.ndarray, poses: np.ndarray, valid: np.ndarray
-) -> dict[str, Any]:
-    """Columns of a poses table: position and quaternion (S, T, 7) and validity (S, T) of S segments."""
-    names = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
-    return {
-        "segment": np.repeat(segments, len(frame)).tolist(),
-        "frame": np.tile(frame, len(segments)),
-        "time_s": np.tile(time_s, len(segments)),
-        **dict(zip(names, poses.reshape(-1, 7).T, strict=True)),
-        "valid": valid.ravel(),
-        "flags": [""] * valid.size,
-    }
-
-
 def _resting_poses(
     layout: Layout, receivers: dict[str, np.ndarray], n_frames: int, rng: np.random.Generator
-) -> dict[str, Any]:
-    """The hand at rest in a slowly moving place; every receiver parallel to the hand's."""
-    segments, frame = [s for s in layout.measured if s in receivers], np.arange(n_frames)
-    poses = np.zeros((len(segments), n_frames, 7))
-    poses[..., :3] = np.array([receivers[segment] for segment in segments])[:, None] + (200, 30, 40)
-    poses[..., 0] += 0.1 * frame
-    poses[..., :3] += rng.normal(0, 0.05, (len(segments), n_frames, 3))
-    poses[..., 3] = 1.0
-    valid = np.ones((len(segments), n_frames), bool)
-    valid[segments.index("index_distal"), UNSEEN] = False
-    return pose_columns(segments, frame, frame / 240, poses, valid)
+) -> Poses:
+    """Return the hand at rest, slowly moving in x; every receiver parallel to the hand's."""
+    segments, frame = tuple(s for s in layout.measured if s in receivers), np.arange(n_frames)
+    position_mm = rng.normal((200.0, 30.0, 40.0), 0.05, (n_frames, len(segments), 3))
+    position_mm += [receivers[segment] for segment in segments]
+    position_mm[..., 0] += 0.1 * frame[:, None]
+    valid = np.ones((n_frames, len(segments)), bool)
+    valid[UNSEEN, segments.index("index_distal")] = False
+    upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (*valid.shape, 4))
+    return Poses(segments, frame, frame / 240, position_mm, upright, valid)
 
 
 def _joint_rows(

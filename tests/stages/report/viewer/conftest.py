@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from report_samples.hand_tables import part_of, write_parts
-from report_samples.made_study import pose_columns
+from simulated_poses import write_poses
 
 from shukotsu.schemas.catalogue import (
     BONE_POSES,
@@ -18,7 +17,6 @@ from shukotsu.schemas.catalogue import (
     JOINT_CENTRES,
     JOINT_SOLUTIONS,
     POSED_TIPS,
-    POSES,
     RECEIVERS,
     TIPS,
 )
@@ -26,7 +24,7 @@ from shukotsu.schemas.layout import FINGER_MM, read_layout
 from shukotsu.schemas.model import read_model
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.study import Hand, Recording
-from shukotsu.schemas.tables import Provenance, read_table, rows_of, write_table
+from shukotsu.schemas.tables import Provenance, read_table, rows_of
 from shukotsu.schemas.verdict import judged_joint
 from shukotsu.stages.report.hand_motion import HandMotion
 from shukotsu.stages.report.recording_results import read_recording
@@ -97,12 +95,9 @@ def make_hand(folder: Path, hand: str, n_frames: int) -> KnownHand:
     }
     known = KnownHand(paths, recording, made, of_truth[JOINT_CENTRES], worn)
     results = known.results("whole-hand")
-    poses = results.poses(recording)
-    numbers = np.concatenate([made.position_mm, made.quaternion], -1).swapaxes(0, 1)
-    valid = np.ones((len(made.segments), n_frames), bool)
-    valid[made.segments.index("index_distal"), UNSEEN] = False
-    columns = pose_columns(made.segments, made.frame, made.time_s, numbers, valid)
-    write_table(poses, POSES, columns, Provenance(), row_group_rows=n_frames)
+    poses = made.poses()
+    poses.valid[UNSEEN, poses.index("index_distal")] = False
+    write_poses(results.poses(recording), poses, hand, "opposition")
     for table, rows in ((TIPS, of_truth[TIPS]), (JOINT_SOLUTIONS, [])):
         parts = {part_of(who, model): [r for r in rows if r["model"] == model] for model in MODELS}
         write_parts(results.subject_table(who, table.name), table, parts)
