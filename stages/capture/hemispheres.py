@@ -67,13 +67,15 @@ class Sides:
 
 def expected_joints(layout: Layout) -> dict[str, Array]:
     """Return the expected joint towards the body, (3,) mm in the receiver's frame, by segment of a hand."""
-    found = {}
+    expected_mm = {}
     for digit in known_digits(layout):
         for bone, name in enumerate(digit.segments):
             worn, mount = layout.segments[name], DIGITS[digit.name].mounts_mm()[bone]
             faces_known = digit.name != "thumb"  # a thumb's receivers sit anywhere round the bone
-            found[name] = -mount[0] * np.array(worn.distal) - faces_known * mount[2] * np.array(worn.dorsal)
-    return found
+            expected_mm[name] = -mount[0] * np.array(worn.distal) - faces_known * mount[2] * np.array(
+                worn.dorsal
+            )
+    return expected_mm
 
 
 def sides(
@@ -92,13 +94,15 @@ def sides(
     """
     links = [(parents[name], name) for name in own if parents.get(name, "") in own]
     settled = _settled(own, poses, links)
-    tables = {
-        child: _odds(
-            _pair(settled[parent], poses(parent), settled[child], poses(child)), expected_mm.get(child)
-        )
-        for parent, child in links
-    }
-    share = {name: _share(settled[name], poses(name)[0]) for name in own}
+    tables = {}
+    for parent, child in links:
+        pair = _pair(settled[parent], poses(parent), settled[child], poses(child))
+        tables[child] = _odds(pair, expected_mm.get(child))
+    share = {}  # log likelihood (2,) of the signs as they are and of their opposites, by what poses are right
+    for name, receiver in settled.items():
+        sign = receiver.sign[receiver.piece_at(poses(name)[0])]
+        right = SHARE * sign.sum() / max(1, np.abs(sign).sum()) + START * sign[0]
+        share[name] = np.array([right, -right])
     odds = _marginal(share, tables, parents)
     other = {name: int(odd < 0) for name, odd in odds.items()}
     judged = [
@@ -106,41 +110,33 @@ def sides(
     ]
     for_it = sum(float(table[i, j] - table[1 - i, 1 - j]) for table, i, j in judged)
     if all_along and len(judged) >= FEWEST_JOINTS and for_it < -ANATOMY * len(judged):
-        other = {name: 1 - own for name, own in other.items()}
+        other = {name: 1 - side for name, side in other.items()}
     return {
-        name: Sides(replace(one, sign=one.sign * (1 - 2 * other[name])), abs(odds[name]) >= DECIDED)
-        for name, one in settled.items()
+        name: Sides(replace(receiver, sign=receiver.sign * (1 - 2 * other[name])), abs(odds[name]) >= DECIDED)
+        for name, receiver in settled.items()
     }
-
-
-def _share(own: OwnSides, frame: Integers) -> Array:
-    """Log likelihood (2,) of the signs as they are and of their opposites, by what poses are right then."""
-    sign = own.sign[own.piece_at(frame)]
-    right = SHARE * sign.sum() / max(1, np.abs(sign).sum()) + START * sign[0]
-    return np.array([right, -right])
 
 
 def _marginal(
     share: Mapping[str, Array], tables: Mapping[str, Array], parents: Mapping[str, str]
 ) -> dict[str, float]:
-    """Log odds of each receiver's signs against their opposites, all others weighed: sums over a tree.
+    """Return log odds of each receiver's signs against their opposites, all others weighed over the tree.
 
     tables : of a child, (2, 2) log likelihood by its parent's signs (as they are, opposite) and its own.
     """
-    log_marginal = {name: own.copy() for name, own in share.items()}
-    order = sorted(tables, key=lambda name: _depth(name, parents))
-    up = {}
+
+    def depth(name: str) -> int:
+        return 0 if name not in parents else 1 + depth(parents[name])
+
+    log_marginal = {name: likely.copy() for name, likely in share.items()}
+    order, up = sorted(tables, key=depth), {}
     for child in reversed(order):
         up[child] = np.logaddexp.reduce(tables[child] + log_marginal[child], axis=1)
         log_marginal[parents[child]] += up[child]
     for child in order:
         rest = log_marginal[parents[child]] - up[child]
         log_marginal[child] = log_marginal[child] + np.logaddexp.reduce(tables[child] + rest[:, None], axis=0)
-    return {name: float(own[0] - own[1]) for name, own in log_marginal.items()}
-
-
-def _depth(name: str, parents: Mapping[str, str]) -> int:
-    return 0 if name not in parents else 1 + _depth(parents[name], parents)
+    return {name: float(likely[0] - likely[1]) for name, likely in log_marginal.items()}
 
 
 @dataclass(frozen=True)
@@ -151,10 +147,6 @@ class _Pair:
     child: Array
     parent_run: Integers
     child_run: Integers
-
-    def take(self, rows: Integers) -> _Pair:
-        """Only some of the frames."""
-        return _Pair(self.parent[rows], self.child[rows], self.parent_run[rows], self.child_run[rows])
 
 
 def _pair(parent: OwnSides, above: Poses, child: OwnSides, below: Poses, sampled: int = SAMPLED) -> _Pair:
@@ -171,16 +163,16 @@ def _pair(parent: OwnSides, above: Poses, child: OwnSides, below: Poses, sampled
     rows, left, right, share = _between(frames[0], frames[1])
     thinned = np.unique(np.linspace(0, len(rows) - 1, min(sampled, len(rows))).astype(int))
     rows, left, right, share = rows[thinned], left[thinned], right[thinned], share[thinned, None]
-    one, other = positions[0][left], positions[0][right].copy()
-    other[(one[:, 3:] * other[:, 3:]).sum(-1) < 0, 3:] *= -1
-    between = (1 - share) * one + share * other
+    before, after = positions[0][left], positions[0][right].copy()
+    after[(before[:, 3:] * after[:, 3:]).sum(-1) < 0, 3:] *= -1
+    between = (1 - share) * before + share * after
     between[:, 3:] = unit(between[:, 3:])
     near = np.where(share[:, 0] < 0.5, left, right)
     return _Pair(between, positions[1][rows], runs[0][near], runs[1][rows])
 
 
 def _between(parent: Integers, child: Integers) -> tuple[Integers, Integers, Integers, Array]:
-    """Rows of the child's frames that lie between two of the parent's, those two, and how near the second."""
+    """Return rows of the child's frames that lie between two of the parent's, those, and how near each is."""
     if len(parent) < 2 or not len(child):
         empty = np.zeros(0, np.int64)
         return empty, empty, empty, np.zeros(0)
@@ -195,7 +187,7 @@ def _settled(
     own: Mapping[str, OwnSides], poses: Callable[[str], Poses], links: Sequence[tuple[str, str]]
 ) -> dict[str, OwnSides]:
     """Put runs of a receiver on one side by its joints, where its own positions let guess only."""
-    votes = {name: np.zeros(one.run[-1] + 1) for name, one in own.items()}
+    votes = {name: np.zeros(receiver.run[-1] + 1) for name, receiver in own.items()}
     for parent, child in links:
         unsure = [len(votes[name]) > 1 for name in (parent, child)]
         if not any(unsure):
@@ -213,14 +205,12 @@ def _settled(
                 vote = np.bincount(run, odds, len(votes[name]))
                 agreed = (np.sign(vote) * np.bincount(run, minlength=len(vote))).sum()
                 votes[name] += vote if agreed >= 0 else -vote
-    return {
-        name: replace(one, sign=np.where(votes[name][one.run] < -CERTAIN, -one.sign, one.sign))
-        for name, one in own.items()
-    }
+    turned = {name: votes[name][receiver.run] < -CERTAIN for name, receiver in own.items()}
+    return {name: replace(r, sign=np.where(turned[name], -r.sign, r.sign)) for name, r in own.items()}
 
 
 def _odds(pair: _Pair, expected_mm: Array | None) -> Array:
-    """Log likelihood (2, 2) by the parent's signs, as they are or opposite, and the child's."""
+    """Return log likelihoods (2, 2) by the parent's signs, as they are or opposite, and the child's."""
     odds = np.zeros((2, 2))
     if len(pair.child) < FRAMES_A_TRIAL:
         return odds
@@ -231,10 +221,10 @@ def _odds(pair: _Pair, expected_mm: Array | None) -> Array:
         levers_mm = np.linalg.norm(centre.reshape(2, 3), axis=-1)
         likely = -CLOSING * np.log1p((gap_mm / SKIN_MM) ** 2)
         likely -= NEARNESS * float((1 / (1 + (LONGEST_LEVER_MM / levers_mm.clip(1.0)) ** 4)).sum())
-        place = 0.0
+        near = 0.0
         if expected_mm is not None:
-            place = ANATOMY * float(np.clip(centre[3:] @ expected_mm / (expected_mm @ expected_mm), -1, 1))
-        odds[0, other], odds[1, 1 - other] = likely + place, likely - place
+            near = ANATOMY * float(np.clip(centre[3:] @ expected_mm / (expected_mm @ expected_mm), -1, 1))
+        odds[0, other], odds[1, 1 - other] = likely + near, likely - near
     return odds
 
 
@@ -249,18 +239,15 @@ class _Link:
     def of(cls, pair: _Pair, signs: Integers) -> _Link:
         """Return that of signs (C, 2) of parent and child to choose from."""
         turn = np.concatenate([matrix(pair.parent[:, 3:]), -matrix(pair.child[:, 3:])], -1)
-        parent, child = (
-            sign[:, None] * own[:, None, :3]
-            for sign, own in zip(signs.T, (pair.parent, pair.child), strict=True)
-        )
+        parent, child = signs[:, :1] * pair.parent[:, None, :3], signs[:, 1:] * pair.child[:, None, :3]
         return cls(turn, child - parent)
 
     def gaps_mm(self, centre: Array) -> Array:
-        """Gap (N, C) about a centre (6,) in either frame, by frame and choice of signs."""
+        """Return the gap (N, C) about a centre (6,) in either frame, by frame and choice of signs."""
         return np.asarray(np.linalg.norm((self.turn @ centre)[:, None] - self.apart, axis=-1))
 
     def fitted(self) -> tuple[Array, float]:
-        """The centre on the first choice of signs, frames that do not close left alone, and the usual gap."""
+        """Return the centre on the first choice of signs, but of frames that do not close, and the gap."""
         weight = np.ones(len(self.turn))
         for _ in range(8):
             root = np.sqrt(weight)[:, None]
@@ -272,7 +259,7 @@ class _Link:
         return centre, usual_mm
 
     def centre(self) -> Array | None:
-        """The centre about which most frames close on some choice of signs; None where few do."""
+        """Return the centre about which most frames close on some choice of signs; None where few do."""
         count = len(self.turn)
         if count < FRAMES_A_TRIAL:
             return None
@@ -287,12 +274,16 @@ class _Link:
                     best, best_mm = centre, usual_mm
         if best is None or best_mm > LARGEST_GAP_MM:
             return None
-        for _ in range(3):
-            best = few._refined(best)
+        for _ in range(3):  # the least-squares centre of the frames that close about the last
+            gaps_mm = few.gaps_mm(best)
+            rows, chosen = np.arange(len(gaps_mm)), gaps_mm.argmin(1)
+            closes = gaps_mm[rows, chosen] < LARGEST_GAP_MM
+            apart = few.apart[rows, chosen][closes].reshape(1, -1)
+            best = np.asarray(_solved(few.turn[closes].reshape(-1, 6), apart)[0])
         return best
 
     def _trial(self, rows: Integers) -> Array:
-        """Centres (M, 6) on which those frames close, of all their choices of signs."""
+        """Return centres (M, 6) on which those frames close, of all their choices of signs."""
         choices = np.indices((self.apart.shape[1],) * len(rows)).reshape(len(rows), -1)
         apart = self.apart[rows[:, None], choices].swapaxes(0, 1).reshape(choices.shape[1], -1)
         turn = self.turn[rows].reshape(-1, 6)
@@ -302,16 +293,8 @@ class _Link:
         good = np.flatnonzero(near & (gap_mm < LARGEST_GAP_MM))
         return centres[good[np.argsort(gap_mm[good])[:8]]]
 
-    def _refined(self, centre: Array) -> Array:
-        """The least-squares centre of the frames that close about this one."""
-        gaps_mm = self.gaps_mm(centre)
-        rows, chosen = np.arange(len(gaps_mm)), gaps_mm.argmin(1)
-        closes = gaps_mm[rows, chosen] < LARGEST_GAP_MM
-        apart = self.apart[rows, chosen][closes].reshape(1, -1)
-        return np.asarray(_solved(self.turn[closes].reshape(-1, 6), apart)[0])
-
 
 def _solved(turn: Array, apart: Array) -> Array:
-    """Least-squares centres (M, 6) of turn (3 N, 6) centre = apart (M, 3 N); see LEVER_MM."""
+    """Return least-squares centres (M, 6) of turn (3 N, 6) centre = apart (M, 3 N); see LEVER_MM."""
     normal = turn.T @ turn + len(turn) / 3 / LEVER_MM**2 * np.eye(6)
     return np.asarray(np.linalg.solve(normal, turn.T @ apart.T).T)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from shukotsu.stages.capture.poses_table import PosesTable
     from shukotsu.stages.capture.samples import Samples
 
+_DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation", "fixed")
+"""Keys of a mapping that say what its numbers are, for the checks."""
+
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the subcommand's argument parser."""
@@ -112,11 +115,15 @@ def _write(
     remarks: Samples,
     mapping: FileMapping | None,
 ) -> None:
+    """Write the table; what was declared of it, is absent and was remarked goes into its metadata."""
     from shukotsu.schemas.catalogue import POSES
     from shukotsu.schemas.config_files import config_path
     from shukotsu.schemas.tables import Provenance, write_table_in_parts
 
-    absent = _absent(layout, poses, mapping)
+    # Expected are the layout's segments, or of these the mapping's: nobody wore a receiver on the others.
+    seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
+    worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
+    absent = [s for s in layout.expected if s in worn and s not in seen]
     notes = list(remarks.notes)
     if absent:
         notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
@@ -126,11 +133,13 @@ def _write(
     inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
     inputs += [] if arguments.mapping is None else [arguments.mapping]
     parameters = {**_parameters(arguments, layout.name, absent), "notes": list(remarks.notes)}
-    parameters |= {} if mapping is None else {"mapping": _declared(mapping)}
+    if mapping is not None:
+        declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
+        unit = mapping.config.get("csv", {}).get("time_unit")
+        parameters["mapping"] = declared if unit is None else {**declared, "csv": {"time_unit": unit}}
     parameters |= {"losses": list(remarks.losses), "missing_frames": remarks.missing_frames}
-    told = {"tracker": remarks.tracker, "orientation": remarks.orientation}
-    parameters |= {key: value for key, value in told.items() if value}
-    parameters |= {"breaks": poses.breaks} if poses.breaks else {}
+    more = {"tracker": remarks.tracker, "orientation": remarks.orientation, "breaks": poses.breaks}
+    parameters |= {key: value for key, value in more.items() if value}
     write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 
@@ -145,27 +154,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     write_failure(arguments.out, POSES, message, provenance)
 
 
-def _declared(mapping: FileMapping) -> dict[str, Any]:
-    """Return the mapping's declarations on the numbers, for the checks."""
-    declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
-    unit = mapping.config.get("csv", {}).get("time_unit")
-    return declared if unit is None else {**declared, "csv": {"time_unit": unit}}
-
-
-_DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation", "fixed")
-
-
 def _parameters(arguments: argparse.Namespace, layout: str, absent: list[str]) -> dict[str, Any]:
     names = {name: getattr(arguments, name) for name in ("subject", "hand", "task", "trial")}
     names |= {"session": arguments.session} if arguments.session else {}
     return {**names, "layout": layout, "absent": absent}
-
-
-def _absent(layout: Layout, poses: PosesTable, mapping: FileMapping | None) -> list[str]:
-    """Segments that are expected and of which the recording has no complete pose.
-
-    Those are the layout's, or of these the mapping's: nobody wore a receiver on the others.
-    """
-    seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
-    worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
-    return [s for s in layout.expected if s in worn and s not in seen]

@@ -35,7 +35,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str]) -> int:
-    """Run the subcommand; gives the exit code."""
+    """Run the subcommand; return the exit code."""
     return command_line.run(build_parser, argv, inspect)
 
 
@@ -58,7 +58,15 @@ def inspect(arguments: argparse.Namespace) -> None:
             raise InputError(f"{target}: there is no folder {target.parent}; make it, or name another one")
         write_text(target, description.draft)
         print(f"wrote {target}: put the truth where it says CHECK; import refuses it until then")
-    print(f"next: {_next_command(arguments, description.recording, bool(description.draft))}")
+    mapping, layout = f" --mapping {target}" if description.draft else "", f" --layout {arguments.layout}"
+    then = f"shukotsu import --in {arguments.file}{mapping}{layout} --subject 01 --hand right --task rom"
+    then += " --out poses.parquet"
+    if not description.recording:
+        then = "nothing to import: this is a table that the pipeline made"
+    elif description.draft and target is None:
+        then = f"shukotsu inspect {arguments.file} --write-mapping mapping.yaml"
+        then += "" if arguments.layout == "liberty16" else layout
+    print(f"next: {then}")
 
 
 def finding_lines(arguments: argparse.Namespace) -> list[str]:
@@ -80,18 +88,18 @@ def finding_lines(arguments: argparse.Namespace) -> list[str]:
     with TemporaryDirectory() as folder:
         if not _is_poses_table(path):
             options = {"in": path, "layout": arguments.layout, "hand": hand, "out": Path(folder, "poses")}
-            given = [f"--{name}={value}" for name, value in (options | {"subject": "-", "task": "-"}).items()]
+            words = [f"--{name}={value}" for name, value in (options | {"subject": "-", "task": "-"}).items()]
             path = options["out"]
             try:
                 with redirect_stderr(io.StringIO()):
-                    import_recording(build_parser().parse_args(["--record-failure", *given]))
+                    import_recording(build_parser().parse_args(["--record-failure", *words]))
             except InputError as error:
                 return [f"import refuses it: {error}"]
         findings = checked_poses(path, layout).findings
-        if arguments.hand is None and any(one.kind == "wrong-hand" for one in findings):
+        if arguments.hand is None and any(finding.kind == "wrong-hand" for finding in findings):
             findings = checked_poses(path, layout, "left").findings
             print("it looks like a left hand")
-    return [f"{one.severity}: {one.kind}: {in_quotes(one.message)}" for one in findings]
+    return [f"{finding.severity}: {finding.kind}: {in_quotes(finding.message)}" for finding in findings]
 
 
 def _is_poses_table(path: Path) -> bool:
@@ -102,19 +110,6 @@ def _is_poses_table(path: Path) -> bool:
         return bool(read_metadata(path)["schema"] == POSES.name)
     except InputError:
         return False
-
-
-def _next_command(arguments: argparse.Namespace, recording: bool, mapped: bool) -> str:
-    if not recording:
-        return "nothing to import: this is a table that the pipeline made"
-    if mapped and arguments.write_mapping is None:
-        layout = "" if arguments.layout == "liberty16" else f" --layout {arguments.layout}"
-        return f"shukotsu inspect {arguments.file} --write-mapping mapping.yaml{layout}"
-    mapping = f" --mapping {arguments.write_mapping}" if mapped else ""
-    return (
-        f"shukotsu import --in {arguments.file}{mapping} --layout {arguments.layout} "
-        "--subject 01 --hand right --task rom --out poses.parquet"
-    )
 
 
 def describe(path: Path, layout: Layout | str) -> Description:

@@ -115,9 +115,9 @@ class PosesTable:
     _files: tuple[_RowFile, ...]
 
     def close(self) -> None:
-        """Return the temporary files back to the disk."""
+        """Close the temporary files."""
         for file in self._files:
-            file.close()
+            file.file.close()
 
     def row_groups(self, row_group_frames: int = ROW_GROUP_FRAMES) -> Iterator[dict[str, Any]]:
         """Return the columns of each row group in turn."""
@@ -135,26 +135,22 @@ class _RowFile:
 
     def __init__(self, folder: Path | None) -> None:
         folder_name = None if folder is None else str(folder)
-        self._file = tempfile.SpooledTemporaryFile(MEMORY_BYTES, dir=folder_name)  # noqa: SIM115
+        self.file = tempfile.SpooledTemporaryFile(MEMORY_BYTES, dir=folder_name)  # noqa: SIM115
 
     def append(self, rows: Rows) -> None:
         """Put rows at the end."""
-        self._file.write(rows.tobytes())
+        self.file.write(rows.tobytes())
 
     def replace(self, rows: Rows) -> None:
         """Put rows in place of all that are there, which are as many or more."""
-        self._file.seek(0)
-        self._file.truncate()
+        self.file.seek(0)
+        self.file.truncate()
         self.append(rows)
 
     def rows(self) -> Rows:
         """Return all rows; read-only."""
-        self._file.seek(0)
-        return np.frombuffer(self._file.read(), _ROW)
-
-    def close(self) -> None:
-        """Return the memory and the file back."""
-        self._file.close()
+        self.file.seek(0)
+        return np.frombuffer(self.file.read(), _ROW)
 
 
 @dataclass(frozen=True)
@@ -204,8 +200,14 @@ def poses_table(
     for samples in parts:
         names = samples.segments
         places.append((start, samples.place))
-        for index, rows in _rows_of_segments(samples, start):
-            files.setdefault(index, _RowFile(folder)).append(rows)
+        rows = np.zeros(len(samples.segment), _ROW)
+        rows["sample"] = start + np.arange(len(rows))
+        for name in ("frame", "time_s", "numbers"):
+            rows[name] = getattr(samples, name)
+        for flag, marked in samples.flags.items():
+            rows["flags"][marked] |= _BIT[flag]
+        for index in np.unique(samples.segment).tolist():
+            files.setdefault(index, _RowFile(folder)).append(rows[samples.segment == index])
         frames.append(np.unique(samples.frame))
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
@@ -214,28 +216,18 @@ def poses_table(
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
     segments, broken = _without_breaks(segments, files_by_name, parents)
-    frozen = _frozen_segments(segments, parents)
+    # No bone keeps still while its parent moves: the receiver's channel hangs. The base of the tree has no
+    # parent; it may well lie still, in made-up recordings to the last bit.
+    still = [name for name, seg in segments.items() if not seg.moves and seg.complete >= FROZEN_FRAMES]
+    frozen = tuple(name for name in still if (up := segments.get(parents.get(name, ""))) and up.moves)
     return PosesTable(
         tuple(segments),
         tuple(0 if name in frozen else segment.usable for name, segment in segments.items()),
         frozen,
         frame,
         broken,
-        tuple(files[index] for index in sorted(files)),
+        tuple(files_by_name.values()),
     )
-
-
-def _rows_of_segments(samples: Samples, start: int) -> Iterator[tuple[int, Rows]]:
-    """Return each segment's rows of a part, whose first sample is number `start` of the recording."""
-    rows = np.empty(len(samples.segment), _ROW)
-    rows["sample"] = start + np.arange(len(rows))
-    for name in ("frame", "time_s", "numbers"):
-        rows[name] = getattr(samples, name)
-    rows["flags"] = 0
-    for flag, marked in samples.flags.items():
-        rows["flags"][marked] |= _BIT[flag]
-    for index in np.unique(samples.segment).tolist():
-        yield index, rows[samples.segment == index]
 
 
 def _checked(file: _RowFile) -> _Segment:
@@ -256,11 +248,11 @@ def _checked(file: _RowFile) -> _Segment:
     norm, bad = _normalise(rows)
     first = min(zip(rows["sample"][bad], rows["frame"][bad], norm[bad], strict=True), default=None)
     complete = _complete(rows)
-    believed = np.flatnonzero(complete & ~_unusable(rows))
+    believed = np.flatnonzero(_usable(rows))
     rows["flags"][believed[spikes(rows["numbers"][believed])]] |= _BIT["spike"]
     file.replace(rows)
     poses = rows["numbers"][complete]
-    usable = rows[complete & ~_unusable(rows)]
+    usable = rows[_usable(rows)]
     optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers, which no hemisphere mirrors
     magnetic = len(usable) > 0 and not optical
     own = own_sides(usable["frame"], usable["time_s"], usable["numbers"][:, :3]) if magnetic else None
@@ -289,29 +281,29 @@ def _on_one_side(
     Where no receiver jumped and no repair is asked for, nothing is looked at.
     """
     own = {name: segment.sides for name, segment in segments.items() if segment.sides is not None}
-    if not repair and not any(one.changes for one in own.values()):
+    if not repair and not any(receiver.changes for receiver in own.values()):
         return dict(segments)
 
     def poses(name: str) -> tuple[Integers, Array]:
         rows = files[name].rows()
-        rows = rows[_complete(rows) & ~_unusable(rows)]
+        rows = rows[_usable(rows)]
         return rows["frame"], rows["numbers"]
 
     out = dict(segments)
-    for name, found in sides(own, poses, parents, expected_mm, all_along=repair).items():
+    for name, side in sides(own, poses, parents, expected_mm, all_along=repair).items():
         rows = files[name].rows().copy()
-        usable = _complete(rows) & ~_unusable(rows)
-        sign = np.where(usable, found.sign(rows["frame"]), 1)
-        if (sign == 1).all() and found.decided:
+        usable = _usable(rows)
+        sign = np.where(usable, side.sign(rows["frame"]), 1)
+        if (sign == 1).all() and side.decided:
             continue
         rows["flags"][sign == 0] |= _BIT["hemisphere-transit"]
         rows["flags"][sign < 0] |= _BIT["hemisphere-repaired" if repair else "hemisphere-flip"]
         if repair:
             rows["numbers"][sign < 0, :3] *= -1.0
-        if not found.decided:
+        if not side.decided:
             rows["flags"][usable & (sign != 0)] |= _BIT["hemisphere-undecided"]
         files[name].replace(rows)
-        out[name] = replace(segments[name], usable=int((_complete(rows) & ~_unusable(rows)).sum()))
+        out[name] = replace(segments[name], usable=int(_usable(rows).sum()))
     return out
 
 
@@ -326,24 +318,22 @@ def _without_breaks(
 
     def poses(name: str) -> tuple[Integers, Array]:
         rows = files[name].rows()
-        rows = rows[
-            _complete(rows) & ~_unusable(rows) & ((rows["flags"] & _BIT["hemisphere-undecided"]) == 0)
-        ]
+        rows = rows[_usable(rows) & ((rows["flags"] & _BIT["hemisphere-undecided"]) == 0)]
         return rows["frame"], rows["numbers"]
 
     out, values = dict(segments), []
-    names = [name for name, own in segments.items() if own.usable]
+    names = [name for name, segment in segments.items() if segment.usable]
     links = [(parents[name], name) for name in names if parents.get(name, "") in names]
-    for one in breaks(names, poses, links):
-        for name in one.segments:
+    for gap in breaks(names, poses, links):
+        for name in gap.segments:
             rows = files[name].rows().copy()
-            row = int(np.searchsorted(rows["frame"], one.frame))
-            off = np.arange(len(rows)) < row if one.until else np.arange(len(rows)) >= row
+            row = int(np.searchsorted(rows["frame"], gap.frame))
+            off = np.arange(len(rows)) < row if gap.until else np.arange(len(rows)) >= row
             rows["flags"][off & _complete(rows)] |= _BIT["broken-off"]
             files[name].replace(rows)
-            out[name] = replace(segments[name], usable=int((_complete(rows) & ~_unusable(rows)).sum()))
-        left = min(out[name].usable / segments[name].usable for name in one.segments)
-        seen = {"segments": list(one.segments), "until": one.until, "grown": one.grown, "percent": 100 * left}
+            out[name] = replace(segments[name], usable=int(_usable(rows).sum()))
+        left = min(out[name].usable / segments[name].usable for name in gap.segments)
+        seen = {"segments": list(gap.segments), "until": gap.until, "grown": gap.grown, "percent": 100 * left}
         time_s = float(rows["time_s"][row])
         when = {"first_s": round(time_s, 2)} if np.isfinite(time_s) else {"first_row": row + 1}
         values.append({**seen, **when})
@@ -409,7 +399,7 @@ def _normalise(rows: Rows) -> tuple[Array, Bools]:
     with np.errstate(over="ignore"):  # a number near 1e300 is refused with the norm inf
         norm = np.sqrt(w * w + x * x + y * y + z * z)
     bad = np.abs(norm - 1) > NORM_TOLERANCE + 1e-12  # False for NaN; 1e-12: rounding of the norm
-    spoilt = bad & _unusable(rows)
+    spoilt = bad & ((rows["flags"] & _INVALIDATING) != 0)
     bad &= ~spoilt
     length = norm.copy()
     norm[np.abs(norm - 1) < 1e-15] = 1.0  # unit to rounding: reading a poses table again turns no bit
@@ -438,14 +428,9 @@ def _complete(rows: Rows) -> Bools:
     return np.asarray(np.isfinite(rows["numbers"][:, 0]))
 
 
-def _unusable(rows: Rows) -> Bools:
-    """Return whether the reader marked the pose as unusable, shape (N,)."""
-    return np.asarray((rows["flags"] & _INVALIDATING) != 0)
-
-
-def _where(places: Places, sample: int) -> str:
-    start, place = [one for one in places if one[0] <= sample][-1]
-    return place(sample - start)
+def _usable(rows: Rows) -> Bools:
+    """Return which of rows that are checked have a pose and no flag that makes it unusable, shape (N,)."""
+    return np.asarray(_complete(rows) & ((rows["flags"] & _INVALIDATING) == 0))
 
 
 def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
@@ -454,68 +439,59 @@ def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
     Frames that stand twice in turn with other poses; quaternions of no length 1; a station's number, or a
     counter's, in place of a coordinate. places : of each part its first sample and its place.
     """
-    twice = min(((*own.twice, name) for name, own in segments.items() if own.twice), default=None)
+
+    def where(sample: int) -> str:
+        start, place = [part for part in places if part[0] <= sample][-1]
+        return place(sample - start)
+
+    twice = min(((*segment.twice, name) for name, segment in segments.items() if segment.twice), default=None)
     if twice:
         sample, frame, name = twice
         raise InputError(
-            f"{_where(places, sample)}: frame {frame} of receiver {name} stands twice with different poses, "
+            f"{where(sample)}: frame {frame} of receiver {name} stands twice with different poses, "
             "and so do those from here on: two recordings in one file? Cut it here, or give the second its "
             "own frames"
         )
-    bad = min(((*own.bad, name) for name, own in segments.items() if own.bad), default=None)
+    bad = min(((*segment.bad, name) for name, segment in segments.items() if segment.bad), default=None)
     if bad:
         sample, frame, norm, name = bad
-        where = f"{_where(places, sample)}, segment {name}, frame {frame}"
+        row = f"{where(sample)}, segment {name}, frame {frame}"
         count = sum(segment.bad_count for segment in segments.values())
         more = f" (and {count - 1} more rows like it)" if count > 1 else ""
         if norm == 0:
             raise InputError(
-                f"{where}: the quaternion is all zeros{more}; expected norm 1; "
+                f"{row}: the quaternion is all zeros{more}; expected norm 1; "
                 "zeros that stand for missing values must be left empty instead"
             )
         raise InputError(
-            f"{where}: the quaternion has norm {norm:.6g}{more}; expected 1 within "
+            f"{row}: the quaternion has norm {norm:.6g}{more}; expected 1 within "
             f"{NORM_TOLERANCE}; check the column order (qw, qx, qy, qz), or leave the row's seven numbers "
             "empty to keep it as a gap"
         )
-    for name, own in segments.items():
-        if own.counted:
+    for name, segment in segments.items():
+        if segment.counted:
             raise InputError(
-                f"{_where(places, 0)}: {own.counted} of receiver {name} is a whole number in all its poses, "
+                f"{where(0)}: {segment.counted} of receiver {name} is a whole number in all its poses, "
                 "while it moves; expected a position, and this is probably a station or a counter: name the "
                 "right columns (`shukotsu inspect` shows them)"
             )
 
 
-def _frozen_segments(segments: Mapping[str, _Segment], parents: Mapping[str, str]) -> tuple[str, ...]:
-    """Segments that never move while their parent does: no bone can, so the receiver's channel hangs.
-
-    The base of the tree has no parent; it may well lie still, in made-up recordings to the last bit.
-    """
-    still = [name for name, own in segments.items() if not own.moves and own.complete >= FROZEN_FRAMES]
-    return tuple(name for name in still if (parent := segments.get(parents.get(name, ""))) and parent.moves)
-
-
 def _columns(name: str, frame: Integers, rows: Rows, frozen: bool) -> dict[str, Any]:
-    """The table's columns of one segment in those frames, which hold those of the rows."""
+    """Return the table's columns of one segment in those frames, which hold those of the rows."""
     at = np.searchsorted(frame, rows["frame"])
     time_s, numbers = np.full(len(frame), np.nan), np.full((len(NUMBERS), len(frame)), np.nan)
     flags, valid = np.full(len(frame), _BIT["no-row"]), np.zeros(len(frame), bool)
     time_s[at], numbers[:, at] = rows["time_s"], rows["numbers"].T
     flags[at] = rows["flags"] | _BIT["frozen"] if frozen else rows["flags"]
-    valid[at] = _complete(rows) & ~_unusable(rows) & (not frozen)
+    valid[at] = _usable(rows) & (not frozen)
+    combinations, codes = np.unique(flags, return_inverse=True)  # each is spelt once, as there are few
+    texts = [";".join(flag for flag in FLAGS if bits & _BIT[flag]) for bits in combinations]
     return {
         "segment": pa.repeat(pa.scalar(name), len(frame)),
         "frame": frame,
         "time_s": time_s,
         **dict(zip(NUMBERS, numbers, strict=True)),
         "valid": valid,
-        "flags": _flag_texts(flags),
+        "flags": pa.DictionaryArray.from_arrays(pa.array(codes, pa.int32()), pa.array(texts, pa.string())),
     }
-
-
-def _flag_texts(flags: Flags) -> pa.Array:
-    """Spell out flags, joined by ';'; each combination only once, as there are few."""
-    combinations, codes = np.unique(flags, return_inverse=True)
-    texts = [";".join(flag for flag in FLAGS if bits & _BIT[flag]) for bits in combinations]
-    return pa.DictionaryArray.from_arrays(pa.array(codes, pa.int32()), pa.array(texts, pa.string()))

@@ -146,13 +146,6 @@ def test_no_flipped_bit_gives_another_row(tmp_path: Path) -> None:
     assert silently_other(path, places) == []
 
 
-@pytest.mark.slow
-def test_no_bit_anywhere_gives_another_row(tmp_path: Path) -> None:
-    """Every seventh one: in each byte some, in all bytes each."""
-    path = written(tmp_path / "a.arrows")
-    assert silently_other(path, range(0, 8 * path.stat().st_size, 7)) == []
-
-
 CHILD = """
 import sys, time
 from pathlib import Path

@@ -71,7 +71,7 @@ def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> File
 
 
 def implied_mapping(where: str, format_: str, key: str, names: Sequence[str]) -> FileMapping:
-    """The mapping of a file that describes itself: each of its names, under that key, is a segment.
+    """Return the mapping of a file that describes itself: each of its names, under that key, is a segment.
 
     Raises InputError where there is none.
     """
@@ -81,31 +81,29 @@ def implied_mapping(where: str, format_: str, key: str, names: Sequence[str]) ->
     return FileMapping(where, format_, 0.0, None, None, receivers, (), {})
 
 
-def name_in_file(mapping: FileMapping, segment: str, key: str, known: Sequence[str], where: str) -> str:
+def name_in_file(mapping: FileMapping, segment: str, key: str, names: Sequence[str], where: str) -> str:
     """Return a segment's name in a file that describes itself, by that key of its receiver in the mapping.
 
-    Raises InputError where the mapping says nothing, or a name that is not known `where` names are looked up.
+    Raises InputError where the mapping says nothing, or none of the names, which are those `where` says.
     """
-    place = f"{mapping.where}: receivers.{segment}"
+    receiver = f"{mapping.where}: receivers.{segment}"
     if key not in mapping.receivers[segment]:
-        raise InputError(f"{place}: has no {key}; say which of the file's it is")
+        raise InputError(f"{receiver}: has no {key}; say which of the file's it is")
     name = str(mapping.receivers[segment][key])
-    if name not in known:
-        raise InputError(
-            f"{place}: {key} {name!r} is not in {where}, which has {listed(known)}{did_you_mean(name, known)}"
-        )
+    if name not in names:
+        guess = did_you_mean(name, names)
+        raise InputError(f"{receiver}: {key} {name!r} is not in {where}, which has {listed(names)}{guess}")
     return name
 
 
 def mapped_segments(mapping: FileMapping, layout: Layout) -> Integers:
-    """Indices into `layout.measured` of the mapping's receivers and then of its fixed segments.
+    """Return indices into `layout.measured` of the mapping's receivers and then of its fixed segments.
 
     Raises InputError where the layout does not know one.
     """
+    keys = ["receivers"] * len(mapping.receivers) + ["fixed"] * len(mapping.fixed)
     names = [*mapping.receivers, *mapping.fixed]
-    keys = [f"{mapping.where}: receivers"] * len(mapping.receivers)
-    keys += [f"{mapping.where}: fixed"] * len(mapping.fixed)
-    return segments_of_names(np.arange(len(names)), names, layout, keys.__getitem__)
+    return segments_of_names(np.arange(len(names)), names, layout, lambda at: f"{mapping.where}: {keys[at]}")
 
 
 def samples_of_tracks(
@@ -123,10 +121,10 @@ def samples_of_tracks(
     Raises InputError where the tracks' times are of another rate than the mapping's.
     """
     _check_rate(tracks, mapping)
-    marks = sum(int(((np.abs(n := own.numbers) > LARGEST) & np.isfinite(n)).sum()) for own in tracks)
+    marks = sum(int(((np.abs(t.numbers) > LARGEST) & np.isfinite(t.numbers)).sum()) for t in tracks)
     if marks:
         notes = [*notes, f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"]
-        tracks = [replace(own, numbers=without_marks(own.numbers)) for own in tracks]
+        tracks = [replace(track, numbers=without_marks(track.numbers)) for track in tracks]
     frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
     row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
     still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
@@ -137,22 +135,12 @@ def samples_of_tracks(
         tracks = [replace(track, numbers=track.numbers[:, columns] * signs) for track in tracks]
     every = [*tracks, *(still for _ in mapping.fixed)]
     rows = np.concatenate([track.row for track in every])
-    parts = [
-        Samples(
-            layout.measured,
-            np.full(len(track.row), segment),
-            track.frame,
-            track.time_s,
-            track.numbers,
-            str,
-            track.flags,
-        )
-        for segment, track in zip(segments.tolist(), every, strict=True)
-    ]
-    lost = tuple(losses)
-    return replace(
-        joined(parts), place=lambda sample: place(int(rows[sample])), notes=(*notes, *lost), losses=lost
-    )
+    parts = []
+    for segment, track in zip(segments.tolist(), every, strict=True):
+        columns = np.full(len(track.row), segment), track.frame, track.time_s, track.numbers
+        parts.append(Samples(layout.measured, *columns, str, track.flags))
+    where, lost = (lambda sample: place(int(rows[sample]))), tuple(losses)
+    return replace(joined(parts), place=where, notes=(*notes, *lost), losses=lost)
 
 
 def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:
@@ -163,12 +151,12 @@ def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:
     if not mapping.rate_hz or not mapping.details.get("in_step", True):
         return
     with np.errstate(over="ignore"):
-        steps_s = [np.diff(np.unique(own.time_s[np.isfinite(own.time_s)])) for own in tracks]
-        every_s = np.concatenate(steps_s)
-        if not len(every_s):
+        times_s = [track.time_s[np.isfinite(track.time_s)] for track in tracks]
+        steps_s = np.concatenate([np.diff(np.unique(finite_s)) for finite_s in times_s])
+        if not len(steps_s):
             return
-        counts = sum(np.isfinite(own.time_s).sum() - 1 for own in tracks if np.isfinite(own.time_s).any())
-        rates_hz = 1 / np.median(every_s), counts / every_s.sum()
+        count = sum(len(finite_s) - 1 for finite_s in times_s if len(finite_s))
+        rates_hz = 1 / np.median(steps_s), count / steps_s.sum()
     if all(abs(np.log(rate_hz / mapping.rate_hz)) > _RATE_OFF for rate_hz in rates_hz):
         raise InputError(
             f"{mapping.where}: rate_hz: is {mapping.rate_hz:g}, but the file's own times are of "

@@ -35,12 +35,10 @@ _MOST_FRAMES = 2.0**40
 _MOST_STEPS = 2.0**30
 """The same, of rows that times put into frames: 50 days at 240 Hz, and a millionth of a step still counts."""
 
-_LARGEST_RAD = 1.1 * 2 * np.pi
-
 
 @dataclass(frozen=True)
 class _Source:
-    """Hold where a receiver's numbers are: titles of columns, and (N,) the rows that are its own."""
+    """Where a receiver's numbers are: titles of columns, and (N,) its rows."""
 
     position: Sequence[str]
     orientation: Sequence[str]
@@ -60,24 +58,37 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     mapping = required_mapping(path, mapping, "a table that is no tidy recording")
     mapped_segments(mapping, layout)
     table = mapping.details
-    text = open_table_text(path, table)
-    frame, receiver = (_title(text, table, key, f"{mapping.where}: csv") for key in ("frame", "receiver"))
-    sources = _sources(text, mapping)
+    text, where = open_table_text(path, table), f"{mapping.where}: csv"
+    frame, receiver, time = (_title(text, table, key, where) for key in ("frame", "receiver", "time"))
+    if table["rows"] == "long":
+        sources = dict.fromkeys(mapping.receivers, _source(text, table, where, time))
+    else:
+        sources = {
+            segment: _source(text, group, f"{mapping.where}: receivers.{segment}", time)
+            for segment, group in mapping.receivers.items()
+        }
     titles = [title for title in (frame, receiver) if title is not None]
     titles += [title for source in sources.values() for title in source.titles]
     cells = text.cells(titles)
     notes: list[str] = []
-    every = np.arange(cells.rows)  # one for all receivers
+    every = np.arange(cells.rows)  # shared by all receivers
     if receiver is None:
-        notes += _shared_columns(sources)
+        users: dict[str, list[str]] = {}
+        for segment, source in sources.items():
+            for title in (*source.position, *source.orientation):
+                users.setdefault(title, []).append(segment)
+        notes += [
+            f"column {title} is used {len(by)} times, for {' and '.join(dict.fromkeys(by))}; is that right?"
+            for title, by in users.items()
+            if len(by) > 1
+        ]
         rows = dict.fromkeys(sources, every)
     else:
         rows = _rows_of_receivers(cells, receiver, mapping, notes)
     sources = {segment: replace(source, rows=rows[segment]) for segment, source in sources.items()}
-    notes += _angle_doubts(cells, sources, mapping)
     tracks = {segment: _rows_of_source(cells, source, mapping, every) for segment, source in sources.items()}
     times_s = _times(cells, sources, mapping)
-    tracks = {segment: replace(own, time_s=times_s[segment]) for segment, own in tracks.items()}
+    tracks = {segment: replace(track, time_s=times_s[segment]) for segment, track in tracks.items()}
     losses = list(filter(None, [text.cut_off(titles)]))
     if table["in_step"]:
         frames = None if frame is None else cells.wholes(frame)
@@ -89,18 +100,6 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     del cells, tracks  # text and numbers, more than the file, before all is put together
     pa.default_memory_pool().release_unused()
     return samples_of_tracks(placed, mapping, layout, place, notes, losses)
-
-
-def _sources(text: TextTable, mapping: FileMapping) -> dict[str, _Source]:
-    """Each segment's columns, which with long rows all have in common."""
-    table, where = mapping.details, f"{mapping.where}: csv"
-    time = _title(text, table, "time", where)
-    if table["rows"] == "long":
-        return dict.fromkeys(mapping.receivers, _source(text, table, where, time))
-    return {
-        segment: _source(text, group, f"{mapping.where}: receivers.{segment}", time)
-        for segment, group in mapping.receivers.items()
-    }
 
 
 def _source(text: TextTable, group: Mapping[str, Any], where: str, shared_time: str | None) -> _Source:
@@ -119,57 +118,30 @@ def _title(text: TextTable, group: Mapping[str, Any], key: str, where: str) -> s
 def _rows_of_receivers(
     cells: Cells, name: str, mapping: FileMapping, notes: list[str]
 ) -> dict[str, Integers]:
-    """Rows of each segment by what stands in the receiver column; what no segment names is left out."""
+    """Return rows of each segment by the receiver column; what no segment names is left out."""
     codes, names = cells.names_in(name)
     counts = dict(zip(names, np.bincount(codes, minlength=len(names)), strict=True))
+    values = {segment: str(receiver["value"]) for segment, receiver in mapping.receivers.items()}
     rows_of: dict[str, Integers] = {}
-    taken: set[str] = set()
-    for segment, receiver in mapping.receivers.items():
-        value = str(receiver["value"])
-        taken.add(value)
-        wanted = names.index(value) if value in names else -1
-        rows_of[segment] = np.flatnonzero(codes == wanted)
-        if wanted < 0:
+    for segment, value in values.items():
+        rows_of[segment] = np.flatnonzero(codes == (names.index(value) if value in names else -1))
+        if value not in names:
             notes.append(f"receiver {value!r} of segment {segment} has no row{did_you_mean(value, names)}")
     if not any(len(rows) for rows in rows_of.values()):
+        wanted = ", ".join(sorted({*values.values()}))
         raise InputError(
-            f"{mapping.where}: receivers: none of the values {', '.join(sorted(taken))} stands in "
+            f"{mapping.where}: receivers: none of the values {wanted} stands in "
             f"column {name} of the table, which has {', '.join(sorted(names)[:20])}"
         )
-    left = {word: counts[word] for word in names if word not in taken}
+    left = {word: counts[word] for word in names if word not in values.values()}
     if left:
         rows = ", ".join(f"{word} ({count} rows)" for word, count in sorted(left.items()))
         notes.append(f"receivers that the mapping names no segment for are left out: {rows}")
     return rows_of
 
 
-def _shared_columns(sources: Mapping[str, _Source]) -> list[str]:
-    users: dict[str, list[str]] = {}
-    for segment, source in sources.items():
-        for title in (*source.position, *source.orientation):
-            users.setdefault(title, []).append(segment)
-    return [
-        f"column {title} is used {len(by)} times, for {' and '.join(dict.fromkeys(by))}; is that right?"
-        for title, by in users.items()
-        if len(by) > 1
-    ]
-
-
-def _angle_doubts(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -> list[str]:
-    """Doubt radians beyond a whole turn, with a tenth for programs that do not wrap at once."""
-    if (mapping.orientation or {}).get("unit") != "rad":
-        return []
-    titles = dict.fromkeys(title for source in sources.values() for title in source.orientation)
-    largest = max(float(np.nanmax(np.abs(cells.reals(title)), initial=0.0)) for title in titles)
-    if largest <= _LARGEST_RAD:
-        return []
-    return [
-        f"angles reach {largest:.4g}, more than two pi, though orientation.unit is rad; are they degrees?"
-    ]
-
-
 def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: Integers) -> Track:
-    """A receiver's rows in the file's order, numbered from 0 in place of frames; every : row of the table."""
+    """Return a receiver's rows in the file's order, numbered from 0 for frames; every : row of the table."""
     rows = source.rows
     position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
     turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
@@ -185,39 +157,43 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
 
 
 def _times(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -> dict[str, Array]:
-    """Times in s of each receiver's rows; NaN where there is none. Each clock's day begins at midnight."""
+    """Return times in s of each receiver's rows; NaN: none. Each clock's day begins at midnight."""
     times_s: dict[str, Array] = {}
     start_s = np.nan
     for segment, source in sources.items():
         if source.time is None:
             times_s[segment] = np.full(len(source.rows), np.nan)
-        elif mapping.details["time_unit"] == TIME_OF_DAY:
-            own_s = cells.times_of_day_s(source.time)[source.rows]
-            times_s[segment] = unwrapped_s(own_s, start_s)
-            start_s = float(next(iter(own_s[np.isfinite(own_s)]), np.nan)) if np.isnan(start_s) else start_s
+        elif (unit := mapping.details["time_unit"]) == TIME_OF_DAY:
+            of_day_s = cells.times_of_day_s(source.time)[source.rows]
+            times_s[segment] = unwrapped_s(of_day_s, start_s)
+            start_s = float(next(iter(_finite(of_day_s)), np.nan)) if np.isnan(start_s) else start_s
         else:
-            times_s[segment] = (
-                cells.reals(source.time)[source.rows] * SECONDS_PER_UNIT[mapping.details["time_unit"]]
-            )
+            times_s[segment] = cells.reals(source.time)[source.rows] * SECONDS_PER_UNIT[unit]
     return times_s
 
 
 def _in_step(
     tracks: dict[str, Track], frames: Integers | None, long: bool, path: Path, mapping: FileMapping
 ) -> tuple[list[Track], list[str]]:
-    """Rows as frames: as they are numbered, shape (N,), of long rows as their times say, else as they come.
-
-    Gives what is lost, a sentence each, too.
+    """Return rows as frames, and what is lost, a sentence each: as they are numbered by frames (N,), of long
+    rows as their times say, else as they come.
     """
     losses: list[str] = []
     if frames is not None:
-        tracks = {segment: replace(own, frame=frames[own.row]) for segment, own in tracks.items()}
-    elif long and any(np.ptp(_known(own.time_s)) > 0 for own in tracks.values() if len(_known(own.time_s))):
+        tracks = {segment: replace(track, frame=frames[track.row]) for segment, track in tracks.items()}
+    elif long and any(np.ptp(times_s) > 0 for t in tracks.values() if len(times_s := _finite(t.time_s))):
         tracks, losses = _framed_by_time(tracks)
     elif long and (rounds := _rounds(tracks, mapping)):
         tracks = rounds
-    elif long:
-        _check_counts(tracks, path, mapping)
+    elif long:  # they belong together only where every receiver has as many
+        counts = {segment: len(track.row) for segment, track in tracks.items() if len(track.row)}
+        if len(set(counts.values())) > 1:
+            least, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
+            raise InputError(
+                f"{path}: has {counts[most]} rows of {most} and {counts[least]} of {least}; which belong "
+                f"together is told by a frame or a time column only: name it as `frame` or `time` in "
+                f"{mapping.where}, or say in_step: false"
+            )
     start = 0 if frames is None else int(frames.min())
     placed = []
     for track in tracks.values():
@@ -228,7 +204,7 @@ def _in_step(
     return placed, losses
 
 
-def _known(time_s: Array) -> Array:
+def _finite(time_s: Array) -> Array:
     return time_s[np.isfinite(time_s)]
 
 
@@ -238,56 +214,48 @@ def _framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list
     That receiver is the one with most samples. What is half a step or more off all of its samples is put
     into frames of its own in the same way. Samples whose time is none, or far off all others, are left out.
     """
-    steps_s = np.concatenate([np.diff(np.unique(_known(own.time_s))) for own in tracks.values()])
+    finite_s = [_finite(track.time_s) for track in tracks.values()]
+    steps_s = np.concatenate([np.diff(np.unique(times_s)) for times_s in finite_s])
     step_s = float(np.quantile(steps_s, 0.25, method="lower"))  # of which lost rows make many longer
-    middle_s = float(np.median(np.concatenate([_known(own.time_s) for own in tracks.values()])))
-    with np.errstate(over="ignore"):
-        timed = {
-            segment: own.of(np.abs(own.time_s - middle_s) < _MOST_STEPS * step_s)
-            for segment, own in tracks.items()
-        }
-    # The second of two samples of one time belongs with the second of another receiver's two.
-    keys_s = [own.time_s - middle_s + 1e-6 * step_s * _turns(own.time_s) for own in timed.values()]
-    frames = _nearest_together(keys_s, step_s)
-    framed = {
-        segment: replace(own, frame=frame)
-        for (segment, own), frame in zip(timed.items(), frames, strict=True)
-    }
-    lost = sum(len(own.row) for own in tracks.values()) - sum(len(own.row) for own in timed.values())
+    middle_s = float(np.median(np.concatenate(finite_s)))
+    timed, keys_s, lost = {}, [], 0
+    for segment, track in tracks.items():
+        with np.errstate(over="ignore"):
+            timed[segment] = track.of(np.abs(track.time_s - middle_s) < _MOST_STEPS * step_s)
+        lost += len(track.row) - len(timed[segment].row)
+        # The second of two samples of one time belongs with the second of another receiver's two.
+        times_s = timed[segment].time_s
+        order, turns = np.argsort(times_s, kind="stable"), np.empty(len(times_s))
+        turns[order] = np.arange(len(times_s)) - np.searchsorted(times_s[order], times_s[order])
+        keys_s.append(times_s - middle_s + 1e-6 * step_s * turns)
+    pairs = zip(timed.items(), _nearest_together(keys_s, step_s), strict=True)
+    framed = {segment: replace(track, frame=frame) for (segment, track), frame in pairs}
     losses = [f"{lost} rows are left out, since without a time nothing says to which frame they belong"]
     return framed, losses if lost else []
 
 
-def _turns(values: Array) -> Integers:
-    """How many equal values come before each, shape (N,)."""
-    order = np.argsort(values, kind="stable")
-    turns = np.empty(len(values), np.int64)
-    turns[order] = np.arange(len(values)) - np.searchsorted(values[order], values[order])
-    return turns
-
-
 def _nearest_together(keys_s: Sequence[Array], step_s: float) -> list[Integers]:
     """Number the frames that samples of several receivers make, see `_framed_by_time`."""
-    frames = [np.zeros(len(own), np.int64) for own in keys_s]
-    left = [np.arange(len(own)) for own in keys_s]
+    frames = [np.zeros(len(keys), np.int64) for keys in keys_s]
+    left = [np.arange(len(keys)) for keys in keys_s]
     centres_s: list[Array] = []
-    known = 0
-    while any(len(own) for own in left):
-        most = max(range(len(left)), key=lambda place: len(left[place]))
+    count = 0
+    while any(map(len, left)):
+        most = max(range(len(left)), key=lambda receiver: len(left[receiver]))
         centre_s = np.sort(keys_s[most][left[most]])
         middles_s = (centre_s[1:] + centre_s[:-1]) / 2
-        for place, samples in enumerate(left):
-            nearest = np.searchsorted(middles_s, keys_s[place][samples])
-            off_s = np.abs(keys_s[place][samples] - centre_s[nearest])
+        for receiver, samples in enumerate(left):
+            nearest = np.searchsorted(middles_s, keys_s[receiver][samples])
+            off_s = np.abs(keys_s[receiver][samples] - centre_s[nearest])
             order = np.lexsort((off_s, nearest))
             taken = order[np.unique(nearest[order], return_index=True)[1]]
             taken = taken[off_s[taken] < step_s / 2]
-            frames[place][samples[taken]] = known + nearest[taken]
-            left[place] = np.delete(samples, taken)
+            frames[receiver][samples[taken]] = count + nearest[taken]
+            left[receiver] = np.delete(samples, taken)
         centres_s.append(centre_s)
-        known += len(centre_s)
+        count += len(centre_s)
     number = np.argsort(np.argsort(np.concatenate(centres_s), kind="stable"))
-    return [number[own] for own in frames]
+    return [number[frame] for frame in frames]
 
 
 def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Track]:
@@ -295,28 +263,15 @@ def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Trac
     values = [str(mapping.receivers[segment]["value"]) for segment in tracks]
     if not all(value.isdecimal() for value in values):
         return {}
-    row = np.concatenate([own.row for own in tracks.values()])
-    station = np.repeat([int(value) for value in values], [len(own.row) for own in tracks.values()])
+    counts = [len(track.row) for track in tracks.values()]
+    row = np.concatenate([track.row for track in tracks.values()])
+    station = np.repeat([int(value) for value in values], counts)
     order = np.argsort(row)
     frame = np.cumsum(np.diff(station[order], prepend=-1) <= 0, dtype=np.int64)
-    most = max(len(own.row) for own in tracks.values())
-    if frame[-1] + 1 > most + max(1, most // 20):
+    if frame[-1] + 1 > max(counts) + max(1, max(counts) // 20):
         return {}
-    return {
-        name: replace(own, frame=frame[np.searchsorted(row[order], own.row)]) for name, own in tracks.items()
-    }
-
-
-def _check_counts(tracks: Mapping[str, Track], path: Path, mapping: FileMapping) -> None:
-    """Long rows without a frame number or times belong together only where every receiver has as many."""
-    counts = {segment: len(own.row) for segment, own in tracks.items() if len(own.row)}
-    if len(set(counts.values())) > 1:
-        least, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
-        raise InputError(
-            f"{path}: has {counts[most]} rows of {most} and {counts[least]} of {least}; which belong "
-            f"together is told by a frame or a time column only: name it as `frame` or `time` in "
-            f"{mapping.where}, or say in_step: false"
-        )
+    frames = {name: frame[np.searchsorted(row[order], track.row)] for name, track in tracks.items()}
+    return {name: replace(track, frame=frames[name]) for name, track in tracks.items()}
 
 
 def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: list[str]) -> list[Track]:
@@ -324,7 +279,13 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
 
     A value that repeats the one before is no sample; of two on one frame the nearer is kept.
     """
-    timed = {segment: _changes(track) for segment, track in tracks.items()}
+    timed: dict[str, Track] = {}  # samples with a time that bring another value than the one before
+    for segment, track in tracks.items():
+        some = track.of(np.asarray(np.isfinite(track.numbers).any(-1)))
+        before, after = some.numbers[:-1], some.numbers[1:]
+        new = np.isfinite(some.time_s)
+        new[1:] &= ~((after == before) | (np.isnan(after) & np.isnan(before))).all(-1)
+        timed[segment] = some.of(new)
     every_s = np.concatenate([new.time_s for new in timed.values()])
     middle_s = float(np.median(every_s)) if len(every_s) else np.nan
     changes = {
@@ -350,12 +311,3 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
             why = "whose times are years off the others'"
             notes.append(f"segment {segment}: {lost} new values left out, {why}")
     return placed
-
-
-def _changes(track: Track) -> Track:
-    """The samples that bring a value, with a time, that is not that of the receiver's value before."""
-    some = track.of(np.asarray(np.isfinite(track.numbers).any(-1)))
-    new = np.ones(len(some.row), bool)
-    before, after = some.numbers[:-1], some.numbers[1:]
-    new[1:] = ~((after == before) | (np.isnan(after) & np.isnan(before))).all(-1)
-    return some.of(new & np.isfinite(some.time_s))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.units import MM_PER_UNIT
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.capture.formats.c3d import C3dFile, open_c3d
+from shukotsu.stages.capture.formats.c3d import open_c3d
 from shukotsu.stages.capture.inspection.description import CHECK, Description, draft, extent_line
 
 
@@ -39,33 +39,30 @@ def describe_c3d(path: Path, layout: Layout) -> Description:
         lines.append(f"ROTATION labels: {', '.join(file.rotation_labels)}, {ratio:g} a frame")
     groups = rigid_groups(file.points, file.labels)
     rigid = {label: [file.labels[index] for index in group] for label, group in groups.items()}
-    lines += [f"markers {', '.join(own)}: keep their distances: a rigid cluster" for own in rigid.values()]
-    return Description(tuple(lines), _draft(file, rigid, layout))
+    lines += [
+        f"markers {', '.join(names)}: keep their distances: a rigid cluster" for names in rigid.values()
+    ]
 
+    def key(label: str) -> str:
+        return f"{CHECK}_" + re.sub(r"\W+", "_", label)
 
-def _draft(file: C3dFile, rigid: Mapping[str, Sequence[str]], layout: Layout) -> str:
-    known = file.unit in MM_PER_UNIT
-    unit_why = "as the file states" if known else "mm, cm, m or inch; the file states none of these"
-    receivers: dict[str, Any] = {
-        f"{CHECK}_{_key(label)}": {"rotation": label} for label in file.rotation_labels
-    }
-    receivers |= {f"{CHECK}_{_key(stem)}": {"markers": list(labels)} for stem, labels in rigid.items()}
+    is_length = file.unit in MM_PER_UNIT
+    unit_why = "as the file states" if is_length else "mm, cm, m or inch; the file states none of these"
+    receivers: dict[str, Any] = {key(label): {"rotation": label} for label in file.rotation_labels}
+    receivers |= {key(stem): {"markers": labels} for stem, labels in rigid.items()}
     if not receivers:
         point = "no group of markers looks rigid: name three or more that are fixed to one receiver or bone"
-        receivers = {f"{CHECK}_{_key(own)}": ({"markers": [own]}, point) for own in file.labels}
+        receivers = {key(label): ({"markers": [label]}, point) for label in file.labels}
     named = f"name each by its segment in layout {layout.name}: {', '.join(layout.measured)}"
     config = {
         "format": "c3d",
-        "position_unit": (file.unit if known else CHECK, unit_why),
+        "position_unit": (file.unit if is_length else CHECK, unit_why),
         **({} if file.rate_hz > 0 else {"rate_hz": (CHECK, "frames a second")}),
         "receivers": (receivers, named),
     }
     counted = "frames count from 1 at the first stored frame, whatever its number"
-    return draft(file.path, config, ["# c3d:", f"#   last_frame: {file.frames}  # {counted}"])
-
-
-def _key(label: str) -> str:
-    return re.sub(r"\W+", "_", label)
+    more = ["# c3d:", f"#   last_frame: {file.frames}  # {counted}"]
+    return Description(tuple(lines), draft(path, config, more))
 
 
 RIGID_VARIATION = 0.02
@@ -95,6 +92,5 @@ def rigid_groups(points: Array, labels: Sequence[str]) -> dict[str, list[int]]:
     variation = np.full(len(first), 1e9)
     variation[seen] = (high - low) / np.maximum(least, 1e-12)
     group = fcluster(linkage(variation, "complete"), RIGID_VARIATION, "distance")
-    found = [np.flatnonzero(group == number).tolist() for number in range(1, group.max() + 1)]
-    found = sorted(own for own in found if len(own) >= 3)
-    return {labels[own[0]]: own for own in found}
+    groups = [np.flatnonzero(group == number).tolist() for number in range(1, group.max() + 1)]
+    return {labels[markers[0]]: markers for markers in sorted(groups) if len(markers) >= 3}

@@ -49,12 +49,12 @@ class Title(NamedTuple):
 
 
 def split_title(title: str) -> Title:
-    """Take the unit out of a title."""
-    found = _STATED.search(title)
-    if found is None:
+    """Return a title without its unit, and the unit."""
+    match = _STATED.search(title)
+    if match is None:
         return Title(title, "")
-    word = found["bracketed"] or found["last"]
-    return Title(title[: found.start()] + title[found.end() :], _UNITS[word.lower()])
+    word = match["bracketed"] or match["last"]
+    return Title(title[: match.start()] + title[match.end() :], _UNITS[word.lower()])
 
 
 _NORM_SHARE = 0.9
@@ -112,7 +112,7 @@ class Roles:
 
     @property
     def orientations(self) -> tuple[str, list[list[str]]]:
-        """The kind of orientation that there is most of, and its groups."""
+        """Return the kind of orientation that there is most of, and its groups."""
         kinds = {"quaternion": self.quaternions, "matrix": self.matrices, "euler": self.angles}
         kind = max(kinds, key=lambda name: len(kinds[name]))
         return kind, kinds[kind]
@@ -125,14 +125,16 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     """
     numeric = [title for title in titles if title in numbers]
     inertial = [[t for t in numeric if re.fullmatch(rf"{x}_?[xyz]", t, re.I)] for x in "agm"]
-    whole = sum(len(own) == 3 for own in inertial) > 1  # accelerometer, gyroscope, magnetometer
-    aside = [
-        t for t in numeric if (whole and any(t in own for own in inertial)) or _ASIDE.search(snake_case(t))
-    ]
+    whole = sum(len(axes) == 3 for axes in inertial) > 1  # accelerometer, gyroscope, magnetometer
+    moved = {t for axes in inertial for t in axes if whole}
+    aside = [t for t in numeric if t in moved or _ASIDE.search(snake_case(t))]
     named = _named_groups([t for t in numeric if t not in aside], numbers)
-    times = [t for t in numeric if _is_time(t) and t not in named]
+    unnamed = [t for t in numeric if t not in named]
+    split = {t: split_title(t) for t in unnamed}
+    times = [t for t in unnamed if split[t].unit in TIME_UNITS or any(map(_TIME.search, (t, split[t].name)))]
     time = next((t for t in times if _grows(numbers[t])), None)
-    frame = next((t for t in numeric if t != time and _FRAME.search(t) and _whole(numbers[t])), None)
+    counts = [t for t in numeric if _grows(numbers[t]) and (numbers[t] == np.floor(numbers[t])).all()]
+    frame = next((t for t in counts if t != time and _FRAME.search(t)), None)
     wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
     station = _first_goes_round(titles, numbers) and not wide
     receivers = [
@@ -159,7 +161,7 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
 
 
 def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
-    """Positions and orientations of one receiver each: by their order where there are as many of both.
+    """Return positions and orientations of one receiver each: by their order where there are as many of both.
 
     Else each orientation has the nearest position whose title has the same first word, or any.
     """
@@ -168,11 +170,9 @@ def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[st
         return [(group, orientations[i] if orientations else []) for i, group in enumerate(positions)]
     pairs = []
     for turning in orientations[: len(positions)]:
-        word, place = turning[0].split()[0], titles.index(turning[0])
-        gaps = [(own[0].split()[0] != word, abs(titles.index(own[0]) - place)) for own in positions]
-        best = positions[gaps.index(min(gaps))]
-        positions.remove(best)
-        pairs.append((best, turning))
+        word, column = turning[0].split()[0], titles.index(turning[0])
+        gaps = [(group[0].split()[0] != word, abs(titles.index(group[0]) - column)) for group in positions]
+        pairs.append((positions.pop(gaps.index(min(gaps))), turning))
     return pairs
 
 
@@ -182,26 +182,26 @@ def _counts(title: str, values: Array) -> bool:
     return len(values) >= _MANY_ROWS and bool(still or (np.diff(values) > 0).all())
 
 
-def _spelled(title: str, known: Iterable[str]) -> Title:
-    """A title without its unit, q0 as qw, and of the same receiver q1, q2 and q3 as qx, qy and qz."""
+def _spelled(title: str, names: Iterable[str]) -> Title:
+    """Return a title without its unit, q0 as qw, and of the same receiver q1, q2 and q3 as qx, qy and qz."""
     name, unit = split_title(title)
-    if found := _SCALAR_FIRST.search(name):
-        at = found.start("digit")
-        if (name[:at] + "0" + name[at + 1 :]).lower() in known:
+    if match := _SCALAR_FIRST.search(name):
+        at = match.start("digit")
+        if (name[:at] + "0" + name[at + 1 :]).lower() in names:
             name = name[:at] + "wxyz"[int(name[at])] + name[at + 1 :]
     return Title(name, unit)
 
 
 def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
-    """Titles that differ in their axis only, each title -> its group in the order of the table.
+    """Return titles that differ in their axis only, each title -> its group in the order of the table.
 
     w, x, y, z are a group only where their norm is 1 in the rows that have them. What a q calls a
     quaternion and is none is in a group of nothing.
     """
     alike: dict[tuple[str, str, str], dict[str, str]] = {}
-    known = {split_title(title).name.lower() for title in titles}
+    spellings = {split_title(title).name.lower() for title in titles}
     for title in titles:
-        name, unit = _spelled(title, known)
+        name, unit = _spelled(title, spellings)
         if match := _AXIS.fullmatch(name):
             axes = alike.setdefault((match["before"].lower(), match["after"].lower(), unit), {})
             axes.setdefault(match["axis"][0].lower(), title)
@@ -264,34 +264,25 @@ def _named_angles(titles: Sequence[str]) -> bool:
 
 
 def by_azimuth(titles: Sequence[str]) -> list[str]:
-    """Titles of an azimuth, an elevation and a roll in this order; none where they are other angles."""
+    """Return titles of an azimuth, an elevation and a roll in this order; none of other angles."""
     return _by_axis(titles, "aer")
 
 
 def by_scalar(titles: Sequence[str]) -> list[str]:
-    """Titles of a quaternion's w, x, y and z in this order; none where they do not say which is which."""
+    """Return titles of a quaternion's w, x, y and z in this order; none where they do not say which."""
     return _by_axis(titles, "wxyz")
 
 
 def _by_axis(titles: Sequence[str], axes: str) -> list[str]:
-    known = {split_title(title).name.lower() for title in titles}
-    named = {_spelled(title, known).name: title for title in titles}
-    found = {match["axis"][0].lower(): named[name] for name in named if (match := _AXIS.fullmatch(name))}
-    return [found[axis] for axis in axes] if found.keys() == {*axes} else []
-
-
-def _is_time(title: str) -> bool:
-    name, unit = split_title(title)
-    return unit in TIME_UNITS or bool(_TIME.search(title) or _TIME.search(name))
+    spellings = {split_title(title).name.lower() for title in titles}
+    named = {_spelled(title, spellings).name: title for title in titles}
+    by_axis = {match["axis"][0].lower(): named[name] for name in named if (match := _AXIS.fullmatch(name))}
+    return [by_axis[axis] for axis in axes] if by_axis.keys() == {*axes} else []
 
 
 def _grows(values: Array) -> bool:
     steps = np.diff(values[np.isfinite(values)])
     return bool(len(steps) and (steps >= 0).all() and (steps > 0).any())
-
-
-def _whole(values: Array) -> bool:
-    return bool(_grows(values) and (values == np.floor(values)).all())
 
 
 def _is_receiver(title: str, values: Array | None) -> bool:

@@ -54,7 +54,7 @@ class Units(NamedTuple):
 
 
 def find_units(roles: Roles, numbers: Mapping[str, Array]) -> Units:
-    """The units of columns with these roles; numbers : title -> (N,)."""
+    """Return the units of columns with these roles; numbers : title -> (N,)."""
     return Units(
         _position_unit(roles.positions, numbers),
         _angle_unit(roles.angles, numbers),
@@ -101,10 +101,10 @@ def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
     why = rate_line("s, ms, us or ns", times, SECONDS_PER_UNIT)
     step = median_step(times)
     if unit not in TIME_UNITS:
-        for known, seconds in SECONDS_PER_UNIT.items():
+        for name, seconds in SECONDS_PER_UNIT.items():
             date = _DATES_S[0] < np.nanmedian(times) * seconds < _DATES_S[1]
             if date and step and LEAST_HZ <= 1 / (step * seconds) <= MOST_HZ:
-                return Unit(known, "as its numbers then are dates, counted from 1970")
+                return Unit(name, "as its numbers then are dates, counted from 1970")
         return Unit(CHECK, why)
     rate_hz = None if step is None else 1 / (step * SECONDS_PER_UNIT[unit])
     if rate_hz is None or LEAST_HZ <= rate_hz <= MOST_HZ:
@@ -119,8 +119,8 @@ def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Arr
 
 def _stated(titles: Iterable[str], units: frozenset[str]) -> list[str]:
     """The units of that kind that titles state, empty among them where one states none."""
-    found = (split_title(title).unit for title in titles)
-    return list(dict.fromkeys(unit if unit in units else "" for unit in found))
+    every = (split_title(title).unit for title in titles)
+    return list(dict.fromkeys(unit if unit in units else "" for unit in every))
 
 
 def _settled(units: Sequence[str], why: str, what: str) -> Unit:

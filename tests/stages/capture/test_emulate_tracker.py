@@ -3,7 +3,6 @@
 import socket
 import struct
 import time
-from pathlib import Path
 
 import pytest
 from tracker_processes import PATIENCE_S, emulator
@@ -56,17 +55,3 @@ def test_tcp_serves_one_client_at_a_time() -> None:
             received = b""
             while b"LY\x03C" not in received:
                 received += later.recv(4096)
-
-
-def test_a_recording_is_what_a_client_gets(tmp_path: Path) -> None:
-    """From its first frame, one frame a cycle, after the reset of the counters."""
-    path = tmp_path / "rec.csv"
-    rows = "".join(f"{f},,hand,{100 + f},20,30,1,0,0,0\n" for f in range(30))
-    path.write_text("frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n" + rows)
-    with emulator("--recording", str(path), port=("--tcp", "0")) as running:
-        host, port = running.name.removeprefix("socket://").split(":")
-        with socket.create_connection((host, int(port))) as client:
-            client.sendall(b"F1\rU1\rO*,9,2\rQ0\rC\r")
-            data = client.makefile("rb").read(30 * 24)
-    got = [struct.unpack_from("<I3f", data, at + 8) for at in range(0, len(data), 24)]
-    assert [(frame, round(x * 10, 3)) for frame, x, _, _ in got] == [(f, 100 + f) for f in range(30)]

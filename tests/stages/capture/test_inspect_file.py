@@ -246,12 +246,6 @@ def test_own_files_need_no_mapping(run: Run) -> None:
     assert "nothing to import" in out
 
 
-@pytest.mark.parametrize("text", [GUIDE_FILE, GUIDE_FILE.split("\n", 1)[1]], ids=["comments", "semicolons"])
-def test_importing_a_foreign_table_without_a_mapping_leads_here(run: Run, text: str) -> None:
-    path = run.write("old.csv", text)
-    recording_files.refuse(path, f"`shukotsu inspect {path}`")
-
-
 @pytest.mark.slow
 def test_inspection_and_import_say_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of a recording in metres, and of a left hand without and with a word on which hand it is."""

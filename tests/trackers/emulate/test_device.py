@@ -125,12 +125,6 @@ def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
     assert measured_cm(follows, 200)[:, :3] == pytest.approx(true, abs=1e-5)
 
 
-def test_echo_gives_back_what_was_typed() -> None:
-    tracker = device()
-    assert translated(tracker, b"\x051\r", b"U1\r") == b"U1\r"
-    assert translated(tracker, b"U\r") == b"U\r00U  1\r\n"
-
-
 def test_patriot_has_two_stations_at_60_hz_and_its_own_tag() -> None:
     tracker = EmulatedLiberty(built_in_motion(), frozenset({1, 2}), family="patriot", ports=2, rate_hz=60)
     translated(tracker, b"F1\rO*,8,9\rC\r")
@@ -140,10 +134,6 @@ def test_patriot_has_two_stations_at_60_hz_and_its_own_tag() -> None:
     assert [record[:3] for record in got] == [b"PA\x01", b"PA\x02"]
     assert struct.unpack_from("<2I", got[0], 8) == (1000, 60)
     assert translated(tracker, b"H3\r")[4] == 2
-
-
-def test_a_poll_in_text_is_answered_with_the_list_of_power_up() -> None:
-    assert translated(device(frozenset({3})), b"U1\r", b"P").startswith(b"03    31.000  ")
 
 
 @pytest.mark.parametrize("items", [FULL_LIST, (2, 4, 1), (2, 6)])

@@ -8,7 +8,7 @@ from tracker_streams import decode, liberty_binary, pose, skipped_bytes
 
 from shukotsu.errors import InputError
 from shukotsu.trackers.liberty.binary_decoder import BinaryDecoder
-from shukotsu.trackers.liberty.replies import list_of_all, record_type
+from shukotsu.trackers.liberty.replies import list_of_all
 from shukotsu.trackers.protocols.records import Records
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 
@@ -72,11 +72,6 @@ def test_numbers_that_cannot_be_right_are_doubted() -> None:
     long = good[:24] + struct.pack("<4f", 1, 0.2, 0, 0) + good[40:]
     records, _ = read(b"".join([good, far, nan, long, good]), given=settings((9, 2, 7)))
     assert records.doubtful.tolist() == [False, True, True, True, False]
-
-
-def test_a_record_has_the_bytes_of_the_manual() -> None:
-    sizes = {(2, 4, 1): 34, (2, 7): 36, (9, 2, 7): 40, (8, 9, 11, 3, 7): 48, FULL: 56, (2,): 20, (6,): 44}
-    assert {items: record_type(items).itemsize for items in sizes} == sizes
 
 
 @pytest.mark.parametrize("lists", [{1: (2, 13)}, {17: (2,)}, {1: ()}])

@@ -51,17 +51,6 @@ def test_a_setting_that_is_not_taken_ends_it(unheard: bytes, sentence: str) -> N
     assert sentence in str(refused.value)
 
 
-def test_one_that_obeys() -> None:
-    """The same request, all heard."""
-    tracker = stubborn(EVERYTHING_HEARD)
-    settings, warnings = set_up(tracker, REQUEST)
-    assert warnings == []
-    assert settings.stations == (1,)
-    assert settings.rate_hz == 120
-    assert sorted(settings.items) == [1, 2, 3, 4], "a receiver that is plugged in later is decoded too"
-    assert not tracker.device.streaming
-
-
 @pytest.mark.parametrize("obeys", [True, False])
 def test_receivers_that_an_earlier_run_has_switched_off_are_switched_on_or_told(obeys: bool) -> None:
     tracker = stubborn(EVERYTHING_HEARD if obeys else b"\x152,1\r", before=b"\x152,0\r")

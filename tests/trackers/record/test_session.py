@@ -123,28 +123,6 @@ def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys)
     assert sent.endswith(b"Q0\rC\rP")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "left", [b"O*,8,9", b"F1\rC\r", b"F1\rO*,2,4,2\rU0\rC\rO1,", b"\r\r\r", b"L*,1\rR3\r"]
-)
-def test_whatever_another_program_has_left(left: bytes, recording) -> None:
-    _, out, _ = recording(["--stations", "1,3"], "--duration", "1", left=left)
-    records, _, settings = decoded(out)
-    assert settings.stations == (1, 3)
-    assert settings.rate_hz == 240
-    assert_gapless(frames_of(records))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("stations", "tcp"), [(1, False), (16, True)])
-def test_nothing_is_lost_in_eight_seconds(stations, tcp, recording) -> None:
-    """240 Hz, the full list, the log on. A pseudo-terminal's buffer holds 1.6 s of one receiver, which a busy
-    host may need; more through one are for the benchmark, on a machine that does nothing else.
-    """
-    _, out, _ = recording(["--stations", f"1-{stations}"], "--duration", "8", tcp=tcp)
-    assert_whole(out, stations)
-
-
 # --- what goes wrong: what is kept of it, and what the user is told ----------------------------------------
 
 
@@ -212,22 +190,6 @@ def test_the_tracker_vanishes_in_the_middle_of_a_record(tmp_path: Path) -> None:
     assert tally.summary is not None
     assert tally.summary["reason"].startswith("the port is gone")
     assert "failed" in [event["event"] for event in tally.events]
-
-
-@pytest.mark.slow
-def test_two_programs_at_one_port(emulated, tmp_path: Path) -> None:
-    """The second is refused and costs the first nothing."""
-    port = emulated("--stations", "1-4")
-    with started("record", "--port", port, "--out", str(tmp_path / "a.arrows")) as first:
-        until_lines(first, 1)
-        second = capture("record", "--port", port, "--out", str(tmp_path / "b.arrows"))
-        assert second.returncode == 2
-        assert "another program has it open" in error_line(second.stderr)
-        assert not (tmp_path / "b.arrows").exists()
-        first.send_signal(signal.SIGINT)
-        first.communicate(timeout=PATIENCE_S)
-        assert first.returncode == 0
-    assert_whole(tmp_path / "a.arrows", 4)
 
 
 @pytest.mark.slow

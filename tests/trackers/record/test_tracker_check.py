@@ -1,8 +1,5 @@
 """`record --ask`: says what it finds."""
 
-import pytest
-from tracker_processes import capture, leave_in
-
 from shukotsu.trackers.liberty.replies import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
 from shukotsu.trackers.record import session
@@ -35,16 +32,3 @@ def test_settings_are_told_as_they_were_and_are() -> None:
         *answers,
         "line        needs 26.9 kB/s; the port's own rate is not known",
     ]
-
-
-@pytest.mark.slow
-def test_a_check_says_what_another_program_has_left(emulated) -> None:
-    port = emulated("--stations", "1-2")
-    leave_in(port, b"U0\rR3\rO1,2,4,9\rO2,8,3,7\rH1,0,0,-1\rL2,1\rX0,1,0,0\r")
-    done = capture("record", "--ask", "--port", port, "--no-filters")
-    assert done.returncode == 0, done.stderr
-    assert "units             inch -> cm" in done.stdout
-    assert "output list       1: 2 4 9 -> 8 9 11 10 12 3 7; 2: 8 3 7 -> 8 9 11 10 12 3 7" in done.stdout
-    assert "hemisphere        1: 0 0 -1 -> 1 0 0; 2: 1 0 0" in done.stdout
-    assert "rate              120 Hz -> 240 Hz" in done.stdout
-    assert "; 0 frames lost (0 records), 0 cycles partial" in done.stdout

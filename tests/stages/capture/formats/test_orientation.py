@@ -35,21 +35,6 @@ def as_euler(axes: str, q: np.ndarray) -> np.ndarray:
     return Rotation.from_quat(q, scalar_first=True).as_euler(axes)
 
 
-def test_polhemus_angles_are_the_manuals_matrix() -> None:
-    """Azimuth, elevation and roll written out as the LIBERTY manual's attitude matrix."""
-    angles = np.array([[30.0, -20.0, 50.0], [-170.0, 80.0, 5.0]])
-    (ca, ce, cr), (sa, se, sr) = np.cos(np.radians(angles)).T, np.sin(np.radians(angles)).T
-    manual = np.array(
-        [
-            [ca * ce, ca * se * sr - sa * cr, ca * se * cr + sa * sr],
-            [sa * ce, ca * cr + sa * se * sr, sa * se * cr - ca * sr],
-            [-se, ce * sr, ce * cr],
-        ]
-    )
-    found = quaternions(angles, translated("euler", axes="ZYX", unit="deg"), place)
-    np.testing.assert_allclose(matrix(found), np.moveaxis(manual, -1, 0), atol=1e-12)
-
-
 def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> None:
     """As the page of configuration says; the matrix written out as in the guide of the Flock of Birds."""
     keys = json_schema("mapping")["properties"]["orientation"]["properties"]
