@@ -10,9 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.benchmark_table import Cell, TextTable, workers
-from shukotsu.statistics.group_statistics import group_difference
-from shukotsu.statistics.multiple_comparisons import LEVEL, holm
-from shukotsu.statistics.paired_statistics import sign_flip_p
+from shukotsu.statistics.paired_statistics import LEVEL, group_difference, holm, sign_flip_p
 
 Array = npt.NDArray[np.float64]
 

@@ -180,7 +180,7 @@ def _fingertips(reader: RecordingReader, poses: Poses, bones: PosedRecording) ->
     if reader.is_fitted:
         sd_mm = reader.numbers(POSED_TIPS, ["tip_sd_mm", "skin_tip_sd_mm"], poses.frame)
     unknown = np.full((len(poses.frame), 2), np.nan)
-    found = {}
+    columns_of = {}
     for name, digit in reader.layout.digits.items():
         if f"{name}_tip" not in bones.names or (reader.is_fitted and name not in sd_mm):
             continue
@@ -189,10 +189,10 @@ def _fingertips(reader: RecordingReader, poses: Poses, bones: PosedRecording) ->
         distal = np.array(reader.layout.segments[digit.tip].distal, float)
         columns = [rotate(back, rotate(_turn(poses, digit.tip), distal))]
         ends = [end for end in (f"{name}_tip", f"{name}_skin_tip") if end in bones.names]
-        for end, own_sd in zip(ends, sd_mm.get(name, unknown).T, strict=False):
-            columns += [own_sd[:, None], rotate(back, bones.position_mm[:, bones.index(end)] - base_mm)]
-        found[name] = np.concatenate(columns, -1)
-    return found
+        for end, end_sd in zip(ends, sd_mm.get(name, unknown).T, strict=False):
+            columns += [end_sd[:, None], rotate(back, bones.position_mm[:, bones.index(end)] - base_mm)]
+        columns_of[name] = np.concatenate(columns, -1)
+    return columns_of
 
 
 def _columns(count: int, width: int) -> Array:
@@ -204,7 +204,7 @@ def _columns(count: int, width: int) -> Array:
 def _base(reader: RecordingReader, digit: Digit, poses: Poses, bones: PosedRecording) -> tuple[Array, Array]:
     """Return the pose of a digit's base bone, (T, 3) and (T, 4): as fitted, else its receiver."""
     if reader.is_fitted:
-        index = next(i for i, own in enumerate(bones.joints) if own.segment == digit.base)
+        index = next(i for i, joint in enumerate(bones.joints) if joint.segment == digit.base)
         return bones.position_mm[:, index], bones.quaternion[:, index]
     return poses.position_mm[:, poses.index(digit.base)], _turn(poses, digit.base)
 
@@ -221,12 +221,12 @@ def running_on(angle_deg: Array) -> Array:
         return out
     spread_deg = np.fmax.reduce(angle_deg, 0) - np.fmin.reduce(angle_deg, 0)
     for column in np.flatnonzero(spread_deg > 180.0):
-        known = np.sort(angle_deg[~np.isnan(angle_deg[:, column]), column])
-        arcs = np.diff(known, append=known[0] + 360.0)
+        ascending = np.sort(angle_deg[~np.isnan(angle_deg[:, column]), column])
+        arcs = np.diff(ascending, append=ascending[0] + 360.0)
         widest = int(np.argmax(arcs))
-        if widest + 1 < len(known):
-            below = 2 * (widest + 1) < len(known)  # turned are the fewer, so that the median stays
-            turned = angle_deg[:, column] <= known[widest]
+        if widest + 1 < len(ascending):
+            below = 2 * (widest + 1) < len(ascending)  # turned are the fewer, so that the median stays
+            turned = angle_deg[:, column] <= ascending[widest]
             out = out.copy() if out is angle_deg else out
             out[turned if below else ~turned, column] += 360.0 if below else -360.0
     return out

@@ -8,8 +8,7 @@ from pathlib import Path
 from shukotsu.commands.study_file import add_study, read_files
 from shukotsu.errors import InputError
 from shukotsu.stages import command_line
-from shukotsu.stages.export.registry import DESCRIPTION
-from shukotsu.stages.export.settings import add_options
+from shukotsu.stages.export.registry import DESCRIPTION, add_options
 
 
 def build_parser() -> argparse.ArgumentParser:

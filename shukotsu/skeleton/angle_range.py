@@ -37,8 +37,8 @@ def flattening(angle_rad: Array) -> Array:
     Frames beyond belong to the outermost bins and are kept: the extremes say most about the centre.
     """
     low, high = np.percentile(angle_rad, [1, 99])
-    place = (angle_rad - low) / max(high - low, 1e-12) * _BINS
-    bins = np.clip(place.astype(np.int64), 0, _BINS - 1)
+    position = (angle_rad - low) / max(high - low, 1e-12) * _BINS
+    bins = np.clip(position.astype(np.int64), 0, _BINS - 1)
     count = np.bincount(bins, minlength=_BINS)
     weights = 1.0 / np.maximum(count[bins], _FEWEST * len(angle_rad) / _BINS)
     return np.asarray(weights / weights.mean())

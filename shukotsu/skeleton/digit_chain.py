@@ -77,13 +77,13 @@ def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) 
             return f"{joint} failed: {reason}"
     base = needed[0]
     base_point = _point(rows[base], "child") if at_wrist else _point(rows[base], "parent")
-    own = tuple(
+    child = tuple(
         _point(rows[joint], "child") if joint in needed and layout.segments[segment].measured else None
         for joint, segment in zip(digit.joints, digit.segments, strict=True)
     )
     after = tuple(_point(rows[joint], "parent") for joint in digit.joints[1:])
     receivers = tuple(segment for segment in digit.segments if layout.segments[segment].measured)
-    return DigitChain(digit, at_wrist, receivers, base_point, own, (*after, np.zeros(3)))
+    return DigitChain(digit, at_wrist, receivers, base_point, child, (*after, np.zeros(3)))
 
 
 def _point(row: Mapping[str, Any], side: str) -> Array:

@@ -6,6 +6,8 @@ import numpy as np
 
 from shukotsu.skeleton.rotations import Array
 
+_ODD_FACTORS = (1, 3, 5, 9, 15, 25, 45, 75, 225)
+
 
 def effective_samples(series: Array, variance: float, n_frames: int) -> float:
     """Number of independent samples among n_frames, from the autocorrelation of a series.
@@ -20,7 +22,8 @@ def effective_samples(series: Array, variance: float, n_frames: int) -> float:
         return float(max(blocks, 1))
     centred = (series - series.mean(0)).T
     for reach in (blocks // 8, blocks - 1):  # lags that do not wrap around; the crossing is mostly early
-        length = _fast_length(blocks + reach)
+        least = blocks + reach  # up to an even length 2^a 3^b 5^c, of which a Fourier transform is fast
+        length = min(odd << max(1, int(-(-least // odd) - 1).bit_length()) for odd in _ODD_FACTORS)
         spectrum = np.fft.rfft(centred, length)
         power = np.sum(spectrum.real**2 + spectrum.imag**2, 0)
         autocovariance = np.fft.irfft(power, length)[: reach + 1] / blocks
@@ -31,9 +34,3 @@ def effective_samples(series: Array, variance: float, n_frames: int) -> float:
         crossing = blocks
     variance_of_mean = (2 * autocovariance[:crossing].sum() - autocovariance[0]) / blocks
     return float(np.clip(variance / max(variance_of_mean, 1e-300), 1.0, n_frames))
-
-
-def _fast_length(least: int) -> int:
-    """Even length 2^a 3^b 5^c of at least `least`, of which a Fourier transform is fast."""
-    odd_factors = (1, 3, 5, 9, 15, 25, 45, 75, 225)
-    return min(odd << max(1, int(-(-least // odd) - 1).bit_length()) for odd in odd_factors)

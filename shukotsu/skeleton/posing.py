@@ -176,11 +176,11 @@ class PosedRecording:
 
     def only(self, kept: Sequence[int]) -> PosedRecording:
         """Return some of the joints, each with its parent."""
-        place = {-1: -1} | {old: new for new, old in enumerate(kept)}
+        new_index = {-1: -1} | {old: new for new, old in enumerate(kept)}
         return replace(
             self,
             joints=tuple(
-                replace(self.joints[index], parent=place[self.joints[index].parent]) for index in kept
+                replace(self.joints[index], parent=new_index[self.joints[index].parent]) for index in kept
             ),
             position_mm=self.position_mm[:, kept],
             quaternion=self.quaternion[:, kept],
@@ -189,7 +189,7 @@ class PosedRecording:
         )
 
     def mapped(
-        self, place: Callable[[Array], Array], turn: Callable[[Array], Array], **times: Any
+        self, move: Callable[[Array], Array], turn: Callable[[Array], Array], **times: Any
     ) -> PosedRecording:
         """Return the motion with other positions and rotations of joints and receivers.
 
@@ -197,10 +197,10 @@ class PosedRecording:
         """
         there = self.receivers
         there = replace(
-            there, position_mm=place(there.position_mm), quaternion=turn(there.quaternion), **times
+            there, position_mm=move(there.position_mm), quaternion=turn(there.quaternion), **times
         )
         turned = turn(self.quaternion)
-        return replace(self, position_mm=place(self.position_mm), quaternion=turned, receivers=there)
+        return replace(self, position_mm=move(self.position_mm), quaternion=turned, receivers=there)
 
     def take(self, rows: slice | Index | Bools) -> PosedRecording:
         """Return only some of the frames."""
@@ -257,7 +257,13 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
             build.left_out[digit.name] = f"bone_lengths has no row of {lacking[0]}"
             continue
         turn = metacarpals.get(digit.name, np.full((len(poses.frame), 4), np.nan))
-        lengths_mm = [_replayed_length_mm(skeleton.bones[digit.name, bone]) for bone in digit.segments]
+        rows = [skeleton.bones[digit.name, bone] for bone in digit.segments]
+        # as the replay has them: of their vectors, or their own where a bone is posed frame by frame
+        lengths_mm = [float(np.linalg.norm(vector_of(row, "", "_mm"))) for row in rows]
+        lengths_mm = [
+            length_mm if np.isfinite(length_mm) else _number(row["length_mm"])
+            for length_mm, row in zip(lengths_mm, rows, strict=True)
+        ]
         build.add_digit(skeleton, digit, _receiver_digit(skeleton, digit, poses, turn), lengths_mm)
     return build.bones(poses, _root_failure(skeleton))
 
@@ -362,7 +368,7 @@ class _Builder:
         """Add a digit's joints and its tip; lengths_mm : of its bones, NaN where not known."""
         starts = [index for index, joint in enumerate(self.joints) if joint.segment == digit.base]
         parent, offset = next(iter(starts), -1), np.full(3, np.nan)
-        for name, segment, place, length_mm in zip(
+        for name, segment, pose, length_mm in zip(
             digit.joints, digit.segments, placed[:-1], lengths_mm, strict=True
         ):
             row = skeleton.joints.get(name, {})
@@ -370,7 +376,7 @@ class _Builder:
             dof = int(row.get("dof", 0))
             joint = SkeletonJoint(name, parent, segment, digit.name, dof=dof, zero_deg=zero_deg)
             parent = len(self.joints)
-            self.add(joint, place, offset)
+            self.add(joint, pose, offset)
             offset = np.array([length_mm, 0.0, 0.0])
         tip = SkeletonJoint(f"{digit.name}_tip", parent, digit.tip, digit.name, tip=True)
         self.add(tip, placed[-1], offset)
@@ -385,13 +391,6 @@ class _Builder:
         offset = np.stack(self._offsets)
         joints = tuple(self.joints)
         return PosedRecording(joints, position, turn, poses, offset, axis, self.left_out, root_failure)
-
-
-def _replayed_length_mm(bone: Mapping[str, Any]) -> float:
-    """Length of a bone as the replay has it: of its vector, or its own where it is posed frame by frame."""
-    vector_mm = vector_of(bone, "", "_mm")
-    known = np.isfinite(vector_mm).all()
-    return float(np.linalg.norm(vector_mm)) if known else _number(bone["length_mm"])
 
 
 def _number(value: float | None) -> float:

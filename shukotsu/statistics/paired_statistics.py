@@ -12,13 +12,27 @@ noncentral t. Nothing is corrected for many comparisons.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.statistics.multiple_comparisons import LEVEL
+LEVEL = 0.05
+"""Share of false positives that is accepted, in a family of comparisons made together."""
+
+
+def holm(p_values: Sequence[float | None]) -> list[float | None]:
+    """Holm's corrected p-values, in the same order; None is no test and stays so."""
+    ascending = sorted((p, index) for index, p in enumerate(p_values) if p is not None)
+    corrected: list[float | None] = [None] * len(p_values)
+    highest = 0.0
+    for rank, (p, index) in enumerate(ascending):
+        highest = max(highest, min(1.0, p * (len(ascending) - rank)))
+        corrected[index] = highest
+    return corrected
+
 
 Array = npt.NDArray[np.float64]
 Interval = tuple[float, float]
@@ -103,3 +117,24 @@ def small_sample_correction(freedom: int) -> float:
     """Hedges' factor J, which makes a standardised mean difference unbiased."""
     log_ratio = math.lgamma(freedom / 2) - math.lgamma((freedom - 1) / 2)
     return math.exp(log_ratio) / math.sqrt(freedom / 2)
+
+
+FEWEST_IN_GROUP = 4
+"""Subjects: fewer cannot tell how much a group spreads."""
+
+
+def group_difference(values: Array, others: Array) -> Difference:
+    """Test the difference of the means of two groups (n,) and (m,), each 2 or more."""
+    from scipy import stats
+
+    n, m = len(values), len(others)
+    squares = np.array([group.var(ddof=1) / len(group) for group in (values, others)])
+    t = (values.mean() - others.mean()) / np.sqrt(max(squares.sum(), EQUAL**2))
+    each = 2.0 * stats.t.sf(abs(t), np.array([n, m]) - 1)
+    p = float(np.average(each, weights=squares + EQUAL**2))
+    pooled = math.sqrt((values.var() * n + others.var() * m) / (n + m - 2))
+    effect: tuple[float, Interval] | tuple[None, None] = (None, None)
+    if pooled > EQUAL:
+        effect = effect_of(float(values.mean() - others.mean()) / pooled, n + m - 2, n * m / (n + m))
+    ends = stats.ttest_ind(values, others, equal_var=False).confidence_interval(1.0 - LEVEL)
+    return Difference(p, (float(ends.low), float(ends.high)), *effect)

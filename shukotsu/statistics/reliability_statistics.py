@@ -11,8 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from shukotsu.statistics.multiple_comparisons import LEVEL
-from shukotsu.statistics.paired_statistics import Array, Interval
+from shukotsu.statistics.paired_statistics import LEVEL, Array, Interval
 
 Z_95 = 1.959963984540054
 FEWEST_REPEATED = 3

@@ -39,11 +39,11 @@ class Events:
         """Put events together from rows of name, time_s, duration_s, value[, sd_s[, channel]]."""
         whole = [(*row, *(0.0, 0)[len(row) - 4 :]) for row in rows]
         time_s, duration_s, value, sd_s, channel = (
-            np.array([row[place] for row in whole], float) for place in range(1, 6)
+            np.array([row[column] for row in whole], float) for column in range(1, 6)
         )
         names = tuple(str(row[0]) for row in whole)
         return cls(source, own_clock, names, time_s, duration_s, value, sd_s, channel.astype(np.int64), notes)
 
     def named(self, name: str) -> npt.NDArray[np.bool_]:
         """Whether an event has that name, shape (N,)."""
-        return np.array([own == name for own in self.names], bool)
+        return np.array([each == name for each in self.names], bool)

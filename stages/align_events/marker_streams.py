@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from shukotsu.errors import InputError, listed
-from shukotsu.files.xdf_streams import NUMBERS, TEXT, Floats, Stream, load_stream, read_streams
+from shukotsu.files.xdf_streams import NUMBERS, TEXT, Floats, load_stream, read_streams
 from shukotsu.stages.align_events.event_list import FARTHEST_S, Events
 
 _WHOLE = tuple(name for name in NUMBERS if name.startswith("int"))
@@ -41,8 +41,12 @@ def read_markers(path: Path) -> Events:
             notes.append(f"stream {stream.name} has no clock offsets: its clock is taken for the recorder's")
         sd_s = _scatter_s(samples.offsets)
         for time, sample in zip(samples.time_s.tolist(), samples.values, strict=True):
-            name, value = _marker(stream, sample)
-            rows.append((name, time, np.nan, value, sd_s))
+            name, value = stream.name, np.nan
+            if stream.format != TEXT:
+                value = float(sample[0])
+            else:
+                name = "; ".join(filter(None, map(str, sample)))
+            rows.append((name or "marker", time, np.nan, value, sd_s))
     if len(markers) > 1:  # else a step back shows that the stream's clock was set
         rows.sort(key=lambda row: row[1])
     return Events.of("xdf", True, rows, *notes)
@@ -55,10 +59,3 @@ def _scatter_s(offsets: Floats) -> float:
         return 0.0
     at_s = (time_s - time_s.mean()) / np.ptp(time_s)
     return float(np.std(offset_s - np.polyval(np.polyfit(at_s, offset_s, 1), at_s)))
-
-
-def _marker(stream: Stream, sample: Any) -> tuple[str, float]:
-    """Return name and value of a sample."""
-    if stream.format != TEXT:
-        return stream.name or "marker", float(sample[0])
-    return "; ".join(filter(None, map(str, sample))) or "marker", np.nan

@@ -48,6 +48,6 @@ def _pulses(
     change = np.flatnonzero(step)
     middle, gap = (at[change] + at[change + 1]) / 2, at[change + 1] - at[change]
     ends = np.append(middle[1:], np.nan)
-    for place in np.flatnonzero(step[change] > 0):
-        begin = float(middle[place])
-        yield name, begin, float(ends[place]) - begin, value, float(gap[place] / np.sqrt(12))
+    for rise in np.flatnonzero(step[change] > 0):
+        begin = float(middle[rise])
+        yield name, begin, float(ends[rise]) - begin, value, float(gap[rise] / np.sqrt(12))

@@ -20,8 +20,7 @@ import numpy as np
 
 from shukotsu.schemas.model import the_papers
 from shukotsu.stages.compare_models.observations import METRICS, PRIOR, Metric, ScoredStudy, observations
-from shukotsu.statistics.multiple_comparisons import holm
-from shukotsu.statistics.paired_statistics import EQUAL, Array, paired_difference, smallest_p
+from shukotsu.statistics.paired_statistics import EQUAL, Array, holm, paired_difference, smallest_p
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -90,7 +90,7 @@ def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -
     numbers = whole[[*RECORDING, "model"]].assign(of=of, value=whole[quantity.name].astype(float))
     numbers = numbers.dropna(subset="value").merge(counted, on=RECORDING)
     for column in ("trial", "session"):
-        order = {name: place for place, name in enumerate(in_order(counted, column))}
+        order = {name: rank for rank, name in enumerate(in_order(counted, column))}
         numbers = numbers.sort_values(column, key=lambda names, order=order: names.map(order), kind="stable")
     return numbers.reset_index(drop=True)
 
@@ -101,8 +101,8 @@ def in_order(rows: pd.DataFrame, column: str) -> list[str]:
 
     A subject whose second session is missing does not put the third before it.
     """
-    own = rows.groupby("subject", sort=False)[column].unique()
-    most = own[own.map(len).sort_values(ascending=False, kind="stable").index]
+    levels = rows.groupby("subject", sort=False)[column].unique()
+    most = levels[levels.map(len).sort_values(ascending=False, kind="stable").index]
     return list(dict.fromkeys(str(name) for names in most for name in names))
 
 

@@ -24,10 +24,13 @@ CELL = ["hand", "task", "model", "of"]
 def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
     """Rows of movement_reliability for one quantity; numbers : as `numbers_of` gives them."""
     reasons = _reasons(everything)
-    for across, own in ((SESSION, numbers), (TRIAL, _first_sessions(numbers, everything))):
-        if own.empty or own[across].nunique() < 2:
+    keys = ["subject", "hand", "task"]
+    first = everything.counted.drop_duplicates(keys)[[*keys, SESSION]]
+    first_sessions = numbers.merge(first, on=[*keys, SESSION])
+    for across, measured in ((SESSION, numbers), (TRIAL, first_sessions)):
+        if measured.empty or measured[across].nunique() < 2:
             continue
-        means = own.groupby([*CELL, "subject", across], sort=False)["value"].mean()
+        means = measured.groupby([*CELL, "subject", across], sort=False)["value"].mean()
         wide = means.unstack(across, sort=False)
         for key, cell in wide.groupby(CELL, sort=False):
             where = dict(zip(CELL, key, strict=True)) | {"across": across}
@@ -41,23 +44,16 @@ def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Reco
                 yield where | named | row
 
 
-def _first_sessions(numbers: pd.DataFrame, everything: Recorded) -> pd.DataFrame:
-    """Numbers of the first session of every subject, hand and task, as the sheet has them."""
-    place = ["subject", "hand", "task"]
-    first = everything.counted.drop_duplicates(place)[[*place, SESSION]]
-    return numbers.merge(first, on=[*place, SESSION])
-
-
 def _reasons(everything: Recorded) -> dict[tuple[str, str], dict[str, str]]:
     """By hand and task, every subject who was recorded, and why they would have no value."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
+    subjects_of: dict[tuple[str, str], dict[str, str]] = {}
     for row in everything.rows.itertuples():
-        subjects = found.setdefault((row.hand, row.task), {})
-        known = subjects.setdefault(row.subject, row.left_out)
-        subjects[row.subject] = known if known and row.left_out else ""
+        subjects = subjects_of.setdefault((row.hand, row.task), {})
+        reason = subjects.setdefault(row.subject, row.left_out)
+        subjects[row.subject] = reason if reason and row.left_out else ""
     return {
-        place: {subject: reason or "no value" for subject, reason in subjects.items()}
-        for place, subjects in found.items()
+        key: {subject: reason or "no value" for subject, reason in subjects.items()}
+        for key, subjects in subjects_of.items()
     }
 
 
@@ -76,18 +72,18 @@ def _row(values: pd.DataFrame, absent: dict[str, str]) -> Row:
         "n": len(complete),
         "k": len(shared),
         "left_out": len(reasons),
-        "left_out_reason": "; ".join(f"{reason}: {listed(own)}" for reason, own in by_reason.items()),
+        "left_out_reason": "; ".join(f"{reason}: {listed(names)}" for reason, names in by_reason.items()),
         "message": "",
     }
     if len(complete) < FEWEST_REPEATED or len(shared) < 2:
         few = f"not stated: {len(complete)} in all {len(shared)}, it takes {FEWEST_REPEATED} subjects"
         return row | {"message": few}
-    found = reliability(complete.to_numpy())
+    result = reliability(complete.to_numpy())
     intervals = {
-        "icc_2_1": (found.agreement.value, found.agreement.interval),
-        "icc_3_1": (found.consistency.value, found.consistency.interval),
-        "sem": (found.sem, found.sem_interval),
+        "icc_2_1": (result.agreement.value, result.agreement.interval),
+        "icc_3_1": (result.consistency.value, result.consistency.interval),
+        "sem": (result.sem, result.sem_interval),
     }
     for name, (value, (low, high)) in intervals.items():
         row |= {name: value, f"{name}_low": low, f"{name}_high": high}
-    return row | {"mdc": found.mdc}
+    return row | {"mdc": result.mdc}

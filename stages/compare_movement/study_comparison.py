@@ -11,8 +11,7 @@ from shukotsu.schemas.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILIT
 from shukotsu.schemas.quantities import QUANTITIES, Quantity
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, read_table, write_table
-from shukotsu.stages.compare_movement.level_differences import difference_rows, judge
-from shukotsu.stages.compare_movement.level_pairs import level_pairs
+from shukotsu.stages.compare_movement.level_differences import difference_rows, judge, level_pairs
 from shukotsu.stages.compare_movement.movement_values import (
     RECORDING,
     Recorded,
@@ -58,10 +57,10 @@ def _numbers(results: Results, everything: Recorded) -> Iterator[tuple[Quantity,
     """Every quantity's numbers, of one table after the other."""
     counted = everything.counted
     for name, quantities in groupby(QUANTITIES, key=lambda quantity: quantity.table.name):
-        own = list(quantities)
-        columns = dict.fromkeys([*own[0].of, *(quantity.name for quantity in own)])
+        listed = list(quantities)
+        columns = dict.fromkeys([*listed[0].of, *(quantity.name for quantity in listed)])
         whole = _read(results, TABLES[name], [*RECORDING, "model", *columns])
-        for quantity in own:
+        for quantity in listed:
             yield quantity, numbers_of(quantity, whole, counted)
 
 

@@ -82,9 +82,9 @@ def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> 
 
 def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
     """v(k), (T, 3) mm from the metacarpal's base to the MCP's child half, seen from the base receiver."""
-    own = chain.child_mm[1]
-    assert own is not None, "a metacarpal is followed by a measured phalanx"
-    return seen_from(poses, chain.digit.base, chain.digit.segments[1], own) - chain.base_point_mm
+    mcp_mm = chain.child_mm[1]
+    assert mcp_mm is not None, "a metacarpal is followed by a measured phalanx"
+    return seen_from(poses, chain.digit.base, chain.digit.segments[1], mcp_mm) - chain.base_point_mm
 
 
 def digit_bones(
@@ -97,9 +97,9 @@ def digit_bones(
         if index == 0 and mode != "none":
             bones.append(_metacarpal(chain, mode, rows, layout, calibration))
             continue
-        own = chain.child_mm[index]
-        assert own is not None, "only a metacarpal may lack a joint of its own"
-        vector = chain.parent_mm[index] - own
+        start_mm = chain.child_mm[index]
+        assert start_mm is not None, "only a metacarpal may lack a joint of its own"
+        vector = chain.parent_mm[index] - start_mm
         ends = [_half(rows, chain.digit.joints[index], "child")]
         if index + 1 < len(chain.digit.joints):
             ends.append(_half(rows, chain.digit.joints[index + 1], "parent"))
@@ -126,14 +126,14 @@ def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibr
     if mode == "rigid":
         vector, driver = chain.parent_mm[0] - chain.base_point_mm, chain.digit.base
     elif mode == "receiver":
-        own, driver = chain.child_mm[0], segment
-        if own is None:  # the mean of the digit's base as the segment's receiver sees it
+        start_mm, driver = chain.child_mm[0], segment
+        if start_mm is None:  # the mean of the digit's base as the segment's receiver sees it
             seen_mm = []
             for poses in calibration(chain.digit.base, segment):
                 base_mm = seen_from(poses, segment, chain.digit.base, chain.base_point_mm)
                 seen_mm.append(base_mm[all_valid(poses, (chain.digit.base, segment))])
-            own = np.concatenate(seen_mm).mean(0)
-        vector = chain.parent_mm[0] - own
+            start_mm = np.concatenate(seen_mm).mean(0)
+        vector = chain.parent_mm[0] - start_mm
     if vector is not None:
         length = float(np.linalg.norm(vector))
     return Bone(segment, base, mcp, length, sd_mm, spread, vector, driver)

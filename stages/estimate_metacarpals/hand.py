@@ -68,8 +68,8 @@ def build_hand(
         if isinstance(chain, str):
             unknown = {"starts_at": "", "ends_at": "", "length_mm": None, "driven_by": "", "message": chain}
             for segment in digit.segments:
-                known = (fitted_bones or {}).get(segment, {})
-                lengths = {name: known[name] for name in LENGTHS if name in known}
+                fitted = (fitted_bones or {}).get(segment, {})
+                lengths = {name: fitted[name] for name in LENGTHS if name in fitted}
                 bones.append({"digit": digit.name, "bone": segment, **unknown, **lengths})
             continue
         mode = metacarpal_mode(chain, layout, model)
@@ -132,19 +132,19 @@ def judged(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
 def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, Doubts]:
     """The doubt, by joint, of neighbouring MCP centres that are nearer to each other than any hand's."""
     knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
-    found: dict[str, Doubts] = {}
+    doubts: dict[str, Doubts] = {}
     for pair in pairwise(joint for joint in knuckles if joint in joints):
-        one, other = (
+        first, second = (
             np.array([joints[joint].get(f"parent_{axis}_mm") for axis in "xyz"], float) for joint in pair
         )
-        apart_mm = float(np.linalg.norm(one - other))
+        apart_mm = float(np.linalg.norm(first - second))
         receivers = {layout.joints[joint].parent_receiver for joint in pair}
         if len(receivers) == 1 and apart_mm < LEAST_KNUCKLES_MM:
-            found |= {joint: {TOO_CLOSE: {"joints": [*pair], "mm": apart_mm}} for joint in pair}
-    return found
+            doubts |= {joint: {TOO_CLOSE: {"joints": [*pair], "mm": apart_mm}} for joint in pair}
+    return doubts
 
 
 def is_whole(bone: Mapping[str, Any], layout: Layout) -> bool:
     """Whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
-    own = {joint.child: name for name, joint in layout.joints.items()}
-    return bool(bone["starts_at"] == own.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)
+    joint_of = {joint.child: name for name, joint in layout.joints.items()}
+    return bool(bone["starts_at"] == joint_of.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)

@@ -84,8 +84,8 @@ def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, p
         return np.tile(from_matrix(bone_frame(direction, upright)), (len(poses.frame), 1))
     bone = metacarpal.bone
     assert bone.vector_mm is not None, "a bone that is carried has a vector"
-    own = from_matrix(bone_frame(bone.vector_mm, np.array(layout.segments[bone.driven_by].dorsal)))
-    return multiply(turned(poses, bone.driven_by), own)
+    align = from_matrix(bone_frame(bone.vector_mm, np.array(layout.segments[bone.driven_by].dorsal)))
+    return multiply(turned(poses, bone.driven_by), align)
 
 
 def neutral_posture(

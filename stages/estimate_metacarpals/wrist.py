@@ -55,7 +55,7 @@ def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
 @lru_cache(maxsize=4)
 def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> WristPoint:
     """Do the same for positions (3, T) as bytes, kept: a hand's models differ beyond the MCP joints."""
-    digits = [np.frombuffer(one).reshape(3, -1) for one in positions]
+    digits = [np.frombuffer(data).reshape(3, -1) for data in positions]
     nominal = np.array(nominal_mm)
     point = nominal.copy()
     hessian = np.eye(3) / NOMINAL_SD_MM**2
@@ -111,8 +111,8 @@ def wrist_row(
         if wrist.point_mm is None:
             why = f"layout {layout.name} has no wrist.point_mm"
             return _point_row(wrist, None, "failed", why, "configured point")
-        given = WristPoint(np.array(wrist.point_mm), np.zeros((3, 3)))
-        return _point_row(wrist, given, "ok", "as configured in the layout", "configured point")
+        configured = WristPoint(np.array(wrist.point_mm), np.zeros((3, 3)))
+        return _point_row(wrist, configured, "ok", "as configured in the layout", "configured point")
     positions = _mcp_positions(rows, layout, wrist, calibration)
     point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
     how = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
@@ -128,21 +128,21 @@ def wrist_row(
 
 def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
     """By MCP joint under a bare metacarpal: (N, 3) mm of it seen from the hand, in evenly spaced frames."""
-    found = {}
+    positions = {}
     for digit in layout.digits.values():
         if layout.segments[digit.segments[0]].measured or digit.base != wrist.segment:
             continue
         row = rows.get(digit.joints[1])
         if row is None or row["status"] == "failed":
             continue
-        own = vector_of(row, "child_", "_mm")
+        mcp_mm = vector_of(row, "child_", "_mm")
         both = (digit.base, digit.segments[1])
-        seen_mm = [seen_from(poses, *both, own)[all_valid(poses, both)] for poses in calibration(*both)]
+        seen_mm = [seen_from(poses, *both, mcp_mm)[all_valid(poses, both)] for poses in calibration(*both)]
         together = np.concatenate([np.empty((0, 3)), *seen_mm])
         together = together[:: max(1, len(together) // MAX_FRAMES)]
         if len(together):
-            found[digit.joints[1]] = together
-    return found
+            positions[digit.joints[1]] = together
+    return positions
 
 
 def _point_row(

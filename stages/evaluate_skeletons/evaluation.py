@@ -22,8 +22,7 @@ from shukotsu.stages.evaluate_skeletons.scores import (
     score_skeleton,
     true_skeleton_row,
 )
-from shukotsu.stages.evaluate_skeletons.truth import Truth, read_truth
-from shukotsu.stages.evaluate_skeletons.truth_errors import joint_errors, truth_for
+from shukotsu.stages.evaluate_skeletons.truth import Truth, joint_errors, read_truth, truth_for
 
 
 def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:

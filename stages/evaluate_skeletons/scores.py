@@ -146,7 +146,7 @@ def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigi
 def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> float | None:
     """Mean angle between unit directions (T, 3) and the metacarpal's true ones; None without a frame."""
     truth = at_frames(true.metacarpal, true.frame, frame)
-    apart, together = (np.linalg.norm(own, axis=-1) for own in (direction - truth, direction + truth))
+    apart, together = (np.linalg.norm(vector, axis=-1) for vector in (direction - truth, direction + truth))
     angle = known(np.degrees(2 * np.arctan2(apart, together)))
     return float(angle.mean()) if len(angle) else None
 
@@ -223,14 +223,14 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None
             poses.quaternion[:, poses.index(segment)], vector_of(bones[segment], "", "_mm")
         )
     last = poses.index(digit.tip)
-    own = vector_of(joints[digit.joints[-1]], "child_", "_mm")
-    replayed = replayed - rotate(poses.quaternion[:, last], own)
+    dip_mm = vector_of(joints[digit.joints[-1]], "child_", "_mm")
+    replayed = replayed - rotate(poses.quaternion[:, last], dip_mm)
     error = np.where(usable, np.linalg.norm(replayed - poses.position_mm[:, last], axis=-1), np.nan)
     row = recording.row(digit.name, TRUE_SKELETON) | {"n_frames": int(np.isfinite(error).sum())}
     row |= mean_and_p95("replay", error) | mean_and_p95("left_out", error)
     row["wrist_mcp_sd_mm"] = wrist_mcp_sd(poses, digit, recording.layout, joints)
     row["metacarpal_deg"] = 0.0
-    tip_mm = carried_mm(poses, digit.tip, own + vector_of(bones[digit.tip], "", "_mm"))
+    tip_mm = carried_mm(poses, digit.tip, dip_mm + vector_of(bones[digit.tip], "", "_mm"))
     valid = poses.valid[:, last]
     return row | true_tip_numbers(np.where(valid[:, None], tip_mm, np.nan), poses.frame, true)
 

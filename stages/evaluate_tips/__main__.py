@@ -34,7 +34,7 @@ def evaluate(arguments: argparse.Namespace) -> None:
     """Replay every skeleton of the plan in its recordings, write both tables."""
     from shukotsu.schemas.catalogue import TABLES
     from shukotsu.schemas.parts import part_metadata
-    from shukotsu.stages.evaluate_tips.tip_tables import write_part
+    from shukotsu.stages.evaluate_tips.replay import write_part
 
     plan = subject_stage.plan_of(arguments)
     made_of = [plan.table(name) for name in SKELETON]

@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 
 from shukotsu.stages import command_line, subject_stage
-from shukotsu.stages.export.registry import DESCRIPTION
-from shukotsu.stages.export.settings import add_options
+from shukotsu.stages.export.registry import DESCRIPTION, add_options
 
 TABLES = ("findings", "joint_centres", "bone_lengths", "metacarpals")
 POSED = ("joint_angles", "bone_poses", "posed_tips", "moved_receivers")

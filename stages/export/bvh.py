@@ -126,8 +126,8 @@ def _is_end(motion: PosedRecording, index: int) -> bool:
 
 def _hierarchy(motion: PosedRecording, offset: Array, moves: Array) -> list[str]:
     def block(head: str, values: Array, channels: str, inner: Sequence[str]) -> list[str]:
-        place = "OFFSET " + " ".join(f"{value:.{LENGTH_DECIMALS}f}" for value in values)
-        lines = (place, *([f"CHANNELS {channels}"] if channels else []), *inner)
+        offset_line = "OFFSET " + " ".join(f"{value:.{LENGTH_DECIMALS}f}" for value in values)
+        lines = (offset_line, *([f"CHANNELS {channels}"] if channels else []), *inner)
         return [head, "{", *(f"\t{line}" for line in lines), "}"]
 
     def below(index: int) -> list[str]:
@@ -139,8 +139,8 @@ def _hierarchy(motion: PosedRecording, offset: Array, moves: Array) -> list[str]
         inner = [line for child in children for line in below(child)]
         inner = inner or block("End Site", np.zeros(3), "", [])
         channels = f"6 {_PLACES} {_TURNS}" if moves[index] else f"3 {_TURNS}"
-        own = block(f"{'JOINT' if index else 'ROOT'} {name}", at, channels, inner)
-        return block(f"JOINT {name}{AT_REST}", offset[index], f"3 {_TURNS}", own) if apart else own
+        joint = block(f"{'JOINT' if index else 'ROOT'} {name}", at, channels, inner)
+        return block(f"JOINT {name}{AT_REST}", offset[index], f"3 {_TURNS}", joint) if apart else joint
 
     return ["HIERARCHY", *below(0)]
 

@@ -21,8 +21,7 @@ from shukotsu.stages.export.file_facts import file_stem
 from shukotsu.stages.export.motion import read_motion
 from shukotsu.stages.export.motion_bids import write_dataset_files
 from shukotsu.stages.export.plan_selection import chosen_models, chosen_recordings
-from shukotsu.stages.export.registry import FORMATS, chosen_formats, write_format
-from shukotsu.stages.export.settings import Settings, settings_of
+from shukotsu.stages.export.registry import FORMATS, Settings, chosen_formats, settings_of, write_format
 
 T = TypeVar("T")
 

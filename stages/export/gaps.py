@@ -223,17 +223,17 @@ def with_lost_frames(motion: PosedRecording) -> PosedRecording:
     lost = _lost(motion)
     if not lost.any():
         return motion
-    place = np.concatenate([[0], np.cumsum(1 + lost)])
-    rows = np.arange(place[-1] + 1)
-    recorded = np.isin(rows, place)
+    position = np.concatenate([[0], np.cumsum(1 + lost)])
+    rows = np.arange(position[-1] + 1)
+    recorded = np.isin(rows, position)
     blank = ~recorded[:, None, None]
     wide = motion.take(np.cumsum(recorded) - 1)
     return wide.mapped(
         lambda mm: np.where(blank, np.nan, mm),
         lambda turns: np.where(blank, np.nan, turns),
         valid=wide.receivers.valid & recorded[:, None],
-        frame=np.rint(np.interp(rows, place, motion.frame)).astype(np.int64),
-        time_s=np.interp(rows, place, motion.time_s),
+        frame=np.rint(np.interp(rows, position, motion.frame)).astype(np.int64),
+        time_s=np.interp(rows, position, motion.time_s),
     )
 
 
@@ -264,11 +264,11 @@ def _cut(motion: PosedRecording) -> PosedRecording:
 
 def _filled(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRecording:
     """Every gap filled, parents before children, so that a child is filled in its parent's frame."""
-    known, times = motion.known, motion.time_s
+    whole, times = motion.known, motion.time_s
     x = times if np.isfinite(times).all() else np.arange(len(times), dtype=float)
     position, turn = motion.position_mm.copy(), motion.quaternion.copy()
     for index, joint in enumerate(motion.joints):
-        blank = ~known[:, index]
+        blank = ~whole[:, index]
         if not blank.any():
             continue
         places, turns = position[:, index], turn[:, index]
@@ -276,7 +276,7 @@ def _filled(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRecord
             above = turn[:, joint.parent]
             places = rotate(conjugate(above), places - position[:, joint.parent])
             turns = multiply(conjugate(above), turns)
-        rows = np.flatnonzero(known[:, index])
+        rows = np.flatnonzero(whole[:, index])
         before, after, share = bracketed(x, x[rows])
         if policy == "hold":
             share = np.where(np.arange(len(x)) >= rows[after], 1.0, 0.0)

@@ -146,13 +146,13 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
 def _joint_nodes(motion: PosedRecording, first: int) -> list[dict[str, Any]]:
     nodes: list[dict[str, Any]] = []
     for index, joint in enumerate(motion.joints):
-        place = motion.position_mm[0, 0] if joint.parent < 0 else motion.rest_offset_mm[index]
+        offset = motion.position_mm[0, 0] if joint.parent < 0 else motion.rest_offset_mm[index]
         freedom = {"degrees_of_freedom": joint.dof} if joint.dof else {}
         axis = motion.axis[index]
         turned = {"axis": axis.round(9).tolist()} if np.isfinite(axis).all() else {}
         node: dict[str, Any] = {
             "name": joint.name,
-            "translation": (place * _SCALE).tolist(),
+            "translation": (offset * _SCALE).tolist(),
             "rotation": np.roll(motion.rest[index], -1).tolist(),
             "extras": {"bone": joint.segment, **freedom, **turned},
         }
@@ -170,9 +170,9 @@ def _primitives(document: Document, motion: PosedRecording) -> list[dict[str, An
     joint[:, 0] = mesh.joint
     weight = np.zeros((count, 4), np.uint8)
     weight[:, 0] = 255
-    place = ((mesh.position_mm + motion.position_mm[0, 0]) * _SCALE).astype(np.float32)
+    vertices = ((mesh.position_mm + motion.position_mm[0, 0]) * _SCALE).astype(np.float32)
     attributes = {
-        "POSITION": document.array(place, target=ARRAY_BUFFER, bounds=True),
+        "POSITION": document.array(vertices, target=ARRAY_BUFFER, bounds=True),
         "NORMAL": document.array(mesh.normal.astype(np.float32), target=ARRAY_BUFFER),
         "JOINTS_0": document.array(joint, target=ARRAY_BUFFER),
         "WEIGHTS_0": document.array(weight, target=ARRAY_BUFFER, normalized=True),

@@ -104,7 +104,7 @@ def joint_forms(motion: PosedRecording) -> tuple[JointForm, ...]:
     """Forms of all joints but the tips, parents first; the motion has no gap and at least one frame."""
     local_mm, local = local_motion(motion)
     kept = [index for index, joint in enumerate(motion.joints) if not joint.tip]
-    places = {index: place for place, index in enumerate(kept)}
+    places = {index: number for number, index in enumerate(kept)}
     names = plain_names(motion.names[index] for index in kept)
     bodies = plain_names(motion.joints[index].segment for index in kept)
     forms = []
@@ -118,7 +118,7 @@ def joint_forms(motion: PosedRecording) -> tuple[JointForm, ...]:
                 upright = float(np.abs(np.cos(turned[:, 1])).min())
                 if upright > best:
                     best, axes, values = upright, ground, turned
-                    labels: tuple[str, ...] = tuple(f"r{'xyz'[place]}" for place in order)
+                    labels: tuple[str, ...] = tuple(f"r{'xyz'[number]}" for number in order)
         else:
             zero, axes, labels = _frame(motion, index, turn)
             values = turn_angles(multiply(conjugate(zero), turn), axes)
@@ -218,16 +218,16 @@ def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Arra
     """A joint's frame (4,) in its parent's bone, its axes (3, 3) and what turns about them are called."""
     joint, neutral, hinge = motion.joints[index], motion.neutral[index], motion.axis[index]
     mean = mean_rotation(turn)
-    known = bool(np.isfinite(neutral).all())
-    zero = neutral if known else mean
+    anatomical = bool(np.isfinite(neutral).all())
+    zero = neutral if anatomical else mean
     if joint.dof == 0 and angle(multiply(conjugate(mean), turn)).max() < STILL_RAD:
         zero = mean
     sign = _SIGN[motion.hand]
     axes = np.array([[-1.0, 0.0, 0.0], [0.0, sign, 0.0], [0.0, 0.0, -sign]])
-    own = multiply(conjugate(BONE_TO_WEBXR), multiply(angle_axes(joint, motion.hand), BONE_TO_WEBXR))
-    axes = rotate(own, axes)
+    turned = multiply(conjugate(BONE_TO_WEBXR), multiply(angle_axes(joint, motion.hand), BONE_TO_WEBXR))
+    axes = rotate(turned, axes)
     labels = _ANGLES
-    if not known and joint.dof:
+    if not anatomical and joint.dof:
         axes, labels = _principal_axes(multiply(conjugate(mean), turn)), ("turn1", "turn2", "turn3")
     if joint.dof != 1 or not np.isfinite(hinge).all():
         return zero, axes, labels

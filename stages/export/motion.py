@@ -6,7 +6,7 @@ side); +X = Y x Z, which is to the right of a hand that points forward with its 
 alike. No frame is mirrored: a left hand is left because its joints are. In the frames of our tables (x
 distal, z dorsal, y = z x x) these are X = -y, Y = z, Z = -x: `BONE_TO_WEBXR`.
 
-World. Positions and rotations are in the transmitter's frame, mm, as measured; `settings.prepared` turns them
+World. Positions and rotations are in the transmitter's frame, mm, as measured; `registry.prepared` turns them
 to what a format expects.
 
 Tree. Bone 0 is the root, the wrist of a hand. A digit ends in tips, which have its last bone's rotation. Of a
@@ -296,12 +296,12 @@ def continuous_series(quaternion: Array) -> Array:
 
     The first known has w >= 0. NaN stays.
     """
-    out, known = quaternion.copy(), np.flatnonzero(np.isfinite(quaternion).all(-1))
-    if len(known):
-        series = quaternion[known]
+    out, finite = quaternion.copy(), np.flatnonzero(np.isfinite(quaternion).all(-1))
+    if len(finite):
+        series = quaternion[finite]
         start = -1.0 if series[0, 0] < 0 else 1.0
         turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
-        out[known] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
+        out[finite] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
     return out
 
 

@@ -69,18 +69,20 @@ class Triad:
 
     def measured_mm(self, receivers: Poses) -> Array:
         """Return the points in the ground, (n, 12), in the receivers' frames; NaN where it is not valid."""
-        place, turn = (values[:, self.receiver] for values in (receivers.position_mm, receivers.quaternion))
-        return (place[:, None] + rotate(turn[:, None], POINTS_MM)).reshape(-1, 12)
+        origin, turn = (values[:, self.receiver] for values in (receivers.position_mm, receivers.quaternion))
+        return (origin[:, None] + rotate(turn[:, None], POINTS_MM)).reshape(-1, 12)
 
 
 def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[Triad], list[str]]:
     """Return triads of all receivers that sit on a bone of the skeleton, and sentences on the others."""
     receivers, placed, lost = motion.receivers, [], []
-    carriers = {motion.joints[form.index].segment: place for place, form in reversed(list(enumerate(forms)))}
+    carriers = {
+        motion.joints[form.index].segment: position for position, form in reversed(list(enumerate(forms)))
+    }
     names = plain_names(receivers.segments)
     for number, (segment, name) in enumerate(zip(receivers.segments, names, strict=True)):
-        place, turn = receivers.position_mm[:, number], receivers.quaternion[:, number]
-        seen = np.isfinite(place).all(-1) & np.isfinite(turn).all(-1)
+        position, turn = receivers.position_mm[:, number], receivers.quaternion[:, number]
+        seen = np.isfinite(position).all(-1) & np.isfinite(turn).all(-1)
         if segment not in carriers or not seen.any():
             why = "is on no bone of the skeleton" if segment not in carriers else "is valid in no frame"
             lost.append(f"receiver {segment}, which {why}")
@@ -89,11 +91,11 @@ def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[T
         index = forms[form].index
         bone_mm, bone = motion.position_mm[:, index], motion.quaternion[:, index]
         back = conjugate(bone)
-        origin = rotate(back, place - bone_mm)[seen].mean(0)
+        origin = rotate(back, position - bone_mm)[seen].mean(0)
         local = origin + rotate(mean_rotation(multiply(back, turn)[seen]), POINTS_MM)
         squares = 0.0
         for point, on_bone in zip(POINTS_MM, local, strict=True):
-            beyond = place + rotate(turn, point) - bone_mm - rotate(bone, on_bone)
+            beyond = position + rotate(turn, point) - bone_mm - rotate(bone, on_bone)
             squares += float(np.sum(beyond[seen] ** 2))
         markers = tuple(f"{name}_{point}" for point in POINTS)
         spread = float(np.sqrt(squares / (len(POINTS) * seen.sum())))
@@ -147,11 +149,11 @@ def model_xml(
         _add_body(bodies, form, body_of(motion, form))
         _add_joint(joints, forms, form, held)
     for triad in receivers:
-        for name, place in zip(triad.markers, triad.local_mm, strict=True):
-            _add_marker(markers, name, forms[triad.form].body, place)
+        for name, at_mm in zip(triad.markers, triad.local_mm, strict=True):
+            _add_marker(markers, name, forms[triad.form].body, at_mm)
     taken = [name for triad in receivers for name in triad.markers]
-    for name, form, place in fixed_points(motion, forms, taken):
-        _add_marker(markers, name, form.body, place)
+    for name, form, at_mm in fixed_points(motion, forms, taken):
+        _add_marker(markers, name, form.body, at_mm)
     return as_text(document)
 
 
@@ -269,8 +271,8 @@ def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:
     for kind, used, axes in (("rotation", form.turns, form.axes), ("translation", form.shifts, np.eye(3))):
         for number, axis in enumerate(axes):
             name = used[number].name if number < len(used) else ""
-            known = {"coordinates": name, "axis": numbers(axis)}
-            element = add(transform, "TransformAxis", f"{kind}{number + 1}", **known)
+            properties = {"coordinates": name, "axis": numbers(axis)}
+            element = add(transform, "TransformAxis", f"{kind}{number + 1}", **properties)
             if name:
                 add(element, "LinearFunction", "function", coefficients="1 0")
             else:
@@ -278,8 +280,8 @@ def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:
 
 
 def _add_marker(parent: ET.Element, name: str, body: str, place_mm: Array) -> None:
-    place = {"socket_parent_frame": f"/bodyset/{body}", "location": metres(place_mm)}
-    add(parent, "Marker", name, **place, fixed="true")
+    properties = {"socket_parent_frame": f"/bodyset/{body}", "location": metres(place_mm)}
+    add(parent, "Marker", name, **properties, fixed="true")
 
 
 ALONE_HZ = 60.0
@@ -420,8 +422,8 @@ def _undetermined(forms: Sequence[JointForm], receivers: Sequence[Triad]) -> dic
     """
     carriers = {triad.form for triad in receivers}
     held = {shift.name: 0.0 for form in forms if form.parent >= 0 for shift in form.shifts}
-    for place, form in enumerate(forms):
-        if place not in carriers and form.parent >= 0:
+    for index, form in enumerate(forms):
+        if index not in carriers and form.parent >= 0:
             determined = 1 if form.dof == 1 else 2
             held |= {turn.name: float(turn.values.mean()) for turn in form.turns[determined:]}
     return held
@@ -481,10 +483,10 @@ def _of_points(motion: PosedRecording, receivers: Sequence[Triad]) -> list[str]:
     remarks = []
     tips = [(index, *carrier(motion, index)) for index, joint in enumerate(motion.joints) if joint.tip]
     beyond = np.zeros((len(motion.frame), len(tips), 3))
-    for place, (index, above, rest_mm) in enumerate(tips):
+    for column, (index, above, rest_mm) in enumerate(tips):
         along = motion.position_mm[:, index] - motion.position_mm[:, above]
         back = conjugate(motion.quaternion[:, above])
-        beyond[:, place] = rotate(back, along) - rest_mm
+        beyond[:, column] = rotate(back, along) - rest_mm
     if tips and _largest(beyond) > _NOTABLE_MM:
         rms = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
         remarks.append(

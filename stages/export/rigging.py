@@ -43,18 +43,21 @@ class Rig:
     def names(self, hand: str) -> dict[str, str]:
         """Names of a right or left hand's joints by joint, the root's by ""."""
         patterns = {"": ("", self.root)}
-        patterns |= {f"thumb_{part}": ("thumb", own) for part, own in zip(_THUMB, self.thumb, strict=True)}
+        patterns |= {
+            f"thumb_{part}": ("thumb", pattern) for part, pattern in zip(_THUMB, self.thumb, strict=True)
+        }
         for digit in FINGERS:
             patterns |= {
-                f"{digit}_{part}": (digit, own) for part, own in zip(_FINGER, self.finger, strict=True)
+                f"{digit}_{part}": (digit, pattern)
+                for part, pattern in zip(_FINGER, self.finger, strict=True)
             }
         side = {"side": hand, "Side": hand.capitalize(), "s": hand[0]}
         names = {}
-        for joint, (digit, pattern) in patterns.items():
+        for joint, (digit, text) in patterns.items():
             pinky = "pinky" if digit == "little" else digit
             capitals = {"Digit": digit.capitalize(), "Pinky": pinky.capitalize()}
-            if pattern:
-                names[joint] = pattern.format(**side, **capitals, digit=digit, pinky=pinky)
+            if text:
+                names[joint] = text.format(**side, **capitals, digit=digit, pinky=pinky)
         return names
 
 
@@ -161,8 +164,8 @@ def _is_named(joint: SkeletonJoint, names: Mapping[str, str]) -> bool:
 def with_webxr_names(motion: PosedRecording) -> PosedRecording:
     """The same, but a hand that has the layout's names gets those of WebXR."""
     names = RIGS["webxr"].names(motion.hand)
-    own = all(_is_named(joint, names) for joint in motion.joints[1:])
-    return on_rig(motion, "webxr") if own else motion
+    layouts = all(_is_named(joint, names) for joint in motion.joints[1:])
+    return on_rig(motion, "webxr") if layouts else motion
 
 
 def folded(motion: PosedRecording, lacking: Collection[str]) -> PosedRecording:
@@ -177,11 +180,11 @@ def folded(motion: PosedRecording, lacking: Collection[str]) -> PosedRecording:
         return motion
     assert 0 not in gone, "a skeleton needs its root"
     kept = [i for i in range(len(motion.joints)) if i not in gone]
-    place = {-1: -1} | {old: new for new, old in enumerate(kept)}
+    new_index = {-1: -1} | {old: new for new, old in enumerate(kept)}
     orphans = np.array([motion.joints[i].parent in gone for i in kept])
     hung = [_hung(motion, i, gone) for i in kept]
     joints = [
-        replace(motion.joints[i], parent=place[above]) for i, (above, *_) in zip(kept, hung, strict=True)
+        replace(motion.joints[i], parent=new_index[above]) for i, (above, *_) in zip(kept, hung, strict=True)
     ]
     names = ", ".join(motion.names[i] for i in sorted(gone))
     return replace(

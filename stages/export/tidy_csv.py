@@ -69,8 +69,8 @@ def bone_angles_deg(motion: PosedRecording) -> tuple[tuple[str, ...], Array]:
     indices = [i for i, j in enumerate(motion.joints) if not j.tip and np.isfinite(rests[i]).all()]
     hand = motion.hand
     columns = [
-        joint_angles(turn[:, own.parent], turn[:, i], hand, rests[i], angle_axes(own, hand))
-        for i, own in ((i, motion.joints[i]) for i in indices)
+        joint_angles(turn[:, joint.parent], turn[:, i], hand, rests[i], angle_axes(joint, hand))
+        for i, joint in ((i, motion.joints[i]) for i in indices)
     ]
     angles = np.stack(columns, 1) if columns else np.empty((len(motion.frame), 0, 3))
     return tuple(motion.names[i] for i in indices), angles
@@ -94,13 +94,13 @@ def _write_long(
 def _table(motion: PosedRecording, joints: Sequence[str], columns: Sequence[str], values: Array) -> pa.Table:
     n = len(motion.frame)
     flat = values.reshape(n * len(joints), -1)
-    known = {
+    keys = {
         "frame": np.repeat(motion.frame, len(joints)),
         "time_s": pa.array(np.repeat(motion.time_s, len(joints)), from_pandas=True),
         "joint": pa.array(joints).take(pa.array(np.tile(np.arange(len(joints)), n))),
     }
     return pa.table(
-        known | {name: pa.array(flat[:, index], from_pandas=True) for index, name in enumerate(columns)}
+        keys | {name: pa.array(flat[:, index], from_pandas=True) for index, name in enumerate(columns)}
     )
 
 

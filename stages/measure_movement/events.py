@@ -1,10 +1,10 @@
-"""Events of a hand's recordings: those that cut cycles, and those that a fingertip made."""
+"""Events of a hand's recordings: those that cut cycles of a movement, and those that a fingertip made."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,74 @@ from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import pose_blocks
 from shukotsu.schemas.study import Recording
 from shukotsu.schemas.tables import read_table, rows_of
-from shukotsu.stages.measure_movement.cycles import Cycle, cut_cycles, within_recording
+from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.sampling import grid_of
+
+SHORTEST, LONGEST = 0.5, 2.0
+"""Of the median duration of an event's cycles; a shorter or longer one is another movement."""
+
+MOST_ONSET_SD = 0.05
+"""1-sigma of an onset, of the cycle's duration, above which it is not used: a sine-like course read so far
+off is 16 % of its range out where it is steepest."""
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """A cycle of the events of one name; refusal : why it is not used, or empty."""
+
+    event: str
+    number: int
+    onset_s: float
+    duration_s: float
+    refusal: str = ""
+
+
+def cut_cycles(
+    event: str, onset_s: Sequence[float], duration_s: Sequence[float], sd_s: Sequence[float] | None = None
+) -> list[Cycle]:
+    """Cycles of the events of one name, whose own duration counts where it has one (else NaN).
+
+    A cycle without one lasts to the next onset; the last is none. Refused are those that are much shorter or
+    longer than the median, and those whose ends are not known well enough. sd_s : 1-sigma of the onsets, NaN
+    where nothing says it, infinite of a clock that is weak.
+    """
+    order = np.argsort(np.asarray(onset_s, float), kind="stable")
+    onset, stated = np.asarray(onset_s, float)[order], np.asarray(duration_s, float)[order]
+    sd = np.nan_to_num(np.zeros(len(stated)) if sd_s is None else np.asarray(sd_s, float), posinf=np.inf)[
+        order
+    ]
+    to_next = ~(stated > 0)
+    duration = np.where(to_next, np.append(np.diff(onset), np.nan), stated)
+    sd = np.where(to_next, np.maximum(sd, np.append(sd[1:], 0.0)), sd)
+    kept = duration > 0
+    onset, duration, sd = onset[kept], duration[kept], sd[kept]
+    usual = float(np.median(duration)) if len(duration) else np.nan
+    cycles = []
+    for number, (start, length, off) in enumerate(
+        zip(onset.tolist(), duration.tolist(), sd.tolist(), strict=True)
+    ):
+        refusal = ""
+        if np.isinf(off):
+            refusal = "the clock of its events is weak"
+        elif off > MOST_ONSET_SD * length:
+            refusal = f"its onset is known to {1e3 * off:.0f} ms (1-sigma), too little for {length:.2f} s"
+        elif not SHORTEST * usual <= length <= LONGEST * usual:
+            word = "short" if length < usual else "long"
+            refusal = f"too {word}: {length:.2f} s, median {usual:.2f} s"
+        cycles.append(Cycle(event, number, start, length, refusal))
+    return cycles
+
+
+def within_recording(cycles: Sequence[Cycle], time_s: Array) -> list[Cycle]:
+    """The cycles, those refused that are not wholly within the recording's times (T,)."""
+    first, last = time_s[0], time_s[-1]
+    return [
+        replace(cycle, refusal="not wholly within the recording")
+        if not cycle.refusal and not first <= cycle.onset_s <= cycle.onset_s + cycle.duration_s <= last
+        else cycle
+        for cycle in cycles
+    ]
+
 
 MOST_ONSET_SD_MS = 10.0
 """Events that are known less well tell no stroke from the next."""
@@ -56,14 +122,19 @@ def events_of(
     def place(row: Mapping[str, Any]) -> tuple[str, ...]:
         return tuple(row[name] for name in CLOCKS.key)
 
-    known = [] if clocks is None else rows_of(read_table(clocks, CLOCKS))
-    weak = {place(row): row["message"] or "its clock is weak" for row in known if row["status"] == "weak"}
-    found: dict[tuple[str, str], list[TimedEvent]] = {}
+    clock_rows = [] if clocks is None else rows_of(read_table(clocks, CLOCKS))
+    weak = {
+        place(row): row["message"] or "its clock is weak" for row in clock_rows if row["status"] == "weak"
+    }
+    by_recording: dict[tuple[str, str], list[TimedEvent]] = {}
     for row in [] if events is None else rows_of(read_table(events, EVENTS)):
         if (row["session"], row["hand"]) == (plan.session, hand) and row["onset_s"] is not None:
             timed = TimedEvent(row, weak.get(place(row), ""))
-            found.setdefault((row["task"], row["trial"]), []).append(timed)
-    return {recording: found.get((recording.task, recording.trial), []) for recording in plan.evaluated(hand)}
+            by_recording.setdefault((row["task"], row["trial"]), []).append(timed)
+    return {
+        recording: by_recording.get((recording.task, recording.trial), [])
+        for recording in plan.evaluated(hand)
+    }
 
 
 def cycles_of(plan: SubjectPlan, recording: Recording, events: Sequence[TimedEvent]) -> list[list[Cycle]]:
@@ -84,9 +155,9 @@ def cycles_of(plan: SubjectPlan, recording: Recording, events: Sequence[TimedEve
         return []  # its import failed: the recordings table says why
     if grid_of(time_s) is None:
         return []
-    known = time_s[np.isfinite(time_s)]
+    finite = time_s[np.isfinite(time_s)]
     cut = (cut_cycles(name, *zip(*times, strict=True)) for name, times in by_name.items())
-    return [within_recording(cycles, known) for cycles in cut if cycles]
+    return [within_recording(cycles, finite) for cycles in cut if cycles]
 
 
 def struck_events(

@@ -11,9 +11,8 @@ import numpy.typing as npt
 from shukotsu.anatomy.recorded_movement import ERRORS, AngleSeries, FingertipPath
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
-from shukotsu.stages.measure_movement.cycles import Cycle
-from shukotsu.stages.measure_movement.differentiation import speed
-from shukotsu.stages.measure_movement.sampling import Grid, bridged
+from shukotsu.stages.measure_movement.events import Cycle
+from shukotsu.stages.measure_movement.sampling import Grid, bridged, speed
 
 Row = dict[str, Any]
 
@@ -26,16 +25,16 @@ def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
 
     An angle that a joint lacks beside another that it has is none.
     """
-    known = ~np.isnan(series.angle_deg)
-    row: Row = {"joint": series.joint, "angle": series.angle} | _coverage(known)
-    if not known.any():
+    finite = ~np.isnan(series.angle_deg)
+    row: Row = {"joint": series.joint, "angle": series.angle} | _coverage(finite)
+    if not finite.any():
         if series.angle == "flexion":
             yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
         return
-    errors_deg = [np.full(int(known.sum()), np.nan)] * len(ERRORS)
+    errors_deg = [np.full(int(finite.sum()), np.nan)] * len(ERRORS)
     if series.errors_deg is not None:
-        errors_deg = [series.errors_deg[:, index, 0][known] for index in range(len(ERRORS))]
-    row |= angle_range(series.angle_deg[known], AngleErrors(*errors_deg))
+        errors_deg = [series.errors_deg[:, index, 0][finite] for index in range(len(ERRORS))]
+    row |= angle_range(series.angle_deg[finite], AngleErrors(*errors_deg))
     if grid is not None:
         row |= _speed_columns(_speeds(series.angle_deg[:, None, None], grid), "deg_s")
     status = "weak" if series.status == "weak" or series.errors_deg is None else "ok"
@@ -51,18 +50,22 @@ def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
 def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
     """Rows of fingertip_paths."""
     for digit, tip in tips.items():
-        known = np.asarray(np.isfinite(tip.place_mm[..., 0]).all(1))
-        row: Row = {"digit": digit} | _coverage(known)
-        if not known.any():
+        finite = np.asarray(np.isfinite(tip.place_mm[..., 0]).all(1))
+        row: Row = {"digit": digit} | _coverage(finite)
+        if not finite.any():
             yield row | {"status": "failed", "message": tip.message or "no frame has this fingertip"}
             continue
         if grid is not None:
-            way, turn = (_speeds(own, grid) for own in (tip.place_mm, tip.pointing))
+            way, turn = (_speeds(series, grid) for series in (tip.place_mm, tip.pointing))
+            path_sd_mm = float("nan")
+            if tip.skin:  # a tip that is off goes so much farther, or less far, as it turns
+                turned_rad = float(np.nansum(turn) * grid.step_s)
+                path_sd_mm = float(np.nanmedian(tip.sd_mm[:, 0, 0]) / np.sqrt(3.0) * turned_rad)
             moving = ~np.isnan(way)
             row |= {
                 "path_length_mm": float(np.nansum(way) * grid.step_s) if moving.any() else None,
                 "duration_s": float(moving.sum() * grid.step_s),
-                "path_sd_mm": _path_sd_mm(tip, turn, grid),
+                "path_sd_mm": path_sd_mm,
             }
             row |= _speed_columns(way, "mm_s")
         yield row | _judged(row, "weak" if tip.message else "ok", tip.message, grid)
@@ -76,11 +79,11 @@ def cycle_rows(cycles: Sequence[Sequence[Cycle]]) -> Iterator[Row]:
         yield row | times | {"message": cycle.refusal}
 
 
-def _coverage(known: npt.NDArray[np.bool_]) -> Row:
+def _coverage(finite: npt.NDArray[np.bool_]) -> Row:
     """Count the known frames (T,), and their share of the recording."""
     return {
-        "n_frames": int(known.sum()),
-        "valid_percent": 100.0 * float(known.mean()) if len(known) else None,
+        "n_frames": int(finite.sum()),
+        "valid_percent": 100.0 * float(finite.mean()) if len(finite) else None,
     }
 
 
@@ -95,10 +98,10 @@ def _judged(row: Row, status: str, message: str, grid: Grid | None) -> Row:
 
 
 def _speed_columns(speeds: Array, unit: str) -> Row:
-    known = speeds[~np.isnan(speeds)]
-    if not len(known):
+    finite = speeds[~np.isnan(speeds)]
+    if not len(finite):
         return {}
-    middle, high = np.percentile(known, [50.0, 95.0])
+    middle, high = np.percentile(finite, [50.0, 95.0])
     return {f"speed_median_{unit}": float(middle), f"speed_p95_{unit}": float(high)}
 
 
@@ -106,9 +109,3 @@ def _speeds(columns: Array, grid: Grid) -> Array:
     """Speeds (n,) of columns (T, D, 1)."""
     series = (bridged(grid.spread(columns[:, index]), grid.step_s) for index in range(columns.shape[1]))
     return speed(series, grid.step_s)
-
-
-def _path_sd_mm(tip: FingertipPath, turn_rad_s: Array, grid: Grid) -> float:
-    """1-sigma error of a path's length: a tip that is off goes so much farther, or less far, as it turns."""
-    turned_rad = float(np.nansum(turn_rad_s) * grid.step_s)
-    return float(np.nanmedian(tip.sd_mm[:, 0, 0]) / np.sqrt(3.0) * turned_rad) if tip.skin else float("nan")

@@ -89,7 +89,8 @@ def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> It
         time_s = np.interp(np.arange(len(movement.time_s)), timed, movement.time_s[timed])
         windows = [None if event.refusal else _window(movement, time_s, event) for event in events]
     losses = [
-        None if own is None else _losses(own, event) for own, event in zip(windows, events, strict=True)
+        None if frames is None else _losses(frames, event)
+        for frames, event in zip(windows, events, strict=True)
     ]
     down = _way_down([loss for loss in losses if loss is not None])
     for event, window, loss in zip(events, windows, losses, strict=True):
@@ -246,8 +247,8 @@ def _corner(time_s: Array, path: Array, about_s: float, before_s: float) -> _Cor
     bend = (fitted(best_s - 1e-3)[1] + fitted(best_s + 1e-3)[1] - 2 * squares) / 1e-6
     sd_s = noise_mm * float(np.sqrt(2.0 / max(bend, 1e-9)))
 
-    def slope(own: Array) -> Array:
-        return np.asarray((own[1] - 2 * own[2] * SOFT_S / step_s) / step_s)
+    def slope(fit: Array) -> Array:
+        return np.asarray((fit[1] - 2 * fit[2] * SOFT_S / step_s) / step_s)
 
     far_s = min(sd_s, 0.002)
     apart = [np.linalg.norm(slope(fitted(best_s + sign * far_s)[0])[:3]) for sign in (-1.0, 1.0)]

@@ -157,9 +157,9 @@ def receiver_skeleton(
     joints : rows of joint_centres by joint. tip_error_mm : (T, D).
     """
     by_digit = [digit_points(digit, layout, model, joints) for digit in layout.digits.values()]
-    points = {point.name: point for own in by_digit for point in own}
+    points = {point.name: point for of_digit in by_digit for point in of_digit}
     positions = {name: point.position_mm(poses) for name, point in points.items()}
-    bones = _bones(list(points), [[point.name for point in own] for own in by_digit], None)
+    bones = _bones(list(points), [[point.name for point in of_digit] for of_digit in by_digit], None)
     skeleton = _skeleton(layout, model, place, positions, bones, joints, {}, tip_error_mm)
     return replace(skeleton, on_receivers=tuple(points.values()))
 
@@ -181,8 +181,8 @@ def fitted_skeleton(
     wrist = layout.wrist.joint if layout.wrist else None
     names = dict.fromkeys([*([wrist] if wrist else []), *(name for chain in chains for name in chain)])
     nowhere = np.full((len(tip_error_mm), 3), np.nan)
-    known = {name: posed.position_mm[:, index] for index, name in enumerate(posed.names)}
-    positions = {name: known.get(name, nowhere) for name in names}
+    posed_mm = {name: posed.position_mm[:, index] for index, name in enumerate(posed.names)}
+    positions = {name: posed_mm.get(name, nowhere) for name in names}
     sd_of_tip = {
         f"{name}_tip": _number(worn.get(digit.tip, {}).get("bone_tip_sd_mm"))
         for name, digit in layout.digits.items()
@@ -235,7 +235,7 @@ def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
     """The frame with most valid receivers, the base among them, in which the fingertips' ones are farthest
     from the base in sum: the hand is open, and no finger hides another. None where the base is never valid.
     """
-    found, best = None, (0, -np.inf)
+    open_pose, best = None, (0, -np.inf)
     for poses in blocks:
         base = poses.index(view_base(layout))
         counts = np.where(poses.valid[:, base], poses.valid.sum(1), 0)
@@ -244,11 +244,11 @@ def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
             tips = poses.position_mm[rows][:, [poses.index(digit.tip) for digit in layout.digits.values()]]
             apart = np.linalg.norm(tips - poses.position_mm[rows, None, base], axis=-1)
             reach = np.nan_to_num(apart).sum(1)
-            own = int(counts[rows[0]]), float(reach.max())
-            if own > best:
+            score = int(counts[rows[0]]), float(reach.max())
+            if score > best:
                 row = int(rows[np.argmax(reach)])
-                found, best = poses.take(np.array([row])), own
-    return found
+                open_pose, best = poses.take(np.array([row])), score
+    return open_pose
 
 
 def receivers_at(motion: HandMotion, frame: int) -> Array:

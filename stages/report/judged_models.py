@@ -9,7 +9,7 @@ from shukotsu.schemas.model import the_papers
 from shukotsu.sentences.translation import ngettext, tr
 from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.stages.report.table_cells import p_text, shown
-from shukotsu.statistics.multiple_comparisons import LEVEL
+from shukotsu.statistics.paired_statistics import LEVEL
 
 ALL_DIGITS = ""
 PRIOR = "prior-only"

@@ -4,7 +4,7 @@ model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,16 +17,14 @@ from shukotsu.schemas.catalogue import (
     JOINT_SOLUTIONS,
     TIPS,
 )
-from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import the_papers
 from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.poses import Poses, pose_blocks
 from shukotsu.schemas.results import FIT_TABLES
 from shukotsu.schemas.study import Recording
-from shukotsu.schemas.tables import Table
 from shukotsu.sentences.translation import N_
 from shukotsu.skeleton.posed_recording import BLOCK_FRAMES, RecordingReader
-from shukotsu.skeleton.posing import Index, Skeleton
+from shukotsu.skeleton.posing import Skeleton
 from shukotsu.stages.report.hand_motion import (
     MOST_FRAMES,
     HandMotion,
@@ -129,13 +127,13 @@ def read_still(results: StudyResults, recording: Recording, models: Collection[s
     Raises InputError where the recording has no frame to show.
     """
     layout, path = results.layouts[recording.hand], results.poses(recording)
-    place = path.relative_to(results.paths.folder).as_posix()
+    name = path.relative_to(results.paths.folder).as_posix()
     try:
         shown = open_frame(pose_blocks(path, layout.measured, BLOCK_FRAMES), layout)
     except InputError as error:
-        raise InputError(str(error).replace(str(path), place).rstrip(".")) from error
+        raise InputError(str(error).replace(str(path), name).rstrip(".")) from error
     if shown is None:
-        raise InputError(f"{place} has no frame with a valid base receiver")
+        raise InputError(f"{name} has no frame with a valid base receiver")
     skeletons = [
         _skeleton(results, _reader(results, recording, model), shown, still=True) for model in models
     ]
@@ -201,21 +199,6 @@ def _angles(reader: RecordingReader) -> dict[str, Callable[[], Array]]:
     return reader.series(JOINT_ANGLES, [f"{angle}_deg" for angle in ANGLES])
 
 
-def _shown_angles(reader: RecordingReader, every: int) -> JointAngles:
-    angles = {joint: read()[::every].copy() for joint, read in _angles(reader).items()}
-    return JointAngles(reader.model.name, tuple(angles), np.stack(list(angles.values()), 1))
-
-
-def _numbers(
-    reader: RecordingReader, table: Table, columns: Sequence[str], frames: Index
-) -> dict[str, Array]:
-    """Read columns (T, C) of the recording; InputError where the table has no row of it."""
-    numbers = reader.numbers(table, columns, frames)
-    if not numbers:
-        raise InputError(f"the {table.name} table has no row of this recording")
-    return numbers
-
-
 def angles_of(models: Iterable[ModelResults]) -> list[JointAngles]:
     """The joint angles of those models that state any, in their order."""
     return [model.angles for model in models if model.angles is not None]
@@ -233,7 +216,10 @@ def _model_results(results: StudyResults, reader: RecordingReader, every: int) -
     errors = [
         row for row in results.tip_errors if row_key(row) == recording_key(recording) and row["model"] == name
     ]
-    angles = _shown_angles(reader, every) if reader.is_fitted else None
+    angles = None
+    if reader.is_fitted:
+        shown = {joint: read()[::every].copy() for joint, read in _angles(reader).items()}
+        angles = JointAngles(name, tuple(shown), np.stack(list(shown.values()), 1))
     return ModelResults(name, joints, solutions, errors, angles)
 
 
@@ -250,11 +236,14 @@ def _skeleton(
     errors: dict[str, Array] = {}
     if not still:
         try:
-            errors = _numbers(reader, TIPS, ["error_mm"], poses.frame)
+            errors = reader.numbers(TIPS, ["error_mm"], poses.frame)
+            if not errors:
+                raise InputError(f"the {TIPS.name} table has no row of this recording")
         except InputError:
             if not reader.is_fitted:
                 raise  # a fitted hand is posed, and shown, without a replay too
-    replayed = _by_digit(layout, errors, poses)
+    nothing = np.full((len(poses.frame), 1), np.nan)
+    replayed = np.concatenate([errors.get(digit, nothing) for digit in layout.digits], 1)
     if reader.is_fitted:
         try:
             bones = reader.bones(poses, Skeleton(layout, model, joints, {}))
@@ -264,9 +253,3 @@ def _skeleton(
             if not still:
                 raise
     return receiver_skeleton(layout, model, place, joints, replayed, poses)
-
-
-def _by_digit(layout: Layout, errors: Mapping[str, Array], poses: Poses) -> Array:
-    """Columns (T, D) of numbers (T, 1) by digit, NaN for a digit without."""
-    nothing = np.full((len(poses.frame), 1), np.nan)
-    return np.concatenate([errors.get(digit, nothing) for digit in layout.digits], 1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from shukotsu.sentences.translation import N_, tr, translated, word
-from shukotsu.statistics.multiple_comparisons import LEVEL
+from shukotsu.statistics.paired_statistics import LEVEL
 
 DASH = "–"
 

@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import binom
 
 from benchmarks.null_studies import any_shown, numbers, run
-from shukotsu.statistics.group_statistics import group_difference
-from shukotsu.statistics.paired_statistics import sign_flip_p
+from shukotsu.statistics.paired_statistics import group_difference, sign_flip_p
 
 STUDIES = 600
 

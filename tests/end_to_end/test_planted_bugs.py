@@ -35,7 +35,7 @@ IN_A_PART = {
     "project_planes": "shukotsu.stages.project_planes.place.place_joint",
     "fit_hand": "shukotsu.stages.fit_hand.calibration.fit_hand",
     "estimate_metacarpals": "shukotsu.stages.estimate_metacarpals.hand.build_hand",
-    "evaluate_tips": "shukotsu.stages.evaluate_tips.tip_tables.replay_recording",
+    "evaluate_tips": "shukotsu.stages.evaluate_tips.replay.replay_recording",
     "evaluate_skeletons": "shukotsu.stages.evaluate_skeletons.evaluation.evaluate_hand",
     "measure_movement": "shukotsu.anatomy.recorded_movement.RecordedMovement.joints",
     "export": "shukotsu.stages.export.exported_plans.write_format",

@@ -27,7 +27,7 @@ from shukotsu.skeleton.posed_recording import recording_reader
 from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import Array, bone_frame, from_matrix, rotate
 from shukotsu.stages.export.motion import read_motion
-from shukotsu.stages.export.settings import Settings, prepared
+from shukotsu.stages.export.registry import Settings, prepared
 from shukotsu.stages.simulate.random_hand import BONES, DIGITS
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import Simulated, simulate

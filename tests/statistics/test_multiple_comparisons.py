@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from shukotsu.statistics.multiple_comparisons import holm
+from shukotsu.statistics.paired_statistics import holm
 
 
 def test_holm_by_hand() -> None:

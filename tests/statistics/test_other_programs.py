@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shukotsu.statistics.group_statistics import group_difference
-from shukotsu.statistics.paired_statistics import paired_difference, small_sample_correction
+from shukotsu.statistics.paired_statistics import group_difference, paired_difference, small_sample_correction
 from shukotsu.statistics.reliability_statistics import reliability
 
 TESTS = Path(__file__).resolve().parents[1]

@@ -40,16 +40,6 @@ def test_a_recording_alone(tmp_path: Path) -> None:
     assert (clock["source"], clock["n_pulses"], clock["status"]) == ("midi", 10, "ok")
 
 
-def test_the_same_input_gives_the_same_bytes(tmp_path: Path) -> None:
-    files = ["--poses", poses_of(tmp_path), "--events", midi_of(tmp_path, TRUE_S), "--pulses", "same clock"]
-    written = []
-    for name in ("one", "other"):
-        (tmp_path / name).mkdir()
-        assert run(tmp_path / name, *files) == 0
-        written.append([path.read_bytes() for path in sorted((tmp_path / name).iterdir())])
-    assert written[0] == written[1]
-
-
 @pytest.mark.parametrize(
     ("argv", "message"),
     [

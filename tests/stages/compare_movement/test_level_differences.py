@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from shukotsu.schemas.quantities import QUANTITIES
-from shukotsu.stages.compare_movement.level_differences import difference_rows, judge
-from shukotsu.stages.compare_movement.level_pairs import level_pairs
+from shukotsu.stages.compare_movement.level_differences import difference_rows, judge, level_pairs
 from shukotsu.stages.compare_movement.movement_values import Recorded, level_column
 
 SUBJECTS = [f"P{number}" for number in range(24)]

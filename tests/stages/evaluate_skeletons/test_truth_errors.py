@@ -8,8 +8,7 @@ import pytest
 
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.stages.evaluate_skeletons.scored_skeleton import Stated
-from shukotsu.stages.evaluate_skeletons.truth import Truth
-from shukotsu.stages.evaluate_skeletons.truth_errors import centre_errors, truth_for
+from shukotsu.stages.evaluate_skeletons.truth import Truth, centre_errors, truth_for
 
 Row = dict[str, Any]
 

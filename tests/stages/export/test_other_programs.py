@@ -16,8 +16,7 @@ import pytest
 from export_samples.known_hands import FITTED, REPLAYED, KnownHand
 
 from shukotsu.stages.export.bvh import AT_REST
-from shukotsu.stages.export.registry import write_format
-from shukotsu.stages.export.settings import Settings, prepared
+from shukotsu.stages.export.registry import Settings, prepared, write_format
 
 READERS = Path(__file__).resolve().parents[2] / "export_samples" / "readers"
 BLENDER = READERS.parents[1] / "export_tools" / "read_with_blender.py"

@@ -14,8 +14,7 @@ from export_samples.moving_fingers import moving_fingers, timed
 from shukotsu.errors import InputError
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.skeleton.posing import Origin, PosedRecording
-from shukotsu.stages.export.registry import FORMATS, write_format
-from shukotsu.stages.export.settings import Settings
+from shukotsu.stages.export.registry import FORMATS, Settings, write_format
 
 WITHOUT_GAPS = [name for name, form in FORMATS.items() if not form.holds_gaps]
 ON_TIME = ("glb", "osim")

@@ -9,7 +9,7 @@ from export_samples.moving_fingers import blanked, moving_fingers, timed
 from shukotsu.errors import InputError
 from shukotsu.skeleton.rotations import angle, conjugate, matrix, multiply, rotate
 from shukotsu.stages.export.motion import local_motion
-from shukotsu.stages.export.settings import DIRECTIONS, Settings, prepared, upright
+from shukotsu.stages.export.registry import DIRECTIONS, Settings, prepared, upright
 
 
 def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:

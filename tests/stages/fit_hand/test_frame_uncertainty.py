@@ -8,7 +8,7 @@ from simulated_poses import fitted, recorded
 
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array, from_matrix
-from shukotsu.stages.evaluate_skeletons.truth_errors import RADIUS_SD
+from shukotsu.stages.evaluate_skeletons.truth import RADIUS_SD
 from shukotsu.stages.fit_hand.compiled_equations import back_substitute, reduce
 from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
 from shukotsu.stages.fit_hand.fitted_motion import PosedHand, joint_angles_of, pose_hand

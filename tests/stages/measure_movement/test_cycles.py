@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shukotsu.stages.measure_movement.cycles import cut_cycles, within_recording
+from shukotsu.stages.measure_movement.events import cut_cycles, within_recording
 
 NAN = float("nan")
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.measure_movement.differentiation import (
+from shukotsu.stages.measure_movement.sampling import (
     CUTOFF_HZ,
     half_width,
     speed,
