@@ -25,8 +25,7 @@ from shukotsu.sentences.finding_sentences import in_quotes
 from shukotsu.stages.fit_hand.gains import gains
 from shukotsu.stages.fit_hand.loose_receivers import displaced_in
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
-from shukotsu.stages.report.belief import reasons_of
-from shukotsu.stages.report.next_step import gain_lines
+from shukotsu.stages.report.belief import gain_lines, reasons_of
 
 STEP_S = 1.5
 CHECKED_S = 4.0

@@ -104,7 +104,7 @@ def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
     from shukotsu.stages.fit_hand.fingertips import fingertips
     from shukotsu.stages.fit_hand.fit import fit_hand
     from shukotsu.stages.fit_hand.gains import gains
-    from shukotsu.stages.report.next_step import gain_lines
+    from shukotsu.stages.report.belief import gain_lines
 
     if no_whole_hand(layout, "whole-hand"):
         return []

@@ -64,8 +64,8 @@ def run_study(arguments: argparse.Namespace) -> int:
     if status:
         return status if status > 0 else 128 - status
     if not arguments.dry_run and not arguments.more and report.is_file():
+        from shukotsu.stages.report.headline import outcome_text
         from shukotsu.stages.report.study_results import read_results
-        from shukotsu.stages.report.terminal import outcome_text
 
         print(outcome_text(read_results(files.study, files.results.folder)))
         print(f"report: {report}")

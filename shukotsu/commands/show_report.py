@@ -38,8 +38,8 @@ def show_report(arguments: argparse.Namespace) -> None:
             f"{report}: is not there yet; run `shukotsu run {arguments.study}` in this folder first"
         )
     if arguments.to_terminal:
+        from shukotsu.stages.report.headline import outcome_text
         from shukotsu.stages.report.study_results import read_results
-        from shukotsu.stages.report.terminal import outcome_text
 
         print(outcome_text(read_results(files.study, files.results.folder)))
     print(report)

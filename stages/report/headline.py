@@ -1,14 +1,17 @@
-"""What the first screen says: three numbers, and which model to take."""
+"""What the first screen and the terminal say: three numbers, and which model to take."""
 
 from __future__ import annotations
 
+import textwrap
 from collections import Counter
 from statistics import median
 from typing import NamedTuple
 
 from shukotsu.schemas import verdict
+from shukotsu.sentences.finding_sentences import in_quotes
 from shukotsu.sentences.translation import listed, ngettext, tr
 from shukotsu.stages.report.judged_models import TRUTH, judged_models, model_to_take
+from shukotsu.stages.report.provenance import all_problems
 from shukotsu.stages.report.study_results import StudyResults, hand_of
 from shukotsu.stages.report.table_cells import shown
 
@@ -38,7 +41,7 @@ def used_text(results: StudyResults) -> str:
 
 
 def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]:
-    """Joints believed of all, the typical error of a joint, and hands with a finding."""
+    """Return joints believed of all, the typical error of a joint, and hands with a finding."""
     model = results.leading
     rows = [row for row in results.judging.joints if row["model"] == model]
     hands = hands_counted(results, len({hand_of(row) for row in rows}))
@@ -50,7 +53,8 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
             values = list(judged.values[model].values())
             truth = shown(TRUTH, sum(values) / len(values))
             typical += tr("; the true error, known of simulated hands, is {truth} mm on average", truth=truth)
-    found = {hand_of(row) for row in results.findings}
+    suspects = len({hand_of(row) for row in results.findings})
+    mistaken = tr("have recordings in which a mistake was found")
     return (
         BigNumber(
             str(believed),
@@ -61,11 +65,9 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
         ),
         BigNumber(shown("sd_mm", median(sds) if sds else None), "mm", typical),
         BigNumber(
-            str(len(found)),
+            str(suspects),
             tr("of {hands}", hands=hands_counted(results, len(results.hands))),
-            tr("have recordings in which a mistake was found, and are in no statistic unless accepted")
-            if found
-            else tr("have recordings in which a mistake was found"),
+            mistaken + (tr(", and are in no statistic unless accepted") if suspects else ""),
         ),
     )
 
@@ -77,10 +79,27 @@ def hands_counted(results: StudyResults, n: int) -> str:
 
 def opening(results: StudyResults) -> str:
     """Return the numbers in a line of text."""
-    return " ".join(tr("{value} {unit} {of}.", **number._asdict()) for number in big_numbers(results))
+    return " ".join(_numbers(results))
 
 
-def headline_lines(results: StudyResults) -> list[str]:
-    """Return the same as lines of text, for a terminal."""
-    numbers = [tr("{value} {unit} {of}.", **number._asdict()) for number in big_numbers(results)]
-    return [f"{used_text(results)}.", *numbers, model_to_take(results)]
+def _numbers(results: StudyResults) -> list[str]:
+    return [tr("{value} {unit} {of}.", **number._asdict()) for number in big_numbers(results)]
+
+
+WIDTH, MOST_PROBLEMS = 79, 3
+"""Columns of a terminal, and as many problems as it shows."""
+
+
+def outcome_text(results: StudyResults) -> str:
+    """Return the study's numbers and its sentence as plain text, then the gravest problems."""
+    problems = all_problems(results)
+    lines = [f"Study {results.name}: {used_text(results)}.", *_numbers(results), model_to_take(results)]
+    lines += [
+        f"- {problem.where}: {in_quotes(problem.text)} {problem.places}".rstrip()
+        for problem in problems[:MOST_PROBLEMS]
+    ]
+    more = len(problems) - MOST_PROBLEMS
+    lines += [f"- and {more} more; see the report"] if more > 0 else []
+    return "\n".join(
+        textwrap.fill(line, WIDTH, subsequent_indent="  ", break_on_hyphens=False) for line in lines
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -11,10 +10,10 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from shukotsu.schemas.results import Results
 from shukotsu.schemas.study import Recording, SubjectSession
 from shukotsu.sentences.translation import tr
 from shukotsu.stages.report.study_results import StudyResults
+from shukotsu.stages.report.table_cells import title
 
 
 class Link(NamedTuple):
@@ -25,35 +24,30 @@ class Link(NamedTuple):
 
 
 def link(words: str, page: Path, target: Path) -> Link:
-    """A link on a page to another page of the report."""
+    """Return a link on a page to another page of the report."""
     return Link(words, quote(Path(os.path.relpath(target, page.parent)).as_posix()))
 
 
 def anchor(to: Link) -> Markup:
-    """The link as HTML, its words escaped."""
+    """Return the link as HTML, its words escaped."""
     return Markup('<a href="{}">{}</a>').format(to.href, to.words)
 
 
-def recording_links(
-    shown: Iterable[Recording], paths: Results, page: Path, who: SubjectSession, hand: str = ""
-) -> list[Link]:
-    """Links to the pages of a subject's recordings that are `shown`, of both hands unless one is named."""
-    return [
-        link(recording_label(recording, with_hand=not hand), page, paths.recording_page(recording))
-        for recording in shown
-        if recording.hand.who == who and hand in ("", recording.hand.hand)
-    ]
-
-
-def recording_label(recording: Recording, *, with_hand: bool) -> str:
-    """Name a recording in a link."""
-    parts = [recording.task, tr("trial {trial}", trial=recording.trial) if recording.trial else ""]
-    return ", ".join(filter(None, [*parts, tr("{hand} hand", hand=recording.hand.hand) if with_hand else ""]))
+def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> list[Link]:
+    """Return links to the pages of a subject's recordings."""
+    links = []
+    for recording in results.shown:
+        if recording.hand.who == who:
+            trial = tr("trial {trial}", trial=recording.trial) if recording.trial else ""
+            hand = tr("{hand} hand", hand=recording.hand.hand)
+            words = ", ".join(filter(None, (recording.task, trial, hand)))
+            links.append(link(words, page, results.paths.recording_page(recording)))
+    return links
 
 
 @dataclass(frozen=True)
 class Navigation:
-    """Links of one page; other_hand is None where that hand has no page of the task."""
+    """Links of a recording's page; other_hand is None where that hand has no page of the task."""
 
     study: Link
     subject: Link
@@ -62,27 +56,19 @@ class Navigation:
 
 
 def navigation(results: StudyResults, recording: Recording) -> Navigation:
-    """The links of a recording's page, to pages of evaluated recordings alone."""
-    paths, mine = results.paths, recording.hand
-    page, study = paths.recording_page(recording), tr("Study {name}", name=results.name)
-    other = _same_task(results, "left" if mine.hand == "right" else "right", recording)
-    words = tr("Right hand") if mine.hand == "left" else tr("Left hand")
-    others = [
-        link(recording_label(own, with_hand=True), page, paths.recording_page(own))
-        for own in results.shown
-        if own.hand.who == mine.who and own != recording
-    ]
+    """Return the links of a recording's page, to pages of evaluated recordings alone."""
+    paths, hand = results.paths, recording.hand
+    page = paths.recording_page(recording)
+    other_hand = replace(hand, hand="left" if hand.hand == "right" else "right")
+    same_task = [each for each in results.shown if (each.hand, each.task) == (other_hand, recording.task)]
+    same_trial = [each for each in same_task if each.trial == recording.trial]
+    other = next(iter([*same_trial, *same_task]), None)
+    words = tr("{hand} hand", hand=title(other_hand.hand))
+    links = recording_links(results, page, hand.who)
+    mine = link("", page, page).href
     return Navigation(
-        study=link(study, page, paths.report),
-        subject=link(tr("Subject {label}", label=mine.who.label), page, paths.subject_page(*mine.who)),
+        study=link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
+        subject=link(tr("Subject %(name)s") % {"name": hand.who.label}, page, paths.subject_page(*hand.who)),
         other_hand=None if other is None else link(words, page, paths.recording_page(other)),
-        others=tuple(others),
+        others=tuple(to for to in links if to.href != mine),
     )
-
-
-def _same_task(results: StudyResults, side: str, recording: Recording) -> Recording | None:
-    """The subject's evaluated recording of that hand and task, of the same trial where there is one."""
-    hand = replace(recording.hand, hand=side)
-    known = [own for own in results.shown if own.hand == hand and own.task == recording.task]
-    same = [own for own in known if own.trial == recording.trial]
-    return next(iter([*same, *known]), None)

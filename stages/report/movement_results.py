@@ -16,10 +16,9 @@ from shukotsu.schemas.catalogue import (
 )
 from shukotsu.schemas.tables import Table, read_table
 from shukotsu.sentences.translation import tr
-from shukotsu.stages.report.belief import NOT
+from shukotsu.stages.report.belief import NOT, study_beliefs
 from shukotsu.stages.report.study_results import StudyResults, recording_key
 from shukotsu.stages.report.table_cells import Column, DataTable, number, p_text, table_of, text_column
-from shukotsu.stages.report.trust import study_beliefs
 
 if TYPE_CHECKING:
     import pandas as pd

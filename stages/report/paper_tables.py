@@ -1,4 +1,4 @@
-"""The paper's Tables 1 to 4: as printed, and as the study gives them, in one layout.
+"""The paper's Tables 1 to 4: as printed, and as the study has them, in one layout.
 
 Saito, Mitobe, Suzuki, Yoshimura, "Modeling of Hand Skeletal Structure from Magnetic Motion Capture Data",
 section 6.
@@ -18,6 +18,7 @@ from shukotsu.stages.report.study_results import FIRST_FRAME, HANDS, LEAST_SQUAR
 from shukotsu.stages.report.table_cells import Block, DataTable, number, title
 
 PRINTED = Path(__file__).parent / "paper_tables.tsv"
+"""A row a table, hand and statistic, a column a digit: centimetres, digit by digit as printed."""
 
 PAPER_DIGITS = ("thumb", "index", "middle", "ring", "little")
 STATISTICS = {
@@ -26,68 +27,52 @@ STATISTICS = {
     "mean": N_("Average [cm]"),
     "sd": N_("Standard Deviation [cm]"),
 }
-TITLES = {
-    1: N_(
-        "Position error of the fingertip without estimating metacarpal posture in the model shown in Fig. 3"
-    ),
-    2: N_("Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 3"),
-    3: N_("Position error of the fingertip with estimating metacarpal posture in the model shown in Fig. 4"),
-    4: N_(
-        "Position error of the fingertip with estimating metacarpal posture and corrected joint "
-        "positions in the model shown in Fig. 4"
-    ),
-}
-
-_Printed = dict[tuple[int, str, str, str], str]
 
 
-def own_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> DataTable:
-    """The study's table for one subject and task, first-frame binding, in the paper's layout, cm."""
+def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> DataTable:
+    """Return the study's table for one subject and task, first-frame binding, in the paper's layout, cm."""
     blocks, notes = [], []
     for recording in trial.recordings.values():
         digits = tuple(results.layouts[recording.hand].digits)
         rows = {d: results.tip_error(recording, model.name, d, FIRST_FRAME) for d in digits}
-        blocks.append(_own_block(recording, rows))
+        cells = (
+            (tr(words), *(_cm(row, f"{name}_mm") for row in rows.values()))
+            for name, words in STATISTICS.items()
+        )
+        blocks.append(Block(_header(recording.hand.hand, digits), tuple(cells)))
         notes += _notes(results, recording, rows)
-    notes += [
-        tr("The sheet has no {hand}-hand recording of this task.", hand=hand)
-        for hand in HANDS
-        if hand not in trial.recordings
-    ]
-    table = (
-        ""
-        if model.paper_table is None
-        else tr("Table {paper_table}, this study: ", paper_table=model.paper_table)
-    )
-    caption = tr(
-        "{table}{who}, {title}, model {name}.", table=table, who=trial.who, title=trial.title, name=model.name
-    )
+    absent = [hand for hand in HANDS if hand not in trial.recordings]
+    notes += [tr("The sheet has no {hand}-hand recording of this task.", hand=hand) for hand in absent]
+    caption = tr("{who}, {title}, model {name}.", who=trial.who, title=trial.title, name=model.name)
     return DataTable(caption, tuple(blocks), tuple(notes))
 
 
+@cache
+def _printed() -> dict[tuple[int, str, str], tuple[str, ...]]:
+    with PRINTED.open(encoding="utf-8", newline="") as stream:
+        return {
+            (int(row["table"]), row["hand"], row["statistic"]): tuple(row[digit] for digit in PAPER_DIGITS)
+            for row in csv.DictReader(stream, delimiter="\t")
+        }
+
+
 def printed_table(table: int) -> DataTable:
-    """One of the paper's Tables 1 to 4, as printed, cm."""
-    values = _printed()
-    blocks = tuple(
+    """Return one of the paper's Tables 1 to 4, as printed, cm."""
+    blocks = (
         Block(
             _header(hand, PAPER_DIGITS),
-            tuple(
-                (tr(words), *(values[table, hand, digit, statistic] for digit in PAPER_DIGITS))
-                for statistic, words in STATISTICS.items()
-            ),
+            tuple((tr(words), *_printed()[table, hand, name]) for name, words in STATISTICS.items()),
         )
         for hand in HANDS
     )
-    return DataTable(tr("Table {table}, as the paper prints it.", table=table), blocks)
+    return DataTable(tr("Table {table}, as the paper prints it.", table=table), tuple(blocks))
 
 
 def table_title(model: SkeletonModel) -> str:
-    """Title a model's table, in the paper's words where the paper has that table."""
+    """Return a model's name, with the number of the paper's table where the paper has it."""
     if model.paper_table is None:
-        return tr("Model {name}, in the layout of the paper's tables", name=model.name)
-    return tr(
-        "Table {paper_table}. {TITLES}", paper_table=model.paper_table, TITLES=tr(TITLES[model.paper_table])
-    )
+        return model.name
+    return tr("Table {n}: {name}", n=model.paper_table, name=model.name)
 
 
 def is_the_papers_hand(results: StudyResults, trial: Trial) -> bool:
@@ -97,82 +82,46 @@ def is_the_papers_hand(results: StudyResults, trial: Trial) -> bool:
 
 
 def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
-    """Mean and 95th percentile of the tip error, mm, least-squares binding, by hand, model and digit."""
+    """Return mean and 95th percentile of the tip error, mm, least-squares binding, by hand, model, digit."""
     blocks = []
     for hand, recording in trial.recordings.items():
         digits = tuple(results.layouts[recording.hand].digits)
         titles = [f"{title(digit)} {kind}" for digit in digits for kind in (tr("mean"), "p95")]
         rows = []
         for model in results.models:
-            found = [results.tip_error(recording, model, digit, LEAST_SQUARES) for digit in digits]
-            cells = [
-                number(None if row is None else row[name]) for row in found for name in ("mean_mm", "p95_mm")
-            ]
-            rows.append((model, *cells, _held_out(found)))
-        blocks.append(Block((tr("{hand} hand [mm]", hand=title(hand)), *titles, tr("Held out")), tuple(rows)))
-    caption = tr(
-        "Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: {who}, {title}.",
-        who=trial.who,
-        title=trial.title,
-    )
+            errors = [results.tip_error(recording, model, digit, LEAST_SQUARES) for digit in digits]
+            cells = [number(row[name] if row else None) for row in errors for name in ("mean_mm", "p95_mm")]
+            seen = {tr("yes") if row["held_out"] else tr("no") for row in errors if row is not None}
+            rows.append((model, *cells, "/".join(sorted(seen)) or number(None)))
+        blocks.append(Block((tr("{hand} hand", hand=title(hand)), *titles, tr("Held out")), tuple(rows)))
+    caption = tr("Tip error, least-squares binding, mean and 95th percentile (p95) [mm]: {who}, {title}.",
+                 who=trial.who, title=trial.title)  # fmt: skip
     return DataTable(caption, tuple(blocks))
 
 
-@cache
-def _printed() -> _Printed:
-    with PRINTED.open(encoding="utf-8", newline="") as stream:
-        return {
-            (int(row["table"]), row["hand"], row["digit"], row["statistic"]): row["value_cm"]
-            for row in csv.DictReader(stream, delimiter="\t")
-        }
-
-
-def _own_block(recording: Recording, rows: dict[str, Row | None]) -> Block:
-    return Block(
-        _header(recording.hand.hand, tuple(rows)),
-        tuple(
-            (tr(words), *(_cm(None if row is None else row[f"{statistic}_mm"]) for row in rows.values()))
-            for statistic, words in STATISTICS.items()
-        ),
-    )
+def _cm(row: Row | None, name: str) -> str:
+    return number(None if row is None or row[name] is None else row[name] / 10)
 
 
 def _header(hand: str, digits: tuple[str, ...]) -> tuple[str, ...]:
     return (tr("Error ({hand} hand)", hand=title(hand)), *map(title, digits))
 
 
-def _cm(value_mm: float | None) -> str:
-    return number(None if value_mm is None else value_mm / 10)
-
-
 def _notes(results: StudyResults, recording: Recording, rows: dict[str, Row | None]) -> list[str]:
-    """Why cells are empty or doubtful, one line a reason, and how many frames the numbers rest on."""
+    """Return why cells are empty or doubtful, a line a reason, and how many frames the numbers rest on."""
     reasons: dict[str, list[str]] = defaultdict(list)
-    frames: dict[str, list[str]] = defaultdict(list)
     status, message = results.status_of(recording)
     for digit, row in rows.items():
         if row is None:
-            why = (
-                tr("no tip error was computed")
-                if status == "used"
-                else tr("recording {status}", status=status)
-            )
-            reasons[why + (f" ({translated(message)})" if message and status != "used" else "")].append(digit)
+            why = tr("no tip error was computed")
+            if status != "used":
+                why = ": ".join(filter(None, (word(status), translated(message))))
+            reasons[why].append(digit)
             continue
         if row["message"] or row["mean_mm"] is None:
             reasons[translated(row["message"]) or tr("no frame has an error")].append(digit)
         if row["mean_mm"] is not None and row["n_frames"] < row["n_frames_total"]:
-            frames[f"{row['n_frames']} of {row['n_frames_total']} frames"].append(digit)
+            frames = tr("from {n} of {total} frames", n=row["n_frames"], total=row["n_frames_total"])
+            reasons[frames].append(digit)
     hand = tr("{hand} hand", hand=title(recording.hand.hand))
-    notes = [
-        f"{hand}, {listed(map(word, digits))}: {reason.rstrip('.')}." for reason, digits in reasons.items()
-    ]
-    return notes + [
-        tr("{hand}, {digits}: from {text}.", hand=hand, digits=listed(map(word, digits)), text=text)
-        for text, digits in frames.items()
-    ]
-
-
-def _held_out(rows: list[Row | None]) -> str:
-    words = {tr("yes") if row["held_out"] else tr("no") for row in rows if row is not None}
-    return "/".join(sorted(words)) or number(None)
+    return [f"{hand}, {listed(map(word, digits))}: {why.rstrip('.')}." for why, digits in reasons.items()]

@@ -1,18 +1,21 @@
-"""The skeletons' scores in one evaluated task: every model and every reference, a row each.
+"""The skeletons' scores in one evaluated task, and of simulated hands how far they are from the true ones.
 
-A skeleton is a model made from certain tasks: a model has a row for each set of tasks that it was made from.
+A row is of a reference, or of a model made from certain tasks: a model has a row for each set of tasks.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
+
+from shukotsu.schemas.study import SubjectSession
 from shukotsu.sentences.translation import N_, ngettext, tr, translated
-from shukotsu.stages.report.study_results import Row, StudyResults, Trial
-from shukotsu.stages.report.table_cells import DASH, Column, DataTable, heading, shown, table_of_blocks
+from shukotsu.stages.report.study_results import Row, StudyResults, Trial, hand_of
+from shukotsu.stages.report.table_cells import DASH, Column, DataTable, heading, number, shown, table_of
 
 IN_SAMPLE = N_("○ no")
 MEANS = (
@@ -25,30 +28,20 @@ in its column alone.
 """
 
 
+FAR_MM = 5.0
+"""A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""
+
+
 class Skeleton(NamedTuple):
-    """A model with the tasks that it was made from, or a reference."""
+    """A model with the tasks that it was made from, or a reference, which was made from none."""
 
     model: str
     calibrated_on: str
     held_out: bool
     reference: bool
 
-    @property
-    def made_from(self) -> str:
-        """The tasks that it was made from; a dash for a reference, which was made from none."""
-        return DASH if self.reference else tasks_text(self.calibrated_on)
 
-    @property
-    def unseen(self) -> str:
-        """Whether it was made without the task that it is scored on, in words."""
-        return DASH if self.reference else tr("yes") if self.held_out else tr(IN_SAMPLE)
-
-
-_SKELETON = (
-    Column(N_("Skeleton"), lambda scored: scored[0].model, is_text=True),
-    Column(N_("Made from"), lambda scored: scored[0].made_from, is_text=True),
-    Column(N_("Held out"), lambda scored: scored[0].unseen, is_text=True),
-)
+Scored = tuple[Skeleton, list[Row]]
 
 
 def tasks_text(calibrated_on: str) -> str:
@@ -57,38 +50,47 @@ def tasks_text(calibrated_on: str) -> str:
 
 
 def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
-    """The scores of one subject's task, means over digits and hands; None where it has none.
+    """Return the scores of one subject's task, means over digits and hands; None where it has none.
 
-    Columns without a number are left out: those of a truth that the study does not have, for instance.
+    Held-out skeletons come first, then in-sample ones, then references. Empty columns are left out.
     """
-    rows = results.scores_in(trial)
-    found = _in_order(results, rows)
-    if not found:
-        return None
-    names = [name for name in MEANS if any(_is_known(name, row) for row in rows)]
-    columns = (*_SKELETON, *(Column(heading(name), partial(_mean_text, name)) for name in names))
-    blocks = {
-        kind: [(own, of) for own, of in found.items() if own.reference == is_reference]
-        for kind, is_reference in ((tr("Skeleton"), False), (tr("Reference"), True))
-    }
-    caption = tr("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
-    return table_of_blocks(caption, columns, blocks, _shortfalls(results, trial, found, names))
-
-
-def _in_order(results: StudyResults, rows: Iterable[Row]) -> dict[Skeleton, list[Row]]:
-    """Rows by skeleton: held-out ones, in-sample ones, references; within each as the study names them."""
     groups: dict[Skeleton, list[Row]] = defaultdict(list)
-    for row in rows:
+    for row in results.scores_in(trial):
         groups[Skeleton(row["model"], row["calibrated_on"], row["held_out"], row["reference"])].append(row)
-    names = list(results.models)
-    ordered = sorted(
-        groups,
-        key=lambda s: (s.reference, not s.held_out, names.index(s.model) if s.model in names else len(names)),
+    if not groups:
+        return None
+    order = {name: index for index, name in enumerate(results.models)}
+    scored = sorted(
+        groups.items(),
+        key=lambda each: (each[0].reference, not each[0].held_out, order.get(each[0].model, len(order))),
     )
-    return {skeleton: groups[skeleton] for skeleton in ordered}
+    names = [name for name in MEANS if any(_is_known(name, row) for _, rows in scored for row in rows)]
+    columns = (
+        Column(tr("Skeleton"), lambda each: each[0].model, is_text=True),
+        Column(tr("Made from"), _made_from, is_text=True),
+        Column(tr("Held out"), _held_out, is_text=True),
+        *(Column(heading(name), partial(_mean_text, name)) for name in names),
+    )
+    caption = tr("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
+    return table_of(caption, columns, _blocks(scored), notes=_shortfalls(results, trial, scored, names))
 
 
-def _mean_text(name: str, scored: tuple[Skeleton, list[Row]]) -> str:
+def _blocks(scored: Iterable[Scored]) -> dict[str, list[Scored]]:
+    blocks: dict[str, list[Scored]] = {tr("Skeleton"): [], tr("Reference"): []}
+    for skeleton, rows in scored:
+        blocks[tr("Reference") if skeleton.reference else tr("Skeleton")].append((skeleton, rows))
+    return {heading: group for heading, group in blocks.items() if group}
+
+
+def _made_from(scored: Scored) -> str:
+    return DASH if scored[0].reference else tasks_text(scored[0].calibrated_on)
+
+
+def _held_out(scored: Scored) -> str:
+    return DASH if scored[0].reference else tr("yes") if scored[0].held_out else tr(IN_SAMPLE)
+
+
+def _mean_text(name: str, scored: Scored) -> str:
     return shown(name, mean(row[name] for row in scored[1] if _is_known(name, row)))
 
 
@@ -97,23 +99,72 @@ def _is_known(name: str, row: Row) -> bool:
 
 
 def mean(values: Iterable[float | None]) -> float | None:
-    """The mean of what is there; None where nothing is."""
-    known = [value for value in values if value is not None]
-    return sum(known) / len(known) if known else None
+    """Return the mean of what is there; None where nothing is."""
+    numbers = [value for value in values if value is not None]
+    return sum(numbers) / len(numbers) if numbers else None
 
 
 def _shortfalls(
-    results: StudyResults, trial: Trial, found: dict[Skeleton, list[Row]], names: list[str]
-) -> tuple[str, ...]:
-    """Which skeletons' means are over fewer digits than the task has, and why; the same reason once."""
+    results: StudyResults, trial: Trial, scored: Sequence[Scored], names: Sequence[str]
+) -> list[str]:
+    """Return which skeletons' means are over fewer digits than the task has, and why; a reason once."""
     total = sum(len(results.layouts[r.hand].digits) for r in trial.recordings.values())
     models_of: dict[str, dict[str, None]] = defaultdict(dict)
-    for skeleton, rows in found.items():
+    for skeleton, rows in scored:
         counts = [sum(row[name] is not None for row in rows) for name in names]
         fewest = min((count for count in counts if count), default=0)
         parts = dict.fromkeys(translated(row["message"]).rstrip(".。") for row in rows if row["message"])
         digits = ngettext("{n} digit", "{n} digits", total)
-        short = [tr("{fewest} of {digits}", fewest=fewest, digits=digits)] if fewest < total else []
+        short = [tr("{n} of {total}", n=fewest, total=digits)] if fewest < total else []
         if short or parts:
             models_of["; ".join([*short, *parts])][skeleton.model] = None
-    return tuple(f"{', '.join(models)}: {text}." for text, models in models_of.items())
+    return [f"{', '.join(models)}: {text}." for text, models in models_of.items()]
+
+
+def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
+    """Return the joints of both of a subject's hands against the truth, a row a skeleton; None without it."""
+    order = {name: index for index, name in enumerate(results.models)}
+    groups: dict[Skeleton, list[Row]] = defaultdict(list)
+    for row in results.joint_errors:
+        if hand_of(row).who == who:
+            model = row["model"]
+            skeleton = Skeleton(model, row["calibrated_on"], held_out=False, reference=model not in order)
+            groups[skeleton].append(row)
+    if not groups:
+        return None
+    scored = sorted(groups.items(), key=lambda each: order.get(each[0].model, len(order)))
+
+    def quantile(title: str, share: float, name: str = "error_mm") -> Column:
+        def cell(each: Scored) -> str:
+            values = _sizes(each, name)
+            return number(float(np.quantile(values, share)) if values else None)
+
+        return Column(title, cell)
+
+    columns = (
+        Column(tr("Skeleton"), lambda each: each[0].model, is_text=True),
+        Column(tr("Made from"), _made_from, is_text=True),
+        Column(tr("Joints"), lambda each: f"{len(_sizes(each, 'error_mm'))}/{len(each[1])}"),
+        quantile(heading("median_mm"), 0.5),
+        quantile("90 % [mm]", 0.9),
+        quantile(heading("max_mm"), 1.0),
+        Column(
+            f"> {FAR_MM:.0f} mm [%]", lambda each: _percent([e > FAR_MM for e in _sizes(each, "error_mm")])
+        ),
+        quantile(tr("Axis [deg]"), 0.5, "axis_deg"),
+        quantile(heading("bone_error_percent"), 0.5, "bone_error_percent"),
+        Column(
+            tr("In the stated 95 % [%]"),
+            lambda each: _percent([row["within_95"] for row in each[1] if row["within_95"] is not None]),
+        ),
+    )
+    caption = tr("Joints against the true ones, both hands: {who}. Axis, bone length: medians.", who=who)
+    return table_of(caption, columns, _blocks(scored))
+
+
+def _percent(answers: Sequence[bool]) -> str:
+    return number(100.0 * sum(answers) / len(answers) if answers else None, 0)
+
+
+def _sizes(scored: Scored, name: str) -> list[float]:
+    return [abs(row[name]) for row in scored[1] if row[name] is not None]

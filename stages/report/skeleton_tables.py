@@ -1,10 +1,15 @@
-"""Tables of the skeleton itself: how long each bone is, and where the receivers sit."""
+"""Tables of a hand: how long each bone is, where the receivers sit, how far each joint moved."""
 
 from __future__ import annotations
 
 from collections import Counter
 
+from shukotsu.schemas.movement_tables import RANGES_OF_MOTION
+
+from shukotsu.errors import InputError
+from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.study import Hand
+from shukotsu.schemas.tables import rows_of
 from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
 from shukotsu.stages.report.belief import BELIEVED, belief
 from shukotsu.stages.report.links import anchor, link
@@ -15,22 +20,20 @@ from shukotsu.stages.report.table_cells import (
     Column,
     DataTable,
     Folded,
+    error_column,
     number,
-    number_column,
+    quantity_column,
     table_of,
     text_column,
     title,
+    with_error,
 )
 
 STATUS_MARKS = {"ok": N_("ok"), "weak": N_("◆ weak"), "failed": N_("✕ failed")}
 
-STATUS = Column(
-    "Status", lambda row: tr(STATUS_MARKS.get(str(row["status"]), str(row["status"]))), is_text=True
-)
-
 
 def bone_table(results: StudyResults, hand: Hand) -> DataTable:
-    """The bone lengths of a hand, mm, one column a model; a bone is named after its segment."""
+    """Tabulate the bone lengths of a hand, mm, a column a model; a bone is named after its segment."""
     of_models = {model: _named_bones(results, hand, model) for model in results.models}
     names = _in_order(results, {name for bones in of_models.values() for name in bones})
     rows = tuple((name, *(_length(bones.get(name)) for bones in of_models.values())) for name in names)
@@ -48,7 +51,7 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
 
 
 def lengths_table(results: StudyResults, model: str) -> DataTable:
-    """The bone lengths of all hands side by side, mm: a row a hand, a column a bone, with verdicts."""
+    """Tabulate the bone lengths of all hands, mm: a row a hand, a column a bone, with verdicts."""
     of_hands = {hand: _named_bones(results, hand, model) for hand in results.hands}
     names = _in_order(results, {name for bones in of_hands.values() for name in bones})
     rows = tuple(
@@ -56,7 +59,7 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
             anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
             word(hand.hand),
             _believed(results, hand, bones),
-            *(_believed_length(bones.get(name)) for name in names),
+            *(_length(bones.get(name)) for name in names),
         )
         for hand, bones in of_hands.items()
     )
@@ -88,76 +91,81 @@ def _believed(results: StudyResults, hand: Hand, bones: dict[str, Row]) -> str:
     """How many of a hand's lengths to believe; none of one with a finding."""
     if not bones:
         return DASH
-    suspect = hand in results.suspect
-    count = 0 if suspect else sum(belief(row) == BELIEVED for row in bones.values())
-    text = tr("{n_far} of {n_rows}", n_far=count, n_rows=len(bones))
-    return text + (tr(" (◆ has a finding)") if suspect else "")
-
-
-def _believed_length(row: Row | None) -> str:
-    """The length, a doubt's sign behind it."""
-    if row is None or row["length_mm"] is None:
-        return DASH
-    sd = "" if row["sd_mm"] is None else f" ± {number(row['sd_mm'], 1)}"
-    verdict = belief(row)
-    return number(row["length_mm"], 1) + sd + ("" if verdict == BELIEVED else f" {verdict[0]}")
+    if hand in results.suspect:
+        return tr("{n} of {total}", n=0, total=len(bones)) + " ◆"
+    count = sum(belief(row) == BELIEVED for row in bones.values())
+    return tr("{n} of {total}", n=count, total=len(bones))
 
 
 def _length(row: Row | None) -> str:
+    """The length with its error, a doubt's sign behind it."""
     if row is None or row["length_mm"] is None:
         return DASH
-    varies = row["sd_over_frames_mm"]
-    text = _with_error(row["length_mm"], row["sd_mm"])
-    return text + ("" if varies is None else tr(" (varies {varies})", varies=number(varies)))
+    verdict = belief(row)
+    sign = "" if verdict == BELIEVED else f" {verdict[0]}"
+    return with_error(row["length_mm"], row["sd_mm"], 1) + sign
 
 
 def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
-    """Where the receivers of a hand sit on their bones, for each model that fits the whole hand."""
+    """Tabulate where the receivers of a hand sit on their bones, for each model that fits the whole hand."""
+    columns = (
+        text_column(tr("Receiver"), "segment"),
+        Column(tr("Status"), lambda row: tr(STATUS_MARKS.get(row["status"], row["status"])), is_text=True),
+        error_column(tr("Along the bone [mm]"), "along", "mm", 2),
+        error_column(tr("To the thumb's side [mm]"), "lateral", "mm", 2),
+        error_column(tr("Over the bone [mm]"), "height", "mm", 2),
+        quantity_column("residual_mm"),
+        quantity_column("residual_deg"),
+        Column(tr("Came loose"), _loose, is_text=True),
+        text_column(tr("Message"), "message"),
+    )
     folded = []
     for model in results.fitted:
         rows = results.receivers_of.get((hand, model), [])
-        caption = tr("Receivers of {hand}, model {model}, with 1-sigma errors.", hand=hand, model=model)
-        table = table_of(caption, _RECEIVER_COLUMNS, rows, tr("no hand was fitted"))
-        loose = sum(row["loose_from_frame"] is not None for row in rows)
+        caption = tr("Receivers of {hand}, {model}, with 1-sigma errors.", hand=hand, model=model)
         counts = ngettext("{n} receiver", "{n} receivers", len(rows))
-        counts += tr(", {loose} came loose", loose=loose) if loose else ""
-        folded.append(
-            Folded(
-                tr("{hand} hand, {model}: {counts}", hand=title(hand.hand), model=model, counts=counts), table
-            )
-        )
+        summary = tr("{hand} hand", hand=title(hand.hand)) + f", {model}: {counts}"
+        folded.append(Folded(summary, table_of(caption, columns, rows, tr("no hand was fitted"))))
     return folded
 
 
 def _loose(row: Row) -> str:
     if row["loose_from_frame"] is None:
         return ""
-    where = tr(" of {loose_task}", loose_task=row["loose_task"]) if row["loose_task"] else ""
     return tr(
-        "◆ from frame {loose_from_frame}{where}: moved {loose_shift_mm} mm, turned {loose_turn_deg} deg",
-        loose_from_frame=row["loose_from_frame"],
-        where=where,
-        loose_shift_mm=number(row["loose_shift_mm"], 1),
-        loose_turn_deg=number(row["loose_turn_deg"], 1),
+        "◆ {task} from frame {frame} on: moved {mm} mm, turned {deg} deg",
+        task=row["loose_task"],
+        frame=row["loose_from_frame"],
+        mm=number(row["loose_shift_mm"], 1),
+        deg=number(row["loose_turn_deg"], 1),
+    ).replace("◆  ", "◆ ")
+
+
+def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
+    """Return rows of ranges_of_motion of a hand under a model; none where movement was not measured."""
+    path = results.subject_table(hand, RANGES_OF_MOTION.name)
+    if not path.is_file():
+        return []
+    part = Part(hand.hand, model, "", hand.subject, hand.session)
+    columns = [column.name for column in RANGES_OF_MOTION.columns]
+    try:
+        return list(rows_of(read_part(path, RANGES_OF_MOTION, part, columns)))
+    except InputError:
+        return []
+
+
+def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> DataTable:
+    """Tabulate range, posture and speed of every joint angle, each range with its stated 1-sigma error."""
+    task = Column(tr("Task"), lambda row: ", ".join(filter(None, (row["task"], row["trial"]))), is_text=True)
+    columns = (
+        text_column(tr("Joint"), "joint"),
+        text_column(tr("Angle"), "angle"),
+        *((task,) if with_recording else ()),
+        error_column(tr("Range of motion [deg]"), "range", "deg"),
+        quantity_column("low_deg"),
+        quantity_column("high_deg"),
+        quantity_column("full_range_deg"),
+        error_column(tr("Median [deg]"), "median", "deg"),
+        *map(quantity_column, ("speed_median_deg_s", "speed_p95_deg_s", "valid_percent")),
     )
-
-
-def _placed(heading: str, name: str) -> Column:
-    return Column(heading, lambda row: _with_error(row[f"{name}_mm"], row[f"{name}_sd_mm"]))
-
-
-_RECEIVER_COLUMNS = (
-    text_column(N_("Receiver"), "segment"),
-    STATUS,
-    _placed(N_("Along the bone [mm]"), "along"),
-    _placed(N_("To the thumb's side [mm]"), "lateral"),
-    _placed(N_("Over the bone [mm]"), "height"),
-    number_column(N_("Residual [mm]"), "residual_mm"),
-    number_column(N_("Residual [deg]"), "residual_deg"),
-    Column(N_("Came loose"), _loose, is_text=True),
-    text_column(N_("Message"), "message"),
-)
-
-
-def _with_error(value: float | None, sd: float | None) -> str:
-    return number(value) + (f" ± {number(sd)}" if value is not None and sd is not None else "")
+    return table_of(caption, columns, rows)

@@ -18,20 +18,18 @@ from shukotsu.schemas.results import (
     STUDY_TABLES,
 )
 from shukotsu.schemas.study import Study, SubjectSession
-from shukotsu.schemas.verdict import BELIEVE
 from shukotsu.sentences.translation import tr, translated
+from shukotsu.stages.report.at_a_glance import believed_text, class_texts, joint_picture, small_hand
 from shukotsu.stages.report.headline import big_numbers, used_text
-from shukotsu.stages.report.joint_picture import class_texts, joint_picture
 from shukotsu.stages.report.judged_models import model_to_take
 from shukotsu.stages.report.links import Link, link, recording_links
 from shukotsu.stages.report.methods_text import REFERENCES, methods_text
 from shukotsu.stages.report.movement_results import Movement
 from shukotsu.stages.report.plots.panels import page_picture, taken_failures
 from shukotsu.stages.report.print_figures.study_figures import model_panels, range_panels
-from shukotsu.stages.report.provenance import all_problems, found
+from shukotsu.stages.report.provenance import all_problems, faults_listed
 from shukotsu.stages.report.recording_results import read_stretch
 from shukotsu.stages.report.skeleton_tables import lengths_table
-from shukotsu.stages.report.small_hand import small_hand
 from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.templates import render
 from shukotsu.stages.report.viewer import View, view_of
@@ -77,28 +75,31 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         joints=joint_picture(results),
         classes=class_texts(),
         problems=all_problems(results),
-        accepted=found(results.accepted),
+        accepted=faults_listed(results.accepted),
         differences=movement.differences_table() if movement else None,
-        subjects=subject_cards(results),
+        subjects=[_card(results, who) for who in results.sessions],
         lengths=lengths_table(results, results.leading),
         lengths_open=len(results.hands) <= FEW_HANDS,
         methods=methods_text(results, movement),
         references=REFERENCES,
         files=study_files(results),
         exports=exported_files(results) if study.exports else {},
-        versions=", ".join(f"{name} {version}" for name, version in _versions()),
+        versions=", ".join(
+            [
+                f"shukotsu {VERSION}",
+                f"python {platform.python_version()}",
+                *(f"{package} {metadata.version(package)}" for package in PACKAGES),
+            ]
+        ),
         **parts,
     )
 
 
 def _front(results: StudyResults) -> View | None:
-    """The hand in motion of the first recording that counts and can be shown; None where there is none."""
-    possible = [
-        own
-        for own in results.shown
-        if own.hand not in results.suspect and results.status_of(own)[0] == "used"
-    ]
-    for recording in possible[:MOST_TRIED]:
+    """The hand in motion of the first recording that counts and can be shown; None without one."""
+    counted = [recording for recording in results.shown if recording.hand not in results.suspect]
+    used = [recording for recording in counted if results.status_of(recording)[0] == "used"]
+    for recording in used[:MOST_TRIED]:
         try:
             motion = read_stretch(results, recording, results.leading)
         except InputError:
@@ -116,26 +117,20 @@ def _schema(results: StudyResults) -> Markup | None:
     return small_hand(results, hands[0], results.leading) if hands else None
 
 
-def subject_cards(results: StudyResults) -> list[SubjectCard]:
-    """Return a card for every subject in every session, in the sheet's order."""
-    return [_card(results, who) for who in results.sessions]
-
-
 def _card(results: StudyResults, who: SubjectSession) -> SubjectCard:
     page, model, hands = results.paths.report, results.leading, results.hands_of(*who)[::-1]
     rows = [row for hand in hands for row in results.joints_of.get((hand, model), [])]
-    believed = sum(row["verdict"] == BELIEVE for row in rows)
     return SubjectCard(
         link(who.label, page, results.paths.subject_page(*who)),
         tuple(small_hand(results, hand, model) for hand in hands),
-        f"{believed}/{len(rows)}" if rows else tr("no joint"),
+        believed_text(rows),
         any(hand in results.suspect for hand in hands),
-        recording_links(results.shown, results.paths, page, who),
+        recording_links(results, page, who),
     )
 
 
 def study_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
-    """Links to what stands beside the page: figures for print, tables, the study as it was understood."""
+    """Return links to what stands beside the page: figures for print, tables, configuration."""
     paths = results.paths
     page, tables = paths.report, (*STUDY_TABLES, *MODEL_COMPARISONS, *MOVEMENT_COMPARISONS)
     figures = [
@@ -144,31 +139,25 @@ def study_files(results: StudyResults) -> list[tuple[str, list[Link]]]:
     ]
     return [
         *figures,
-        (tr("tables"), [link(name, page, paths.study_table(name)) for name in tables]),
-        (tr("configuration"), [link(paths.resolved.name, page, paths.resolved)]),
+        ("tables", [link(name, page, paths.study_table(name)) for name in tables]),
+        ("configuration", [link(paths.resolved.name, page, paths.resolved)]),
     ]
 
 
 def exported_files(results: StudyResults) -> dict[str, list[Link]]:
-    """Links to the files in the folder of exports, by what their names end in; to folders there as such."""
+    """Return links to the files in the folder of exports, by what their names end in."""
     exported: dict[str, list[Link]] = {}
     for file in sorted(results.paths.exports.glob("[!.]*")):  # what begins with a dot is Snakemake's
         if not file.name.endswith(".failed.txt"):
-            kind = tr("folders") if file.is_dir() else file.suffix.removeprefix(".")
+            kind = "/" if file.is_dir() else file.suffix.removeprefix(".")
             exported.setdefault(kind, []).append(link(file.name, results.paths.report, file))
     return exported
-
-
-def _versions() -> list[tuple[str, str]]:
-    """The program and the packages that made the page."""
-    return [("shukotsu", VERSION), ("python", platform.python_version()),
-            *((package, metadata.version(package)) for package in PACKAGES)]  # fmt: skip
 
 
 def render_failure(message: str) -> str:
     """Return a page that says only why there is no report."""
     return render(
-        "failure.html.j2",
+        "base.html.j2",
         title=tr("No report"),
         message=tr("The report could not be made: {message}", message=translated(message)),
     )

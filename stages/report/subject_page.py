@@ -4,30 +4,36 @@ from __future__ import annotations
 
 from typing import Any
 
+from markupsafe import Markup
+
+from shukotsu.errors import InputError
 from shukotsu.schemas.study import Hand, SubjectSession
-from shukotsu.sentences.translation import tr
+from shukotsu.sentences.translation import tr, translated
 from shukotsu.stages.report import provenance
+from shukotsu.stages.report.belief import believed_counts, gain_lines, joint_table
 from shukotsu.stages.report.headline import opening, used_text
 from shukotsu.stages.report.links import link, recording_links
-from shukotsu.stages.report.measured_ranges import measured_ranges, measured_table
-from shukotsu.stages.report.next_step import gain_lines
 from shukotsu.stages.report.paper_tables import (
     is_the_papers_hand,
     least_squares_table,
-    own_table,
     printed_table,
+    study_table,
     table_title,
 )
+from shukotsu.stages.report.plots.hand import hand_panel
 from shukotsu.stages.report.plots.panels import page_picture
 from shukotsu.stages.report.print_figures.study_figures import lengths_panel
-from shukotsu.stages.report.score_tables import score_table
-from shukotsu.stages.report.skeleton_stills import hand_still
-from shukotsu.stages.report.skeleton_tables import bone_table, receiver_tables
+from shukotsu.stages.report.recording_results import read_still
+from shukotsu.stages.report.score_tables import score_table, truth_table
+from shukotsu.stages.report.skeleton_tables import (
+    bone_table,
+    measured_ranges,
+    measured_table,
+    receiver_tables,
+)
 from shukotsu.stages.report.study_results import StudyResults, Trial
 from shukotsu.stages.report.table_cells import Folded
 from shukotsu.stages.report.templates import render
-from shukotsu.stages.report.trust import believed_counts, joint_table
-from shukotsu.stages.report.truth_tables import truth_table
 
 
 def render_subject(results: StudyResults) -> str:
@@ -43,11 +49,11 @@ def render_subject(results: StudyResults) -> str:
         "subject.html.j2",
         study=results.name,
         to_study=link(results.name, page, results.paths.report),
-        recordings=recording_links(results.shown, results.paths, page, who),
+        recordings=recording_links(results, page, who),
         opening=opening(results),
         used=used_text(results),
         problems=provenance.all_problems(results),
-        accepted=provenance.found(results.accepted),
+        accepted=provenance.faults_listed(results.accepted),
         name=who.label,
         model=results.leading,
         hands=[_hand_part(results, hand) for hand in reversed(hands)],
@@ -61,6 +67,7 @@ def render_subject(results: StudyResults) -> str:
 def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
     """A hand: its picture, its joints under every model, the leading one's first; what to record next."""
     model = results.leading
+    caption, still = _still(results, hand)
     tables = [
         Folded(
             f"{name}: {believed_counts(results.joints_of.get((hand, name), []))}",
@@ -70,11 +77,31 @@ def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
     ]
     return {
         "name": tr("{hand} hand", hand=hand.hand.capitalize()),
-        "still": hand_still(results, hand),
+        "caption": caption,
+        "still": still,
         "leading": tables[0],
         "others": tables[1:],
         "next": gain_lines(results.gains_of.get((hand, model), [])),
     }
+
+
+def _still(results: StudyResults, hand: Hand) -> tuple[str, Markup]:
+    """The hand in the first of its recordings that has a frame to show, with what it shows; where there is
+    none, why.
+    """
+    name, reasons = tr("{hand} hand", hand=hand.hand.capitalize()), []
+    recordings = [each for each in results.recordings if each.hand == hand and not each.exclude]
+    for recording in sorted(recordings, key=lambda each: each.role == "calibration"):
+        try:
+            motion = read_still(results, recording, [results.leading])
+        except InputError as error:
+            reasons.append(translated(error.message))
+            continue
+        title = tr("Skeleton of {hand}, {model}.", hand=hand, model=results.leading)
+        caption = tr("{name}, {task}, frame {n}", name=name, task=recording.task, n=motion.frame[0])
+        return caption, page_picture(hand_panel(title, motion, motion.skeletons[0], 0))
+    why = "; ".join(dict.fromkeys(reasons)) or tr("it has no recording in use")
+    return tr("{name}: no picture, for {why}.", name=name, why=why), Markup()
 
 
 def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
@@ -86,7 +113,7 @@ def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
         "pairs": [
             {
                 "title": table_title(model),
-                "own": own_table(results, trial, model),
+                "table": study_table(results, trial, model),
                 "printed": printed_table(model.paper_table) if beside and model.paper_table else None,
             }
             for model in results.models.values()
@@ -102,12 +129,14 @@ def _folded(results: StudyResults, who: SubjectSession) -> dict[str, list[Folded
     ranges = []
     for hand in hands:
         if rows := measured_ranges(results, hand, results.leading):
-            caption = tr("Range of motion, posture and speed of {hand}, with 1-sigma errors.", hand=hand)
+            caption = tr(
+                "Range of motion, posture and speed, with 1-sigma errors: {name}.",
+                name=hand,
+            )
             ranges.append(Folded(names[hand], measured_table(caption, rows, with_recording=True)))
-    sheet = provenance.recordings_table(results, tr("of {who}", who=who))
     return {
         "lengths": [Folded(names[hand], bone_table(results, hand)) for hand in hands],
         "ranges": ranges,
         "receivers": [folded for hand in hands for folded in receiver_tables(results, hand)],
-        "recordings": [Folded(used_text(results), sheet)],
+        "recordings": [Folded(used_text(results), provenance.recordings_table(results))],
     }

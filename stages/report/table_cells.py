@@ -34,6 +34,20 @@ QUANTITIES: Mapping[str, Quantity] = {
     "posed_mean_mm": Quantity(N_("Posed hand to distal receivers"), "mm", 2),
     "replay_mean_mm": Quantity(N_("Tip error of the replay"), "mm", 2),
     "wrist_mcp_sd_mm": Quantity(N_("SD of wrist to MCP"), "mm", 2),
+    "low_deg": Quantity("2.5 %", "deg", 1),
+    "high_deg": Quantity("97.5 %", "deg", 1),
+    "full_range_deg": Quantity(N_("Full range"), "deg", 1),
+    "speed_median_deg_s": Quantity(N_("Speed, median"), "deg/s", 1),
+    "length_mm": Quantity(N_("Bone length"), "mm", 1),
+    "bone_error_percent": Quantity(N_("Bone length"), "%", 2),
+    "residual_mm": Quantity(N_("Residual"), "mm", 2),
+    "residual_deg": Quantity(N_("Residual"), "deg", 2),
+    "mean_mm": Quantity(N_("Mean"), "mm", 2),
+    "median_mm": Quantity(N_("Median"), "mm", 2),
+    "p95_mm": Quantity("95 %", "mm", 2),
+    "max_mm": Quantity(N_("Max"), "mm", 2),
+    "min_mm": Quantity(N_("Min"), "mm", 2),
+    "n_effective": Quantity(N_("Independent samples"), "", 1),
     "speed_p95_deg_s": Quantity(N_("Speed, 95 %"), "deg/s", 1),
     "valid_percent": Quantity(N_("Valid"), "%", 1),
     "duration_s": Quantity(N_("Duration"), "s", 2),
@@ -88,25 +102,29 @@ class Column(NamedTuple):
 
 
 def quantity_column(name: str) -> Column:
-    """The numbers of a quantity under its heading."""
+    """Return the numbers of a quantity under its heading."""
     return Column(heading(name), lambda row: shown(name, row.get(name)))
 
 
 def number_column(heading: str, name: str, decimals: int = 2) -> Column:
-    """The numbers of that name in the rows; a dash where there is none."""
+    """Return the numbers of that name in the rows; a dash where there is none."""
     return Column(heading, lambda row: number(row.get(name), decimals))
 
 
+def error_column(heading: str, name: str, unit: str, decimals: int = 1) -> Column:
+    """Return the numbers of the column `name_unit` with their 1-sigma errors, `name_sd_unit`."""
+    return Column(heading, lambda row: with_error(row[f"{name}_{unit}"], row[f"{name}_sd_{unit}"], decimals))
+
+
 def text_column(heading: str, name: str) -> Column:
-    """The text of that name in the rows."""
-    return Column(heading, lambda row: _text(name, row[name]), is_text=True)
+    """Return the text of that name in the rows: sentences and names of the project translated."""
 
+    def cell(row: Any) -> str:
+        if name in _SENTENCES:
+            return translated(row[name])
+        return word(row[name]) if name in _NAMES else str(row[name])
 
-def _text(column: str, text: str) -> str:
-    """A table's text as a page shows it: what is a name stays."""
-    if column in _SENTENCES:
-        return translated(text)
-    return word(text) if column in _NAMES else text
+    return Column(heading, cell, is_text=True)
 
 
 _SENTENCES = frozenset({"message", "question", "test"})
@@ -114,28 +132,29 @@ _NAMES = frozenset({"hand", "digit", "angle", "binding", "across", "Hand"})
 """Columns of tables whose texts are sentences, and whose texts are names of the project."""
 
 
-def table_of(caption: str, columns: Sequence[Column], rows: Iterable[Any], if_empty: str = "") -> DataTable:
-    """A table of one block; a note says what `if_empty` says where there is no row."""
-    rows = list(rows)
-    notes = (if_empty,) if if_empty and not rows else ()
-    return DataTable(caption, (_block(columns[0].heading, columns, rows),), notes, _texts(columns))
-
-
-def table_of_blocks(
-    caption: str, columns: Sequence[Column], blocks: Mapping[str, Sequence[Any]], notes: Iterable[str] = ()
+def table_of(
+    caption: str,
+    columns: Sequence[Column],
+    rows: Iterable[Any] | Mapping[str, Sequence[Any]],
+    if_empty: str = "",
+    notes: Iterable[str] = (),
 ) -> DataTable:
-    """A table of a block for each heading that has rows; the heading stands over the first column."""
-    made = (_block(heading, columns, rows) for heading, rows in blocks.items() if rows)
-    return DataTable(caption, tuple(made), tuple(notes), _texts(columns))
+    """Return a table of one block, or of one for each heading that has rows.
 
-
-def _block(heading: str, columns: Sequence[Column], rows: Iterable[Any]) -> Block:
-    header = (heading, *(column.heading for column in columns[1:]))
-    return Block(header, tuple(tuple(column.cell(row) for column in columns) for row in rows))
-
-
-def _texts(columns: Sequence[Column]) -> frozenset[int]:
-    return frozenset(place for place, column in enumerate(columns) if column.is_text)
+    if_empty : a note for a table without rows.
+    """
+    groups = rows if isinstance(rows, Mapping) else {columns[0].heading: list(rows)}
+    blocks = tuple(
+        Block(
+            (heading, *(column.heading for column in columns[1:])),
+            tuple(tuple(column.cell(row) for column in columns) for row in group),
+        )
+        for heading, group in groups.items()
+        if group or groups is not rows
+    )
+    empty = (if_empty,) if if_empty and not any(groups.values()) else ()
+    texts = frozenset(index for index, column in enumerate(columns) if column.is_text)
+    return DataTable(caption, blocks, (*empty, *notes), texts)
 
 
 def number(value: float | None, decimals: int = 2) -> str:
@@ -143,6 +162,12 @@ def number(value: float | None, decimals: int = 2) -> str:
     if value is None or value != value:
         return DASH
     return f"{value:.{decimals}f}".replace("-0." + "0" * decimals, "0." + "0" * decimals)
+
+
+def with_error(value: float | None, sd: float | None, decimals: int = 2) -> str:
+    """Return the number with its 1-sigma error, where both are there."""
+    error = f" ± {number(sd, decimals)}" if value is not None and sd is not None else ""
+    return number(value, decimals) + error
 
 
 def p_text(p: float) -> str:
@@ -154,7 +179,7 @@ def p_text(p: float) -> str:
 
 
 def alike(values: Mapping[str, object]) -> list[list[str]]:
-    """Names in groups of equal values, in their order."""
+    """Return names in groups of equal values, in their order."""
     groups: list[list[str]] = []
     for name, value in values.items():
         same = next((group for group in groups if values[group[0]] == value), None)

@@ -36,7 +36,7 @@ SCRIPT_TEXTS = {
     "unknown": N_("not known"),
     "time": N_("time from the first frame [s]"),
 }
-"""What scripts say, by name: `wording(name, values)` of texts.js."""
+"""What scripts say, by name: `wording(name, values)` of base.html.j2."""
 
 
 def coded(text: object) -> Markup:

@@ -9,14 +9,11 @@ from __future__ import annotations
 import gettext
 import io
 import re
-from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from functools import cache
 from pathlib import Path
-from typing import IO, Any
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.config_files import loaded_yaml
 from shukotsu.sentences.translation import END, ENGLISH, FOREIGN, language, translating
 
 CATALOGUES = Path(__file__).parent / "languages"
@@ -68,8 +65,3 @@ def typeset(page: str) -> str:
 def plain(text: str) -> str:
     """Return text without marks of what stays English, for where no element can stand."""
     return text.replace(FOREIGN, "").replace(END, "")
-
-
-def extract_description(file: IO[bytes], *_: Any, **__: Any) -> Iterator[tuple[int, str, str, list[str]]]:
-    """Give Babel the description of a skeleton model to translate (babel.cfg)."""
-    yield 1, "", str(loaded_yaml(file.read().decode("utf-8"), "a model")["description"]).rstrip("."), []

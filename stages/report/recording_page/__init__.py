@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from shukotsu.schemas.study import Recording
-from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
-from shukotsu.stages.report.belief import belief
+from shukotsu.sentences.translation import ngettext, tr, translated, word
+from shukotsu.stages.report.belief import belief, believed_counts
 from shukotsu.stages.report.links import navigation
-from shukotsu.stages.report.measured_ranges import measured_ranges, measured_table
 from shukotsu.stages.report.palette import MARK_PATHS
 from shukotsu.stages.report.recording_results import (
     ModelResults,
     RecordingResults,
     angles_of,
 )
+from shukotsu.stages.report.skeleton_tables import measured_ranges, measured_table
 from shukotsu.stages.report.study_results import recording_key, row_key
 from shukotsu.stages.report.table_cells import (
     Column,
@@ -20,11 +20,11 @@ from shukotsu.stages.report.table_cells import (
     capital,
     number,
     number_column,
+    quantity_column,
     table_of,
     text_column,
 )
 from shukotsu.stages.report.templates import render
-from shukotsu.stages.report.trust import believed_counts
 from shukotsu.stages.report.viewer import Block, view_of
 
 ANGLE_STEP_DEG = 0.1
@@ -45,9 +45,20 @@ def recording_page(results: RecordingResults) -> str:
     header = {
         "angles": [{"model": each.model, "joints": [word(joint) for joint in each.joints]} for each in angles]
     }
+    columns = (
+        text_column(tr("Model"), "model"),
+        text_column(tr("Digit"), "digit"),
+        text_column(tr("Binding"), "binding"),
+        quantity_column("mean_mm"),
+        number_column("SD [mm]", "sd_mm"),
+        *map(quantity_column, ("median_mm", "p95_mm", "max_mm", "min_mm", "n_frames")),
+        number_column(tr("Of"), "n_frames_total", 0),
+        Column(tr("Held out"), lambda row: tr("yes") if row["held_out"] else tr("○ no"), is_text=True),
+        text_column(tr("Message"), "message"),
+    )
     tip_errors = table_of(
         tr("Tip error of the replay, {title}.", title=title),
-        _TIP_ERROR_COLUMNS,
+        columns,
         [row for model in results.models for row in model.tip_errors],
     )
     return render(
@@ -72,7 +83,7 @@ def recording_page(results: RecordingResults) -> str:
 def failure_page(title: str, message: str) -> str:
     """Return a page that says only why there is none of the recording."""
     text = tr("This recording has no page: {message}", message=translated(message))
-    return render("failure.html.j2", title=title, message=text)
+    return render("base.html.j2", title=title, message=text)
 
 
 def recording_title(recording: Recording) -> str:
@@ -85,7 +96,7 @@ def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:
     """Tabulate the recording's rows of ranges_of_motion under a model; None without any."""
     measured = measured_ranges(results.study, results.recording.hand, model.name)
     rows = [row for row in measured if row_key(row) == recording_key(results.recording)]
-    caption = tr("Range of motion, posture and speed with stated 1-sigma errors, {name}.", name=model.name)
+    caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=model.name)
     return Folded(model.name, measured_table(caption, rows, with_recording=False)) if rows else None
 
 
@@ -101,11 +112,7 @@ def _evidence(model: ModelResults) -> Folded:
     columns = (
         text_column(tr("Joint"), "joint"),
         Column(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
-        number_column(tr("Gap rms [mm]"), "gap_rms_mm"),
-        number_column(tr("Free gap rms [mm]"), "gap_rms_free_mm"),
-        number_column(tr("SD of the centre [mm]"), "sd_mm"),
-        number_column(tr("Frames"), "n_frames", 0),
-        number_column(tr("Independent samples"), "n_effective", 1),
+        *map(quantity_column, ("gap_rms_mm", "gap_rms_free_mm", "sd_mm", "n_frames", "n_effective")),
         *(number_column(heading, heading, 4) for heading in singular),
         text_column(tr("Message"), "message"),
     )
@@ -113,22 +120,3 @@ def _evidence(model: ModelResults) -> Folded:
     caption = tr("What the calibration says of each joint, {name}.", name=model.name)
     summary = f"{model.name}: {joints}; {believed_counts(model.joints)}"
     return Folded(summary, table_of(caption, columns, rows))
-
-
-_TIP_ERROR_COLUMNS = (
-    text_column(N_("Model"), "model"),
-    text_column(N_("Digit"), "digit"),
-    text_column(N_("Binding"), "binding"),
-    number_column(N_("Mean [mm]"), "mean_mm"),
-    number_column(N_("SD [mm]"), "sd_mm"),
-    number_column(N_("Median [mm]"), "median_mm"),
-    number_column(N_("95 % [mm]"), "p95_mm"),
-    number_column(N_("Max [mm]"), "max_mm"),
-    number_column(N_("Min [mm]"), "min_mm"),
-    number_column(N_("Frames"), "n_frames", 0),
-    number_column(N_("Of"), "n_frames_total", 0),
-    Column(
-        N_("Held out"), lambda row: tr("held out") if row["held_out"] else tr("○ in-sample"), is_text=True
-    ),
-    text_column(N_("Message"), "message"),
-)

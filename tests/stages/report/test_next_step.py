@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from report_samples.made_scores import gain_rows
 
-from shukotsu.stages.report.next_step import MOST_GAINS, gain_lines
+from shukotsu.stages.report.belief import MOST_GAINS, gain_lines
 from shukotsu.stages.report.study_results import StudyResults
 
 
@@ -21,5 +21,5 @@ def test_the_best_gains_in_words(fitted: StudyResults) -> None:
 def test_a_touch_and_a_length_are_told_apart() -> None:
     key = {"subject": "S01", "hand": "right", "task": "rom", "trial": ""}
     lines = " ".join(gain_lines(gain_rows(key, "whole-hand")))
-    assert "Touching a known point with the tip of " in lines
+    assert "Touching a known point with the " in lines
     assert "Measuring " in lines

@@ -147,11 +147,10 @@ def test_tables_in_cm_equal_the_parquet_table(
 def test_least_squares_table_equals_the_parquet_table(results: StudyResults, page: str) -> None:
     """Mean and 95th percentile by model and digit, in mm."""
     caption = (
-        "Tip error with the least-squares binding, mean and 95th percentile (p95), in mm: "
-        "subject S01, opposition."
+        "Tip error, least-squares binding, mean and 95th percentile (p95) [mm]: subject S01, opposition."
     )
     table = table_called(page, caption)
-    left = next(i for i, row in enumerate(table.rows) if row[0] == "Left hand [mm]")
+    left = next(i for i, row in enumerate(table.rows) if row[0] == "Left hand")
     for row in rows_where(results.tip_errors, subject="S01", hand="right", binding="least-squares"):
         column = table.rows[0].index(f"{row['digit'].capitalize()} mean")
         cells = next(cells for cells in table.rows[1:left] if cells[0] == row["model"])
@@ -194,7 +193,7 @@ def test_other_shapes_of_a_study(tmp_path: Path) -> None:
     write_failure(folder / "sub-B/left/rom/poses.parquet", POSES, "rom.csv: is empty.", Provenance())
     text = " ".join(read_page(_render(study, folder)).text)
     assert "The sheet has no left-hand recording of this task." in text
-    assert "recording excluded (cable came off)" in text
+    assert "excluded: cable came off" in text
     assert "Left hand: no picture, for rom.csv: is empty." in text
     assert "No recording of this subject is there to be evaluated." in text
 
@@ -219,4 +218,4 @@ def test_joints_all_failed(tmp_path: Path) -> None:
     write(folder / "joint_centres.parquet", JOINT_CENTRES, failed)
     text = " ".join(read_page(_render(study, folder)).text)
     assert "0 of 32 joints can be believed" in text
-    assert "16 not" in text
+    assert "✕ no 16" in text

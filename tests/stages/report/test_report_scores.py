@@ -10,7 +10,7 @@ from report_samples.read_page import ReadTable, read_page, rows_where, table_cal
 from shukotsu.stages.report.study_results import StudyResults
 
 SCORES = "Mean over digits and hands: subject S01, opposition."
-TRUTH = "Distance of the joints from the true ones, both hands: subject S01."
+TRUTH = "Joints against the true ones, both hands: subject S01."
 
 
 def _text(page: str) -> str:
@@ -68,7 +68,7 @@ def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> Non
         expected = [np.median(error), np.quantile(error, 0.9), error.max()]
         medians = [np.median(axes), np.median(error)]
         assert cells[2:] == [
-            "29 of 30",
+            "29/30",
             *(f"{value:.2f}" for value in expected),
             f"{100 * np.mean(error > 5):.0f}",
             *(f"{value:.2f}" for value in medians),

@@ -8,7 +8,7 @@ import pytest
 from stage_runs import report
 
 from shukotsu.schemas.model import read_model
-from shukotsu.stages.report.paper_tables import own_table, printed_table
+from shukotsu.stages.report.paper_tables import printed_table, study_table
 from shukotsu.stages.report.study_results import StudyResults
 
 
@@ -33,7 +33,7 @@ def test_printed_tables_are_the_papers(table: int, block: int, row: int, cells: 
 def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
     """Headers and row headings are the same, cell by cell."""
     trial = next(results.trials("S01"))
-    own = own_table(results, trial, read_model("paper-fig3"))
+    own = study_table(results, trial, read_model("paper-fig3"))
     for mine, printed in zip(own.blocks, printed_table(2).blocks, strict=True):
         assert mine.header == printed.header
         assert [row[0] for row in mine.rows] == [row[0] for row in printed.rows]

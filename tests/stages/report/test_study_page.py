@@ -19,11 +19,10 @@ from report_samples.read_page import read_page, rows_where, table_called
 from shukotsu.schemas.findings import NOTE, STAGE, SUSPECT, Finding, problem_row, worded
 from shukotsu.schemas.results import Results
 from shukotsu.schemas.study import Study, read_study
-from shukotsu.stages.report.headline import big_numbers
+from shukotsu.stages.report.headline import WIDTH, big_numbers, outcome_text
 from shukotsu.stages.report.links import anchor, link
 from shukotsu.stages.report.study_page import render_study
 from shukotsu.stages.report.study_results import StudyResults, read_results
-from shukotsu.stages.report.terminal import WIDTH, outcome_text
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 MARKS = {"believe": "", "care": "◆", "no": "✕"}

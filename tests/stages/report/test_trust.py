@@ -10,9 +10,8 @@ from report_samples.read_page import rows_where
 from shukotsu.schemas.layout import FINGER_MM
 from shukotsu.schemas.study import Hand
 from shukotsu.schemas.verdict import UNJUDGED, judged_joint
-from shukotsu.stages.report.belief import BELIEVED, CARE, NOT
+from shukotsu.stages.report.belief import BELIEVED, CARE, NOT, believed_counts, joint_table
 from shukotsu.stages.report.study_results import Row, StudyResults
-from shukotsu.stages.report.trust import believed_counts, joint_table
 
 LEFT = Hand("S01", "left")
 
@@ -60,4 +59,4 @@ def test_every_joint_stands_with_its_numbers(fitted: StudyResults) -> None:
         assert cells[0] == row["joint"]
         assert cells[2:4] == ("–" if sd is None else f"{sd:.2f}", "–" if moved is None else f"{moved:.1f}")
     counted = [len(rows_where(rows, verdict=verdict)) for verdict in ("believe", "care", "no")]
-    assert believed_counts(rows) == "{} to believe, {} with care, {} not".format(*counted)
+    assert believed_counts(rows) == "✓ yes {}, ◆ with care {}, ✕ no {}".format(*counted)

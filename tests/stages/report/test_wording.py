@@ -20,7 +20,7 @@ from report_samples.rendered import whole_report
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.study import Hand, Study, read_study
-from shukotsu.sentences.translation import END, FOREIGN, tr, translated
+from shukotsu.sentences.translation import END, FOREIGN, translated
 from shukotsu.stages.report import subject, templates, wording
 from shukotsu.stages.report.movement_results import read_movement
 from shukotsu.stages.report.plots import style
@@ -92,8 +92,8 @@ def test_a_sentence_of_another_program_stays_english_and_says_so() -> None:
 
 def test_a_hand_is_named_in_a_sentence() -> None:
     with speaking("ja"):
-        assert tr("{hand}", hand=Hand("01", "right")) == "被験者 01 の右手"
-    assert tr("{hand}", hand=Hand("01", "right")) == "subject 01, right hand"
+        assert str(Hand("01", "right")) == "被験者 01 の右手"
+    assert str(Hand("01", "right")) == "subject 01, right hand"
 
 
 class _Said(HTMLParser):
