@@ -10,13 +10,13 @@ from itertools import groupby, pairwise
 from statistics import median
 
 from markupsafe import Markup
-from shukotsu.stages.report.print_figures.joints import joints_in_order
 
 from shukotsu.schemas.study import Hand
 from shukotsu.schemas.verdict import BELIEVE, CARE, NO, VERDICTS
 from shukotsu.sentences.translation import tr, word
 from shukotsu.stages.report.belief import reasons_of
 from shukotsu.stages.report.links import Link, link
+from shukotsu.stages.report.print_figures.study_figures import joints_in_order
 from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.stages.report.table_cells import shown
 

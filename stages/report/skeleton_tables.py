@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 
-from shukotsu.schemas.movement_tables import RANGES_OF_MOTION
-
 from shukotsu.errors import InputError
+from shukotsu.schemas.catalogue import RANGES_OF_MOTION
 from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.study import Hand
 from shukotsu.schemas.tables import rows_of

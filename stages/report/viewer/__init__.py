@@ -136,7 +136,7 @@ def packed(blocks: Sequence[Block]) -> tuple[bytes, list[dict[str, Any]]]:
     """
     raw, parts = [], []
     for block in blocks:
-        valid = np.isfinite(block.values).all(-1)[..., None]
+        valid = np.asarray(np.isfinite(block.values).all(-1, keepdims=True))
         steps = np.rint(np.where(valid, block.values, 0.0) / block.step).astype(np.int64)
         change = np.diff(_held(steps, valid), axis=0, prepend=0)
         code = np.where(valid, 1 + ((change << 1) ^ (change >> 63)), 0).transpose(1, 2, 0)
@@ -182,7 +182,7 @@ def _near(values: Array) -> Array:
 
 def _steady_signs(quaternion: Array) -> Array:
     """Return the same rotations (T, R, 4), signs such that neighbours in time are near, gaps or not."""
-    valid = np.isfinite(quaternion).all(-1)[..., None]
+    valid = np.asarray(np.isfinite(quaternion).all(-1, keepdims=True))
     filled = _held(np.where(valid, quaternion, 0.0), valid)
     turned = (filled[1:] * filled[:-1]).sum(-1) < 0
     sign = np.cumprod(np.where(turned, -1.0, 1.0), axis=0)
