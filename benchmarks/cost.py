@@ -15,7 +15,6 @@ from statistics import median
 from benchmarks.benchmark_table import Cell, TextTable
 from benchmarks.processes import ROOT, Usage, run_process, run_python
 from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.poses import Poses
 from shukotsu.stages.fit_hand.fingertips import fingertips
 from shukotsu.stages.fit_hand.fit import fit_hand
 from shukotsu.stages.fit_hand.fitted_motion import pose_hand
@@ -81,15 +80,7 @@ def run_study(folder: Path, simulated: Path, subjects: int) -> Usage:
     (folder / "recordings.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
     text = f"study: study\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [{MODELS}]\n"
     (folder / "study.yaml").write_text(text, "utf-8")
-    command = [
-        sys.executable,
-        "-m",
-        "snakemake",
-        "--snakefile",
-        str(ROOT / "Snakefile"),
-        "--cores",
-        str(CORES),
-    ]
+    command = [sys.executable, "-m", "snakemake", f"--snakefile={ROOT / 'Snakefile'}", f"--cores={CORES}"]
     return run_process([*command, "--configfile", str(folder / "study.yaml")], folder)
 
 
@@ -100,17 +91,19 @@ def _row(name: str, usage: Usage) -> tuple[Cell, ...]:
 
 def hand_table(rounds: int, frames: tuple[int, int] = (6000, 4000)) -> TextTable:
     """Return what a hand takes; frames : of the calibration and of the task that is posed."""
-    calibration, task = (_recorded(name, n) for name, n in zip(ROLES, frames, strict=True))
+    calibration, task = (
+        simulate("01", "right", name, 1, Realism(), n).poses() for name, n in zip(ROLES, frames, strict=True)
+    )
     layout = read_layout(LAYOUT)
     tips = fingertips(fit_hand([calibration], layout, "right"))
     fit, posed = tips.fit, pose_hand(tips.fit, task)
-    own, single = fit.evidence.convention.frames(task), task.take(slice(0, 1))
+    frames_of_task, single = fit.evidence.convention.frames(task), task.take(slice(0, 1))
     work: dict[str, tuple[int, Callable[[], object]]] = {
         "fit of a calibration": (0, lambda: fit_hand([calibration], layout, "right")),
         "what was displaced in it": (0, lambda: displaced_in(fit, [calibration])),
         "what a measurement would gain": (0, lambda: gains(tips)),
         "posing": (len(task.frame), lambda: pose_hand(fit, task)),
-        "errors of what was posed": (len(task.frame), lambda: posed_errors(tips, posed, own)),
+        "errors of what was posed": (len(task.frame), lambda: posed_errors(tips, posed, frames_of_task)),
         "one frame alone": (1, lambda: pose_hand(fit, single)),
     }
     rows: list[tuple[Cell, ...]] = []
@@ -127,7 +120,3 @@ def hand_table(rounds: int, frames: tuple[int, int] = (6000, 4000)) -> TextTable
         rows,
         "Processor time, median.",
     )
-
-
-def _recorded(task: str, n_frames: int) -> Poses:
-    return simulate("01", "right", task, 1, Realism(), n_frames).poses()

@@ -50,15 +50,17 @@ class Planted:
 
     def findings(self) -> list[Finding]:
         """Return the findings, notes left out but those of receivers that hang."""
-        found = check_recording(self.poses, read_layout(LAYOUT), self.hand, self.declared).findings
-        return [one for one in found if one.severity != NOTE or one.kind == "receiver-stuck"]
+        findings = check_recording(self.poses, read_layout(LAYOUT), self.hand, self.declared).findings
+        return [
+            finding for finding in findings if finding.severity != NOTE or finding.kind == "receiver-stuck"
+        ]
 
 
 def faultless(seed: int, hand: str, rng: np.random.Generator) -> Iterator[tuple[str, str, Planted]]:
     """Return the drawing, what is odd, and the recording of hands that are odd and right."""
     for task in FRAMES:
-        for name, own in _own_odd(seed, hand, task, rng):
-            yield "own", f"{name}, {task}", own
+        for name, recording in _own_odd(seed, hand, task, rng):
+            yield "own", f"{name}, {task}", recording
     for name, other in _other_odd(seed, hand, rng):
         yield "other", name, other
 
@@ -67,8 +69,8 @@ def own_hand(
     seed: int, hand: str, task: str, *, artefact: float = 1.0, at_nail: bool = False, **simulated: Any
 ) -> Planted:
     """Record a hand of the project's own drawing; task : rom or opposition. simulated : as of `simulate`."""
-    made = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], **simulated)
-    return Planted((facing_the_nail(made) if at_nail else made).poses(), hand)
+    simulation = simulate("01", hand, task, seed, Realism(artefact=artefact), FRAMES[task], **simulated)
+    return Planted((facing_the_nail(simulation) if at_nail else simulation).poses(), hand)
 
 
 def other_hand(seed: int, hand: str, task: str, **recorded: Any) -> Planted:
@@ -85,8 +87,8 @@ FACINGS: tuple[Facing, ...] = ("nail", "between", "hand")
 
 def _other(person: other_hands.Person, seed: int, hand: str, task: str, **recorded: Any) -> Planted:
     movement = "calibration" if task == "rom" else task
-    own = other_hands.record(person, hand, movement, seed=seed, **{"duration_s": 7.5, **recorded})
-    return Planted(own.poses, hand)
+    recording = other_hands.record(person, hand, movement, seed=seed, **{"duration_s": 7.5, **recorded})
+    return Planted(recording.poses, hand)
 
 
 def true_halves(recording: other_hands.Recording) -> dict[str, Array]:
@@ -140,8 +142,8 @@ def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Itera
 def exchanged(poses: Poses, *pairs: tuple[str, str]) -> Poses:
     """Return poses as they come where receivers, two and two, are taken for each other."""
     order = list(range(len(poses.segments)))
-    for one, other in pairs:
-        i, j = poses.index(one), poses.index(other)
+    for first, second in pairs:
+        i, j = poses.index(first), poses.index(second)
         order[i], order[j] = j, i
     arrays = {name: getattr(poses, name)[:, order] for name in ("position_mm", "quaternion", "valid")}
     return replace(poses, **arrays)
@@ -154,9 +156,9 @@ def changed(planted: Planted, **arrays: Any) -> Planted:
 
 def _with_dropouts(planted: Planted, rng: np.random.Generator) -> Planted:
     valid = planted.poses.valid.copy()
-    for place in range(valid.shape[1]):
+    for receiver in range(valid.shape[1]):
         for start in rng.integers(0, len(valid), 4):
-            valid[start : start + rng.integers(5, 200), place] = False
+            valid[start : start + rng.integers(5, 200), receiver] = False
     valid[:, rng.integers(1, valid.shape[1])] = False
     gone = ~valid[..., None]
     poses = planted.poses
@@ -173,8 +175,8 @@ def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
 
     def change(motion: Motion) -> Motion:
         angles = motion.angles_rad.copy()
-        for place in (i for i, name in enumerate(JOINTS) if any(part in name for part in joints)):
-            angles[:, place] = angles[0, place] + 0.1 * (angles[:, place] - angles[0, place])
+        for joint in (i for i, name in enumerate(JOINTS) if any(part in name for part in joints)):
+            angles[:, joint] = angles[0, joint] + 0.1 * (angles[:, joint] - angles[0, joint])
         return replace(motion, angles_rad=angles)
 
     return own_hand(seed, hand, task, change=change)
@@ -185,38 +187,40 @@ def _deformed(seed: int, hand: str, task: str, rng: np.random.Generator) -> Plan
     short = int(rng.integers(7, 21))
 
     def hand_of(*args: Any) -> Hand:
-        own = random_hand.hand_of(*args)
-        length, rest = own.length_mm.copy(), own.rest.copy()
+        usual = random_hand.hand_of(*args)
+        length, rest = usual.length_mm.copy(), usual.rest.copy()
         length[short] *= 0.75
-        drift = about_axis(np.array([0.0, 0.0, -1.0 if own.side == "right" else 1.0]), np.radians(20.0))
-        for place in (JOINTS.index(f"{finger}_mcp") for finger in FINGERS):
-            rest[place] = multiply(rest[place], drift)
-        return replace(own, length_mm=length, rest=rest)
+        drift = about_axis(np.array([0.0, 0.0, -1.0 if usual.side == "right" else 1.0]), np.radians(20.0))
+        for joint in (JOINTS.index(f"{finger}_mcp") for finger in FINGERS):
+            rest[joint] = multiply(rest[joint], drift)
+        return replace(usual, length_mm=length, rest=rest)
 
     with mock.patch("shukotsu.stages.simulate.simulation.hand_of", hand_of):
         return own_hand(seed, hand, task)
 
 
-def nail_turn(made: Simulated) -> Array:
+def nail_turn(simulated: Simulated) -> Array:
     """Quaternion (4,) about the metacarpal's long axis that puts its y nearest the MCP's flexion axis."""
-    _, y, z = made.truth.hand.axes[JOINTS.index("thumb_mcp"), FLEXION]
+    _, y, z = simulated.truth.hand.axes[JOINTS.index("thumb_mcp"), FLEXION]
     return about_axis(np.array([1.0, 0.0, 0.0]), float(np.arctan2(z, y)))
 
 
-def facing_the_nail(made: Simulated) -> Simulated:
+def facing_the_nail(simulated: Simulated) -> Simulated:
     """The recording and its truth with that receiver carried about the bone, everything else as it was."""
-    mounts, turn = made.truth.mounts, nail_turn(made)
-    own = mounts.segments.index(THUMB)
-    bone_to_receiver = conjugate(mounts.quaternion[own])
-    moved_mm = rotate(bone_to_receiver, rotate(turn, mounts.position_mm[own]) - mounts.position_mm[own])
-    turned = multiply(bone_to_receiver, multiply(turn, mounts.quaternion[own]))
-    position, quaternion = made.position_mm.copy(), made.quaternion.copy()
-    position[:, own] += rotate(quaternion[:, own], moved_mm)
-    quaternion[:, own] = multiply(quaternion[:, own], turned)
-    mcp, cmc = (made.truth.joints[name] for name in ("thumb_mcp", "thumb_cmc"))
+    mounts, turn = simulated.truth.mounts, nail_turn(simulated)
+    receiver = mounts.segments.index(THUMB)
+    bone_to_receiver = conjugate(mounts.quaternion[receiver])
+    moved_mm = rotate(
+        bone_to_receiver, rotate(turn, mounts.position_mm[receiver]) - mounts.position_mm[receiver]
+    )
+    turned = multiply(bone_to_receiver, multiply(turn, mounts.quaternion[receiver]))
+    position, quaternion = simulated.position_mm.copy(), simulated.quaternion.copy()
+    position[:, receiver] += rotate(quaternion[:, receiver], moved_mm)
+    quaternion[:, receiver] = multiply(quaternion[:, receiver], turned)
+    mcp, cmc = (simulated.truth.joints[name] for name in ("thumb_mcp", "thumb_cmc"))
     back = conjugate(turned)
     joints = {
-        **made.truth.joints,
+        **simulated.truth.joints,
         "thumb_cmc": replace(
             cmc, child_mm=rotate(back, cmc.child_mm - moved_mm), axis_child=rotate(back, cmc.axis_child)
         ),
@@ -224,8 +228,8 @@ def facing_the_nail(made: Simulated) -> Simulated:
             mcp, parent_mm=rotate(back, mcp.parent_mm - moved_mm), axis_parent=rotate(back, mcp.axis_parent)
         ),
     }
-    truth = replace(made.truth, joints=joints)
-    return replace(made, position_mm=position, quaternion=quaternion, truth=truth)
+    truth = replace(simulated.truth, joints=joints)
+    return replace(simulated, position_mm=position, quaternion=quaternion, truth=truth)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -267,10 +271,10 @@ def moved_receivers(seed: int) -> dict[tuple[str, str, str], tuple[str, list[str
         for task, (what, (deg, mm)) in ((t, move) for t in tasks for move in MOVES.items()):
             poses = recordings[task]
             segment = str(rng.choice([name for name in poses.segments if name != THUMB]))
-            place, axis, way = poses.index(segment), *unit(rng.normal(size=(2, 3)))
+            index, axis, way = poses.index(segment), *unit(rng.normal(size=(2, 3)))
             position, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
-            position[:, place] += rotate(quaternion[:, place], mm * way)
-            quaternion[:, place] = multiply(quaternion[:, place], about_axis(axis, np.radians(deg)))
+            position[:, index] += rotate(quaternion[:, index], mm * way)
+            quaternion[:, index] = multiply(quaternion[:, index], about_axis(axis, np.radians(deg)))
             moved = moved_in(fit, replace(poses, position_mm=position, quaternion=quaternion))
             named[drawing, task, what] = segment, [receiver.segment for receiver in moved]
     return named

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -31,14 +31,8 @@ Alarm = tuple[str, str, tuple[str, ...]]
 """Whose drawing; what is odd; kinds of what is found, though nothing is wrong."""
 
 
-@dataclass(frozen=True)
-class Person:
-    """Hold what is found of one where nothing is wrong, and tallies of one mistake and of two at once."""
-
-    alarms: list[Alarm]
-    single: list[Tally]
-    pairs: list[Tally]
-
+Person = tuple[list[Alarm], list[Tally], list[Tally]]
+"""What is said of one where nothing is wrong, tallies of one mistake and of two at once."""
 
 Mistake = Callable[[Planted, np.random.Generator], Planted]
 
@@ -49,18 +43,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(n_hands: int = 30, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     """Return the tables over that many people."""
-    yield from tables_of(of_each_person(one_person, n_hands, seed))
-
-
-def tables_of(people: Sequence[Person]) -> list[TextTable]:
-    """Return the tables of what `one_person` gives of each."""
-    once = f"{len(people)} people; every mistake once each, what it concerns drawn at random."
+    alarms, single, pairs = (
+        [row for rows in part for row in rows]
+        for part in zip(*of_each_person(one_person, n_hands, seed), strict=True)
+    )
+    once = f"{n_hands} people; every mistake once each, what it concerns drawn at random."
     both = "First: one of the two is named first. All: both are named."
-    return [
-        _table("One mistake", [row for person in people for row in person.single], once),
-        _table("Two mistakes at once", [row for person in people for row in person.pairs], both),
-        _alarm_table([row for person in people for row in person.alarms]),
-    ]
+    yield _table("One mistake", single, once)
+    yield _table("Two mistakes at once", pairs, both)
+    yield _alarm_table(alarms)
 
 
 def one_person(seed: int) -> Person:
@@ -68,18 +59,18 @@ def one_person(seed: int) -> Person:
     rng = np.random.default_rng(seed)
     hand = ("right", "left")[seed // 2 % 2]
     alarms = [
-        (drawing, name, tuple(one.kind for one in planted.findings()))
+        (drawing, name, tuple(finding.kind for finding in planted.findings()))
         for drawing, name, planted in faultless(seed, hand, rng)
     ]
     single, pairs = [], []
     for drawing, record in RECORDERS.items():
         plain = record(seed, hand, ("rom", "opposition")[seed % 2])
         for name, (kind, mistake) in MISTAKES.items():
-            kinds = [one.kind for one in mistake(plain, rng).findings()]
+            kinds = [finding.kind for finding in mistake(plain, rng).findings()]
             single.append((drawing, f"{kind}: {name}", kinds[:1] == [kind], kind in kinds))
         single += [(drawing, *tally) for tally in _several(seed, hand, record)]
         pairs += [(drawing, *_pair(plain, rng)) for _ in range(PAIRS)]
-    return Person(alarms, single, pairs)
+    return alarms, single, pairs
 
 
 RECORDERS: Mapping[str, Callable[[int, str, str], Planted]] = {"own": own_hand, "other": other_hand}
@@ -91,9 +82,9 @@ def _pair(plain: Planted, rng: np.random.Generator) -> tuple[str, bool, bool]:
         first, second = (MISTAKES[names[i]] for i in rng.choice(len(names), 2, replace=False))
         if first[0] != second[0] and not {first[0], second[0]} <= EQUIVALENT:
             break
-    found = [one.kind for one in second[1](first[1](plain, rng), rng).findings()]
+    kinds = [finding.kind for finding in second[1](first[1](plain, rng), rng).findings()]
     both = {first[0], second[0]}
-    return "two of different kinds", bool(found) and found[0] in both, both <= {*found}
+    return "two of different kinds", bool(kinds) and kinds[0] in both, both <= {*kinds}
 
 
 EQUIVALENT = frozenset({"wrong-hand", "axes-mirrored", "receiver-turned", "hemisphere"})
@@ -105,13 +96,13 @@ def _several(
 ) -> list[tuple[str, bool, bool]]:
     """Mistakes that show in a subject's recordings together: of three, the last is wrong."""
     rows = []
-    own = [(task, hand, _check(record(seed, hand, task))) for task in ("rom", "opposition")]
+    recordings = [(task, hand, _check(record(seed, hand, task))) for task in ("rom", "opposition")]
     for kind, last in (
-        ("same-file", own[0][2]),
+        ("same-file", recordings[0][2]),
         ("other-person", _check(record(seed + 500, hand, "opposition"))),
     ):
-        named = compared([*own, ("again", hand, last)])
-        kinds = [[one.kind for one in recording.findings] for recording in named]
+        named = compared([*recordings, ("again", hand, last)])
+        kinds = [[finding.kind for finding in recording.findings] for recording in named]
         rows.append((f"{kind}: third of three", kinds[2][:1] == [kind], kind in kinds[2]))
     return rows
 
@@ -156,10 +147,12 @@ def _exchanged(pairs: Callable[[np.random.Generator], Sequence[tuple[str, str]]]
     return plant
 
 
+BONES = ("proximal", "middle", "distal")
+
+
 def _near(rng: np.random.Generator) -> list[tuple[str, str]]:
-    finger, bones = FINGERS[rng.integers(4)], ("proximal", "middle", "distal")
-    first = rng.integers(2)
-    return [(f"{finger}_{bones[first]}", f"{finger}_{bones[first + 1]}")]
+    finger, first = FINGERS[rng.integers(4)], rng.integers(2)
+    return [(f"{finger}_{BONES[first]}", f"{finger}_{BONES[first + 1]}")]
 
 
 def _on_thumb(rng: np.random.Generator) -> list[tuple[str, str]]:
@@ -169,22 +162,19 @@ def _on_thumb(rng: np.random.Generator) -> list[tuple[str, str]]:
 
 
 def _far(rng: np.random.Generator) -> list[tuple[str, str]]:
-    one, other = rng.choice(4, 2, replace=False)
-    bones = rng.choice(["proximal", "middle", "distal"], 2)
-    return [(f"{FINGERS[one]}_{bones[0]}", f"{FINGERS[other]}_{bones[1]}")]
+    fingers, bones = rng.choice(4, 2, replace=False), rng.choice([*BONES], 2)
+    first, second = (f"{FINGERS[i]}_{bone}" for i, bone in zip(fingers, bones, strict=True))
+    return [(first, second)]
 
 
 def _neighbours(rng: np.random.Generator) -> list[tuple[str, str]]:
     first = int(rng.integers(3))
-    return [
-        (f"{FINGERS[first]}_{bone}", f"{FINGERS[first + 1]}_{bone}")
-        for bone in ("proximal", "middle", "distal")
-    ]
+    return [(f"{FINGERS[first]}_{bone}", f"{FINGERS[first + 1]}_{bone}") for bone in BONES]
 
 
 def _reversed(_: np.random.Generator) -> list[tuple[str, str]]:
     ends = (("index", "little"), ("middle", "ring"))
-    return [(f"{a}_{bone}", f"{b}_{bone}") for a, b in ends for bone in ("proximal", "middle", "distal")]
+    return [(f"{a}_{bone}", f"{b}_{bone}") for a, b in ends for bone in BONES]
 
 
 def _turned(degrees: float) -> Mistake:
@@ -193,9 +183,9 @@ def _turned(degrees: float) -> Mistake:
     def plant(planted: Planted, rng: np.random.Generator) -> Planted:
         quaternion = planted.poses.quaternion.copy()
         segments = [name for name in planted.poses.segments if name != "thumb_metacarpal"]
-        place = planted.poses.index(str(rng.choice(segments)))
+        receiver = planted.poses.index(str(rng.choice(segments)))
         turn = about_axis(np.eye(3)[rng.integers(3)], np.radians(degrees * rng.choice([-1, 1])))
-        quaternion[:, place] = multiply(quaternion[:, place], turn)
+        quaternion[:, receiver] = multiply(quaternion[:, receiver], turn)
         return changed(planted, quaternion=quaternion)
 
     return plant
@@ -214,9 +204,9 @@ def _other_side(planted: Planted, rng: np.random.Generator) -> Planted:
 
 def _flips(planted: Planted, rng: np.random.Generator) -> Planted:
     position = planted.poses.position_mm.copy()
-    for place in rng.choice(position.shape[1], rng.integers(1, 4), replace=False):
+    for receiver in rng.choice(position.shape[1], rng.integers(1, 4), replace=False):
         for start in rng.integers(0, len(position), 2):
-            position[start : start + rng.integers(20, 600), place] *= -1
+            position[start : start + rng.integers(20, 600), receiver] *= -1
     return changed(planted, position_mm=position)
 
 
@@ -238,11 +228,14 @@ def _random_poses(planted: Planted, rng: np.random.Generator) -> Planted:
 
 
 def _hangs(planted: Planted, rng: np.random.Generator) -> Planted:
-    poses, place = planted.poses, rng.integers(1, 16)
+    poses, receiver = planted.poses, rng.integers(1, 16)
     start = rng.integers(0, len(poses.frame) - 300)
     rows = slice(start, start + rng.integers(150, 300))
     position, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
-    position[rows, place], quaternion[rows, place] = position[start, place], quaternion[start, place]
+    position[rows, receiver], quaternion[rows, receiver] = (
+        position[start, receiver],
+        quaternion[start, receiver],
+    )
     return changed(planted, position_mm=position, quaternion=quaternion)
 
 
@@ -332,9 +325,9 @@ def _table(title: str, tallies: Sequence[Tally], meaning: str) -> TextTable:
 
 
 def _shares(name: str, tallies: Sequence[Tally]) -> tuple[Cell, ...]:
-    own = {drawing: [row for row in tallies if row[0] == drawing] for drawing in RECORDERS}
-    shares = [100 * float(np.mean([row[i] for row in rows])) for rows in own.values() for i in (2, 3)]
-    return (name, len(tallies) // len(own), *shares)
+    by_drawing = {drawing: [row for row in tallies if row[0] == drawing] for drawing in RECORDERS}
+    shares = [100 * float(np.mean([row[i] for row in rows])) for rows in by_drawing.values() for i in (2, 3)]
+    return (name, len(tallies) // len(by_drawing), *shares)
 
 
 def _alarm_table(alarms: Sequence[Alarm]) -> TextTable:
@@ -343,8 +336,8 @@ def _alarm_table(alarms: Sequence[Alarm]) -> TextTable:
         groups.setdefault((drawing, name), []).append(kinds)
         groups.setdefault((drawing, "all"), []).append(kinds)
     rows: list[tuple[Cell, ...]] = [
-        (drawing, name, len(own), sum(map(bool, own)), _counted(own))
-        for (drawing, name), own in sorted(groups.items())
+        (drawing, name, len(of_hands), sum(map(bool, of_hands)), _counted(of_hands))
+        for (drawing, name), of_hands in sorted(groups.items())
     ]
     columns = ("drawing", "hand", "recordings:d", "accused:d", "kinds")
     share = 1000 * float(np.mean([bool(kinds) for _, _, kinds in alarms]))
@@ -352,6 +345,6 @@ def _alarm_table(alarms: Sequence[Alarm]) -> TextTable:
     return TextTable("False alarms", columns, rows, meaning)
 
 
-def _counted(found: Sequence[tuple[str, ...]]) -> str:
-    kinds = Counter(kind for kinds in found for kind in kinds)
+def _counted(alarms: Sequence[tuple[str, ...]]) -> str:
+    kinds = Counter(kind for kinds in alarms for kind in kinds)
     return ", ".join(f"{kind} {count}" for kind, count in sorted(kinds.items()))

@@ -19,14 +19,6 @@ STUDIES = 400
 SEED = 7100
 
 
-def normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    return rng.normal(size=shape)
-
-
-def skewed(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    return rng.exponential(size=shape) - 1.0
-
-
 def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--studies", type=int, default=STUDIES, help=f"studies a row ({STUDIES})")
 
@@ -60,10 +52,10 @@ SHIFT = 2.0
 def numbers(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Array:
     """Numbers of mean 0 and standard deviation 1."""
     if shape == "exponential":
-        return skewed(rng, size)
+        return rng.exponential(size=size) - 1.0
     if shape == "student":
         return np.asarray(rng.standard_t(3, size) / math.sqrt(3.0))
-    normal_numbers = normal(rng, size)
+    normal_numbers = rng.normal(size=size)
     if shape == "normal":
         return normal_numbers
     return np.asarray((np.exp(normal_numbers) - math.exp(0.5)) / math.sqrt(math.e * (math.e - 1.0)))
@@ -71,8 +63,8 @@ def numbers(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Arra
 
 def related(shape: str, rng: np.random.Generator, size: tuple[int, ...], shared: float) -> Array:
     """The same, columns correlated by what is common to a subject."""
-    common, own = numbers(shape, rng, (size[0], 1)), numbers(shape, rng, size)
-    return np.asarray(math.sqrt(shared) * common + math.sqrt(1.0 - shared) * own)
+    common, rest = numbers(shape, rng, (size[0], 1)), numbers(shape, rng, size)
+    return np.asarray(math.sqrt(shared) * common + math.sqrt(1.0 - shared) * rest)
 
 
 def any_shown(p: Sequence[float]) -> bool:
@@ -138,10 +130,10 @@ def _family_of_differences(n: int, columns: int, shared: float, studies: int) ->
     shares: list[Cell] = []
     for shape in SHAPES:
         null = [related(shape, rng, (n, columns), shared) for _ in range(studies)]
-        shares.append(percent([any_shown([sign_flip_p(d) for d in one.T]) for one in null]))
+        shares.append(percent([any_shown([sign_flip_p(d) for d in family.T]) for family in null]))
     shift = SHIFT * (np.arange(columns) == 0)
     moved = [related("normal", rng, (n, columns), shared) + shift for _ in range(studies)]
-    p = [holm([sign_flip_p(d) for d in one.T])[0] for one in moved]
+    p = [holm([sign_flip_p(d) for d in family.T])[0] for family in moved]
     return (n, columns, shared, *shares, percent([value is not None and value <= LEVEL for value in p]))
 
 

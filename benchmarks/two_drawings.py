@@ -94,7 +94,10 @@ def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     hands = [
         hand for drawing in (OWN, OTHER) for hand in of_each_person(partial(one_hand, drawing), n_hands, seed)
     ]
-    joints, lengths = [one for own, _ in hands for one in own], [one for _, own in hands for one in own]
+    joints, lengths = (
+        [error for errors, _ in hands for error in errors],
+        [error for _, errors in hands for error in errors],
+    )
     yield errors_table(joints, lengths)
     yield kinds_table(joints)
 
@@ -107,12 +110,12 @@ def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[Length]]:
 
 
 def _own(seed: int, hand: str) -> Drawn:
-    made = simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S))
-    truth = made.truth
+    simulated = simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S))
+    truth = simulated.truth
     return Drawn(
-        made.poses(),
+        simulated.poses(),
         hand,
-        {name: np.array([own.parent_mm, own.child_mm]) for name, own in truth.joints.items()},
+        {name: np.array([joint.parent_mm, joint.child_mm]) for name, joint in truth.joints.items()},
         {name: truth.bone_position_mm[:, JOINTS.index(name) + 1] for name in truth.joints},
         {name: np.degrees(truth.angles_rad[:, JOINTS.index(name), FLEXION]) for name in truth.joints},
         {bone: float(truth.hand.length_mm[BONES.index(bone)]) for bone in BONES if "_" in bone},
@@ -121,14 +124,14 @@ def _own(seed: int, hand: str) -> Drawn:
 
 def _other(seed: int, hand: str) -> Drawn:
     person = other_hands.draw_person(seed, thumb_facing=FACINGS[seed % len(FACINGS)])
-    made = other_hands.record(person, hand, "calibration", seed=seed, duration_s=DURATION_S)
+    recording = other_hands.record(person, hand, "calibration", seed=seed, duration_s=DURATION_S)
     return Drawn(
-        made.poses,
+        recording.poses,
         hand,
-        true_halves(made),
-        made.true_centre_mm,
-        {name: angles[:, 0] for name, angles in made.true_angles_deg.items()},
-        made.true_lengths_mm,
+        true_halves(recording),
+        recording.true_centre_mm,
+        {name: angles[:, 0] for name, angles in recording.true_angles_deg.items()},
+        recording.true_lengths_mm,
     )
 
 
@@ -142,13 +145,13 @@ def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErro
     posed, convention = pose_hand(fit, drawn.poses.take(rows)), fit.evidence.convention
     wanted_mm = read_layout(LAYOUT).wanted_mm
     judged = {row["joint"]: judged_joint(row, wanted_mm) for row in joint_rows(fit)}
-    believed = {name for name, one in judged.items() if one["verdict"] == BELIEVE}
+    believed = {name for name, row_of in judged.items() if row_of["verdict"] == BELIEVE}
     for name, joint in fit.joints.items():
         if name not in drawn.truth:
             continue
         true_mm, sides = drawn.truth[name], (joint.parent_segment, joint.child_segment)
         halves = zip(sides, (joint.parent_mm, joint.child_mm), true_mm, strict=True)
-        off_mm = [convention.point_matrix(side).T @ (own - true) for side, own, true in halves]
+        off_mm = [convention.point_matrix(side).T @ (fitted - true) for side, fitted, true in halves]
         at = posed.bone_position_mm[:, posed.bones.index(joint.child_segment)]
         flexion = np.degrees(posed.angles_rad[:, posed.angle_names.index((name, KINDS[0]))])
         yield JointErrors(
@@ -173,35 +176,36 @@ def length_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[Length]:
 
 
 def _inside(joints: Sequence[JointErrors]) -> float:
-    return 100 * float(np.mean([own.worse_mm <= RADIUS_SD * own.sd_mm for own in joints]))
+    return 100 * float(np.mean([joint.worse_mm <= RADIUS_SD * joint.sd_mm for joint in joints]))
 
 
 def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
-    names = dict.fromkeys(own.drawing for own in joints)
-    return {name: [own for own in joints if own.drawing == name] for name in names}
+    names = dict.fromkeys(joint.drawing for joint in joints)
+    return {name: [joint for joint in joints if joint.drawing == name] for name in names}
 
 
 def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> TextTable:
     """Return errors of centres, lengths and angles by drawing."""
     rows = []
-    for name, own in _by_drawing(joints).items():
-        child, posed = [one.child_mm for one in own], [one.posed_mm for one in own]
-        bones = [one for one in lengths if one[0] == name]
-        believed = [one for one in own if one.believed]
+    for name, of_drawing in _by_drawing(joints).items():
+        child, posed = [error.child_mm for error in of_drawing], [error.posed_mm for error in of_drawing]
+        bones = [error for error in lengths if error[0] == name]
+        believed = [error for error in of_drawing if error.believed]
         rows.append(
             (
                 name,
                 float(np.median(child)),
                 float(np.percentile(child, 90)),
                 100 * float(np.mean([mm > FAR_MM for mm in child])),
-                _inside(own),
+                _inside(of_drawing),
                 float(np.median(posed)),
                 float(np.percentile(posed, 90)),
                 float(np.mean([percent for _, kind, percent, _ in bones if kind == "middle"])),
                 100 * float(np.mean([inside for *_, inside in bones])),
-                100 * float(np.mean([one.slope - 1 for one in own if one.joint.endswith("_dip")])),
-                100 * len(believed) / len(own),
-                max((one.worse_mm for one in believed), default=None),
+                100
+                * float(np.mean([error.slope - 1 for error in of_drawing if error.joint.endswith("_dip")])),
+                100 * len(believed) / len(of_drawing),
+                max((error.worse_mm for error in believed), default=None),
                 _inside(believed) if believed else None,
             )
         )
@@ -223,10 +227,10 @@ def kinds_table(joints: Sequence[JointErrors]) -> TextTable:
     """Return errors and coverage by kind of joint."""
     kinds = {joint: kind for kind, names in JOINT_TYPES.items() for joint in names}
     rows = []
-    for name, own in _by_drawing(joints).items():
+    for name, of_drawing in _by_drawing(joints).items():
         for kind in JOINT_TYPES:
-            alike = [one for one in own if kinds[one.joint] == kind]
-            mm = [one.child_mm for one in alike]
+            alike = [error for error in of_drawing if kinds[error.joint] == kind]
+            mm = [error.child_mm for error in alike]
             rows.append((name, kind, float(np.median(mm)), float(np.percentile(mm, 90)), _inside(alike)))
     columns = ("drawing", "joints", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f")
     return TextTable("two drawings: by kind of joint", columns, rows, "As above.")

@@ -282,9 +282,9 @@ def carry(person: Person, angles_deg: dict[str, Array]) -> tuple[dict[str, Motio
     return bones, centres
 
 
-def placed(motion: Motion, place: Array) -> Array:
+def placed(motion: Motion, point: Array) -> Array:
     """Return places (3,) or (T, 3) of the table where a motion takes them, (T, 3)."""
-    return np.asarray((motion[0] @ place[..., None])[..., 0] + motion[1])
+    return np.asarray((motion[0] @ point[..., None])[..., 0] + motion[1])
 
 
 def touching(person: Person, posture: dict[str, float], finger: str) -> dict[str, float]:

@@ -166,6 +166,26 @@ def _back_of_hand(along: Array) -> Array:
     return unit(_UP - (_UP @ along) * along)
 
 
+# Skin over the line of centres: height and half width, mm; by how many deg it falls outward; share of length.
+_SURFACE = {
+    "hand": (9.5, 32.0, 1.0, 0.27),
+    "forearm": (19.0, 28.0, 3.0, 0.70),
+    "thumb_metacarpal": (9.5, 10.0, -2.0, 0.52),
+    "thumb_proximal": (7.0, 10.0, 2.0, 0.5),
+    "thumb_distal": (4.2, 9.0, 4.0, 0.62),
+    "proximal": (8.6, 8.5, 3.0, 0.5),
+    "middle": (5.6, 7.5, 3.0, 0.5),
+    "distal": (3.8, 6.8, 4.0, 0.63),
+}
+
+
+_SEGMENTS = (
+    *("hand", "thumb_metacarpal", "thumb_proximal", "thumb_distal"),
+    *(f"{digit}_{bone}" for digit in FINGERS for bone in _PHALANGES),
+    "forearm",
+)
+
+
 class _Drawing:
     """A hand being drawn: from the wrist outward, each joint with the bone beyond it."""
 
@@ -173,7 +193,12 @@ class _Drawing:
         self.rng, self.size, self.nail_deg = rng, size, nail_deg
         self.bones: dict[str, Bone] = {}
         self.joints: list[Joint] = []
-        self._wrist()
+        # two crossing lines: bending through the capitate's head, swaying a few mm farther out
+        west, north, zero = np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3)
+        bend, sway = self._off(west, (_UP, 5)), self._off(_UP, (north, 5))
+        farther = self.rng.uniform(1, 4) * self.size * north
+        turns = ((zero, np.column_stack([bend, zero])), (farther, np.column_stack([zero, sway])))
+        self.joints.append(Joint("wrist", "forearm", "hand", turns, self.rng.normal(0, 0.5, (3, 2))))
         self._thumb()
         for digit in FINGERS:
             self._finger(digit)
@@ -191,14 +216,6 @@ class _Drawing:
         """Add a joint that turns about one point, which wanders a little as a cam's does."""
         glide = self.rng.normal(0, glide_mm, (3, 2))
         self.joints.append(Joint(name, *bones, ((at, np.column_stack(axes)),), glide))
-
-    def _wrist(self) -> None:
-        """Two crossing lines: bending through the capitate's head, swaying a few mm farther out."""
-        west, north, zero = np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3)
-        bend, sway = self._off(west, (_UP, 5)), self._off(_UP, (north, 5))
-        farther = self.rng.uniform(1, 4) * self.size * north
-        turns = ((zero, np.column_stack([bend, zero])), (farther, np.column_stack([zero, sway])))
-        self.joints.append(Joint("wrist", "forearm", "hand", turns, self.rng.normal(0, 0.5, (3, 2))))
 
     def _start(self, digit: str) -> tuple[Array, Array]:
         """Return the digit's own lengths and where it begins, mm."""
@@ -276,59 +293,33 @@ class _Drawing:
         return bool((steps[..., 0] > 0).all() and knuckles.min() > 12.5 and apart.min() > 10)
 
     def wear(self, facing: Facing) -> tuple[Worn, ...]:
-        """Put the receivers on one hand."""
-        most = {"nail": (self.nail_deg - 8, self.nail_deg + 8), "hand": (-8.0, 12.0)}
+        """Tape receivers, aimed at the middle of bones' backs, on the skin of one hand and flat on it."""
+        rng, most = self.rng, {"nail": (self.nail_deg - 8, self.nail_deg + 8), "hand": (-8.0, 12.0)}
         worn = []
         for segment in _SEGMENTS:
-            bone = self.bones[segment]
-            up = bone.up
+            bone, up = self.bones[segment], self.bones[segment].up
+            along = bone.along
             if segment == "thumb_metacarpal":
-                turn = self.rng.uniform(*most.get(facing, (-8.0, self.nail_deg + 8)))
-                up = turned(_back_of_hand(bone.along), bone.along, -turn)
-            worn.append(_tape(self.rng, segment, bone, up, self.size))
+                turn = rng.uniform(*most.get(facing, (-8.0, self.nail_deg + 8)))
+                up = turned(_back_of_hand(along), along, -turn)
+            height, half_width, fall_deg, share = _SURFACE.get(segment) or _SURFACE[segment.split("_")[1]]
+            height, half_width = height * self.size, half_width * self.size
+            side = unit(np.cross(up, along))
+            up = np.cross(along, side)
+            nail = segment.endswith("distal")
+            off_mm = np.clip(rng.normal(0, 1.2 if nail else 2.5), -0.2 * bone.length_mm, 0.2 * bone.length_mm)
+            round_deg = rng.uniform(-18, 18)
+            if nail or segment in ("hand", "forearm", "thumb_metacarpal"):
+                round_deg *= 0.2 if segment == "thumb_metacarpal" else 0.45
+            sine, cosine = np.sin(np.deg2rad(round_deg)), np.cos(np.deg2rad(round_deg))
+            foot = bone.base + (share * bone.length_mm + off_mm) * along
+            skin = foot + half_width * sine * side + height * cosine * up
+            flat = unit(sine / half_width * side + cosine / height * up)
+            z = unit(turned(flat, side, fall_deg))
+            x = unit(along - (along @ z) * z)
+            skin_axes = np.column_stack([x, np.cross(z, x), z])
+            slips_deg = np.clip(rng.normal(0, [2.5, 3.5, 4.0]), -8, 8)
+            axes = skin_axes @ Rotation.from_rotvec(np.deg2rad(slips_deg)).as_matrix()
+            above_mm = rng.uniform(2.2, 3.2)  # the coils lie within the housing
+            worn.append(Worn(segment, skin + above_mm * z, axes, skin_axes))
         return tuple(worn)
-
-
-# Skin over the line of centres: height and half width, mm; by how many deg it falls outward; share of length.
-_SURFACE = {
-    "hand": (9.5, 32.0, 1.0, 0.27),
-    "forearm": (19.0, 28.0, 3.0, 0.70),
-    "thumb_metacarpal": (9.5, 10.0, -2.0, 0.52),
-    "thumb_proximal": (7.0, 10.0, 2.0, 0.5),
-    "thumb_distal": (4.2, 9.0, 4.0, 0.62),
-    "proximal": (8.6, 8.5, 3.0, 0.5),
-    "middle": (5.6, 7.5, 3.0, 0.5),
-    "distal": (3.8, 6.8, 4.0, 0.63),
-}
-
-
-_SEGMENTS = (
-    *("hand", "thumb_metacarpal", "thumb_proximal", "thumb_distal"),
-    *(f"{digit}_{bone}" for digit in FINGERS for bone in _PHALANGES),
-    "forearm",
-)
-
-
-def _tape(rng: np.random.Generator, segment: str, bone: Bone, up: Array, size: float) -> Worn:
-    """Place a receiver that is aimed at the middle of a bone's back: on the skin, and flat on it."""
-    height, half_width, fall_deg, share = _SURFACE.get(segment) or _SURFACE[segment.split("_")[1]]
-    height, half_width = height * size, half_width * size
-    along = bone.along
-    side = unit(np.cross(up, along))
-    up = np.cross(along, side)
-    nail = segment.endswith("distal")
-    off_mm = np.clip(rng.normal(0, 1.2 if nail else 2.5), -0.2 * bone.length_mm, 0.2 * bone.length_mm)
-    round_deg = rng.uniform(-18, 18)
-    if nail or segment in ("hand", "forearm", "thumb_metacarpal"):
-        round_deg *= 0.2 if segment == "thumb_metacarpal" else 0.45
-    sine, cosine = np.sin(np.deg2rad(round_deg)), np.cos(np.deg2rad(round_deg))
-    foot = bone.base + (share * bone.length_mm + off_mm) * along
-    skin = foot + half_width * sine * side + height * cosine * up
-    flat = unit(sine / half_width * side + cosine / height * up)
-    z = unit(turned(flat, side, fall_deg))
-    x = unit(along - (along @ z) * z)
-    skin_axes = np.column_stack([x, np.cross(z, x), z])
-    slips_deg = np.clip(rng.normal(0, [2.5, 3.5, 4.0]), -8, 8)
-    axes = skin_axes @ Rotation.from_rotvec(np.deg2rad(slips_deg)).as_matrix()
-    above_mm = rng.uniform(2.2, 3.2)  # the coils lie within the housing
-    return Worn(segment, skin + above_mm * z, axes, skin_axes)

@@ -69,19 +69,19 @@ def record(
         carry_receiver(person, receiver, bones, followed, on_table, extra)
         for receiver, extra in zip(worn, extras, strict=True)
     ]
-    place, turning = (np.stack(parts, axis=1) for parts in zip(*rides, strict=True))
+    position_mm, turning = (np.stack(parts, axis=1) for parts in zip(*rides, strict=True))
     marks = {name: centre for name, centre in centres.items() if forearm or name != "wrist"}
-    points = np.concatenate([place, np.stack(list(marks.values()), axis=1)], axis=1)
+    points = np.concatenate([position_mm, np.stack(list(marks.values()), axis=1)], axis=1)
     points -= placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))[:, None]  # the palm, which the arm holds
     points = np.einsum("tij,tkj->tki", turned.as_matrix(), points) + palm_mm[:, None]
     turning = turned.as_matrix()[:, None] @ turning
     if side == "left":  # cable and skin as on the right hand: so y is the axis that changes its side
         points, turning = points * MIRROR, MIRROR[:, None] * turning * MIRROR
-    names, place = tuple(receiver.bone for receiver in worn), points[:, : len(worn)]
+    names, position_mm = tuple(receiver.bone for receiver in worn), points[:, : len(worn)]
     facing = Rotation.from_matrix(turning.reshape(-1, 3, 3))
-    frame, seen = np.arange(len(time_s), dtype=np.int64), np.ones(place.shape[:2], bool)
-    measured = measure(person, place, facing, tracker)
-    true_pose = Poses(names, frame, time_s, place, quaternions(facing, seen.shape), seen)
+    frame, seen = np.arange(len(time_s), dtype=np.int64), np.ones(position_mm.shape[:2], bool)
+    measured = measure(person, position_mm, facing, tracker)
+    true_pose = Poses(names, frame, time_s, position_mm, quaternions(facing, seen.shape), seen)
     if dropouts:  # short gaps, now and then of all receivers at once
         seen = seen.copy()
         for _ in range(tracker.integers(4, 12)):
@@ -179,9 +179,9 @@ def carry_receiver(
             for behind in (behind_turn, behind_place)
         )
         at = less, placed(at, centre) - less @ centre
-    place = placed(at, worn.place + moved[:, :3] @ worn.skin_axes.T)
+    position = placed(at, worn.place + moved[:, :3] @ worn.skin_axes.T)
     tilt = Rotation.from_rotvec(moved[:, 3:] @ worn.skin_axes.T).as_matrix() @ worn.axes
-    return place, turning @ tilt
+    return position, turning @ tilt
 
 
 def measure(

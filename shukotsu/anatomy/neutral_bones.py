@@ -108,9 +108,9 @@ def zeros_facing(
     still, turned = np.array([1.0, 0.0, 0.0, 0.0]), list(joints)
     for index, joint in enumerate(joints):
         if joint.zero_deg and {index, joint.parent} & facing.keys():
-            above, own = (conjugate(facing.get(i, still)) for i in (joint.parent, index))
-            rest = multiply(multiply(above, neutral_rotation(joint, hand)), conjugate(own))
-            axes_deg = joint_angles(still, multiply(own, angle_axes(joint, hand)), hand)[2]
+            above, below = (conjugate(facing.get(i, still)) for i in (joint.parent, index))
+            rest = multiply(multiply(above, neutral_rotation(joint, hand)), conjugate(below))
+            axes_deg = joint_angles(still, multiply(below, angle_axes(joint, hand)), hand)[2]
             zero_deg = *joint_angles(still, rest, hand).tolist(), float(axes_deg)
             turned[index] = replace(joint, zero_deg=zero_deg)
     return tuple(turned)

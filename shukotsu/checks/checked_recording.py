@@ -56,13 +56,13 @@ def check_recording(
 ) -> CheckedRecording:
     """Test what was declared about a recording against its poses; left_out, breaks : of its import."""
     broken = _breaks(breaks)
-    seen = [place for place, own in enumerate(poses.valid.T) if own.any()]
+    seen = [index for index, column in enumerate(poses.valid.T) if column.any()]
     line = Timeline(poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
     if len(seen) < len(poses.segments):
         line = Timeline(
             poses.time_s, poses.position_mm[:, seen], poses.quaternion[:, seen], poses.valid[:, seen]
         )
-    segments = tuple(poses.segments[place] for place in seen)
+    segments = tuple(poses.segments[index] for index in seen)
     body = expected_body(layout, segments)
     clock = timeline.true_clock(line)
     duration_s, clock_breaks = (None, []) if clock else device_clock(line.time_s, poses.frame)
@@ -84,14 +84,15 @@ def check_recording(
     ends = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
     dead = np.isfinite(ends).all((0, 2)) & (ends[0] == ends[-1]).all(-1) & ~poses.valid.any(0)
     frozen = [  # the first receiver that the import leaves out as it never moves though its parent does
-        Finding("receiver-stuck", NOTE, "all-along", {"segment": poses.segments[place]})
-        for place in np.flatnonzero(dead)[:1]
+        Finding("receiver-stuck", NOTE, "all-along", {"segment": poses.segments[index]})
+        for index in np.flatnonzero(dead)[:1]
     ]
+    empty = timeline.zeros(line)
     late = [
         *_left_out(left_out or {}),
         *frozen,
-        *_zeros(line, segments),
-        *_alike(line, segments, declared),
+        *([Finding("zeros", SUSPECT, "", _most(line, empty, segments))] if empty.any() else []),
+        *_alike(line, empty, segments, declared),
         *_stays(line, segments, declared),
         *_clock(line, clock, declared),
         *_clock_breaks(clock_breaks, poses.frame),
@@ -105,10 +106,10 @@ def poses_digest(poses: Poses) -> str:
     if not poses.valid.any():
         return ""
     digest = hashlib.sha256()
-    for place in np.flatnonzero(poses.valid.any(0)):
+    for index in np.flatnonzero(poses.valid.any(0)):
         for numbers in (poses.position_mm, poses.quaternion):
             for start in range(0, len(poses.frame), BLOCK_ROWS):
-                digest.update(numbers[start : start + BLOCK_ROWS, place].tobytes())
+                digest.update(numbers[start : start + BLOCK_ROWS, index].tobytes())
     return digest.hexdigest()[:16]
 
 
@@ -123,12 +124,12 @@ def _explained(
 ) -> tuple[list[Finding], Search]:
     """Findings of flips, spikes and all that a hypothesis undoes."""
     declared_mm = line.position_mm
-    jumping = sum(timeline.jumps(line, place) for place in range(len(segments))) > 0.5 * len(segments)
+    jumping = sum(timeline.jumps(line, receiver) for receiver in range(len(segments))) > 0.5 * len(segments)
     sign = np.ones(line.valid.shape, np.int8) if jumping else timeline.sides(line)
     if (sign < 0).any():
         line = replace(line, position_mm=line.position_mm.copy(), valid=line.valid & (sign != 0))
-        for place in np.flatnonzero((sign < 0).any(0)):
-            line.position_mm[:, place] = line.position_mm[:, place] * sign[:, place, None]
+        for receiver in np.flatnonzero((sign < 0).any(0)):
+            line.position_mm[:, receiver] = line.position_mm[:, receiver] * sign[:, receiver, None]
     odd = timeline.spikes(line)
     usable = line.valid & ~odd & ~timeline.stuck(line) & ~timeline.zeros(line)
     axes = receiver_axes(layout, segments)
@@ -167,9 +168,9 @@ def _first(line: Timeline, row: int) -> Values:
 
 def _most(line: Timeline, poses: npt.NDArray[np.bool_], segments: Sequence[str]) -> Values:
     """The segment with most of some poses (T, S), how many there are, and when it has the first."""
-    place = int(np.argmax(poses.sum(0)))
-    first = _first(line, int(np.argmax(poses[:, place])))
-    return {"segment": segments[place], "count": int(poses.sum()), **first}
+    receiver = int(np.argmax(poses.sum(0)))
+    first = _first(line, int(np.argmax(poses[:, receiver])))
+    return {"segment": segments[receiver], "count": int(poses.sum()), **first}
 
 
 def _flips(line: Timeline, sign: npt.NDArray[np.int8], segments: Sequence[str]) -> list[Finding]:
@@ -194,11 +195,11 @@ def _spikes(line: Timeline, frame: np.ndarray, odd: np.ndarray, segments: Sequen
     seen = _most(line, odd, segments)
     spiked = [
         [
-            segments[place],
+            segments[receiver],
             int(frame[row]),
             *([float(time_s)] if np.isfinite(time_s := line.time_s[row]) else []),
         ]
-        for row, place in np.argwhere(odd)[:MOST_NAMED]
+        for row, receiver in np.argwhere(odd)[:MOST_NAMED]
     ]
     return [Finding("spikes", SUSPECT, "some", {**seen, "spiked": spiked})]
 
@@ -212,22 +213,16 @@ def _stays(line: Timeline, segments: Sequence[str], declared: Declared) -> list[
     share = still.sum(0) / np.maximum(line.valid.sum(0), 1)
     if not still.any():
         return []
-    place = int(np.argmax(share))
-    row = int(np.argmax(still[:, place]))
-    severity = SUSPECT if share[place] > MANY_STUCK else NOTE
-    seen = {"segment": segments[place], "percent": 100 * share[place], **_first(line, row)}
+    receiver = int(np.argmax(share))
+    row = int(np.argmax(still[:, receiver]))
+    severity = SUSPECT if share[receiver] > MANY_STUCK else NOTE
+    seen = {"segment": segments[receiver], "percent": 100 * share[receiver], **_first(line, row)}
     return [Finding("receiver-stuck", severity, "at-times", seen)]
 
 
-def _zeros(line: Timeline, segments: Sequence[str]) -> list[Finding]:
-    empty = timeline.zeros(line)
-    if not empty.any():
-        return []
-    return [Finding("zeros", SUSPECT, "", _most(line, empty, segments))]
-
-
-def _alike(line: Timeline, segments: Sequence[str], declared: Declared) -> list[Finding]:
-    empty = timeline.zeros(line)
+def _alike(
+    line: Timeline, empty: npt.NDArray[np.bool_], segments: Sequence[str], declared: Declared
+) -> list[Finding]:
     pairs = timeline.alike(replace(line, valid=line.valid & ~empty) if empty.any() else line)
     if not pairs:
         return []
@@ -249,14 +244,14 @@ LEFT_OUT = {
 
 
 def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
-    found = []
+    findings = []
     for flag, by_segment in left_out.items():
         kind, severity, variant = LEFT_OUT[flag]
         named = sorted(by_segment, key=lambda name: -by_segment[name])
         counts = [by_segment[name] for name in named]
         seen = {"count": sum(counts), "of": named, "counts": counts}
-        found.append(Finding(kind, severity, variant, seen))
-    return found
+        findings.append(Finding(kind, severity, variant, seen))
+    return findings
 
 
 def _breaks(breaks: Sequence[Values]) -> list[Finding]:
@@ -283,7 +278,7 @@ def _clock(line: Timeline, factor: float | None, declared: Declared) -> list[Fin
         return []
     seconds, read = _SECONDS.get(declared.time_unit, _SECONDS["s"])
     unit = next(
-        (name for name, (own, _) in _SECONDS.items() if np.isclose(own, factor * seconds, atol=0)), ""
+        (name for name, (second, _) in _SECONDS.items() if np.isclose(second, factor * seconds, atol=0)), ""
     )
     rate_hz = 1 / line.interval_s
     seen = {"rate_hz": rate_hz, "unit": unit, "read": read, "factor": factor, **declared.unmapped}
@@ -295,10 +290,10 @@ def _clock(line: Timeline, factor: float | None, declared: Declared) -> list[Fin
 
 def _clock_breaks(breaks: Sequence[ClockBreak], frame: np.ndarray) -> list[Finding]:
     """Name where the clock does not run on, a finding a kind: its first place, and how many there are."""
-    found = []
-    for kind in dict.fromkeys(one.kind for one in breaks):
-        every = [one for one in breaks if one.kind == kind]
+    findings = []
+    for kind in dict.fromkeys(step.kind for step in breaks):
+        every = [step for step in breaks if step.kind == kind]
         first = {name: getattr(every[0], name) for name in ("from_s", "to_s", "by_s", "rows")}
         seen = {**first, "by": f"{every[0].by_s:.10g}", "number": int(frame[every[0].row])}
-        found.append(Finding("clock", NOTE, kind, {**seen, "steps": len(every)}))
-    return found
+        findings.append(Finding("clock", NOTE, kind, {**seen, "steps": len(every)}))
+    return findings

@@ -40,40 +40,44 @@ def compared(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> list[Ch
     Of one file named twice, that is the copy of which more is found: a right hand's under the name of a left.
     """
     first_of: dict[str, tuple[str, str]] = {}
-    for task, hand, own in sorted(
+    for task, hand, checked in sorted(
         recordings, key=lambda entry: any(f.severity != NOTE for f in entry[2].findings)
     ):
-        first_of.setdefault(own.digest, (hand, task))
-    found = []
-    for task, hand, own in recordings:
-        first = first_of[own.digest] if own.digest else (hand, task)
+        first_of.setdefault(checked.digest, (hand, task))
+    named = []
+    for task, hand, checked in recordings:
+        first = first_of[checked.digest] if checked.digest else (hand, task)
         more = (same_file(*first),) if first != (hand, task) else ()
-        found.append(replace(own, findings=(*more, *own.findings)))
-    for place, finding in _other_people(recordings).items():
-        if not any(one.kind == "same-file" for one in found[place].findings):
-            found[place] = replace(found[place], findings=(*found[place].findings, finding))
-    return found
+        named.append(replace(checked, findings=(*more, *checked.findings)))
+    for index, finding in _other_people(recordings).items():
+        if not any(finding_there.kind == "same-file" for finding_there in named[index].findings):
+            named[index] = replace(named[index], findings=(*named[index].findings, finding))
+    return named
 
 
 def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Recording, Finding]]:
     """Name recordings, each with its poses' digest, that are another subject's, or another session's."""
     first_of: dict[str, Recording] = {}
-    for own, digest in recordings:
-        first = first_of.setdefault(digest, own) if digest else own
-        if first.hand.who != own.hand.who:
-            yield own, same_file(first.hand.hand, first.title, *first.hand.who).accept(own.accept)
+    for recording, digest in recordings:
+        first = first_of.setdefault(digest, recording) if digest else recording
+        if first.hand.who != recording.hand.who:
+            yield recording, same_file(first.hand.hand, first.title, *first.hand.who).accept(recording.accept)
 
 
 def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> dict[int, Finding]:
     """Findings, by place, on recordings whose receivers sit elsewhere than in most others."""
-    found: dict[int, Finding] = {}
+    findings: dict[int, Finding] = {}
     for hand in dict.fromkeys(hand for _, hand, _ in recordings):
         measured = {
             place: sizes
             for place, (_, own, checked) in enumerate(recordings)
             if own == hand and (sizes := measure(checked)) is not None
         }
-        judging = {place: own for place, own in measured.items() if not _breaks(recordings[place][2])}
+        judging = {
+            place: sizes
+            for place, sizes in measured.items()
+            if not any(finding.kind == "sudden-change" for finding in recordings[place][2].findings)
+        }
         differ = {
             a: sum(_worn_elsewhere(one, other) for other in judging.values()) for a, one in judging.items()
         }
@@ -85,18 +89,14 @@ def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> di
                 first = {"subject": "", "hand": hand, "task": recordings[usual][0]}
                 if _log_odds(own, measured[usual]) > OTHER_PERSON:
                     scales = {"scale": own.scale, "usual": measured[usual].scale}
-                    found[place] = Finding("other-person", SUSPECT, "another", {**first, **scales})
+                    findings[place] = Finding("other-person", SUSPECT, "another", {**first, **scales})
                 else:
-                    found[place] = Finding("other-person", NOTE, "put-on-anew", first)
-    return found
+                    findings[place] = Finding("other-person", NOTE, "put-on-anew", first)
+    return findings
 
 
-def _breaks(checked: CheckedRecording) -> bool:
-    return any(finding.kind == "sudden-change" for finding in checked.findings)
-
-
-def _worn_elsewhere(one: Measured, other: Measured) -> bool:
-    apart = np.abs(one.centre_mm - other.centre_mm) if one.joints == other.joints else np.zeros(1)
+def _worn_elsewhere(first: Measured, second: Measured) -> bool:
+    apart = np.abs(first.centre_mm - second.centre_mm) if first.joints == second.joints else np.zeros(1)
     return bool(np.median(apart) > WORN_AGAIN_MM)
 
 
@@ -118,9 +118,9 @@ def measure(checked: CheckedRecording) -> Measured | None:
     return Measured(np.array([*phalanges, *spread, scale]), explained.centre_mm[0], body.names, scale)
 
 
-def _log_odds(one: Measured, other: Measured) -> float:
+def _log_odds(first: Measured, second: Measured) -> float:
     """Log of the odds that the two are of different people."""
     same, others = np.array([sd for sd in (*PHALANX_MM, *KNUCKLE_MM) for _ in FINGERS] + [SCALE]).T
-    difference = one.sizes - other.sizes
+    difference = first.sizes - second.sizes
     odds = 0.5 * difference**2 * (same**-2 - others**-2) - np.log(others / same)
     return float(odds.sum())

@@ -80,49 +80,49 @@ def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
         np.full(n, 3.0),
     )  # fmt: skip
     for digit in known_digits(layout):
-        for place, joint in enumerate(joints):
+        for index, joint in enumerate(joints):
             if joint.child in digit.segments:
-                _expect(body, place, joint, digit, layout)
+                _expect(body, index, joint, digit, layout)
     if layout.wrist is not None and body.known.any():
-        for place, joint in enumerate(joints):
+        for index, joint in enumerate(joints):
             if joint.name == layout.wrist.joint and joint.child == root_of(layout):
-                body.known[place] = True
-                body.centre_mm[place] = -np.array([FOREARM_MOUNT_MM, _hand_mount_mm(layout)])
-                body.sd_mm[place] = [[40.0, 12.0, 12.0], [4.0, 4.0, 4.0]]
-                body.flexion_deg[place] = (-95.0, 95.0)
-                body.sideways_sd_deg[place] = (20.0, 25.0)
-                body.swing_deg[place] = (70.0, 40.0)
-                _share_root(body, place, 1)
+                body.known[index] = True
+                body.centre_mm[index] = -np.array([FOREARM_MOUNT_MM, _hand_mount_mm(layout)])
+                body.sd_mm[index] = [[40.0, 12.0, 12.0], [4.0, 4.0, 4.0]]
+                body.flexion_deg[index] = (-95.0, 95.0)
+                body.sideways_sd_deg[index] = (20.0, 25.0)
+                body.swing_deg[index] = (70.0, 40.0)
+                _share_root(body, index, 1)
     return body
 
 
-def _expect(body: ExpectedBody, place: int, joint: Joint, digit: Digit, layout: Layout) -> None:
+def _expect(body: ExpectedBody, index: int, joint: Joint, digit: Digit, layout: Layout) -> None:
     """Fill in a joint of a digit."""
     anatomy = average.DIGITS[digit.name]
     bone = digit.segments.index(joint.child)
     thumb = digit.name == "thumb"
     on_root = joint.parent_receiver == digit.base
-    body.known[place] = True
+    body.known[index] = True
     for facing, frames in enumerate(_frames(anatomy)):
-        body.rest[place, facing] = frames[bone] if on_root else frames[bone - 1].T @ frames[bone]
-    body.faced[place] = bool(np.ptp(body.rest[place], axis=0).max() > 0)
-    body.sd_mm[place] = THUMB_SD_MM if thumb else PHALANX_SD_MM
+        body.rest[index, facing] = frames[bone] if on_root else frames[bone - 1].T @ frames[bone]
+    body.faced[index] = bool(np.ptp(body.rest[index], axis=0).max() > 0)
+    body.sd_mm[index] = THUMB_SD_MM if thumb else PHALANX_SD_MM
     ends, mounts = anatomy.lengths_mm[:, None] * [1.0, 0.0, 0.0], anatomy.mounts_mm()
     if on_root:
-        body.sd_mm[place, 0] = ON_HAND_SD_MM * (1.5 if thumb else 1.0)
+        body.sd_mm[index, 0] = ON_HAND_SD_MM * (1.5 if thumb else 1.0)
         parent = anatomy.joints_mm()[bone]
-        body.centre_mm[place, 0] = parent - _hand_mount_mm(layout)
-        _share_root(body, place, 0)
+        body.centre_mm[index, 0] = parent - _hand_mount_mm(layout)
+        _share_root(body, index, 0)
     else:
-        body.centre_mm[place, 0] = (ends - mounts)[bone - 1]
-    body.centre_mm[place, 1] = -mounts[bone]
-    body.gain[place, :, :, 0] = FREE_SCALE_SD * body.centre_mm[place]
+        body.centre_mm[index, 0] = (ends - mounts)[bone - 1]
+    body.centre_mm[index, 1] = -mounts[bone]
+    body.gain[index, :, :, 0] = FREE_SCALE_SD * body.centre_mm[index]
     kind = joint.name.rsplit("_", 1)[-1]
-    body.flexion_deg[place] = (THUMB_FLEXION_DEG if thumb else FLEXION_DEG).get(kind, (-90.0, 120.0))
+    body.flexion_deg[index] = (THUMB_FLEXION_DEG if thumb else FLEXION_DEG).get(kind, (-90.0, 120.0))
     sideways = MCP_SD_DEG if kind in ("mcp", "cmc") else HINGE_SD_DEG
-    body.sideways_sd_deg[place] = THUMB_SD_DEG if thumb else sideways
-    body.swing_deg[place] = SWING_DEG.get(kind, HINGE_SWING_DEG)
-    body.gap_mm[place] = 3.0 if thumb or layout.joints[joint.name].compound else 2.0
+    body.sideways_sd_deg[index] = THUMB_SD_DEG if thumb else sideways
+    body.swing_deg[index] = SWING_DEG.get(kind, HINGE_SWING_DEG)
+    body.gap_mm[index] = 3.0 if thumb or layout.joints[joint.name].compound else 2.0
 
 
 def _frames(anatomy: average.DigitAnatomy) -> list[Array]:
@@ -150,9 +150,9 @@ def _hand_mount_mm(layout: Layout) -> Array:
     return np.asarray(-axes @ np.array(layout.wrist.nominal_mm))
 
 
-def _share_root(body: ExpectedBody, place: int, end: int) -> None:
+def _share_root(body: ExpectedBody, index: int, end: int) -> None:
     """A joint in the frame of the hand's receiver moves as that one is shifted and turned."""
-    body.gain[place, end, :, 1:4] = ROOM * np.diag(average.HAND_MOUNT_SD_MM)
-    body.gain[place, end, :, 4:7] = (
-        ROOM * average.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[place, end])
+    body.gain[index, end, :, 1:4] = ROOM * np.diag(average.HAND_MOUNT_SD_MM)
+    body.gain[index, end, :, 4:7] = (
+        ROOM * average.MOUNT_TURN_SD_RAD * cross_matrix(body.centre_mm[index, end])
     )

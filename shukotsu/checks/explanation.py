@@ -68,8 +68,8 @@ class Explanation:
 
 def joint_shares(body: ExpectedBody, series: Sequence[tuple[int, Motion]]) -> JointShares:
     """Summarise each joint's receivers in each motion: (joint, motion) pairs in, shares out."""
-    joint = np.array([place for place, _ in series], int)
-    parts = [_pair(motion, *body.ends[place]) for place, motion in series]
+    joint = np.array([end for end, _ in series], int)
+    parts = [_pair(motion, *body.ends[end]) for end, motion in series]
     turn, offset, weight = (np.stack(part) for part in zip(*parts, strict=True))
     n = len(series)
     total = weight.sum(1)
@@ -97,17 +97,17 @@ def _turned(
     turning = np.zeros((len(joint), facings))
     for facing in range(facings):
         # the others turn alike, whichever way a thumb's receiver faces
-        own = body.faced[joint] | (facing == 0)
-        rest = np.swapaxes(body.rest[joint[own], facing], 1, 2)[:, None]
-        angles = np.where(seen[own][..., None], _angles_deg(rest @ turn[own]), np.nan)
+        depends = body.faced[joint] | (facing == 0)
+        rest = np.swapaxes(body.rest[joint[depends], facing], 1, 2)[:, None]
+        angles = np.where(seen[depends][..., None], _angles_deg(rest @ turn[depends]), np.nan)
         ordered = np.sort(angles, axis=1)  # (P, K, 3), NaN last
         last = np.maximum(np.isfinite(ordered).sum(1, keepdims=True) - 1, 0)
         low, middle, high = (
             np.nan_to_num(np.take_along_axis(ordered, (share * last).round().astype(int), 1)[:, 0])
             for share in (0.1, 0.5, 0.9)
         )
-        angles_deg[own, facing] = np.stack([low, middle, high], 1)
-        turning[own, facing] = _turning(body, joint[own], low, middle, high)
+        angles_deg[depends, facing] = np.stack([low, middle, high], 1)
+        turning[depends, facing] = _turning(body, joint[depends], low, middle, high)
     alike = ~body.faced[joint]
     angles_deg[alike], turning[alike] = angles_deg[alike, :1], turning[alike, :1]
     return np.where(body.known[joint, None], turning, 0.0), angles_deg
@@ -155,19 +155,19 @@ def explain(body: ExpectedBody, shares: JointShares, choice: npt.NDArray[np.int6
     gain = body.gain.reshape(-1, 6, SHARED)
     expected = body.centre_mm.reshape(-1, 6)
     weight = INDEPENDENT_FRAMES / body.gap_mm[joint] ** 2
-    own = precision[joint]
-    inner = np.linalg.inv(weight[:, None, None] * shares.normal + np.eye(6) * own[:, :, None])
+    weighed = precision[joint]
+    inner = np.linalg.inv(weight[:, None, None] * shares.normal + np.eye(6) * weighed[:, :, None])
     # centre = inner (weight slope + own (expected + gain u)), for shared u
-    held = np.eye(6) * own[:, :, None] - own[:, :, None] * inner * own[:, None, :]
-    pull = own * np.einsum("pij,pj->pi", inner, weight[:, None] * shares.slope)
+    held = np.eye(6) * weighed[:, :, None] - weighed[:, :, None] * inner * weighed[:, None, :]
+    pull = weighed * np.einsum("pij,pj->pi", inner, weight[:, None] * shares.slope)
     lean = np.einsum("pij,pj->pi", held, expected[joint])
     gains = gain[joint]
     matrix = np.einsum("pia,pij,pjb->pab", gains, held, gains)
     vector = np.einsum("pia,pi->pa", gains, pull - lean)
     system = matrix[choice].sum(1) + np.eye(SHARED)
     shared = np.linalg.solve(system, vector[choice].sum(1)[..., None])[..., 0]
-    place = np.arange(len(body.names))
-    from_shared = expected + np.einsum("jia,ha->hji", gain[place], shared)
+    joints = np.arange(len(body.names))
+    from_shared = expected + np.einsum("jia,ha->hji", gain[joints], shared)
     target = weight[choice][..., None] * shares.slope[choice] + precision * from_shared
     centre = np.einsum("hjik,hjk->hji", inner[choice], target)
     square = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,6 +10,7 @@ from itertools import combinations, permutations, product
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from shukotsu.checks.declared import SENSES, TIDY, Declared
 from shukotsu.checks.sampled_motion import MIRROR, Motion
@@ -52,18 +54,20 @@ class Recorded:
 
 def hypotheses(recorded: Recorded, motion: Motion) -> list[Hypothesis]:
     """Every mistake that is looked for by explaining the poses of the motion otherwise."""
-    found = [*_orders(recorded), *_euler(recorded), *_units(recorded.declared), *_axes(recorded)]
-    found += [*_hemispheres(recorded, motion), *_swaps(recorded)]
+    mistakes = [*_orders(recorded), *_euler(recorded), *_units(recorded.declared), *_axes(recorded)]
+    mistakes += [*_hemispheres(recorded, motion), *_swaps(recorded)]
     if recorded.is_hand:
-        found += [_other_hand(recorded), *_digit_swaps(recorded), *_turns(recorded)]
-    rivals = Counter((one.kind, one.places is None) for one in found)
+        hand = {"hand": "left" if recorded.hand == "right" else "right", "hand_2": recorded.hand}
+        mistakes.append(Hypothesis("wrong-hand", Motion.mirrored, "", hand))
+        mistakes += [*_digit_swaps(recorded), *_turns(recorded)]
+    rivals = Counter((mistake.kind, mistake.places is None) for mistake in mistakes)
     return [
         replace(
-            one,
-            penalty=float(np.log(rivals[one.kind, one.places is None] / SHARES[one.kind])),
-            values={**one.values, **recorded.declared.unmapped},
+            mistake,
+            penalty=float(np.log(rivals[mistake.kind, mistake.places is None] / SHARES[mistake.kind])),
+            values={**mistake.values, **recorded.declared.unmapped},
         )
-        for one in found
+        for mistake in mistakes
     ]
 
 
@@ -92,8 +96,8 @@ def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Cal
 
     def undo(motion: Motion) -> Motion:
         mirror = recorded.mirror
-        own = (motion.rotation * mirror[:, None] * mirror) @ np.swapaxes(recorded.axes, 1, 2)
-        turned = matrix(change(from_matrix(own) * sense) * sense) @ recorded.axes
+        file_rotation = (motion.rotation * mirror[:, None] * mirror) @ np.swapaxes(recorded.axes, 1, 2)
+        turned = matrix(change(from_matrix(file_rotation) * sense) * sense) @ recorded.axes
         return replace(motion, rotation=turned * mirror[:, None] * mirror)
 
     return undo
@@ -123,49 +127,30 @@ def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
     declared = recorded.declared.axes
     if not declared:
         return
-    for true in map("".join, permutations("XYZ")):
-        if true != declared:
-            yield Hypothesis(
-                "euler-order", _requaternioned(recorded, _reordered(declared, true, 1.0)),
-                "axes", {"read": declared, "true": true},
-            )  # fmt: skip
-    yield Hypothesis(
-        "euler-order", _requaternioned(recorded, _reordered(declared, declared, 1.0, backwards=True)),
-        "fixed", {"read": declared, "true": declared[::-1]},
-    )  # fmt: skip
-    yield Hypothesis(
-        "units", _requaternioned(recorded, _reordered(declared, declared, 180 / np.pi)),
-        "radians",
-    )  # fmt: skip
+    for variant, true, axes in (
+        *(("axes", true, true) for true in map("".join, permutations("XYZ")) if true != declared),
+        ("fixed", declared[::-1], declared.lower()),
+    ):
+        undo = _requaternioned(recorded, _reordered(declared, axes))
+        yield Hypothesis("euler-order", undo, variant, {"read": declared, "true": true})
+    undo = _requaternioned(recorded, _reordered(declared, declared, 180 / np.pi))
+    yield Hypothesis("units", undo, "radians")
 
 
-def _reordered(
-    declared: str, true: str, factor: float, *, backwards: bool = False
-) -> Callable[[Array], Array]:
-    """Take rotations apart into angles about the declared axes, put them together about the true ones."""
-    i, j, k = ("XYZ".index(axis) for axis in declared)
-    sign = 1.0 if (j - i) % 3 == 1 else -1.0
+def _reordered(declared: str, true: str, factor: float = 1.0) -> Callable[[Array], Array]:
+    """Take rotations apart into angles about the declared axes, put them together about the true ones.
+
+    true : in small letters of axes that stay where they are, as of scipy's.
+    """
 
     def change(quaternion: Array) -> Array:
-        m = matrix(quaternion)
-        first = np.arctan2(-sign * m[..., j, k], m[..., k, k])
-        second = np.arcsin(np.clip(sign * m[..., i, k], -1, 1))
-        third = np.arctan2(-sign * m[..., i, j], m[..., i, i])
-        turns = [_about("XYZ".index(axis), factor * angle)
-                 for axis, angle in zip(true, (first, second, third), strict=True)]  # fmt: skip
-        one, two, three = turns[::-1] if backwards else turns
-        return from_matrix(one @ two @ three)
+        read = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)
+        with warnings.catch_warnings(action="ignore"):  # at the poles one angle of two is as good
+            angles = factor * read.as_euler(declared)
+        again = Rotation.from_euler(true, angles)
+        return np.asarray(again.as_quat(scalar_first=True).reshape(quaternion.shape))
 
     return change
-
-
-def _about(axis: int, angle: Array) -> Array:
-    out = np.zeros((*angle.shape, 3, 3))
-    j, k = (axis + 1) % 3, (axis + 2) % 3
-    out[..., axis, axis] = 1.0
-    out[..., j, j] = out[..., k, k] = np.cos(angle)
-    out[..., j, k], out[..., k, j] = -np.sin(angle), np.sin(angle)
-    return out
 
 
 def _moved(factor: float | Array, order: Sequence[int] = (0, 1, 2)) -> Callable[[Motion], Motion]:
@@ -194,8 +179,8 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
             if order == (0, 1, 2) and (min(signs) > 0 or max(signs) < 0):  # the latter is a hemisphere
                 continue
             sign = np.array(signs) * recorded.mirror * recorded.mirror[list(order)]
-            columns = [read[i] if s > 0 else _negated(read[i]) for i, s in zip(order, signs, strict=True)]
-            values: dict[str, Any] = {"columns": ", ".join(columns)}
+            columns = [read[i] if s > 0 else f"-{read[i]}" for i, s in zip(order, signs, strict=True)]
+            values: dict[str, Any] = {"columns": ", ".join(columns).replace("--", "")}
             mirrored = order == (0, 1, 2)
             if mirrored:
                 values["negated"] = [n for n, s in zip(names, signs, strict=True) if s < 0]
@@ -204,34 +189,20 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
             yield Hypothesis("axes-mirrored", _moved(sign, order), variant, values)
 
 
-def _negated(axis: str) -> str:
-    return axis[1:] if axis.startswith("-") else f"-{axis}"
-
-
-def _other_hand(recorded: Recorded) -> Hypothesis:
-    other = "left" if recorded.hand == "right" else "right"
-    return Hypothesis("wrong-hand", Motion.mirrored, "", {"hand": other, "hand_2": recorded.hand})
-
-
 def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
     """One receiver on the other side, all of those that are opposite to most, or all that there are."""
     if recorded.declared.format != "c3d":  # cameras have no hemisphere
         yield Hypothesis("hemisphere", _moved(-1.0), "whole")
-    opposite = _opposite(motion)
+    place = np.median(motion.position_mm, axis=0)
+    side = place @ np.linalg.eigh(place.T @ place)[1][:, -1]
+    behind = side < 0 if (side < 0).sum() <= len(side) / 2 else side > 0  # of the transmitter than most
+    opposite = {int(i) for i in np.flatnonzero(behind)} if behind.sum() > 1 else set()
     for places in [*({place} for place in range(len(recorded.segments))), *([opposite] if opposite else [])]:
         sign = np.ones((len(recorded.segments), 1))
         sign[list(places)] = -1.0
         names = [recorded.segments[place] for place in sorted(places)]
         values = {"segments": names, "count": len(names)}
         yield Hypothesis("hemisphere", _moved(sign), "all-along", values, frozenset(places))
-
-
-def _opposite(motion: Motion) -> set[int]:
-    """Receivers that are on the other side of the transmitter than most; none where that is one or none."""
-    place = np.median(motion.position_mm, axis=0)
-    side = place @ np.linalg.eigh(place.T @ place)[1][:, -1]
-    behind = side < 0 if (side < 0).sum() <= len(side) / 2 else side > 0
-    return {int(i) for i in np.flatnonzero(behind)} if behind.sum() > 1 else set()
 
 
 def _swaps(recorded: Recorded) -> Iterator[Hypothesis]:
@@ -253,8 +224,8 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         if len(worn[first]) != len(worn[second]):
             continue
         order = list(range(len(recorded.segments)))
-        for one, other in zip(worn[first], worn[second], strict=True):
-            order[one], order[other] = other, one
+        for segment, segment_2 in zip(worn[first], worn[second], strict=True):
+            order[segment], order[segment_2] = segment_2, segment
         named = (second, first) if second == "thumb" else (first, second)  # the sentence's second is a finger
         digits: dict[str, Any] = dict(zip(("digit", "digit_2"), named, strict=True))
         yield Hypothesis(
@@ -262,15 +233,15 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
             "two", {**digits, "pairs": _pairs(recorded, worn[first], worn[second])},
             frozenset({*worn[first], *worn[second]}),
         )  # fmt: skip
-    fingers = [own for name, own in worn.items() if name != "thumb"]
-    if len(fingers) > 2 and len({len(own) for own in fingers}) == 1:
+    fingers = [receivers for name, receivers in worn.items() if name != "thumb"]
+    if len(fingers) > 2 and len({len(receivers) for receivers in fingers}) == 1:
         order = list(range(len(recorded.segments)))
         for worn_on, stands_for in zip(fingers, fingers[::-1], strict=True):
-            for one, two in zip(worn_on, stands_for, strict=True):
-                order[one] = two
+            for segment, segment_2 in zip(worn_on, stands_for, strict=True):
+                order[segment] = segment_2
         half = len(fingers) // 2
         ends = zip(fingers[:half], fingers[: -half - 1 : -1], strict=True)
-        pairs = [pair for one, other in ends for pair in _pairs(recorded, one, other)]
+        pairs = [pair for segment, segment_2 in ends for pair in _pairs(recorded, segment, segment_2)]
         yield Hypothesis("digits-swapped", _permuted(recorded, order), "reversed", {"pairs": pairs})
 
 
@@ -293,19 +264,17 @@ def _permuted(recorded: Recorded, order: Sequence[int]) -> Callable[[Motion], Mo
 
 
 def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
-    """A receiver, or every receiver alike, turned on its bone by quarter turns."""
-    every = len(recorded.segments)
+    """Yield a receiver, or every receiver alike, turned on its bone by quarter turns."""
     for turn in _quarter_turns():
         values: dict[str, Any] = _turn_values(turn, recorded.mirror)
         # a column is where the bone's axis points in the receiver's frame
         axes = recorded.axes @ (turn * recorded.mirror[:, None] * recorded.mirror)
         if np.ptp(axes, axis=0).max() < ALIKE:
-            all_turned = _turned(np.tile(turn, (every, 1, 1)))
-            yield Hypothesis("receiver-turned", all_turned, "all", values | _axes_values(axes[0]))
-        for place, segment in enumerate(recorded.segments):
+            yield Hypothesis("receiver-turned", _turned(turn), "all", values | _axes_values(axes[0]))
+        for index, segment in enumerate(recorded.segments):
             yield Hypothesis(
-                "receiver-turned", _turned_at(place, turn), "one",
-                values | _axes_values(axes[place]) | {"segment": segment}, frozenset({place}),
+                "receiver-turned", _turned(turn, index), "one",
+                values | _axes_values(axes[index]) | {"segment": segment}, frozenset({index}),
             )  # fmt: skip
 
 
@@ -322,14 +291,10 @@ def _axes_values(axes: Array) -> dict[str, Any]:
     }
 
 
-def _turned(turns: Array) -> Callable[[Motion], Motion]:
-    return lambda motion: replace(motion, rotation=motion.rotation @ turns)
-
-
-def _turned_at(place: int, turn: Array) -> Callable[[Motion], Motion]:
+def _turned(turn: Array, receiver: int | slice = slice(None)) -> Callable[[Motion], Motion]:
     def undo(motion: Motion) -> Motion:
         rotation = motion.rotation.copy()
-        rotation[:, place] = rotation[:, place] @ turn
+        rotation[:, receiver] = rotation[:, receiver] @ turn
         return replace(motion, rotation=rotation)
 
     return undo
@@ -349,12 +314,18 @@ def _quarter_turns() -> list[Array]:
 
 def _turn_values(turn: Array, mirror: Array) -> dict[str, Any]:
     """By how much and about which of its axes it is turned; none: about a diagonal."""
-    own = turn * mirror[:, None] * mirror
-    degrees = round(float(np.degrees(np.arccos(np.clip((np.trace(own) - 1) / 2, -1, 1)))))
+    in_receiver = turn * mirror[:, None] * mirror
+    degrees = round(float(np.degrees(np.arccos(np.clip((np.trace(in_receiver) - 1) / 2, -1, 1)))))
     if degrees == 180:
-        axis = np.linalg.eigh(own + own.T)[1][:, -1]
+        axis = np.linalg.eigh(in_receiver + in_receiver.T)[1][:, -1]
     else:
-        axis = np.array([own[2, 1] - own[1, 2], own[0, 2] - own[2, 0], own[1, 0] - own[0, 1]])
+        axis = np.array(
+            [
+                in_receiver[2, 1] - in_receiver[1, 2],
+                in_receiver[0, 2] - in_receiver[2, 0],
+                in_receiver[1, 0] - in_receiver[0, 1],
+            ]
+        )
     along = np.flatnonzero(np.abs(axis) > 0.3)
     if len(along) == 1:
         sign = -1 if axis[along[0]] < 0 and degrees != 180 else 1

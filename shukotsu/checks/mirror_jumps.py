@@ -56,8 +56,17 @@ def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
     """The sides of a receiver in frames (N,), rising, at times (N,), NaN where unknown, and places (N, 3)."""
     sign, run = np.ones(len(frame), np.int64), np.zeros(len(frame), np.int64)
     if len(frame) > 1:
-        lasts, frame_s = _lasts(np.diff(frame), np.diff(time_s))
-        step_mm, mirrored_mm, along_mm2 = _steps(position_mm)
+        lasts, frame_s, seconds = np.diff(frame).astype(float), np.nan, np.diff(time_s)
+        timed = seconds > 0  # False for NaN
+        if timed.any():
+            frame_s = float(np.median(seconds[timed] / lasts[timed]))
+            lasts = np.maximum(lasts, np.where(timed, seconds, 0.0) / frame_s)
+        parts = []  # lengths of steps, those to the mirror image, scalar products; a block at a time
+        for start in range(0, len(position_mm) - 1, _BLOCK_ROWS):
+            here = position_mm[start : start + _BLOCK_ROWS + 1]
+            along_mm2 = np.einsum("ij,ij->i", here[1:], here[:-1])
+            parts.append(np.stack([*_apart_mm(here[:-1], here[1:]), along_mm2]))
+        step_mm, mirrored_mm, along_mm2 = np.concatenate(parts, 1)
         nearer_mm = np.minimum(step_mm, mirrored_mm)
         usual_mm = float(np.quantile(nearer_mm / lasts, 0.8))
         fastest_mm = UNTIMED_STEP_MM if np.isnan(frame_s) else FASTEST_MM_S * frame_s
@@ -81,28 +90,9 @@ def own_sides(frame: Integers, time_s: Array, position_mm: Array) -> OwnSides:
     return OwnSides(frame[new], sign[new], run[new])
 
 
-def _lasts(frames: Integers, seconds: Array) -> tuple[Array, float]:
-    """The frames of each step, by frames and times, and how long a frame is; NaN where unknown."""
-    timed = seconds > 0  # False for NaN
-    if not timed.any():
-        return frames.astype(float), np.nan
-    frame_s = float(np.median(seconds[timed] / frames[timed]))
-    return np.maximum(frames, np.where(timed, seconds, 0.0) / frame_s), frame_s
-
-
-def _steps(position_mm: Array) -> Array:
-    """Lengths of steps, those to the mirror image, and scalar products, (3, N - 1); a block at a time."""
-    parts = []
-    for start in range(0, len(position_mm) - 1, _BLOCK_ROWS):
-        here = position_mm[start : start + _BLOCK_ROWS + 1]
-        along = np.einsum("ij,ij->i", here[1:], here[:-1])
-        parts.append(np.stack([*_apart_mm(here[:-1], here[1:]), along]))
-    return np.concatenate(parts, 1)
-
-
-def _apart_mm(one: Array, other: Array) -> tuple[Array, Array]:
+def _apart_mm(first: Array, second: Array) -> tuple[Array, Array]:
     """Positions' distances from each other, and from each other's mirror image."""
-    return np.linalg.norm(other - one, axis=-1), np.linalg.norm(other + one, axis=-1)
+    return np.linalg.norm(second - first, axis=-1), np.linalg.norm(second + first, axis=-1)
 
 
 def _within_mm(reach_mm: float, lasts: Array) -> Array:
@@ -112,7 +102,7 @@ def _within_mm(reach_mm: float, lasts: Array) -> Array:
 
 def _leaps(leaping: npt.NDArray[np.bool_], position_mm: Array, usual_mm: float) -> list[tuple[int, int]]:
     """The last pose before and the first after each leap, of steps (N - 1,) that lead to no side."""
-    found: list[tuple[int, int]] = []
+    leaps: list[tuple[int, int]] = []
     rows = np.flatnonzero(leaping)
     for part in np.split(rows, np.flatnonzero(np.diff(rows) > 3) + 1) if len(rows) else []:
         before, after = int(part[0]), int(part[-1]) + 1
@@ -122,11 +112,11 @@ def _leaps(leaping: npt.NDArray[np.bool_], position_mm: Array, usual_mm: float) 
         def tail(row: int, way: Array = way) -> bool:  # still settling, or about to
             return bool((position_mm[row + 1] - position_mm[row]) @ way > usual_mm)
 
-        earliest = max(before - SMEARED_FRAMES, found[-1][1] if found else 0)
+        earliest = max(before - SMEARED_FRAMES, leaps[-1][1] if leaps else 0)
         latest = min(after + SMEARED_FRAMES, len(leaping))
         while before > earliest and tail(before - 1):
             before -= 1
         while after < latest and not leaping[after] and tail(after):
             after += 1
-        found.append((before, after))
-    return found
+        leaps.append((before, after))
+    return leaps

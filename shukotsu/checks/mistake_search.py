@@ -49,11 +49,15 @@ class Search:
 
 def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Search:
     """Find the mistakes of a motion, each decisively likelier than none with those before it undone."""
-    found: list[Mistake] = []
+    mistakes: list[Mistake] = []
     left = list(hypotheses)
     while True:
         explanation = _explain(motion, body, left)
-        gains = explanation.total[1:] - explanation.total[0] - np.array([one.penalty for one in left])
+        gains = (
+            explanation.total[1:]
+            - explanation.total[0]
+            - np.array([hypothesis_left.penalty for hypothesis_left in left])
+        )
         if not body.known.any():
             gains += _away(motion, left)
             gap = np.sqrt((explanation.gap_mm**2).mean(-1))
@@ -61,7 +65,7 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
             unscaled = np.array([hypothesis.kind != "units" for hypothesis in left], bool)
             gains[~closes & unscaled] = -np.inf
         best = int(np.argmax(gains)) if len(gains) else 0
-        if len(found) == MOST or not len(gains) or gains[best] < DECISIVE:
+        if len(mistakes) == MOST or not len(gains) or gains[best] < DECISIVE:
             break
         chosen = left[best]
         undone = chosen.undo(motion)
@@ -69,30 +73,29 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
         mirrors = chosen.kind == "wrong-hand"
         matters = effect(body, before, after, chosen.places, other_hand=mirrors)
         evidence = {**_evidence(body, explanation, best + 1, chosen), **matters}
-        found.append(Mistake(chosen, evidence, float(gains[best])))
+        mistakes.append(Mistake(chosen, evidence, float(gains[best])))
         motion = undone
         left = [  # what has something to say once the chosen one is undone
             other
             for other in left
             if (other.kind, other.places) != (chosen.kind, chosen.places) or chosen.kind == "digits-swapped"
         ]
-    return Search(tuple(found), motion, explanation)
+    return Search(tuple(mistakes), motion, explanation)
 
 
 def _away(motion: Motion, hypotheses: Sequence[Hypothesis]) -> Array:
-    """How much likelier (H,) hypotheses make the receivers' distance from the transmitter, if known."""
-    distances_mm = [_distance_mm(own) for own in (motion, *(one.undo(motion) for one in hypotheses))]
-    if not all(distances_mm):
-        return np.zeros(len(hypotheses))
+    """Return how much likelier (H,) hypotheses make the receivers' distance from the transmitter."""
+    distances_mm = []
+    for moved in (motion, *(hypothesis.undo(motion) for hypothesis in hypotheses)):
+        distance = np.linalg.norm(moved.position_mm, axis=-1)
+        medians = [
+            np.median(d[seen]) for d, seen in zip(distance.T, moved.valid.T, strict=True) if seen.any()
+        ]
+        if not medians or min(medians) <= 0:  # one is at the origin all along
+            return np.zeros(len(hypotheses))
+        distances_mm.append(float(np.median(medians)))
     unlikely = 0.5 * (np.log(np.array(distances_mm) / AWAY_MM) / AWAY_LOG_SD) ** 2
     return np.asarray(unlikely[0] - unlikely[1:])
-
-
-def _distance_mm(motion: Motion) -> float:
-    """The median over receivers that are seen; 0 where one of them is at the origin all along."""
-    distance = np.linalg.norm(motion.position_mm, axis=-1)
-    own = [np.median(d[seen]) for d, seen in zip(distance.T, motion.valid.T, strict=True) if seen.any()]
-    return float(np.median(own)) if own and min(own) > 0 else 0.0
 
 
 def explained(motion: Motion, body: ExpectedBody) -> Joints:
@@ -177,16 +180,16 @@ def effect(
 
     places : receivers whose joints count; None: all. other_hand : whether undoing it mirrors the world.
     """
-    own = np.isin(body.ends, list(places)).any(1) if places else np.ones(len(body.names), bool)
-    own = own if own.any() else ~own
-    gaps = [float(np.median(joints.gap_mm[own])) for joints in (before, after)]
-    moved = (_apart_mm(body, before, after, mirrored=other_hand)[own] > MOVED_MM).sum()
+    concerned = np.isin(body.ends, list(places)).any(1) if places else np.ones(len(body.names), bool)
+    concerned = concerned if concerned.any() else ~concerned
+    gaps = [float(np.median(joints.gap_mm[concerned])) for joints in (before, after)]
+    moved = (_apart_mm(body, before, after, mirrored=other_hand)[concerned] > MOVED_MM).sum()
     values: dict[str, float | int | str] = {
         "effect": "closer" if gaps[1] < BETTER * gaps[0] else "no-closer" if moved else "none",
         "gap_before_mm": gaps[0],
         "gap_after_mm": gaps[1],
         "moved": int(moved),
-        "joints": int(own.sum()),
+        "joints": int(concerned.sum()),
     }
     if body.known.any():
         values |= {"scale_before": before.scale, "scale_after": after.scale}
@@ -196,11 +199,11 @@ def effect(
 def _apart_mm(body: ExpectedBody, before: Joints, after: Joints, *, mirrored: bool) -> Array:
     """How far (J,) joints move from their receivers, in the world's axes, of the one that sees more."""
     signs = MIRROR if mirrored else np.ones(3)
-    one, other = (
+    first, second = (
         np.einsum("kjeab,jeb->kjea", joints.motion.rotation[:, body.ends], joints.centre_mm)
         for joints in (before, after)
     )
-    apart = np.linalg.norm(one - signs * other, axis=-1)
+    apart = np.linalg.norm(first - signs * second, axis=-1)
     apart[~before.motion.valid[:, body.ends]] = np.nan
     seen = np.isfinite(apart).any(0)
     return np.asarray(np.where(seen, np.nanmedian(np.where(seen, apart, 0.0), axis=0), 0.0).max(-1))

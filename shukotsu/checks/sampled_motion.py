@@ -45,7 +45,7 @@ def motion_of(
     rows = np.flatnonzero(seen >= 0.8 * seen.max()) if len(seen) and seen.max() else np.zeros(0, int)
     rows = rows[np.linspace(0, len(rows) - 1, min(FRAMES, len(rows))).round().astype(int)]
     usable = valid[rows]
-    place = np.where(usable[..., None], position_mm[rows], 0.0)
+    usable_mm = np.where(usable[..., None], position_mm[rows], 0.0)
     turn = np.where(usable[..., None], quaternion[rows], [1.0, 0.0, 0.0, 0.0])
-    motion = Motion(place, matrix(turn) @ axes, usable)
+    motion = Motion(usable_mm, matrix(turn) @ axes, usable)
     return motion.mirrored() if hand == "left" else motion

@@ -57,12 +57,12 @@ def _windows(rows: Rows, more: int, function: Callable[[Rows], npt.NDArray[Any]]
 def sides(line: Timeline) -> npt.NDArray[np.int8]:
     """Side of the transmitter of each pose (T, S): 1 mostly, -1 the other, 0 on the way; else as before."""
     sign = np.ones(line.valid.shape, np.int8)
-    for place in range(line.valid.shape[1]):
-        rows = np.flatnonzero(line.valid[:, place])
-        found = own_sides(rows, line.time_s[rows], line.position_mm[rows, place])
-        if found.changes:
-            own = found.sign[found.piece_at(np.arange(len(sign)))]
-            sign[:, place] = own if own[rows].sum() >= 0 else -own
+    for receiver in range(line.valid.shape[1]):
+        rows = np.flatnonzero(line.valid[:, receiver])
+        pieces = own_sides(rows, line.time_s[rows], line.position_mm[rows, receiver])
+        if pieces.changes:
+            side = pieces.sign[pieces.piece_at(np.arange(len(sign)))]
+            sign[:, receiver] = side if side[rows].sum() >= 0 else -side
     return sign
 
 
@@ -75,26 +75,28 @@ def away(sign: npt.NDArray[Any]) -> Rows:
 def spikes(line: Timeline) -> Bools:
     """Poses (T, S) that are far off while those one or two rows before and after agree with each other."""
     odd = np.zeros(line.valid.shape, bool)
-    for place in range(line.valid.shape[1]):
-        rows = np.flatnonzero(line.valid[:, place])
+    for receiver in range(line.valid.shape[1]):
+        rows = np.flatnonzero(line.valid[:, receiver])
         for far in (1, 2):
-            rows = rows[~odd[rows, place]]
+            rows = rows[~odd[rows, receiver]]
             if len(rows) <= 2 * far:
                 continue
 
-            def steps(part: Rows, place: int = place, far: int = far) -> Array:
-                here, turn = line.position_mm[part, place], line.quaternion[part, place]
+            def steps(part: Rows, receiver: int = receiver, far: int = far) -> Array:
+                here, turn = line.position_mm[part, receiver], line.quaternion[part, receiver]
                 before, middle, after = here[: -2 * far], here[far:-far], here[2 * far :]
                 off, apart = middle - (before + after) / 2, after - before
                 away = _between_deg(turn[far:-far], turn[: -2 * far])
                 around = _between_deg(turn[: -2 * far], turn[2 * far :])
-                return np.stack([*(np.linalg.norm(own, axis=-1) for own in (off, apart)), away, around])
+                return np.stack(
+                    [*(np.linalg.norm(step_mm, axis=-1) for step_mm in (off, apart)), away, around]
+                )
 
             off, apart, away, around = _windows(rows, 2 * far, steps)
             least = max(SPIKE_MM, SPIKE_TIMES * float(np.quantile(off, 0.9)))
             most = max(SPIKE_DEG, SPIKE_TIMES * float(np.quantile(away, 0.9)))
-            found = ((off > least) & (apart < 0.5 * off)) | ((away > most) & (around < 0.3 * away))
-            odd[rows[far:-far][found], place] = True
+            spiky = ((off > least) & (apart < 0.5 * off)) | ((away > most) & (around < 0.3 * away))
+            odd[rows[far:-far][spiky], receiver] = True
     return odd
 
 
@@ -108,8 +110,8 @@ def stuck(line: Timeline) -> Bools:
     interval = line.interval_s
     least = max(STUCK_FRAMES, int(STUCK_S / interval)) if interval > 0 else STUCK_FRAMES
     still = np.zeros(line.valid.shape, bool)
-    for place, valid in enumerate(line.valid.T):
-        same = _same_as_before(line, place) & valid[1:] & valid[:-1]
+    for receiver, valid in enumerate(line.valid.T):
+        same = _same_as_before(line, receiver) & valid[1:] & valid[:-1]
         if not same.any() or same[valid[1:]].mean() > ALL_ALONG:
             continue
         edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
@@ -118,20 +120,20 @@ def stuck(line: Timeline) -> Bools:
                 continue
             rows = np.linspace(start, end, 8).astype(int)
             seen = line.valid[rows].all(0)
-            seen[place] = False
+            seen[receiver] = False
             moved_mm = np.ptp(line.position_mm[rows][:, seen], axis=0).max(initial=0.0)
             if moved_mm > MOVED_MM:
-                still[start : end + 1, place] = True
+                still[start : end + 1, receiver] = True
     return still
 
 
-def _same_as_before(line: Timeline, place: int) -> Bools:
+def _same_as_before(line: Timeline, receiver: int) -> Bools:
     """Whether a receiver's poses (T - 1,) are to the last bit those of the frame before."""
 
     def same(part: Rows) -> Bools:
         places, turns = (
-            (own[1:] == own[:-1]).all(-1)
-            for own in (line.position_mm[part, place], line.quaternion[part, place])
+            (numbers[1:] == numbers[:-1]).all(-1)
+            for numbers in (line.position_mm[part, receiver], line.quaternion[part, receiver])
         )
         return np.asarray(places & turns)
 
@@ -141,21 +143,21 @@ def _same_as_before(line: Timeline, place: int) -> Bools:
 def zeros(line: Timeline) -> Bools:
     """Poses (T, S) at the transmitter's own place and not turned, to the last bit, if not all along."""
     empty = np.zeros(line.valid.shape, bool)
-    for place, valid in enumerate(line.valid.T):
+    for receiver, valid in enumerate(line.valid.T):
 
-        def there(part: Rows, place: int = place) -> Bools:
-            here, turn = line.position_mm[part, place], line.quaternion[part, place, 1:]
+        def there(part: Rows, receiver: int = receiver) -> Bools:
+            here, turn = line.position_mm[part, receiver], line.quaternion[part, receiver, 1:]
             return np.asarray((here == 0).all(-1) & (turn == 0).all(-1))
 
-        own = _windows(np.arange(len(valid)), 0, there) & valid
-        if (valid & ~own).any():
-            empty[:, place] = own
+        at_zero = _windows(np.arange(len(valid)), 0, there) & valid
+        if (valid & ~at_zero).any():
+            empty[:, receiver] = at_zero
     return empty
 
 
 def alike(line: Timeline) -> dict[tuple[int, int], Rows]:
     """Rows in which two receivers, of which one moves, have one pose to the last bit, by their places."""
-    found: dict[tuple[int, int], list[Rows]] = {
+    alike_rows: dict[tuple[int, int], list[Rows]] = {
         pair: [] for pair in itertools.combinations(range(line.valid.shape[1]), 2)
     }
     for start in range(0, len(line.valid), BLOCK_ROWS):
@@ -163,26 +165,25 @@ def alike(line: Timeline) -> dict[tuple[int, int], Rows]:
         x = np.sort(np.where(line.valid[part], line.position_mm[part][..., 0], np.nan), axis=1)
         rows = start + np.flatnonzero((np.diff(x, axis=1) == 0).any(1))
         position, turn, valid = (array[rows] for array in (line.position_mm, line.quaternion, line.valid))
-        for (first, second), own in found.items() if len(rows) else ():
+        for (first, second), blocks in alike_rows.items() if len(rows) else ():
             same = (position[:, first] == position[:, second]).all(-1) & valid[:, [first, second]].all(1)
             same &= (turn[:, first] == turn[:, second]).all(-1)
-            own += [rows[same]] if same.any() else []
-    pairs = {pair: np.concatenate(own) for pair, own in found.items() if own}
-    moving = {place: _moves(line, place) for place in {place for pair in pairs for place in pair}}
-    return {pair: rows for pair, rows in pairs.items() if moving[pair[0]] or moving[pair[1]]}
-
-
-def _moves(line: Timeline, place: int) -> bool:
-    rows = np.flatnonzero(line.valid[:, place])
-    first = line.position_mm[rows[0], place]
-    return bool(_windows(rows, 0, lambda part: (line.position_mm[part, place] != first).any(-1)).any())
+            blocks += [rows[same]] if same.any() else []
+    pairs = {pair: np.concatenate(blocks) for pair, blocks in alike_rows.items() if blocks}
+    moving = set()
+    for receiver in {receiver for pair in pairs for receiver in pair}:
+        rows = np.flatnonzero(line.valid[:, receiver])
+        first_mm, place_mm = line.position_mm[rows[0], receiver], line.position_mm[:, receiver]
+        if _windows(rows, 0, lambda part, a=first_mm, b=place_mm: (b[part] != a).any(-1)).any():
+            moving.add(receiver)
+    return {pair: rows for pair, rows in pairs.items() if {*pair} & moving}
 
 
 def repeated_share(line: Timeline) -> float:
     """Share of frames in which every receiver stands as in the frame before."""
     same = np.asarray(line.valid[1:].any(-1))
-    for place, valid in enumerate(line.valid.T):
-        same &= _same_as_before(line, place) | ~valid[1:]
+    for receiver, valid in enumerate(line.valid.T):
+        same &= _same_as_before(line, receiver) | ~valid[1:]
     return float(same.mean()) if same.size else 0.0
 
 
@@ -206,38 +207,38 @@ def turning_speed(line: Timeline, most_frames: int = 12) -> float:
     interval = line.interval_s
     stride = max(1, min(most_frames, len(line.valid) // 10))
     speeds = []
-    for place, valid in enumerate(line.valid.T):
+    for receiver, valid in enumerate(line.valid.T):
         both = valid[stride:] & valid[:-stride]
         if both.any():
-            turned = np.radians(_turned_deg(line, place, np.arange(len(valid)), stride))
+            turned = np.radians(_turned_deg(line, receiver, np.arange(len(valid)), stride))
             speeds.append(np.quantile(turned[both], 0.9))
     return float(np.median(speeds) / (stride * interval)) if speeds else 0.0
 
 
-def _turned_deg(line: Timeline, place: int, rows: Rows, stride: int) -> Array:
+def _turned_deg(line: Timeline, receiver: int, rows: Rows, stride: int) -> Array:
     """Angles (N - stride,) between a receiver's poses in rows (N,), so many of them apart."""
 
     def turned(part: Rows) -> Array:
-        own = line.quaternion[part, place]
-        return _between_deg(own[stride:], own[:-stride])
+        quaternion = line.quaternion[part, receiver]
+        return _between_deg(quaternion[stride:], quaternion[:-stride])
 
     return _windows(rows, stride, turned)
 
 
-def jumps(line: Timeline, place: int) -> bool:
+def jumps(line: Timeline, receiver: int) -> bool:
     """Whether a receiver's poses jump about in most frames, as no body moves."""
-    rows = np.flatnonzero(line.valid[:, place])
+    rows = np.flatnonzero(line.valid[:, receiver])
     if len(rows) < 5:
         return False
-    middle = np.array([np.median(line.position_mm[rows, place, axis]) for axis in range(3)])
+    middle = np.array([np.median(line.position_mm[rows, receiver, axis]) for axis in range(3)])
 
     def bends(part: Rows) -> Array:
-        here = line.position_mm[part, place]
+        here = line.position_mm[part, receiver]
         return np.asarray(np.linalg.norm(here[2:] - 2 * here[1:-1] + here[:-2], axis=-1))
 
     def away_mm(part: Rows) -> Array:
-        return np.asarray(np.linalg.norm(line.position_mm[part, place] - middle, axis=-1))
+        return np.asarray(np.linalg.norm(line.position_mm[part, receiver] - middle, axis=-1))
 
     bent, spread = np.median(_windows(rows, 2, bends)), np.median(_windows(rows, 0, away_mm))
-    turned = np.median(_turned_deg(line, place, rows, 1))
+    turned = np.median(_turned_deg(line, receiver, rows, 1))
     return bool((bent > JUMP_MM and bent > spread) or turned > JUMP_DEG)

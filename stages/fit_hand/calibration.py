@@ -19,9 +19,8 @@ from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.poses import Poses, RecordingName, frame_count, read_every, recording_name, usable_poses
 from shukotsu.schemas.sheets import Row
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.fit_hand.contacts import find_contacts
 from shukotsu.stages.fit_hand.fingertips import PAD, TIP, Fingertips, fingertips
-from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
+from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand, share_lengths
 from shukotsu.stages.fit_hand.left_out import (
     Unsteady,
     field_errors,
@@ -32,8 +31,7 @@ from shukotsu.stages.fit_hand.left_out import (
 from shukotsu.stages.fit_hand.loose_receivers import Displaced, displaced_in
 from shukotsu.stages.fit_hand.measurements import Measurement, measurable
 from shukotsu.stages.fit_hand.operations import Index
-from shukotsu.stages.fit_hand.shared_lengths import share_lengths
-from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, touch_in, with_touches
+from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, find_contacts, touch_in, with_touches
 
 MOST_FRAMES = 60_000
 """Of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is looked at."""
@@ -87,10 +85,16 @@ def partner_poses(plan: SubjectPlan, part: Part) -> tuple[list[Path], str]:
         if doubted := plan.doubted(hand):
             why = f"there is a finding on the {hand} hand's {doubted}"
             return [], f"fitted without the {partner} hand's bone lengths: {why}"
-    recorded = [plan.poses(own) for own in plan.recordings if own.hand.hand == partner and not own.exclude]
+    recorded = [
+        plan.poses(recording)
+        for recording in plan.recordings
+        if recording.hand.hand == partner and not recording.exclude
+    ]
     if reasons := usable_poses(recorded)[1]:
         return [], f"fitted without the {partner} hand's bone lengths: {reasons[0]}"
-    return [plan.poses(own) for own in plan.calibrating(partner, part.model, part.made_without)], ""
+    return [
+        plan.poses(recording) for recording in plan.calibrating(partner, part.model, part.made_without)
+    ], ""
 
 
 def _fitting(plan: SubjectPlan, part: Part) -> HandFitting:
@@ -152,13 +156,13 @@ def read_thinned(path: Path, segments: Sequence[str], most_frames: int = MOST_FR
 
 def _measurements(plan: SubjectPlan, hand: str, layout: Layout) -> list[Measurement]:
     """Measurements of the hand; InputError where the sheet names what cannot be measured."""
-    known = measurable(layout)
+    quantities = measurable(layout)
     rows = [row for row in plan.measurements if row["hand"] == hand]
     for row in rows:
-        if row["quantity"] not in known:
+        if row["quantity"] not in quantities:
             raise InputError(
                 f"{_place(plan, 'measurements', row, 'quantity')}: {row['quantity']!r} is nothing that is "
-                f"measured on layout {layout.name}; {guess(row['quantity'], known)}"
+                f"measured on layout {layout.name}; {guess(row['quantity'], quantities)}"
             )
     return [Measurement(row["quantity"], row["value_mm"], row["sd_mm"]) for row in rows]
 
@@ -168,10 +172,10 @@ def _touches(
 ) -> list[Touch]:
     """The sheet's touches in recordings that calibrate the hand."""
     recordings = {(name.task, name.trial): poses for name, poses in by_name.items()}
-    own = [r for r in plan.touches if r["hand"] == hand and (r["task"], r["trial"]) in recordings]
-    met = Counter(frozenset((row["digit"], row["meets"])) for row in own if not row["sd_mm"])
+    sheet_rows = [r for r in plan.touches if r["hand"] == hand and (r["task"], r["trial"]) in recordings]
+    met = Counter(frozenset((row["digit"], row["meets"])) for row in sheet_rows if not row["sd_mm"])
     touches = []
-    for row in own:
+    for row in sheet_rows:
         poses = recordings[row["task"], row["trial"]]
         # one person's way of putting pads together repeats itself: all of a pair share the weight of one
         shared_mm = CONTACT_SD_MM * met[frozenset((row["digit"], row["meets"]))] ** 0.5

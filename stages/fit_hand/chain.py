@@ -210,11 +210,11 @@ class _DigitChain:
         steps = [*moved.steps(), Mark(bone(segment))]
         builder.centres[joint] = bone(segment)
         if self.measured[k]:
-            own = self._receiver(k, length, moved)
+            worn = self._receiver(k, length, moved)
             if moved.lags is not None:
-                steps = [Side((*moved.steps(lagging=True), *own)), *steps]
+                steps = [Side((*moved.steps(lagging=True), *worn)), *steps]
             else:
-                steps.append(Side(own))
+                steps.append(Side(worn))
         return [*steps, along(X, length)]
 
     def _kind(self, k: int) -> str:
@@ -235,7 +235,7 @@ class _DigitChain:
         """The receiver of bone k: at mid-bone, driven by the joints beside it."""
         is_last = k == len(self.digit.segments) - 1
         share, height_mm = prior.NAIL_SHARE if is_last else prior.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
-        place = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
+        position = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
         ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
         drives = [
             Drive(self.flexions[joint], prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
@@ -246,7 +246,7 @@ class _DigitChain:
             drives.append(Drive(moved.abducts))
         return self.builder.receiver_steps(
             self.digit.segments[k],
-            place,
+            position,
             drives,
             self._kind(k),
             moved.turn_lag(),
@@ -285,28 +285,28 @@ class _Joint:
         self.slides: tuple[int, ...] = ()
         if flexion is None:
             return
-        known, free = builder.layout.joints[joint], builder.free
-        self.moves = bool(known.dof)
+        declared, free = builder.layout.joints[joint], builder.free
+        self.moves = bool(declared.dof)
         builder.axes[joint] = axis
         sd = prior.AXIS_SD_RAD if second is None else prior.SKEW_AXIS_SD_RAD
         self.tilts = [free(0.0, sd, "axis", f"{joint} {n}") for n in (1, 2)]
-        if not builder.layout.segments[known.child].measured:
+        if not builder.layout.segments[declared.child].measured:
             self.ratio = builder.unknowns.add("pro-supination", joint)
             if self.moves:
                 self.bent = free(0.0, prior.PALM_HELD_SD_RAD, "palm held", joint)
             return
         abduction, axial = (
-            (prior.HINGE_DEG,) * 2 if known.dof == 1 else (prior.ABDUCTION_DEG, prior.AXIAL_DEG)
+            (prior.HINGE_DEG,) * 2 if declared.dof == 1 else (prior.ABDUCTION_DEG, prior.AXIAL_DEG)
         )
         self.others = (
             builder.states.add(joint, KINDS[1], *abduction),
             builder.states.add(joint, KINDS[2], *axial),
         )
-        if known.dof == 1:
+        if declared.dof == 1:
             self.lean = free(0.0, prior.LEAN_SD_RAD, "lean", joint)
         else:
             self.abducts = self.others[0]
-        self.slide_sd_mm = prior.HINGE_SLIDE_SD_MM if known.dof == 1 else prior.JOINT_SLIDE_SD_MM
+        self.slide_sd_mm = prior.HINGE_SLIDE_SD_MM if declared.dof == 1 else prior.JOINT_SLIDE_SD_MM
         self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
         self.second = rest[:, 2]
         if second is not None:

@@ -214,8 +214,8 @@ class Builder:
         letter = "xyz"[axis]
         if habit is None:
             return self.place(mean, sd, group, f"{segment} {letter}")
-        own = self.place(mean, (1.0 - prior.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
-        return own.plus(self.shared(prior.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
+        by_chance = self.place(mean, (1.0 - prior.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
+        return by_chance.plus(self.shared(prior.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
 
     def skin_terms(self, segment: str, drives: Sequence[Drive], group: str, sd: float) -> tuple[Term, ...]:
         """Return the terms that skin adds, an unknown of that sd per rad of each drive."""

@@ -21,7 +21,7 @@ from shukotsu.stages.fit_hand.normal_equations import (
     Reduced,
     Residuals,
 )
-from shukotsu.stages.fit_hand.operations import Branch, Index, Operation, Reached
+from shukotsu.stages.fit_hand.operations import Branch, Index, Reached
 
 BLOCK_FRAMES = 128
 """Frames that are posed together: what they need fits a core's own memory."""
@@ -100,24 +100,14 @@ def _residuals_room(problem: Problem, n: int) -> kernel.Residuals:
 
 def _posing_room(problem: Problem, n: int) -> kernel.Room:
     """Room for n frames."""
-    n_branches, m = len(problem.branches), 6 * max(map(len, problem.receivers), default=0)
+    b, m = len(problem.branches), 6 * max(map(len, problem.receivers), default=0)
     s = max((len(branch.states) for branch in problem.branches), default=0)
-    n_states = len(problem.state_mean)
+    shapes = ((s, m), (6, m), (b, s, s), (b, 6, s), (b, s), (6, 6), (0, 6), (6,), (6, 6), (6,), (6,))
     return kernel.Room(
-        kernel.Poses(np.empty((n_states, n)), np.empty((3, 3, n)), np.empty((3, n))),
+        kernel.Poses(np.empty((len(problem.state_mean), n)), np.empty((3, 3, n)), np.empty((3, n))),
         _reached_room(problem, n),
         _residuals_room(problem, n),
-        np.empty((s, m, n)),
-        np.empty((6, m, n)),
-        np.empty((n_branches, s, s, n)),
-        np.empty((n_branches, 6, s, n)),
-        np.empty((n_branches, s, n)),
-        np.empty((6, 6, n)),
-        np.empty((0, 6, n)),
-        np.empty((6, n)),
-        np.empty((6, 6, n)),
-        np.empty((6, n)),
-        np.empty((6, n)),
+        *(np.empty((*shape, n)) for shape in shapes),
     )
 
 
@@ -154,9 +144,9 @@ def _measured(problem: Problem, x: Array, *, free_x: bool) -> kernel.Measured:
 def _prior(problem: Problem) -> kernel.Prior:
     most = max((len(branch.states) for branch in problem.branches), default=0)
     precision = np.zeros((len(problem.branches), most, most))
-    for own, branch in zip(precision, problem.branches, strict=True):
+    for block, branch in zip(precision, problem.branches, strict=True):
         root, n = problem.state_prior(branch.states), len(branch.states)
-        own[:n, :n] = problem.temper * root.T @ root
+        block[:n, :n] = problem.temper * root.T @ root
     return kernel.Prior(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
 
 
@@ -174,18 +164,12 @@ class _Evaluated:
 
     @classmethod
     def of(cls, problem: Problem, point: Point) -> _Evaluated:
-        chains = _chains(problem)
-        amounts, at, seen, prior = (
-            _amounts(chains, point.x),
-            _poses(point),
-            _measured(problem, point.x, free_x=True),
-            _prior(problem),
-        )
-        n_frames = len(point.y)
-        reached, found = _reached_room(problem, n_frames), _residuals_room(problem, n_frames)
+        chains, at, prior, n_frames = _chains(problem), _poses(point), _prior(problem), len(point.y)
+        amounts, seen = _amounts(chains, point.x), _measured(problem, point.x, free_x=True)
+        reached, residuals_there = _reached_room(problem, n_frames), _residuals_room(problem, n_frames)
         kernel.reach(chains, chains.plan, amounts, at, reached)
-        kernel.residuals(chains, reached, at, seen, prior, found)
-        return cls(chains, amounts, at, seen, prior, reached, found)
+        kernel.residuals(chains, reached, at, seen, prior, residuals_there)
+        return cls(chains, amounts, at, seen, prior, reached, residuals_there)
 
 
 def residuals(problem: Problem, point: Point) -> Residuals:
@@ -196,15 +180,15 @@ def residuals(problem: Problem, point: Point) -> Residuals:
     for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
         operations = slice(operation, operation + len(branch.operations))
         marks = slice(mark, mark + len(branch.marks))
-        own = slice(receiver, receiver + len(receivers))
+        rows = slice(receiver, receiver + len(receivers))
         parts.append(
             BranchResiduals(
-                at.found.r[own].swapaxes(1, 2),
-                at.found.weight[own],
+                at.found.r[rows].swapaxes(1, 2),
+                at.found.weight[rows],
                 Reached(reached[2][marks], reached[3][marks], reached[0][operations], reached[1][operations]),
             )
         )
-        operation, mark, receiver = operations.stop, marks.stop, own.stop
+        operation, mark, receiver = operations.stop, marks.stop, rows.stop
     off_rows = problem.observations.rows @ point.x - problem.observations.values
     cost = at.found.cost.sum() + (problem.precision * point.x**2).sum() / 2 + (off_rows**2).sum() / 2
     return Residuals(tuple(parts), float(cost), at.found.cost)
@@ -230,12 +214,12 @@ def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
         kernel.jacobian(
             at.chains, at.amounts, at.reached, at.at, at.seen, at.found, problem.temper, b, J_y, J
         )
-        own = slice(first, first + len(receivers))
-        r = at.found.r[own] * np.sqrt(problem.temper * at.found.weight[own])[:, None]
+        rows = slice(first, first + len(receivers))
+        r = at.found.r[rows] * np.sqrt(problem.temper * at.found.weight[rows])[:, None]
         by_rest = _first(J.swapaxes(0, 1))
         by_states = _first(J_y.swapaxes(0, 1))
         out.append(Jacobian(_first(r.reshape(m, n)), by_states, by_rest[..., :6], by_rest[..., 6:]))
-        first = own.stop
+        first = rows.stop
     return out
 
 
@@ -249,18 +233,18 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
     dampings = np.full(n, damping)
     eliminated = []
     for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
-        own, s = problem.unknowns_of(b), len(branch.states)
-        J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(own), 6 * len(receivers), n))
+        unknowns, s = problem.unknowns_of(b), len(branch.states)
+        J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(unknowns), 6 * len(receivers), n))
         part = kernel.Eliminated(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
         kernel.jacobian(
             at.chains, at.amounts, at.reached, at.at, at.seen, at.found, problem.temper, b, J_y, J
         )
         r = kernel.eliminate(at.chains, at.found, at.at, at.prior, dampings, b, J_y, J, part)
         kernel.add_to_root(at.chains, b, J, r, part, H_rr, H_xr, g_r)
-        J_x = J[6:].reshape(len(own), r.size)
-        Z_x = part.by_rest[6:].reshape(len(own), part.rhs.size)
-        matrix[np.ix_(own, own)] += J_x @ J_x.T - Z_x @ Z_x.T
-        gradient[own] += J_x @ r.ravel() - Z_x @ part.rhs.ravel()
+        J_x = J[6:].reshape(len(unknowns), r.size)
+        Z_x = part.by_rest[6:].reshape(len(unknowns), part.rhs.size)
+        matrix[np.ix_(unknowns, unknowns)] += J_x @ J_x.T - Z_x @ Z_x.T
+        gradient[unknowns] += J_x @ r.ravel() - Z_x @ part.rhs.ravel()
         eliminated.append(part)
     inverse, rhs, by_x = np.empty((6, 6, n)), np.empty((6, n)), np.empty((G, 6, n))
     kernel.reduce_roots(H_rr, H_xr, g_r, dampings, inverse, rhs, by_x)
@@ -276,8 +260,8 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
     at = _poses(point)
     rhs = steps.root_rhs + np.tensordot(dx, steps.root_by_x, 1)
     d_root = -np.einsum("jif,jf->if", steps.root_inverse, rhs)
-    for branch, part, own in zip(problem.branches, steps.eliminated, steps.unknowns, strict=True):
-        of_x = np.broadcast_to(dx[own, None], (len(own), len(point.y)))
+    for branch, part, unknowns in zip(problem.branches, steps.eliminated, steps.unknowns, strict=True):
+        of_x = np.broadcast_to(dx[unknowns, None], (len(unknowns), len(point.y)))
         kernel.step_states(branch.states.astype(int), part, np.concatenate([d_root, of_x]), at.y)
     kernel.step_root(d_root, at.root, at.root_mm)
     return Point(point.x + dx, _first(at.y), _first(at.root), _first(at.root_mm))
@@ -312,14 +296,17 @@ def _flat_chains(
     shared : unknowns that move no chain but are seen by every receiver; the last of each branch's.
     """
     operations = [operation for branch in branches for operation in branch.operations]
-    terms = [_terms(operation) for operation in operations]
+    terms = [  # coefficient, unknown, state; -1 where a factor is left out
+        [(t.coefficient, *(-1 if f is None else f for f in (t.unknown, t.state))) for t in operation.terms]
+        for operation in operations
+    ]
     first_operation = _from(len(branch.operations) for branch in branches)
     first_mark = _from(len(branch.marks) for branch in branches)
     in_branch = np.repeat(np.arange(len(branches)), np.diff(first_operation))
-    flat = np.array([term for own in terms for term in own], float).reshape(-1, 3)
+    flat = np.array([term for parts in terms for term in parts], float).reshape(-1, 3)
     coefficient, (unknown, state) = flat[:, 0].copy(), flat[:, 1:].T.astype(int)
-    of_branch = np.repeat(in_branch, [len(own) for own in terms])
-    measured = [(b, mark, s) for b, own in enumerate(receivers) for mark, s in own]
+    of_branch = np.repeat(in_branch, [len(parts) for parts in terms])
+    measured = [(b, mark, s) for b, parts in enumerate(receivers) for mark, s in parts]
     upstream = [first_operation[b] + np.flatnonzero(branches[b].upstream[mark]) for b, mark, _ in measured]
     terms_from = _from(map(len, terms))
     x_column = _columns(of_branch, unknown, [branch.unknowns for branch in branches])
@@ -331,7 +318,7 @@ def _flat_chains(
         _plan(branches, first_operation, first_mark),
         1 + sum(kind == "leave" for branch in branches for kind, *_ in branch.plan),
         np.array([operation.rotates for operation in operations], bool),
-        np.array([any(s >= 0 for *_, s in own) for own in terms], bool),
+        np.array([any(s >= 0 for *_, s in parts) for parts in terms], bool),
         np.array([operation.constant for operation in operations], float),
         terms_from,
         coefficient,
@@ -353,18 +340,6 @@ def _flat_chains(
     )
 
 
-def _terms(operation: Operation) -> list[tuple[float, int, int]]:
-    """Coefficient, unknown and state of every term, -1 where a factor is left out."""
-    return [
-        (
-            term.coefficient,
-            -1 if term.unknown is None else term.unknown,
-            -1 if term.state is None else term.state,
-        )
-        for term in operation.terms
-    ]
-
-
 def _from(lengths: Iterable[int]) -> Index:
     """Return where each part begins, and the last ends, when they are put one after the other."""
     return np.cumsum([0, *lengths])
@@ -375,27 +350,27 @@ def _plan(branches: Sequence[Branch], first_operation: Index, first_mark: Index)
     steps: list[tuple[int, int, Array]] = []
     for branch, operation, mark in zip(branches, first_operation, first_mark, strict=False):
         steps.append((kernel.LEAVE, 0, np.zeros(12)))
-        for kind, index, given in branch.plan:
+        for kind, index, values in branch.plan:
             first = operation if kind in ("rotate", "translate") else mark if kind == "mark" else 0
             constant = np.zeros(12)
-            constant[: given.size] = given.ravel()
+            constant[: values.size] = values.ravel()
             steps.append((_KINDS[kind], int(first) + index, constant))
         steps.append((kernel.RETURN, 0, np.zeros(12)))
     kinds, places, constants = zip(*steps, strict=True)
     return kernel.Plan(np.array(kinds, int), np.array(places, int), np.array(constants))
 
 
-def _columns(of_branch: Index, index: Index, own: Sequence[Index]) -> Index:
+def _columns(of_branch: Index, index: Index, of_branches: Sequence[Index]) -> Index:
     """Place (K,) of each term's factor among its branch's own, -1 where it has none."""
-    places = [{int(i): place for place, i in enumerate(indices)} for indices in own]
+    places = [{int(i): column for column, i in enumerate(indices)} for indices in of_branches]
     return np.array([places[b].get(int(i), -1) for b, i in zip(of_branch, index, strict=True)], int)
 
 
 def _touched(upstream: Sequence[Index], terms_from: Index, column: Index) -> npt.NDArray[np.bool_]:
     """Whether each receiver (N, columns) is moved by what is in that column."""
     out = np.zeros((len(upstream), int(column.max(initial=-1)) + 1), bool)
-    for own, operations in zip(out, upstream, strict=True):
+    for row, operations in zip(out, upstream, strict=True):
         for o in operations:
             columns = column[terms_from[o] : terms_from[o + 1]]
-            own[columns[columns >= 0]] = True
+            row[columns[columns >= 0]] = True
     return out

@@ -3,7 +3,7 @@ off.
 
 To first order the answer needs no second fit (Rao's score test): the six numbers of such a displacement are
 six more unknowns of the same least squares, from which the hand's own unknowns, the joint angles and the
-roots are eliminated (`elimination`). So what the fit has already bent to the displacement counts for it, and
+roots are eliminated (`Eliminated`). So what the fit has already bent to the displacement counts for it, and
 what joint angles or neighbours can explain as well does not. Nor does what skin may do: an offset that
 belongs to a posture and returns with it, or that fades within seconds.
 """
@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.fit_hand.elimination import Eliminated, EliminatedBranch
-from shukotsu.stages.fit_hand.normal_equations import Point, Problem
+from shukotsu.stages.fit_hand.compiled_equations import Jacobian, reduce, residuals, weighted_jacobians
+from shukotsu.stages.fit_hand.normal_equations import Point, Problem, Reduced
 from shukotsu.stages.fit_hand.operations import Index
 
 MOMENTS = 40
@@ -160,12 +160,12 @@ class ScoreTest:
         radii = np.maximum(NORMAL_SD * problem.sd, normal).repeat(3, axis=1)
         left = Eliminated.of(problem, point)
         for branch in left.branches:
-            own = [s for s in branch.receivers if s in receivers]
-            if own:
+            tested = [s for s in branch.receivers if s in receivers]
+            if tested:
                 skin = _skin(problem, point, branch.receivers, SKIN_SHARE * normal)
                 for s, (of_s, by_s) in _by_interval(left, branch, skin, cuts).items():
                     slope[s], curvature[s] = of_s, by_s
-            for s in own:
+            for s in tested:
                 on_courses = _on_courses(slope[s], curvature[s], ways.share)
                 of_s, by_s = on_courses
                 step[s] = -np.linalg.solve(by_s + PRIOR, of_s[..., None])[..., 0]
@@ -199,8 +199,8 @@ class ScoreTest:
         best = np.argmax(self.gain, axis=0) if receiver is None else np.full(len(every), receiver)
         odds = np.maximum(self.abnormal - np.where(ways.end > ways.start, MOMENT_GAIN, 0.0), 0.0)
         returning = np.where(ways.returns, odds, 0.0).max(1, initial=0.0)
-        own = odds[best, every]
-        return best, np.where(~ways.returns & (own > returning[best]), own, 0.0)
+        odds_of_best = odds[best, every]
+        return best, np.where(~ways.returns & (odds_of_best > returning[best]), odds_of_best, 0.0)
 
     def _displacement(self, receiver: int, course: int) -> Displacement:
         ways, moments = self.ways, np.append(self.cuts, self.cuts[-1] * 2 - self.cuts[-2])
@@ -226,18 +226,18 @@ class ScoreTest:
         least = RIVAL_SHARE * self.gain[s, p]
         return [self._displacement(other, way) for other, way in tried if self.gain[other, way] >= least]
 
-    def _course(self, known: Displacement) -> int:
+    def _course(self, displaced: Displacement) -> int:
         ways = self.ways
-        start, end = np.searchsorted(self.cuts, [known.start, known.end])
+        start, end = np.searchsorted(self.cuts, [displaced.start, displaced.end])
         return int(np.flatnonzero((ways.start == start) & (ways.end == end) & ~ways.returns)[0])
 
-    def refined(self, known: Displacement) -> Displacement:
+    def refined(self, displaced: Displacement) -> Displacement:
         """A displacement that frames were already corrected for, gone as far as is likeliest."""
-        own = self.ways.share[[self._course(known)]]
-        s = known.receiver
-        slope, curvature = _on_courses(self.slope[s], self.curvature[s], own)
-        rest = np.linalg.solve(curvature[0] + PRIOR, slope[0] + PRIOR @ known.step)
-        return replace(known, step=known.step - rest)
+        way = self.ways.share[[self._course(displaced)]]
+        s = displaced.receiver
+        slope, curvature = _on_courses(self.slope[s], self.curvature[s], way)
+        rest = np.linalg.solve(curvature[0] + PRIOR, slope[0] + PRIOR @ displaced.step)
+        return replace(displaced, step=displaced.step - rest)
 
 
 def _skin(problem: Problem, point: Point, receivers: Sequence[int], sd: Array) -> Array:
@@ -282,15 +282,15 @@ def _by_interval(
     blocks = np.add.reduceat(branch.curvature.reshape(n_frames, n, 6, n, 6), cuts)
     pulls = np.add.reduceat(branch.by_x.reshape(n_frames, n, 6, -1), cuts)
     slopes, every = np.add.reduceat(slope, cuts), np.arange(len(cuts))
-    own = [at_cuts[:, i].reshape(-1, n_skin) for i in range(n)]
-    taken = np.linalg.solve(inner, np.concatenate([*own, rhs[None]]).T)
-    found = {}
+    with_skin = [at_cuts[:, i].reshape(-1, n_skin) for i in range(n)]
+    taken = np.linalg.solve(inner, np.concatenate([*with_skin, rhs[None]]).T)
+    by_receiver = {}
     for i, s in enumerate(branch.receivers):
         with_x, by_s = pulls[:, i].reshape(6 * len(cuts), -1), taken[:, :-1].reshape(n_skin, n, -1)[:, i]
-        curvature = -with_x @ (left.covariance @ with_x.T) - own[i] @ by_s
+        curvature = -with_x @ (left.covariance @ with_x.T) - with_skin[i] @ by_s
         curvature.reshape(len(cuts), 6, len(cuts), 6)[every, :, every] += blocks[:, i, :, i]
-        found[s] = slopes[:, i] - (own[i] @ taken[:, -1]).reshape(-1, 6), curvature
-    return found
+        by_receiver[s] = slopes[:, i] - (with_skin[i] @ taken[:, -1]).reshape(-1, 6), curvature
+    return by_receiver
 
 
 def _on_courses(slope: Array, curvature: Array, share: Array) -> tuple[Array, Array]:
@@ -313,3 +313,66 @@ def most_within(radii: Array, slope: Array, curvature: Array) -> Array:
         low, high = np.where(outside, middle, low), np.where(outside, high, middle)
     z = b / (values + high[:, None])
     return np.asarray((b * z - values * z**2 / 2).sum(-1))
+
+
+@dataclass(frozen=True)
+class EliminatedBranch:
+    """What the cost does if receivers of a branch, n of them, m = 6 n, are displaced in their own
+    frames.
+
+    receivers : their numbers. slope (F, m) and curvature (F, m, m) of the cost by their displacements in each
+    frame, with its states and root eliminated; by_x (F, m, G) : how these displacements pull at the hand's
+    unknowns. root (F, m, 6) : what the root takes of the curvature, already gone from it.
+    """
+
+    receivers: tuple[int, ...]
+    slope: Array
+    curvature: Array
+    by_x: Array
+    root: Array
+
+
+@dataclass(frozen=True)
+class Eliminated:
+    """Every branch at a point; covariance (G, G) of the unknowns, gradient (G,) of the cost by them."""
+
+    branches: tuple[EliminatedBranch, ...]
+    covariance: Array
+    gradient: Array
+
+    @classmethod
+    def of(cls, problem: Problem, point: Point) -> Eliminated:
+        """Eliminate at a point."""
+        reduced = reduce(problem, point).frames_first()
+        branches = []
+        parts = zip(residuals(problem, point).branches, weighted_jacobians(problem, point), strict=True)
+        for index, (part, jacobian) in enumerate(parts):
+            r, states, root, by_x = _left(reduced, index, jacobian)
+            receivers = tuple(s for _, s in problem.receivers[index])
+            seen = np.sqrt(problem.temper * part.weight.T * problem.frames.valid[:, receivers])  # (F, n)
+            scale = (seen[..., None] / problem.sd[receivers, :].repeat(3, axis=1)).reshape(r.shape)
+            free = np.eye(r.shape[1]) - states @ states.swapaxes(-1, -2) - root @ root.swapaxes(-1, -2)
+            branches.append(
+                EliminatedBranch(
+                    receivers,
+                    scale * r,
+                    scale[:, :, None] * free * scale[:, None, :],
+                    scale[..., None] * by_x,
+                    scale[..., None] * root,
+                )
+            )
+        return cls(tuple(branches), np.asarray(np.linalg.inv(reduced.matrix)), reduced.gradient)
+
+
+def _left(reduced: Reduced, index: int, jacobian: Jacobian) -> tuple[Array, Array, Array, Array]:
+    """A branch's residuals (F, m) and their derivatives by x (F, m, G), states and roots eliminated; between
+    them orthonormal derivatives by states (F, m, s) and roots (F, m, 6).
+    """
+    gone = reduced.eliminated[index]
+    states = jacobian.by_states @ gone.inverse.swapaxes(-1, -2)
+    of_branch = jacobian.by_unknowns - states @ gone.by_rest[..., 6:]
+    root = (jacobian.by_root - states @ gone.by_rest[..., :6]) @ reduced.root_inverse.swapaxes(-1, -2)
+    by_x = -root @ reduced.root_by_x
+    by_x[..., gone.unknowns] += of_branch
+    r = jacobian.r - (states @ gone.rhs[..., None])[..., 0] - (root @ reduced.root_rhs[..., None])[..., 0]
+    return r, states, root, by_x

@@ -51,11 +51,11 @@ def prior_precision(groups: Sequence[str], x: Array, covariance: Array, before: 
     group = np.array(groups)
     precision = np.ones(len(group))
     for members in FAMILIES.values():
-        own = np.isin(group, members)
-        if own.any():
-            squares = float((x[own] ** 2).sum())
-            determined = float((1.0 - np.diag(covariance)[own] * before[own]).sum())
-            precision[own] = (determined + PSEUDO_UNKNOWNS) / (squares + PSEUDO_UNKNOWNS)
+        of_family = np.isin(group, members)
+        if of_family.any():
+            squares = float((x[of_family] ** 2).sum())
+            determined = float((1.0 - np.diag(covariance)[of_family] * before[of_family]).sum())
+            precision[of_family] = (determined + PSEUDO_UNKNOWNS) / (squares + PSEUDO_UNKNOWNS)
     return precision
 
 
@@ -89,9 +89,9 @@ def residual_sd(
     out = published.copy()
     for index, ((r, weight, _), jacobian) in enumerate(zip(current.branches, jacobians, strict=True)):
         eliminated = reduced.eliminated[index]
-        own = jacobian.by_states @ eliminated.inverse.swapaxes(-1, -2)
-        rest = jacobian.by_root - own @ eliminated.by_rest[..., :6]
-        leverage = (own**2).sum(-1) + ((rest @ reduced.root_inverse.swapaxes(-1, -2)) ** 2).sum(-1)
+        states = jacobian.by_states @ eliminated.inverse.swapaxes(-1, -2)
+        rest = jacobian.by_root - states @ eliminated.by_rest[..., :6]
+        leverage = (states**2).sum(-1) + ((rest @ reduced.root_inverse.swapaxes(-1, -2)) ** 2).sum(-1)
         for i, (_, s) in enumerate(problem.receivers[index]):
             ok = problem.frames.valid[:, s]
             if not ok.any():

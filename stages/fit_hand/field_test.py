@@ -15,8 +15,7 @@ import numpy as np
 
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.compiled_equations import residuals
-from shukotsu.stages.fit_hand.displacement_test import most_within
-from shukotsu.stages.fit_hand.elimination import Eliminated
+from shukotsu.stages.fit_hand.displacement_test import Eliminated, most_within
 from shukotsu.stages.fit_hand.normal_equations import Frames, Point, Problem
 
 DISTANCES_MM = (60.0, 180.0)
@@ -94,11 +93,11 @@ def likeliest_field(problem: Problem, point: Point) -> tuple[Field, float]:
     share = np.stack([field.share(frames.position_mm) for field in tried], -1)
     slope, curvature = _by_amounts(problem, point, np.concatenate([share, _room(frames)], -1))
     n = len(tried)
-    own, room = slice(0, 6 * n), slice(6 * n, None)
+    sources, room = slice(0, 6 * n), slice(6 * n, None)
     sd = np.tile(np.repeat(ROOM_SD, 3), (len(slope) - 6 * n) // 6)
-    taken = np.linalg.solve(curvature[room, room] + np.diag(sd**-2.0), curvature[own, room].T)
-    slopes = (slope[own] - taken.T @ slope[room]).reshape(n, 6)
-    blocks = (curvature[own, own] - curvature[own, room] @ taken).reshape(n, 6, n, 6)
+    taken = np.linalg.solve(curvature[room, room] + np.diag(sd**-2.0), curvature[sources, room].T)
+    slopes = (slope[sources] - taken.T @ slope[room]).reshape(n, 6)
+    blocks = (curvature[sources, sources] - curvature[sources, room] @ taken).reshape(n, 6, n, 6)
     curvatures = blocks[np.arange(n), :, np.arange(n)]
     error = -np.linalg.solve(curvatures + _PRIOR, slopes[..., None])[..., 0]
     gain = -(slopes * error).sum(-1) / 2
@@ -132,11 +131,11 @@ def _by_amounts(problem: Problem, point: Point, share: Array) -> tuple[Array, Ar
     slope, curvature = np.zeros(n_own), np.zeros((n_own, n_own))
     by_root, by_x = np.zeros((n_frames, 6, n_own)), np.zeros((n_own, len(point.x)))
     for branch in left.branches:
-        own = list(branch.receivers)
-        back = frames.rotation[:, own].swapaxes(-1, -2)
-        design = np.zeros((n_frames, len(own), 6, share.shape[-1], 6))
+        receivers = list(branch.receivers)
+        back = frames.rotation[:, receivers].swapaxes(-1, -2)
+        design = np.zeros((n_frames, len(receivers), 6, share.shape[-1], 6))
         for rows in (slice(0, 3), slice(3, 6)):
-            design[:, :, rows, :, rows] = back[:, :, :, None] * share[:, own, None, :, None]
+            design[:, :, rows, :, rows] = back[:, :, :, None] * share[:, receivers, None, :, None]
         flat = design.reshape(n_frames, -1, n_own)
         by_root += branch.root.swapaxes(-1, -2) @ flat
         stiff = branch.curvature + branch.root @ branch.root.swapaxes(-1, -2)
@@ -144,5 +143,5 @@ def _by_amounts(problem: Problem, point: Point, share: Array) -> tuple[Array, Ar
         by_x += np.tensordot(flat, branch.by_x, ((0, 1), (0, 1)))
         slope += np.tensordot(flat, branch.slope, ((0, 1), (0, 1)))
     curvature -= np.tensordot(by_root, by_root, ((0, 1), (0, 1)))
-    known = by_x @ left.covariance
-    return slope - known @ left.gradient, curvature - known @ by_x.T
+    pulled = by_x @ left.covariance
+    return slope - pulled @ left.gradient, curvature - pulled @ by_x.T

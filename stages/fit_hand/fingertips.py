@@ -120,11 +120,11 @@ def fingertips_of(
     seen = seen_parts(fit.evidence, fit.evidence.posterior.x, offsets_mm)
     digits = {}
     for digit in tipped_digits(fit.evidence):
-        known = []
+        parts = []
         for part in (BONE, *SOFT_PARTS):
             point, by_all = seen[digit.name, part]
-            known += [point, by_all @ covariance @ by_all.T]
-        digits[digit.name] = Fingertip(digit.tip, *known)
+            parts += [point, by_all @ covariance @ by_all.T]
+        digits[digit.name] = Fingertip(digit.tip, *parts)
     return Fingertips(fit, offsets_mm, covariance, digits, refused)
 
 
@@ -140,7 +140,7 @@ def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[st
     seen = {}
     for i, digit in enumerate(tipped_digits(evidence)):
         worn, last = places[receiver(digit.tip)], places[bone(digit.tip)]
-        own = evidence.convention.point_matrix(digit.tip)
+        to_receiver = evidence.convention.point_matrix(digit.tip)
         length = model.length[digit.tip]
         longer = np.zeros((3, len(x)))
         longer[0] = length.row(len(x))
@@ -150,8 +150,11 @@ def seen_parts(evidence: Evidence, x: Array, offsets_mm: Array) -> dict[tuple[st
             point, moved = worn.sees(last.carrying(end + offset, longer))
             by_offset = np.zeros((3, *offsets_mm.shape))
             if k:
-                by_offset[:, i, k - 1] = own @ worn.R.T @ last.R
-            seen[digit.name, part] = own @ point, np.hstack([own @ moved, by_offset.reshape(3, -1)])
+                by_offset[:, i, k - 1] = to_receiver @ worn.R.T @ last.R
+            seen[digit.name, part] = (
+                to_receiver @ point,
+                np.hstack([to_receiver @ moved, by_offset.reshape(3, -1)]),
+            )
     return seen
 
 

@@ -13,7 +13,7 @@ from shukotsu.anatomy.known_digits import known_digits, root_of
 from shukotsu.errors import InputError
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.rotations import Array
+from shukotsu.skeleton.rotations import Array, exp_rotation
 from shukotsu.skeleton.thumb_facing import faces_nail
 from shukotsu.stages.fit_hand.chain import HandModel, hand_model
 from shukotsu.stages.fit_hand.compiled_equations import pose, reduce, residuals, weighted_jacobians
@@ -21,8 +21,7 @@ from shukotsu.stages.fit_hand.empirical_bayes import independent_samples, prior_
 from shukotsu.stages.fit_hand.free_joints import free_joints
 from shukotsu.stages.fit_hand.gauss_newton import CLOSE, NEARLY, Solution, first_guess, solve
 from shukotsu.stages.fit_hand.measurements import Measurement, observations, planes
-from shukotsu.stages.fit_hand.noise_bias import without_noise_bias
-from shukotsu.stages.fit_hand.normal_equations import Frames, Observations, Problem, pairs
+from shukotsu.stages.fit_hand.normal_equations import Frames, Observations, Point, Problem, pairs
 from shukotsu.stages.fit_hand.posterior import Evidence, Posterior
 from shukotsu.stages.fit_hand.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
 from shukotsu.stages.fit_hand.receiver_frames import (
@@ -52,7 +51,13 @@ LEAST_LEFT, MOST_WHOLE = 0.25, 0.9
 EVEN_FRAMES = 300
 """Evenly spaced over the recording, to see how residuals follow one another."""
 
-_POSING_STEPS = 4
+SIDE_SD = 0.0025
+"""Sd of the difference between left and right, relative: lengths differ by less than 0.5 %
+(Buryanov & Kotiuk 2010)."""
+
+_POSING_STEPS, _BOOTSTRAP_STEPS = 4, 8
+NO_PRECISION = 1e-9
+"""Of an expectation that has been replaced."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +121,11 @@ def fit_hand(
     where fewer than two frames have half of the receivers, or a measurement names nothing known.
     """
     settings = settings or Settings()
-    convention = Convention.of(layout, _receivers(layout, recordings), hand)
+    worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}
+    worn |= {*layout.expected}  # an optional receiver counts only where it was worn
+    root = root_of(layout)
+    receivers = [root, *(name for name in layout.measured if name != root and name in worn)]
+    convention = Convention.of(layout, receivers, hand)
     everything = convention.frames(concatenated(recordings))
     frames, share = _chosen(everything, layout, convention.receivers, settings.n_frames)
     scale = _scale(hand_length_mm, hand_breadth_mm)
@@ -225,14 +234,6 @@ def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, fl
     return float(weight @ [scale for scale, _ in measured] / weight.sum()), float(weight.sum() ** -0.5)
 
 
-def _receivers(layout: Layout, recordings: Sequence[Poses]) -> list[str]:
-    """Segments with a receiver, the root's first; an optional one only where it was worn."""
-    worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}
-    root = root_of(layout)
-    others = [s for s in layout.measured if s != root and s in worn.union(layout.expected)]
-    return [root, *others]
-
-
 def _chosen(frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: int) -> tuple[Frames, Array]:
     """Frames to fit, and the share (F,) of the recording that each stands for."""
     worn = int(frames.valid.any(0).sum())
@@ -263,3 +264,71 @@ def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dic
             off = np.sqrt((seen**2).mean((0, 2))) * problem.sd[s] if len(seen) else np.full(2, np.nan)
             rms[model.receivers[s]] = (float(off[0]), float(np.degrees(off[1])))
     return rms
+
+
+def share_lengths(first_fit: HandFit, second_fit: HandFit) -> tuple[HandFit, HandFit]:
+    """Return both fits of a person's hands, each with what the other says about its bones' lengths.
+
+    Bones are of the same length, left and right. Each fit's posterior is normal (Laplace) and the lengths are
+    linear in its unknowns, so that conditioning on their difference is exactly one fit of both hands.
+    """
+    bones = [name for name in first_fit.bones if name in second_fit.bones]
+    first, second = _lengths(first_fit.evidence, bones), _lengths(second_fit.evidence, bones)
+    difference = first[0] - second[0]
+    spread = first[2] + second[2] + np.diag((SIDE_SD * first[0]) ** 2)
+    pull = np.linalg.solve(spread, np.concatenate([difference[:, None], first[1], second[1]], 1))
+    n_one = first[1].shape[1]
+    steps = -first[1].T @ pull[:, 0], second[1].T @ pull[:, 0]
+    shrinks = first[1].T @ pull[:, 1 : 1 + n_one], second[1].T @ pull[:, 1 + n_one :]
+    first_fit, second_fit = (
+        fit.moved_to(fit.evidence.posterior.x + step, fit.evidence.posterior.covariance - shrink)
+        for fit, step, shrink in zip((first_fit, second_fit), steps, shrinks, strict=True)
+    )
+    return first_fit, second_fit
+
+
+def _lengths(evidence: Evidence, bones: list[str]) -> tuple[Array, Array, Array]:
+    """Lengths (B,), their covariance with the unknowns (B, G) and with each other (B, B)."""
+    posterior, amounts = evidence.posterior, [evidence.model.length[name] for name in bones]
+    rows = np.array([amount.row(len(posterior.x)) for amount in amounts]).reshape(-1, len(posterior.x))
+    lengths = np.array([posterior.of_amount(amount)[0] for amount in amounts])
+    with_unknowns = rows @ posterior.covariance
+    return lengths, with_unknowns, with_unknowns @ rows.T
+
+
+def without_noise_bias(problem: Problem, point: Point) -> Point:
+    """Return the hand less what noise makes of all hands alike, its frames posed with it.
+
+    The hand that is likeliest together with the angles of every frame is too large: what is noise looks like
+    motion, and on longer bones smaller angles, which are likelier, reach as far (Neyman & Scott 1948). Bones
+    without a receiver leave room for that. So the fitted hand is measured again as it stands, with the noise
+    that it leaves and with that noise reversed, so that only what all noise has in common is left, and fitted
+    again without any other expectation than itself (the parametric bootstrap, Efron 1979).
+    """
+    rng, shape = np.random.default_rng(0), (*problem.frames.valid.shape, 3)
+    noise = rng.normal(size=(2, *shape))
+    root = np.sqrt(problem.precision)
+    rows = problem.observations.rows
+    held = Observations(
+        np.concatenate([rows, np.diag(root)]), np.concatenate([rows @ point.x, root * point.x])
+    )
+    again = replace(problem, observations=held, precision=np.full(len(root), NO_PRECISION))
+    solved_x = []
+    for sign in (1.0, -1.0):
+        frames = _measured_again(problem, point, sign * noise)
+        solved_x.append(solve(replace(again, frames=frames), point, _BOOTSTRAP_STEPS, NEARLY).point.x)
+    x = 2 * point.x - np.mean(solved_x, axis=0)
+    return pose(problem, replace(point, x=x))
+
+
+def _measured_again(problem: Problem, point: Point, noise: Array) -> Frames:
+    """The frames as the hand would have them, off by noise (2, F, S, 3) times the sd of what is left."""
+    rotation, position = problem.frames.rotation.copy(), problem.frames.position_mm.copy()
+    for receivers, (_, _, reached) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
+        for mark, s in receivers:
+            turned = problem.sd[s, 1] * noise[1, :, s]
+            rotation[:, s] = reached.rotation[mark] @ exp_rotation(turned)
+            position[:, s] = reached.position_mm[mark] + problem.sd[s, 0] * noise[0, :, s]
+    if problem.field is not None:
+        rotation = problem.field.turn(position, point.x) @ rotation
+    return Frames(rotation, position, problem.frames.valid)

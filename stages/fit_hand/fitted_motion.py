@@ -54,9 +54,9 @@ def joint_angles_of(fit: HandFit, posed: PosedHand, more_rad: float = 0.0) -> di
     bone_of = dict(zip(posed.bones, np.moveaxis(posed.bone_quaternion, 1, 0), strict=True))
     return {
         joint: joint_angles(
-            bone_of[own.parent], bone_of[own.child], fit.side, *own.of_hand(fit.side, more_rad)
+            bone_of[axes.parent], bone_of[axes.child], fit.side, *axes.of_hand(fit.side, more_rad)
         )
-        for joint, own in fit.summary.angle_axes.items()
+        for joint, axes in fit.summary.angle_axes.items()
     }
 
 
@@ -103,7 +103,7 @@ def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, 
         for mark, name in enumerate(branch.marks)
     }
     places = [(point.root, point.root_mm), *(marks[bone(name)] for name in fit.evidence.model.length)]
-    bones = [fit.evidence.convention.world(*place) for place in places]
+    bones = [fit.evidence.convention.world(*pose_there) for pose_there in places]
     rotation, position = (np.stack(parts, 1) for parts in zip(*bones, strict=True))
     origins = np.stack(
         [fit.evidence.convention.world(*marks[receiver(name)])[1] for name in fit.evidence.model.receivers], 1

@@ -114,7 +114,9 @@ def posed_errors(
 
     if not reference_deg:
         share = np.bincount(nearest[posed.posed], minlength=len(chosen)) / max(1, posed.posed.sum())
-        reference_deg = {joint: np.tensordot(share, own, 1) for joint, own in few.by_hand_deg.items()}
+        reference_deg = {
+            joint: np.tensordot(share, by_hand_deg, 1) for joint, by_hand_deg in few.by_hand_deg.items()
+        }
     neutral_deg = _neutral_sd_deg(tips)
     changes_deg = {}  # of the frame's own part, and of the hand's what differs
     for joint, by_hand in few.by_hand_deg.items():
@@ -125,10 +127,10 @@ def posed_errors(
     put_on = np.isin(evidence.model.unknowns.groups, PUT_ON)
     root = tips.root[: len(evidence.posterior.x)]
     anew = new_in_a_session(root, evidence.problem.precision, put_on, _NEW_SHARE)
-    in_session = {joint: _times(own, anew) for joint, own in few.by_hand_deg.items()}
-    session_deg = {joint: _norms(own) for joint, own in in_session.items()}
+    in_session = {joint: _times(by_hand_deg, anew) for joint, by_hand_deg in few.by_hand_deg.items()}
+    session_deg = {joint: _norms(by_hand_deg) for joint, by_hand_deg in in_session.items()}
     session_changes_deg = {
-        joint: _norms(own - reference_deg[joint] @ anew) for joint, own in in_session.items()
+        joint: _norms(by_hand_deg - reference_deg[joint] @ anew) for joint, by_hand_deg in in_session.items()
     }
 
     def of_all(values: Array) -> Array:
@@ -137,7 +139,7 @@ def posed_errors(
         return out
 
     def by_joint(values: Mapping[str, Array]) -> dict[str, Array]:
-        return {joint: of_all(own) for joint, own in values.items()}
+        return {joint: of_all(by_hand_deg) for joint, by_hand_deg in values.items()}
 
     return PosedErrors(
         of_all(few.centre_mm),
@@ -212,8 +214,8 @@ def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, In
         rows = usable[group.reshape(-1) == number]
         states = posed.angles_rad[rows]
         few = rows[spread_frames(states, max(1, round(POSTURES * len(rows) / len(usable))))[0]]
-        own = posed.angles_rad[few]
-        apart = (own**2).sum(1) - 2 * states @ own.T
+        chosen_states = posed.angles_rad[few]
+        apart = (chosen_states**2).sum(1) - 2 * states @ chosen_states.T
         nearest[rows] = len(chosen) + apart.argmin(1)
         chosen += few.tolist()
     return np.array(chosen, int), nearest
@@ -234,11 +236,11 @@ def _errors(postures: Postures, frames: Frames) -> PosedErrors:
         _norm(spread.shift_mm),
         np.degrees(_norm(spread.turn_rad)),
         {
-            joint: np.sqrt(_norms(own) ** 2 + neutral_deg[joint] ** 2 + _wander_deg(postures, joint) ** 2)
-            for joint, own in angles_deg.items()
+            joint: np.sqrt(_norms(maps) ** 2 + neutral_deg[joint] ** 2 + _wander_deg(postures, joint) ** 2)
+            for joint, maps in angles_deg.items()
         },
         _tip_errors_mm(postures, spread, frames),
-        {joint: own[..., :n_hand].copy() for joint, own in angles_deg.items()},
+        {joint: maps[..., :n_hand].copy() for joint, maps in angles_deg.items()},
     )
 
 
@@ -284,8 +286,8 @@ class Postures:
 
 
 def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _BranchBones:
-    columns = [place for place, name in enumerate(bones) if bone(name) in branch.marks]
-    marks = [branch.marks.index(bone(bones[place])) for place in columns]
+    columns = [index for index, name in enumerate(bones) if bone(name) in branch.marks]
+    marks = [branch.marks.index(bone(bones[index])) for index in columns]
     reached = branch.reach(point.x, point.y, point.root, point.root_mm)
     raw = branch.by_operation(reached, marks)
     arms = reached.position_mm[marks] - point.root_mm
@@ -318,7 +320,7 @@ def _spread_of(postures: Postures, frames: Frames) -> _Spread:
         np.zeros((n_frames, len(postures.posed.bones), 6, n_numbers)),
     )
     moved[:, 0] = _by_root(point, np.zeros_like(point.root_mm)) @ d_root
-    for branch, part, own in zip(problem.branches, reduced.eliminated, postures.bones, strict=True):
+    for branch, part, of_branch in zip(problem.branches, reduced.eliminated, postures.bones, strict=True):
         inner, of_x = part.inverse.swapaxes(-1, -2), dx[branch.unknowns]
         dy = part.by_rest[..., :6] @ d_root
         dy[:, :, by_hand] += _times(part.by_rest[..., 6:], dx[part.unknowns])
@@ -326,7 +328,9 @@ def _spread_of(postures: Postures, frames: Frames) -> _Spread:
         dy[:, :, n_hand + 6 + branch.states] += inner
         states[:, branch.states] = dy
         both = np.concatenate([dy, d_root], 1)
-        for by_unknowns, by_own, column in zip(own.by_unknowns, own.by_own, own.columns, strict=True):
+        for by_unknowns, by_own, column in zip(
+            of_branch.by_unknowns, of_branch.by_own, of_branch.columns, strict=True
+        ):
             np.matmul(by_own, both, out=moved[:, column])
             moved[:, column, :, by_hand] += _times(by_unknowns, of_x)
     unknowns = np.zeros((len(root), n_numbers))
@@ -353,13 +357,13 @@ def _by_turns(
     """Joints of known anatomy that move, as in `Postures`."""
     fit, quaternion = tips.fit, posed.bone_quaternion
     ahead, behind = (joint_angles_of(fit, posed, sign * _NUDGE_RAD) for sign in (1, -1))
-    for joint, own in fit.summary.angle_axes.items():
-        a, b = posed.bones.index(own.parent), posed.bones.index(own.child)
-        by_turn = _by_turn(quaternion[:, a], quaternion[:, b], fit.side, *own.of_hand(fit.side))
+    for joint, axes in fit.summary.angle_axes.items():
+        a, b = posed.bones.index(axes.parent), posed.bones.index(axes.child)
+        by_turn = _by_turn(quaternion[:, a], quaternion[:, b], fit.side, *axes.of_hand(fit.side))
         if fit.side == "left":
             by_turn = by_turn * -MIRROR  # rotations are pseudo-vectors
-        by_axes = _differences(ahead[joint], behind[joint])[..., None] * own.turn_by_x
-        yield joint, (a, b, by_turn, by_axes - by_turn @ point.root @ own.rest_by_x)
+        by_axes = _differences(ahead[joint], behind[joint])[..., None] * axes.turn_by_x
+        yield joint, (a, b, by_turn, by_axes - by_turn @ point.root @ axes.rest_by_x)
 
 
 def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str, Array]]:
@@ -367,13 +371,13 @@ def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str
     for joint, (a, b, by_turn, by_x) in postures.by_turn.items():
         turned = by_turn @ (spread.turn_rad[:, b] - spread.turn_rad[:, a])
         yield joint, turned + _times(by_x, spread.unknowns[: by_x.shape[-1]])
-    known = {name for digit in known_digits(postures.tips.fit.evidence.layout) for name in digit.joints}
+    by_anatomy = {name for digit in known_digits(postures.tips.fit.evidence.layout) for name in digit.joints}
     others = [name for name, _ in postures.posed.angle_names]
     for joint in dict.fromkeys(others):
-        if joint not in known:
-            own = [index for index, name in enumerate(others) if name == joint]
+        if joint not in by_anatomy:
+            columns = [index for index, name in enumerate(others) if name == joint]
             errors = np.full((len(spread.states_rad), 3, spread.states_rad.shape[-1]), np.nan)
-            errors[:, : len(own)] = np.degrees(spread.states_rad[:, own])
+            errors[:, : len(columns)] = np.degrees(spread.states_rad[:, columns])
             yield joint, errors
 
 
@@ -385,10 +389,10 @@ def _differences(ahead: Array, behind: Array) -> Array:
 def _by_turn(parent: Array, child: Array, hand: str, rest: Array, axes: Array) -> Array:
     """Derivative (F, 3, 3) of joint angles, deg, by a turn of the child in the transmitter's frame, rad."""
     columns = []
-    for one in np.eye(3):
+    for axis in np.eye(3):
         ahead, behind = (
             joint_angles(
-                parent, multiply(about_axis(one, np.array(sign * _NUDGE_RAD)), child), hand, rest, axes
+                parent, multiply(about_axis(axis, np.array(sign * _NUDGE_RAD)), child), hand, rest, axes
             )
             for sign in (1, -1)
         )
@@ -404,8 +408,8 @@ def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array
     for index, (digit, tip) in enumerate(tips.digits.items()):
         skin = 3 * SKIN_SD_MM**2 + np.trace(unshown_mm2(tip.receiver, tip.point_mm, tips.fit.evidence))
         seen = frames.valid[:, model.receivers.index(tip.receiver)]
-        for part, own in enumerate((tip.covariance_mm2, tip.soft_tip_covariance_mm2)):
-            carried = np.sqrt(np.trace(own) + skin)
+        for part, covariance_mm2 in enumerate((tip.covariance_mm2, tip.soft_tip_covariance_mm2)):
+            carried = np.sqrt(np.trace(covariance_mm2) + skin)
             by_bone = _norm(_end(tips, posed, spread, tips.fit.evidence.layout.digits[digit], part))
             out[:, index, part] = np.where(seen, carried, by_bone)
     return out
@@ -421,9 +425,9 @@ def _end(tips: Fingertips, posed: PosedHand, spread: _Spread, digit: Digit, part
     )
     moved[0, :n_x] = tips.fit.evidence.model.length[digit.tip].row(n_x)
     if part:
-        place = list(tips.digits).index(digit.name)
-        end = end + tips.offsets_mm[place, 0]
-        first = n_x + 3 * 2 * place
+        number = list(tips.digits).index(digit.name)
+        end = end + tips.offsets_mm[number, 0]
+        first = n_x + 3 * 2 * number
         moved[:, first : first + 3] += np.eye(3)
     quaternion = posed.bone_quaternion[:, last]
     turn = tips.fit.evidence.convention.world(matrix(quaternion), posed.bone_position_mm[:, last])[0]

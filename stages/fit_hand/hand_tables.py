@@ -48,9 +48,14 @@ _UNWEIGHED = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn
 def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
     """Rows of joint_centres, of receivers' joints first; weighed : whether the data had a say."""
     groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
-    rows = [
-        _joint_row(joint) | _zero_columns(fit, joint.name) for group in groups for joint in group.values()
-    ]
+    rows = []
+    for joint in (joint for group in groups for joint in group.values()):
+        row = _joint_row(joint)
+        if axes := fit.summary.angle_axes.get(joint.name):  # where angles are zero, about what they turn
+            rest_deg = joint_angles(np.array([1.0, 0.0, 0.0, 0.0]), axes.rest, "right")
+            zero_deg = *rest_deg.tolist(), -float(np.degrees(axes.turn_rad))
+            row |= dict(zip(ZERO_COLUMNS, zero_deg, strict=True)) | {"axes_turn_sd_deg": axes.turn_sd_deg}
+        rows.append(row)
     anatomy_alone = {"source": "anatomy alone", "status": "ok", "message": "", **_UNWEIGHED}
     return rows if weighed else [row | anatomy_alone for row in rows]
 
@@ -78,16 +83,6 @@ def _joint_row(joint: FittedJoint) -> Row:
     if np.isfinite(joint.covariance_mm2).all():
         row["covariance_mm2"] = joint.covariance_mm2.ravel()
     return row
-
-
-def _zero_columns(fit: HandFit, joint: str) -> Row:
-    """Where the joint's angles are zero and about what they turn, if it has any."""
-    own = fit.summary.angle_axes.get(joint)
-    if own is None:
-        return {}
-    rest_deg = joint_angles(np.array([1.0, 0.0, 0.0, 0.0]), own.rest, "right")
-    zero_deg = *rest_deg.tolist(), -float(np.degrees(own.turn_rad))
-    return dict(zip(ZERO_COLUMNS, zero_deg, strict=True)) | {"axes_turn_sd_deg": own.turn_sd_deg}
 
 
 def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
@@ -136,7 +131,7 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
 def _loose_columns(unsteady: Unsteady) -> dict[str, Row]:
     """Columns of each receiver that came loose or slid, by segment: the largest of its moves."""
     columns = {}
-    for receiver in sorted(unsteady.displaced.loose, key=lambda one: one.shift_mm + one.turn_deg):
+    for receiver in sorted(unsteady.displaced.loose, key=lambda loose: loose.shift_mm + loose.turn_deg):
         row: Row = {
             "loose_kind": SLIDE if receiver.slid else STEP,
             "loose_from_frame": receiver.start.frame,
@@ -163,7 +158,7 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, Row]:
     field = unsteady.displaced.field
     if field is None:
         return {}
-    place = fit.evidence.convention.world(np.eye(3), field.nearest)[1]
+    source_mm = fit.evidence.convention.world(np.eye(3), field.nearest)[1]
     columns = {}
     for segment, error in unsteady.field_errors.items():
         row: Row = {
@@ -171,9 +166,9 @@ def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, Row]:
             "loose_shift_mm": float(np.linalg.norm(error[:3])),
             "loose_turn_deg": float(np.degrees(np.linalg.norm(error[3:]))),
             "left_out_share": unsteady.left_out.get(segment, 0.0),
-            **vector_columns("field_", place, "_mm"),
+            **vector_columns("field_", source_mm, "_mm"),
         }
-        position = ", ".join(f"{coordinate:.0f}" for coordinate in place.tolist())
+        position = ", ".join(f"{coordinate:.0f}" for coordinate in source_mm.tolist())
         message = (
             f"the field is disturbed near ({position}) mm, as by metal: there it is off by "
             f"{row['loose_shift_mm']:.1f} mm and {row['loose_turn_deg']:.0f} deg; {_left_out(row)}"
@@ -216,14 +211,14 @@ def moved_rows(layout: Layout, name: RecordingName, moved: Sequence[LooseReceive
 
 def joints_beside(layout: Layout, segment: str) -> list[str]:
     """Joints whose angles hang on a segment's receiver; those under a bone without one among them."""
-    beside = [own for own in layout.joints.values() if segment in (own.parent_receiver, own.child)]
-    bare = {own.parent for own in beside if not layout.segments[own.parent].measured}
-    return [own.name for own in layout.joints.values() if own in beside or own.child in bare]
+    beside = [joint for joint in layout.joints.values() if segment in (joint.parent_receiver, joint.child)]
+    bare = {joint.parent for joint in beside if not layout.segments[joint.parent].measured}
+    return [joint.name for joint in layout.joints.values() if joint in beside or joint.child in bare]
 
 
 def digits_carried(layout: Layout, segment: str) -> list[str]:
     """Digits whose tips, in the hand, hang on a segment's receiver."""
-    return [own.name for own in layout.digits.values() if segment in (own.tip, own.base)]
+    return [digit.name for digit in layout.digits.values() if segment in (digit.tip, digit.base)]
 
 
 def _title(name: RecordingName) -> str:

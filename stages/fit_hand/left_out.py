@@ -11,8 +11,7 @@ from shukotsu.schemas.poses import Poses, RecordingName
 from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.fit_hand.field_test import Field
 from shukotsu.stages.fit_hand.fit import HandFit
-from shukotsu.stages.fit_hand.loose_receivers import Displaced, LooseReceiver, Moment, recording_of_rows
-from shukotsu.stages.fit_hand.operations import Index
+from shukotsu.stages.fit_hand.loose_receivers import Displaced, LooseReceiver, recording_of_rows
 from shukotsu.stages.fit_hand.receiver_frames import concatenated
 
 SAME_PLACE = (1.5, float(np.radians(3.0)))
@@ -110,15 +109,13 @@ def _way(recordings: Sequence[Poses], loose: Sequence[LooseReceiver]) -> Array:
     first_row = np.cumsum([0, *(len(poses.frame) for poses in recordings)])
     row = np.arange(first_row[-1])
     way = np.zeros((len(row), 6))
-    for one in loose:
-        start, end = (_row(recordings, first_row, moment) for moment in (one.start, one.end))
-        way += np.clip((row + 1.0 - start) / max(1, end - start), 0.0, 1.0)[:, None] * one.step
+    for receiver in loose:
+        start, end = (
+            int(first_row[at.recording] + np.flatnonzero(recordings[at.recording].frame == at.frame)[0])
+            for at in (receiver.start, receiver.end)
+        )
+        way += np.clip((row + 1.0 - start) / max(1, end - start), 0.0, 1.0)[:, None] * receiver.step
     return way
-
-
-def _row(recordings: Sequence[Poses], first_row: Index, moment: Moment) -> int:
-    frame = recordings[moment.recording].frame
-    return int(first_row[moment.recording] + np.flatnonzero(frame == moment.frame)[0])
 
 
 def _size(error: Array, unit: tuple[float, float]) -> Array:

@@ -181,7 +181,7 @@ def _loose(
             for row in (first, last)
         )
         loose.append(LooseReceiver(fit.evidence.model.receivers[moved.receiver], start, end, moved.step))
-    return sorted(loose, key=lambda one: (one.start.recording, one.start.frame))
+    return sorted(loose, key=lambda receiver: (receiver.start.recording, receiver.start.frame))
 
 
 @dataclass(frozen=True)
@@ -318,12 +318,12 @@ def _refined(
 
 def _added(displaced: Sequence[Displacement], new: Displacement) -> list[Displacement]:
     """The displacements and one more; what is left of one that was already known is added to it."""
-    for i, known in enumerate(displaced):
+    for i, earlier in enumerate(displaced):
         if (
-            known.receiver == new.receiver
-            and max(abs(known.start - new.start), abs(known.end - new.end)) <= _SAME_MOMENT
+            earlier.receiver == new.receiver
+            and max(abs(earlier.start - new.start), abs(earlier.end - new.end)) <= _SAME_MOMENT
         ):
-            return [*displaced[:i], replace(known, step=known.step + new.step), *displaced[i + 1 :]]
+            return [*displaced[:i], replace(earlier, step=earlier.step + new.step), *displaced[i + 1 :]]
     return [*displaced, new]
 
 

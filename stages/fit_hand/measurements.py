@@ -69,12 +69,12 @@ def planes(model: HandModel, layout: Layout, convention: Convention, frames: Fra
         joint = layout.joints[name]
         if joint.dof != 1 or joint.plane.frame != "child":
             continue
-        own = np.array(joint.plane.normal) / np.linalg.norm(joint.plane.normal)
-        normal = own @ convention.point_matrix(joint.child)
+        in_layout = np.array(joint.plane.normal) / np.linalg.norm(joint.plane.normal)
+        normal = in_layout @ convention.point_matrix(joint.child)
         row = sum(along * amount.row(n_unknowns) for amount, along in zip(centre, normal, strict=True))
         sd_mm = np.hypot(PLANE_SD_MM, PLANE_SD_RAD * _distance_mm(model, joint, frames))
         rows.append(row / sd_mm)
-        values.append(float(own @ joint.plane.point_mm) / sd_mm)
+        values.append(float(in_layout @ joint.plane.point_mm) / sd_mm)
     return Observations.of(rows, values, n_unknowns)
 
 
@@ -99,8 +99,8 @@ def _amount(model: HandModel, quantity: str) -> Amount:
             return model.length[segment].plus(model.mount[segment][0].times(-1.0))
         return dict(zip(MOUNT_PARTS, model.mount[segment], strict=True))[part]
     except KeyError:
-        known = ", ".join(model.length)
+        bones = ", ".join(model.length)
         raise InputError(
-            f"measurement {quantity!r} is not known; expected a bone ({known}), or a receiver's segment "
+            f"measurement {quantity!r} is not known; expected a bone ({bones}), or a receiver's segment "
             "followed by .along, .lateral, .height or .distal"
         ) from None

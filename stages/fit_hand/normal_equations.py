@@ -91,8 +91,8 @@ class Problem:
 
     def unknowns_of(self, index: int) -> Index:
         """Indices into x of what moves the receivers of a branch, or how they are measured."""
-        own = self.branches[index].unknowns
-        return own if self.field is None else np.concatenate([own, self.field.unknowns])
+        of_branch = self.branches[index].unknowns
+        return of_branch if self.field is None else np.concatenate([of_branch, self.field.unknowns])
 
     def rotation(self, x: Array) -> Array:
         """Rotations (F, S, 3, 3) of the receivers, the field's turn undone."""
@@ -194,8 +194,8 @@ def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Ar
 
 def pairs(branches: Sequence[Branch], names: Sequence[str]) -> tuple[tuple[tuple[int, int], ...], ...]:
     """Per branch the marks that are receivers, with their places in `names`."""
-    known = {f"receiver {name}": i for i, name in enumerate(names)}
+    numbers = {f"receiver {name}": i for i, name in enumerate(names)}
     return tuple(
-        tuple((mark, known[name]) for mark, name in enumerate(branch.marks) if name in known)
+        tuple((mark, numbers[name]) for mark, name in enumerate(branch.marks) if name in numbers)
         for branch in branches
     )

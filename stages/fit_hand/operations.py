@@ -167,9 +167,9 @@ class Branch:
 
     def reach(self, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
         """Go through the chain: x (G,), y (F, S), poses of the root (F, 3, 3) and (F, 3)."""
-        own = y[:, self.states]
+        states = y[:, self.states]
         steady = self._constant + self._by_unknown @ x[self.unknowns]
-        amount = steady[:, None] + self.per_state(x) @ own.T
+        amount = steady[:, None] + self.per_state(x) @ states.T
         turning = self._turning(steady, amount)
         R, t = root, root_mm
         n_frames = len(y)
@@ -204,8 +204,8 @@ class Branch:
             shape = (len(which), *(1,) * (angle.ndim - 3), 3, 3)
             once, twice = self._cross[which].reshape(shape), self._square[which].reshape(shape)
             turned = np.eye(3) + np.sin(angle) * once + (1.0 - np.cos(angle)) * twice
-            for operation, own in zip(which, turned, strict=True):
-                turning[operation] = own
+            for operation, rotation in zip(which, turned, strict=True):
+                turning[operation] = rotation
         return turning
 
     def by_operation(self, reached: Reached, marks: Sequence[int]) -> Array:

@@ -113,8 +113,8 @@ def angle_columns(
     unknown = np.full((len(poses.frame), 3), np.nan)
     columns = _keys(name, "joint", list(angles), poses)
     by_suffix: dict[str, Mapping[str, Array]] = {"deg": angles}
-    for suffix, own in ERRORS_OF_ANGLES.items():
-        by_suffix[suffix] = {} if errors is None else getattr(errors, own)
+    for suffix, attribute in ERRORS_OF_ANGLES.items():
+        by_suffix[suffix] = {} if errors is None else getattr(errors, attribute)
     for suffix, values in by_suffix.items():
         stacked = np.concatenate([*(values.get(joint, unknown) for joint in angles), np.empty((0, 3))])
         for index, part in enumerate(("flexion", "abduction", "rotation")):
@@ -127,8 +127,8 @@ def bone_columns(
 ) -> Columns:
     """Columns of bone_poses for the frames of poses, bone after bone; errors : where they are known."""
     columns = _keys(name, "segment", posed.bones, poses)
-    place, turn = _stacked(posed.bone_position_mm), _stacked(posed.bone_quaternion)
-    columns |= {f"{axis}_mm": place[:, index] for index, axis in enumerate("xyz")}
+    position, turn = _stacked(posed.bone_position_mm), _stacked(posed.bone_quaternion)
+    columns |= {f"{axis}_mm": position[:, index] for index, axis in enumerate("xyz")}
     columns |= {f"q{part}": turn[:, index] for index, part in enumerate("wxyz")}
     if errors is None:
         return columns | dict.fromkeys(("sd_mm", "turn_sd_deg"), np.full(len(turn), np.nan))
@@ -153,8 +153,10 @@ def tip_columns(
     error_mm = np.linalg.norm(posed.receiver_mm[:, receivers] - measured, axis=-1)
     ends_sd_mm = np.full((*valid.shape, len(ENDS)), np.nan)
     if errors is not None:
-        known = [digit.name for digit in known_digits(fit.evidence.layout) if digit in digits]
-        ends_sd_mm[:, [[d.name for d in digits].index(own) for own in known]] = errors.tips_mm
+        by_anatomy = [digit.name for digit in known_digits(fit.evidence.layout) if digit in digits]
+        ends_sd_mm[:, [[d.name for d in digits].index(digit_name) for digit_name in by_anatomy]] = (
+            errors.tips_mm
+        )
     left_out_mm = np.full(valid.shape, np.nan)
     left_out_mm[left_out] = np.linalg.norm(blind.receiver_mm[:, receivers] - measured[left_out], axis=-1)
     return {
@@ -221,10 +223,10 @@ def _turns_deg(posed: PosedHand, layout: Layout) -> dict[str, Array]:
 
     An axis that the joint lacks gives NaN.
     """
-    known = {joint for digit in known_digits(layout) for joint in digit.joints}
+    by_anatomy = {joint for digit in known_digits(layout) for joint in digit.joints}
     turns: dict[str, Array] = {}
     for index, (joint, kind) in enumerate(posed.angle_names):
-        if joint not in known:
-            own = turns.setdefault(joint, np.full((len(posed.posed), 3), np.nan))
-            own[:, KINDS.index(kind)] = np.degrees(posed.angles_rad[:, index])
+        if joint not in by_anatomy:
+            of_joint = turns.setdefault(joint, np.full((len(posed.posed), 3), np.nan))
+            of_joint[:, KINDS.index(kind)] = np.degrees(posed.angles_rad[:, index])
     return turns

@@ -69,8 +69,8 @@ class Convention:
         """Matrix (3, 3) that `point` multiplies with; NaN for a segment without a receiver."""
         if receiver not in self.receivers:
             return np.full((3, 3), np.nan)
-        own = self.axes[self.receivers.index(receiver)]
-        return np.asarray(own * MIRROR if self.left else own)
+        axes_of_receiver = self.axes[self.receivers.index(receiver)]
+        return np.asarray(axes_of_receiver * MIRROR if self.left else axes_of_receiver)
 
     def world(self, rotation: Array, position_mm: Array) -> tuple[Array, Array]:
         """Bone poses (..., 3, 3), (..., 3) back in the transmitter's frame; x stays distal, z dorsal."""
@@ -89,14 +89,14 @@ def concatenated(recordings: Sequence[Poses]) -> Poses:
 def neighbours(layout: Layout, worn: Sequence[str]) -> list[tuple[str, str]]:
     """Each worn receiver after the nearest worn one towards the body, where there is one."""
     before = {joint.child: joint.parent_receiver for joint in layout.solvable}
-    found = []
+    pairs = []
     for child in worn:
         parent = before.get(child)
         while parent is not None and parent not in worn:
             parent = before.get(parent)
         if parent is not None:
-            found.append((parent, child))
-    return found
+            pairs.append((parent, child))
+    return pairs
 
 
 def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:

@@ -38,7 +38,12 @@ class RoomField:
         """Add the field's unknowns to a hand's; places_mm : (N, 3) where receivers were."""
         turns = [unknowns.add("field turn", axis) for axis in "xyz"]
         slopes = [unknowns.add("field slope", f"{axis} by {along}") for axis in "xyz" for along in "xyz"]
-        return cls(np.array(turns + slopes), *_middle(places_mm))
+        near = places_mm
+        for _ in range(_TIMES_WITHOUT_FAR):  # without those that a tracker put elsewhere
+            off_mm = np.linalg.norm(places_mm - near.mean(0), axis=1)
+            near = places_mm[off_mm <= _FAR * np.median(off_mm)]
+        reach_mm = float(np.linalg.norm(near - near.mean(0), axis=1).max())
+        return cls(np.array(turns + slopes), near.mean(0), reach_mm)
 
     def by_unknown(self, position_mm: Array) -> Array:
         """Derivative (..., 3, 12) of the turn, a rotation vector in the transmitter's frame, at places."""
@@ -58,12 +63,3 @@ class RoomField:
     def undone(self, rotation: Array, position_mm: Array, x: Array) -> Array:
         """Rotations (..., 3, 3) of receivers as they would be measured without the field; x : (G,)."""
         return np.asarray(self.turn(position_mm, x).swapaxes(-1, -2) @ rotation)
-
-
-def _middle(places_mm: Array) -> tuple[Array, float]:
-    """Middle (3,) of places and how far they reach from it, without those that a tracker put elsewhere."""
-    near = places_mm
-    for _ in range(_TIMES_WITHOUT_FAR):
-        off_mm = np.linalg.norm(places_mm - near.mean(0), axis=1)
-        near = places_mm[off_mm <= _FAR * np.median(off_mm)]
-    return near.mean(0), float(np.linalg.norm(near - near.mean(0), axis=1).max())

@@ -6,7 +6,7 @@ conditioning, linearised a few times at what it leads to (the iterated Kalman up
 
 A touch is one observation however many frames it lasts. What is wrong with it, the skin under the receiver,
 the field, the finger's place on the point, stays the same while it lasts; only the tracker's noise averages,
-and that is a tenth of a millimetre.
+and that is a tenth of a millimetre. Pads that meet are found in opposition from poses alone.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.poses import Poses
@@ -37,6 +38,24 @@ FAR = 100.0
 bend the hand to where nothing is linear any more."""
 
 _ROUNDS = 5
+
+THUMB = "thumb"
+
+NEAR_SD = 3.37
+"""Pads predicted closer than so many sd may be in contact: 99 % of three normal numbers (chi)."""
+
+SLOW_SHARE = 0.15
+"""Share of the speed that thumb and finger reach towards each other (its 90th percentile): pads that meet are
+held for a moment, pads that pass each other are not."""
+
+HELD_MM = 1.0
+"""Frames so much farther apart than the closest one still belong to the contact."""
+
+MOST_EACH = 3
+"""Contacts of one finger that are used, those held stillest."""
+
+_SPEED_FRAMES = 4
+"""Speed is that over twice as many frames, so that the tracker's noise does not count as one."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +116,10 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
         u, covariance, misfits = _conditioned(tips, equations)
         worst = max(range(len(equations)), key=lambda i: misfits[i][0])
         if misfits[worst][0] <= WORST:
-            return _moved(tips, u, covariance, tuple(refused))
+            n_unknowns = len(tips.fit.evidence.posterior.x)  # the mean joint angles go along
+            fit = tips.fit.moved_to(u[:n_unknowns], covariance[:n_unknowns, :n_unknowns])
+            offsets_mm = u[n_unknowns:].reshape(tips.offsets_mm.shape)
+            return fingertips_of(fit, offsets_mm, covariance, (*tips.refused, *refused))
         squared, apart_mm = misfits[worst]
         refused.append(
             f"{equations.pop(worst).name} is {apart_mm:.1f} mm, {np.sqrt(squared):.1f} sd, from where "
@@ -156,13 +178,13 @@ def _alone(
 ) -> list[tuple[float, float]]:
     """How far each equation is from what the fit alone makes of it: squared in sd, and in mm."""
     off, H = _misfit(tips, equations, start, tips.offsets_mm.shape)
-    found = []
+    misfits = []
     for i, equation in enumerate(equations):
         rows = slice(3 * i, 3 * i + 3)
         spread = H[rows] @ P @ H[rows].T + equation.sd_mm**2 * np.eye(3)
-        own = off[rows]
-        found.append((float(own @ np.linalg.solve(spread, own)), float(np.linalg.norm(own))))
-    return found
+        apart_mm = off[rows]
+        misfits.append((float(apart_mm @ np.linalg.solve(spread, apart_mm)), float(np.linalg.norm(apart_mm))))
+    return misfits
 
 
 def _misfit(
@@ -178,9 +200,49 @@ def _misfit(
     return np.concatenate(off), np.concatenate(rows)
 
 
-def _moved(tips: Fingertips, u: Array, covariance: Array, refused: tuple[str, ...]) -> Fingertips:
-    """The fit and the offsets moved to u; the mean joint angles go along."""
-    n_unknowns = len(tips.fit.evidence.posterior.x)
-    fit = tips.fit.moved_to(u[:n_unknowns], covariance[:n_unknowns, :n_unknowns])
-    offsets_mm = u[n_unknowns:].reshape(tips.offsets_mm.shape)
-    return fingertips_of(fit, offsets_mm, covariance, (*tips.refused, *refused))
+def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
+    """Find frames of a recording in which the thumb's pad is likely to rest on a finger's.
+
+    That pad must be the nearest, nearer than the hand's uncertainty allows, and be held there. One person's
+    way of putting pads together repeats itself: all contacts of a finger share the weight of one.
+    """
+    fingers = [name for name in tips.digits if name != THUMB]
+    if THUMB not in tips.digits or not fingers:
+        return []
+    pads = tips.in_transmitter(poses, PAD)
+    columns = [list(tips.digits).index(name) for name in fingers]
+    apart = pads[:, columns] - pads[:, [list(tips.digits).index(THUMB)]]
+    distance = np.nan_to_num(np.linalg.norm(apart, axis=-1), nan=np.inf)
+    nearest = distance.argmin(1)
+    seen = seen_parts(tips.fit.evidence, tips.fit.evidence.posterior.x, tips.offsets_mm)
+    contacts = []
+    for i, finger in enumerate(fingers):
+        both = [seen[digit, PAD][1] for digit in (THUMB, finger)]
+        variance = sum(float(np.trace(rows @ tips.covariance @ rows.T)) / 3 for rows in both)
+        apart_sd_mm = float(np.sqrt(variance + CONTACT_SD_MM**2))  # per direction, averaged over directions
+        near = (distance[:, i] < NEAR_SD * apart_sd_mm) & (nearest == i)
+        episodes = _held(distance[:, i], apart[:, i], near)[:MOST_EACH]
+        shared = CONTACT_SD_MM * len(episodes) ** 0.5
+        contacts += [touch_in(tips, poses, rows, (THUMB, finger), shared, PAD) for rows in episodes]
+    return contacts
+
+
+def _held(distance_mm: Array, apart_mm: Array, near: npt.NDArray[np.bool_]) -> list[Index]:
+    """Return the frames of each time that two pads were held together, the stillest time first."""
+    speed, k = np.full(len(apart_mm), np.inf), _SPEED_FRAMES  # mm per frame
+    if len(apart_mm) > 2 * k:
+        speed[k:-k] = np.linalg.norm(apart_mm[2 * k :] - apart_mm[: -2 * k], axis=-1) / (2 * k)
+    speed = np.nan_to_num(speed, nan=np.inf)
+    finite = speed[np.isfinite(speed)]
+    if not len(finite):
+        return []
+    slow = SLOW_SHARE * float(np.percentile(finite, 90))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    episodes = []
+    for start, stop in edges.reshape(-1, 2):
+        run = np.arange(start, stop)
+        run = run[speed[run] < slow]
+        if len(run):
+            rows = run[distance_mm[run] < distance_mm[run].min() + HELD_MM]
+            episodes.append((float(np.median(speed[rows])), rows))
+    return [rows for _, rows in sorted(episodes, key=lambda episode: episode[0])]

@@ -48,10 +48,10 @@ def mounts_of(
     nominal = np.array([_nominal_mm(bone, hand) for bone in BONES])
     rng = generator(seed, "mounts", subject, side, *[session] * bool(session))
     habit_share = max(0.0, float(generator(seed, "habit", subject).uniform(*drawn.HABIT_SHARE)))
-    place, turn = _off(rng, habit_share)
+    offset_mm, turn = _off(rng, habit_share)
     receiver_half = generator(seed, "receivers", subject).uniform(*drawn.RECEIVER_HALF_MM)
-    place[FIRST_WORN:, 2] += receiver_half - _RECEIVER_HALF_MM
-    position = nominal + realism.mounts * place
+    offset_mm[FIRST_WORN:, 2] += receiver_half - _RECEIVER_HALF_MM
+    position = nominal + realism.mounts * offset_mm
     for b in range(FIRST_WORN, len(BONES)):
         least, most = drawn.NAIL_RANGE if _on_nail(BONES[b]) else drawn.MOUNT_RANGE
         position[b, 0] = np.clip(position[b, 0], least * hand.length_mm[b], most * hand.length_mm[b])
@@ -65,15 +65,15 @@ def _off(rng: np.random.Generator, habit: float) -> tuple[Array, Array]:
     """Draw how far receivers are from where they should be: mm and rotation vectors in rad, (B, 3) each."""
     nails = [_on_nail(bone) for bone in BONES]
     alike = np.sqrt(habit) * rng.standard_normal((2, 1, 3))
-    own = np.clip(rng.standard_t(4, (2, len(BONES), 3)) / np.sqrt(2.0), -4.0, 4.0) * np.sqrt(1.0 - habit)
-    own[0, nails] *= drawn.NAIL_OWN
-    own[1, nails] *= drawn.NAIL_OWN_TURN
-    place, turn = (alike + own) * np.array([drawn.MOUNT_SD_MM, drawn.MOUNT_SD_DEG])[:, None]
+    of_each = np.clip(rng.standard_t(4, (2, len(BONES), 3)) / np.sqrt(2.0), -4.0, 4.0) * np.sqrt(1.0 - habit)
+    of_each[0, nails] *= drawn.NAIL_OWN
+    of_each[1, nails] *= drawn.NAIL_OWN_TURN
+    offset_mm, turn = (alike + of_each) * np.array([drawn.MOUNT_SD_MM, drawn.MOUNT_SD_DEG])[:, None]
     turn[nails, 1] += drawn.NAIL_TILT_DEG
     back = BONES.index("hand")
-    place[back] = np.clip(rng.standard_normal(3), -2.5, 2.5) * drawn.HAND_MOUNT_SD_MM
-    place[back, 2] += drawn.HAND_RISE_MM
-    return place, np.radians(turn)
+    offset_mm[back] = np.clip(rng.standard_normal(3), -2.5, 2.5) * drawn.HAND_MOUNT_SD_MM
+    offset_mm[back, 2] += drawn.HAND_RISE_MM
+    return offset_mm, np.radians(turn)
 
 
 def _nominal_mm(bone: str, hand: Hand) -> tuple[float, float, float]:
@@ -82,9 +82,9 @@ def _nominal_mm(bone: str, hand: Hand) -> tuple[float, float, float]:
     if bone == "forearm":
         return drawn.FOREARM_MOUNT_MM
     digit = bone.split("_")[0]
-    own = [b for b, name in enumerate(BONES) if name.startswith(f"{digit}_")]
+    of_digit = [b for b, name in enumerate(BONES) if name.startswith(f"{digit}_")]
     b = BONES.index(bone)
-    height = drawn.BONE_HEIGHT_MM[digit][own.index(b)] * hand.scale + _RECEIVER_HALF_MM
+    height = drawn.BONE_HEIGHT_MM[digit][of_digit.index(b)] * hand.scale + _RECEIVER_HALF_MM
     if _on_nail(bone):
         return (drawn.NAIL_SHARE * float(hand.length_mm[b]), 0.0, height + drawn.NAIL_MM)
     return (drawn.MOUNT_SHARE * float(hand.length_mm[b]), 0.0, height + drawn.SKIN_MM)

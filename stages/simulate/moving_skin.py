@@ -73,12 +73,12 @@ def on_skin(
     """The receivers' poses; the thumb metacarpal's as if its CMC went less far from relaxed angles (J, 3)."""
     position, quaternion = mounts.poses(*bones)
     if "thumb_metacarpal" in mounts.segments:
-        own, cmc = mounts.segments.index("thumb_metacarpal"), JOINTS.index("thumb_cmc")
+        receiver, cmc = mounts.segments.index("thumb_metacarpal"), JOINTS.index("thumb_cmc")
         for part, lag in enumerate((skin.thumb_place_lag, skin.thumb_turn_lag)):
             followed = motion.angles_rad.copy()
             followed[:, cmc] -= lag * (followed[:, cmc] - relaxed_rad[cmc])
             under = mounts.poses(*bone_poses(hand, followed, motion.wrist_mm, motion.forearm))
-            (position, quaternion)[part][:, own] = under[part][:, own]
+            (position, quaternion)[part][:, receiver] = under[part][:, receiver]
     return position, quaternion
 
 

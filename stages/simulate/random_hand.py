@@ -188,20 +188,20 @@ def _lengths_mm(rng: np.random.Generator, average: drawn.DrawnHand, scale: float
     """Lengths (B,); centres deeper in the heads shorten metacarpals and lengthen last bones."""
     lengths, sd = np.zeros(len(BONES)), np.zeros(len(BONES))
     for digit in DIGITS:
-        own = np.array(_chain(digit)) + 1
-        lengths[own], sd[own] = average[digit].lengths_mm, average[digit].length_sd_mm
-        lengths[own[[0, -1]]] += depth_mm * np.array([-1.0, 1.0])
+        bones = np.array(_chain(digit)) + 1
+        lengths[bones], sd[bones] = average[digit].lengths_mm, average[digit].length_sd_mm
+        lengths[bones[[0, -1]]] += depth_mm * np.array([-1.0, 1.0])
     return np.asarray(scale * (lengths + sd * _clipped(rng, (len(BONES),))))
 
 
 def _centres_mm(rng: np.random.Generator, average: drawn.DrawnHand, lengths_mm: Array, scale: float) -> Array:
     """Ends of every bone at neutral, right hand, in the hand's frame: (B, 2, 3), proximal and distal."""
     centres = np.zeros((len(BONES), 2, 3))
-    for digit, own in average.items():
+    for digit, drawn_digit in average.items():
         base_sd_mm = drawn.THUMB_BASE_SD_MM if digit == "thumb" else drawn.BASE_SD_MM
-        here = own.base_mm * scale + base_sd_mm * _clipped(rng, (3,))
+        here = drawn_digit.base_mm * scale + base_sd_mm * _clipped(rng, (3,))
         # one tilt for the whole digit keeps it straight
-        directions = rotations.unit(own.directions + drawn.DIRECTION_SD_RAD * _clipped(rng, (3,)))
+        directions = rotations.unit(drawn_digit.directions + drawn.DIRECTION_SD_RAD * _clipped(rng, (3,)))
         for joint, direction in zip(_chain(digit), directions, strict=True):
             there = here + lengths_mm[joint + 1] * direction
             centres[joint + 1] = here, there
@@ -215,8 +215,8 @@ def _flexion_axes(
     """Flexion axes at neutral, right hand, in the hand's frame, (J, 3), as they are, and as bones face."""
     axes = np.zeros((len(JOINTS), 3))
     axes[WRIST] = drawn.WRIST_AXES[FLEXION]
-    for digit, own in average.items():
-        axes[_chain(digit)] = own.flexion_axes
+    for digit, drawn_digit in average.items():
+        axes[_chain(digit)] = drawn_digit.flexion_axes
     off = drawn.AXIS_SD_RAD * _clipped(rng, (len(JOINTS), 3))
     untilted = rotations.unit(axes)
     axes = rotations.unit(untilted + off)
@@ -257,9 +257,9 @@ def _relaxed_rad(rng: np.random.Generator) -> Array:
     relaxed = np.zeros(len(JOINTS))
     for j, joint in enumerate(JOINTS):
         digit, _, kind = joint.partition("_")
-        own = drawn.RELAXED_DEG.get("thumb" if digit == "thumb" else kind)
-        if own is not None:
-            relaxed[j] = np.radians(rng.uniform(*own))
+        limits_deg = drawn.RELAXED_DEG.get("thumb" if digit == "thumb" else kind)
+        if limits_deg is not None:
+            relaxed[j] = np.radians(rng.uniform(*limits_deg))
     return relaxed
 
 
@@ -267,9 +267,9 @@ def _glide_mm(rng: np.random.Generator, axes: Array) -> Array:
     """Glides (J, 2, 3) of a right hand's centres about flexion axes (J, 3), on circles of their radius."""
     glide = np.zeros((len(JOINTS), 2, 3))
     for j, joint in enumerate(JOINTS):
-        own = drawn.GLIDE_MM.get(joint) or drawn.GLIDE_MM.get(joint.partition("_")[2])
-        if own is not None:
-            least, most, over_deg = own
+        limits = drawn.GLIDE_MM.get(joint) or drawn.GLIDE_MM.get(joint.partition("_")[2])
+        if limits is not None:
+            least, most, over_deg = limits
             radius_mm = rng.uniform(least, most) / (2.0 * np.sin(np.radians(over_deg) / 2.0))
             glide[j, 0] = radius_mm * _perpendicular(rng.standard_normal(3), axes[j])
             glide[j, 1] = radius_mm * drawn.GLIDE_ALONG * rng.uniform(-1.0, 1.0) * axes[j]

@@ -132,8 +132,8 @@ def _in_receiver(
 ) -> tuple[Array, Array]:
     """Mean over the frames of points and axes (T, 3) seen from a receiver."""
     back = rotations.conjugate(poses[1][:, receiver])
-    place = rotations.rotate(back, point_mm - poses[0][:, receiver]).mean(0)
-    return place, rotations.unit(rotations.rotate(back, axis).mean(0))
+    seen_mm = rotations.rotate(back, point_mm - poses[0][:, receiver]).mean(0)
+    return seen_mm, rotations.unit(rotations.rotate(back, axis).mean(0))
 
 
 def _to_transmitter(poses: tuple[Array, Array], receiver: int, point_mm: Array) -> Array:

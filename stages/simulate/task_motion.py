@@ -246,8 +246,8 @@ def _misfit(hand: Hand, postures_deg: Array, realism: Realism) -> Array:
     position, quaternion = poses_in_hand(hand, coupled_angles(padded, hand, realism))
     pads = position[:, TIP_BONES] + rotations.rotate(quaternion[:, TIP_BONES], hand.pad_mm)
     normals = rotations.rotate(quaternion[:, TIP_BONES], np.array([0.0, 0.0, -1.0]))
-    own = 1 + np.repeat(np.arange(fingers), n)
+    finger = 1 + np.repeat(np.arange(fingers), n)
     frames = np.arange(fingers * n)
-    apart = (pads[:, 0] - pads[frames, own]) / _DISTANCE_SD_MM
-    facing = (normals[:, 0] + normals[frames, own]) / _FACING_SD
+    apart = (pads[:, 0] - pads[frames, finger]) / _DISTANCE_SD_MM
+    facing = (normals[:, 0] + normals[frames, finger]) / _FACING_SD
     return np.concatenate([apart, facing], -1).reshape(fingers, n, 6)

@@ -43,21 +43,21 @@ def distorted(position_mm: Array, quaternion: Array, seed: int, scale: float) ->
     rng = generator(seed, "field")
     strain = scale * FIELD_STRAIN * rng.standard_normal((3, 3))
     turn_per_mm = scale * np.radians(FIELD_TURN_DEG_PER_MM) * rng.standard_normal((3, 3))
-    place = position_mm - FIELD_CENTRE_MM
-    turn = place @ turn_per_mm.T
+    from_centre_mm = position_mm - FIELD_CENTRE_MM
+    turn = from_centre_mm @ turn_per_mm.T
     # the field turns the transmitter's frame, not the receiver's
     angle = np.linalg.norm(turn, axis=-1)
     seen = rotations.multiply(rotations.about_axis(rotations.unit(turn), angle), quaternion)
-    return position_mm + place @ strain.T, seen
+    return position_mm + from_centre_mm @ strain.T, seen
 
 
 def noisy(
     position_mm: Array, quaternion: Array, scale: float, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Add the tracker's white noise."""
-    place = scale * NOISE_MM * rng.standard_normal(position_mm.shape)
+    noise_mm = scale * NOISE_MM * rng.standard_normal(position_mm.shape)
     turn = scale * np.radians(NOISE_DEG) * rng.standard_normal(position_mm.shape)
-    return position_mm + place, turned(quaternion, turn)
+    return position_mm + noise_mm, turned(quaternion, turn)
 
 
 def faulty(

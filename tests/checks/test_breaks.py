@@ -65,14 +65,6 @@ def test_a_unit_that_changes_is_of_all_receivers(factor: float) -> None:
     assert one.grown == pytest.approx(factor, rel=0.1)
 
 
-def test_an_order_that_changes_is_of_all_receivers_or_of_one() -> None:
-    poses = hand_of(7).poses
-    quaternion = poses.quaternion.copy()
-    quaternion[SINCE:] = quaternion[SINCE:, :, [1, 2, 3, 0]]
-    (one,) = broken(poses, poses.position_mm, quaternion)
-    assert (one.segments, one.frame) == (poses.segments, poses.frame[SINCE])
-
-
 def test_what_slips_or_jumps_for_a_while_is_no_break() -> None:
     poses = recorded(seed=7, n_frames=900)[1]
     place = poses.index("index_distal")

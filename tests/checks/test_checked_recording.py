@@ -9,7 +9,7 @@ from simulated_poses import hand_of
 
 from benchmarks.faultless_hands import Planted, changed, exchanged, faultless, other_hand
 from benchmarks.mistakes import MISTAKES
-from shukotsu.checks.checked_recording import check_recording, poses_digest
+from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.declared import Declared
 from shukotsu.schemas.config_files import config_path, read_config
 from shukotsu.schemas.findings import SUSPECT
@@ -155,12 +155,6 @@ def test_sides_that_nothing_decides_are_said_and_no_repair_is_asked_for(planted:
     assert said.message.startswith("Poses are of a receiver that was on both sides")
     assert "(900 of ring_distal)" in said.message
     assert "`repair`" not in said.message
-
-
-def test_a_digest_is_of_the_numbers_alone(planted: Planted) -> None:
-    poses = planted.poses
-    assert poses_digest(replace(poses, frame=poses.frame + 7, time_s=poses.time_s * 2)) == poses_digest(poses)
-    assert poses_digest(replace(poses, position_mm=poses.position_mm + 1e-9)) != poses_digest(poses)
 
 
 # --- layouts that are no hand -----------------------------------------------------------------------------

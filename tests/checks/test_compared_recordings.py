@@ -1,5 +1,6 @@
 """A subject's recordings against each other: another person, receivers put on anew, a file named twice."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -45,6 +46,8 @@ def test_another_person_is_the_one_that_differs(
     sentence = compared([*own, other])[3].findings[0].message
     assert "than in the right hand's rom" in sentence
     assert "another person" in sentence
+    assert re.search("correct the column subject(?: or file)? of the recordings sheet", sentence)
+    assert kinds([other]) == [[]], "a subject of its own"
 
 
 def test_one_that_breaks_within_itself_judges_no_other(
@@ -61,18 +64,25 @@ def test_one_that_breaks_within_itself_judges_no_other(
     assert "receiver hand is not where its neighbours say, first at 2.00 s" in few.findings[0].message
 
 
-def test_receivers_put_on_anew_are_a_note(own: list[tuple[str, str, CheckedRecording]]) -> None:
+def test_receivers_put_on_anew_are_a_note() -> None:
     """The other hand of a person, mirrored, is as long and wears its receivers elsewhere."""
-    mirrored = ("later", "right", own[2][2])
-    assert kinds([*own[:2], mirrored])[2] in ([("other-person", NOTE)], [("other-person", SUSPECT)])
-    assert kinds([*own[:2], mirrored])[:2] == [[], []]
+    first, later = (("rom", "right", checked(hand_of(7, hand))) for hand in ("right", "left"))
+    before, (finding,) = (recording.findings for recording in compared([first, later]))
+    assert (before, finding.kind, finding.severity) == ((), "other-person", NOTE)
+    assert "give this recording a session of its own in the column session" in finding.message
+    assert kinds([later]) == [[]], "a session of its own"
 
 
 def test_the_same_poses_again(own: list[tuple[str, str, CheckedRecording]]) -> None:
     again = ("copy", "right", own[0][2])
     found = compared([*own, again])
     assert [(one.kind, one.severity) for one in found[3].findings] == [("same-file", SUSPECT)]
-    assert "those of the right hand's rom" in found[3].findings[0].message
+    sentence = found[3].findings[0].message
+    assert "those of the right hand's rom" in sentence
+    assert re.search(
+        r"correct the column file of the recordings sheet|correct the column (\w+ or )?file", sentence
+    )
+    assert "give a reason under `exclude` for one of the two" in sentence
 
 
 def test_a_copy_under_the_other_hands_name_accuses_that_hand_alone(

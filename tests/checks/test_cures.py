@@ -9,7 +9,6 @@ import pytest
 from cures.brought_files import Door, Result, check
 from cures.followed_cures import obeyed, to_do
 from cures.planted_cases import CASES, Case
-from cures.sheet_cures import SHEET_CASES, Files, SheetCase, check_sheet, files_of, obeyed_in_sheet
 from simulated_poses import hand_of
 
 from shukotsu.schemas.findings import KINDS
@@ -47,25 +46,9 @@ def test_a_cure_done_word_for_word_cures(case: Case) -> None:
         assert apart_mm(cured, clean) < (FAR_OF_OTHER_FRAMES_MM if case.other_frames else FAR_MM)
 
 
-@pytest.fixture(scope="module")
-def files() -> Files:
-    return files_of(9001, "right")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", SHEET_CASES, ids=lambda own: f"{own.kind}, {own.planted}")
-def test_a_cure_done_in_the_sheet_cures(case: SheetCase, files: Files) -> None:
-    right = check_sheet(case.right, files)
-    assert right.findings == ()
-    wrong, cured = obeyed_in_sheet(case, files)
-    assert [one.kind for one in wrong.findings] == [case.kind]
-    assert cured.findings == ()
-    assert apart_mm(cured, right) < FAR_MM
-    assert obeyed_in_sheet(case, files, second=True)[1].findings == ()
-
-
 def test_every_kind_is_cured() -> None:
-    """But for a recording whose check failed, and one that broke, which is made again."""
-    assert {*KINDS} - {"unchecked", "sudden-change"} == {
-        case.kind for case in (*CASES, *SHEET_CASES) if " and " not in case.kind
-    }
+    """But for a recording whose check failed, one that broke, which is made again, and those that the sheet
+    cures (test_compared_recordings).
+    """
+    others = {"unchecked", "sudden-change", "same-file", "other-person"}
+    assert {*KINDS} - others == {case.kind for case in CASES if " and " not in case.kind}

@@ -9,11 +9,9 @@ from shukotsu.checks.timeline import (
     Timeline,
     alike,
     away,
-    repeated_share,
     sides,
     spikes,
     stuck,
-    true_clock,
     zeros,
 )
 from shukotsu.skeleton.rotations import about_axis
@@ -29,15 +27,6 @@ def moving(receivers: int = 3) -> Timeline:
     position = offset + 50 * np.stack([np.sin(phase), np.cos(phase), np.sin(2 * phase)], -1)
     quaternion = about_axis(np.array([0.0, 1.0, 0.0]), 0.35 * np.sin(phase))
     return Timeline(T, position, quaternion, np.ones((FRAMES, receivers), bool))
-
-
-def test_a_quiet_recording_has_nothing() -> None:
-    line = moving()
-    assert (sides(line) == 1).all()
-    assert not spikes(line).any()
-    assert not stuck(line).any()
-    assert repeated_share(line) == 0
-    assert true_clock(line) is None
 
 
 def test_flips_are_undone_to_the_frame_also_across_a_gap() -> None:

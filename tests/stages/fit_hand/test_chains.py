@@ -66,35 +66,6 @@ def problem_at(model: HandModel, point: Point, noise: float, seed: int = 1) -> P
     )
 
 
-def test_every_branch(layout: Layout) -> None:
-    """Poses of all marks by all unknowns and states."""
-    model = model_of(layout)
-    point = random_point(model, 3)
-
-    def reach(x: Array, y: Array, branch_index: int) -> tuple[Array, Array]:
-        reached = model.branches[branch_index].reach(x, y, point.root, point.root_mm)
-        return reached.rotation, reached.position_mm
-
-    for index, branch in enumerate(model.branches):
-        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
-        raw = branch.by_operation(reached, range(len(branch.marks)))
-        by_x = branch.by_unknown(raw, point.y)
-        by_y = raw @ branch.per_state(point.x)
-        for own, by, of_x in ((branch.unknowns, by_x, True), (branch.states, by_y, False)):
-            for column, unknown in enumerate(own):
-                nudge = np.zeros(len(point.x) if of_x else point.y.shape[1])
-                nudge[unknown] = STEP
-                ends = []
-                for sign in (1, -1):
-                    x = point.x + sign * nudge if of_x else point.x
-                    y = point.y if of_x else point.y + sign * nudge
-                    ends.append(reach(x, y, index))
-                moved = (ends[0][1] - ends[1][1]) / (2 * STEP)
-                turned = log_rotation(ends[0][0] @ np.swapaxes(ends[1][0], -1, -2)) / (2 * STEP)
-                np.testing.assert_allclose(by[..., :3, column], moved, atol=1e-6)
-                np.testing.assert_allclose(by[..., 3:, column], turned, atol=1e-8)
-
-
 def test_the_thumbs_receiver_lags_behind_its_bone(layout: Layout) -> None:
     """Where the CMC flexes, its place follows by one share of the angle, and its turn by less."""
     model = model_of(layout)

@@ -1,7 +1,5 @@
 """Hands calibrated, and tasks recorded, with fewer receivers than there are bones."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from simulated_poses import fitted, recorded
@@ -64,21 +62,3 @@ def test_a_calibration_with_six_says_what_is_lost(whole: HandFit, six: HandFit) 
         assert pip["status"] == "failed"
         assert pip["message"].startswith(f"no receiver on {digit}_proximal and {digit}_middle: ")
     assert gains(fingertips(six)) == []
-
-
-def test_the_dip_follows_the_pip_once_a_person(whole: HandFit) -> None:
-    """In a frame to 15 deg, over a calibration as one fact; states that follow cost nothing."""
-    states = whole.evidence.model.states
-    dip, pip = (states.names.index((f"index_{kind}", "flexion")) for kind in ("dip", "pip"))
-    assert np.degrees(states.sd[dip]) == pytest.approx(15)
-    assert whole.evidence.problem.state_sd[dip] == pytest.approx(states.sd[dip] * 30**0.5)
-    assert whole.evidence.problem.state_sd[pip] == pytest.approx(states.sd[pip])
-    y = np.array(states.mean)
-    y[pip] += 0.3
-    root = replace(whole.evidence.problem, state_sd=np.array(states.sd)).state_prior()
-    alone = root @ (y - states.mean)
-    y[dip] += 0.2
-    both = root @ (y - states.mean)
-    assert alone[dip] == pytest.approx(-0.2 / states.sd[dip])
-    assert both[dip] == pytest.approx(0, abs=1e-12)
-    assert both[pip] == alone[pip] == pytest.approx(0.3 / states.sd[pip])

@@ -10,10 +10,16 @@ from shukotsu.anatomy.average_hand import DIGITS as AVERAGE
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array, rotate
-from shukotsu.stages.fit_hand.contacts import MOST_EACH, find_contacts
 from shukotsu.stages.fit_hand.fingertips import BONE, PAD, TIP, Fingertips, fingertips, seen_parts
 from shukotsu.stages.fit_hand.fit import Settings, fit_hand
-from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, touch_in, with_touches
+from shukotsu.stages.fit_hand.touches import (
+    CONTACT_SD_MM,
+    MOST_EACH,
+    Touch,
+    find_contacts,
+    touch_in,
+    with_touches,
+)
 from shukotsu.stages.simulate.random_hand import DIGITS, TIP_BONES
 from shukotsu.stages.simulate.simulation import Simulated
 
@@ -145,25 +151,6 @@ def test_a_wrong_touch_is_left_out(people: dict[str, Person]) -> None:
     np.testing.assert_allclose(among.offsets_mm, without.offsets_mm, atol=1e-9)
 
 
-@pytest.mark.parametrize("finger", DIGITS[1:])
-def test_a_contact_of_pads_that_are_apart_is_left_out_however_far(
-    people: dict[str, Person], finger: str
-) -> None:
-    """A mark at a wrong moment: farther off than any hand can be bent to, where no step is linear."""
-    person = people["left"]
-    pads = person.tips.in_transmitter(person.poses, PAD)
-    apart_mm = np.linalg.norm(pads[:, DIGITS.index(finger)] - pads[:, 0], axis=-1)
-    frames = np.flatnonzero(apart_mm > 25.0)[:: max(1, int((apart_mm > 25.0).sum() / 5))]
-    assert len(frames) > 3
-    for frame in frames:
-        contact = touch_in(
-            person.tips, person.poses, np.arange(frame, frame + 1), ("thumb", finger), CONTACT_SD_MM, PAD
-        )
-        tips = with_touches(person.tips, [contact])
-        assert tips.fit is person.tips.fit
-        assert "contact 1" in tips.refused[0]
-
-
 def test_pads_that_meet_are_found_and_count(people: dict[str, Person]) -> None:
     """In opposition every finger's contacts are found; elsewhere hardly one. Pads come closer, if not to the
     true ones: a contact says where two pads are to each other, not where both are.
@@ -193,41 +180,6 @@ def test_pads_that_meet_are_found_and_count(people: dict[str, Person]) -> None:
     assert len(among.refused) == 1
     assert "contact 1 (thumb and ring)" in among.refused[0]
     np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
-
-
-def acted(tips: Fingertips, pads_mm: Array) -> Poses:
-    """Receivers that never turn, with pads (T, 5, 3) where a script wants them."""
-    position = pads_mm - np.array([tip.pad_mm for tip in tips.digits.values()])
-    time, still = np.arange(len(pads_mm)), np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
-    receivers = tuple(tip.receiver for tip in tips.digits.values())
-    return Poses(receivers, time, time / 240, position, still, np.ones(position.shape[:2], bool))
-
-
-def test_a_contact_is_near_nearest_and_held(people: dict[str, Person]) -> None:
-    """A script: the index is held on the thumb, twice, with the middle finger close by; the ring passes."""
-    tips = people["right"].tips
-    pads = np.zeros((1000, 5, 3))
-    pads[:, :, 0] = [0.0, 60.0, 60.0, 60.0, 60.0]
-    first, second, between = slice(100, 200), slice(400, 500), slice(200, 400)
-    away = 60 * np.ones(1000)
-    for held in (first, second):
-        away[held] = np.abs(np.linspace(-60, 60, 100)).clip(12) - 9.0
-    pads[:, 1, 0] = away
-    pads[:, 2, 0] = away + 3.0
-    pads[between, 3, 0] = np.linspace(-80, 80, 200)
-    contacts = find_contacts(tips, acted(tips, pads))
-    assert [contact.digits[1] for contact in contacts] == ["index", "index"]
-    for contact in contacts:
-        apart = (
-            contact.receiver_mm[:, 1]
-            + tips["index"].pad_mm
-            - contact.receiver_mm[:, 0]
-            - tips["thumb"].pad_mm
-        )
-        np.testing.assert_allclose(apart[:, 0], 3.0, atol=1.0)
-        assert contact.sd_mm == pytest.approx(CONTACT_SD_MM * 2**0.5)
-        assert 5 <= len(apart) < 30
-    assert find_contacts(tips, acted(tips, pads[:5])) == []
 
 
 def gap_mm(tips: Fingertips, contacts: list[Touch]) -> float:

@@ -18,7 +18,7 @@ from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.tables import column_array, rows_of
-from shukotsu.skeleton.rotations import multiply, rotate
+from shukotsu.skeleton.rotations import rotate
 from shukotsu.stages.fit_hand.calibration import read_thinned
 from shukotsu.stages.fit_hand.hand_tables import FIT
 from shukotsu.stages.simulate.random_hand import DIGITS, TIP_BONES
@@ -116,14 +116,6 @@ def test_angles_bones_and_tips_of_a_recording(fitted: Path) -> None:
     assert seen[tried].mean() < blind[tried].mean() < 1.5
 
 
-@pytest.mark.slow
-def test_the_other_hand_sharpens_the_lengths(hand: HandAlone, fitted: Path) -> None:
-    out = hand.folder / "both"
-    assert hand.fit(out, f"--other-poses={hand.poses('left')}") == 0
-    alone, both = lengths(fitted), lengths(out)
-    assert all(both[name]["sd_mm"] < alone[name]["sd_mm"] for name in alone)
-
-
 def sheet(hand: HandAlone, kind: str, *lines: str) -> str:
     path = hand.folder / f"{kind}.tsv"
     path.write_text("\n".join([SHEETS[kind], *lines]) + "\n")
@@ -174,29 +166,6 @@ def test_it_refuses(hand: HandAlone, capsys: pytest.CaptureFixture[str], tmp_pat
     assert sentence in error
     assert error.startswith("error: ")
     assert not list(tmp_path.glob("out/*"))
-
-
-@pytest.mark.slow
-def test_a_loose_receiver_is_named(hand: HandAlone, tmp_path: Path) -> None:
-    """It slips by 12 mm and 30 deg in mid-recording; the fit goes on without its shorter part."""
-    made = simulated()
-    segment, frame = made.segments.index("ring_middle"), 1500
-    turned = multiply(made.quaternion[frame:, segment], np.array([0.9659, 0.0, 0.0, 0.2588]))
-    position, quaternion = made.position_mm.copy(), made.quaternion.copy()
-    position[frame:, segment] += rotate(made.quaternion[frame:, segment], np.array([12.0, 0, 0]))
-    quaternion[frame:, segment] = turned
-    slipped = replace(made, position_mm=position, quaternion=quaternion)
-    poses = write_poses(tmp_path / "slipped.parquet", slipped, "right", "rom")
-    assert hand.fit(tmp_path / "out", f"--poses={poses}") == 0
-    receivers = {row["segment"]: row for row in rows(tmp_path / "out", "receivers")}
-    assert [name for name, row in receivers.items() if row["loose_from_frame"] is not None] == ["ring_middle"]
-    row = receivers["ring_middle"]
-    assert abs(row["loose_from_frame"] - made.frame[frame]) < 60
-    assert row["loose_shift_mm"] == pytest.approx(12.0, abs=2.0)
-    assert row["loose_turn_deg"] == pytest.approx(30.0, abs=4.0)
-    assert row["message"].startswith("came loose in rom at ")
-    assert (row["loose_kind"], row["loose_until_frame"]) == ("step", row["loose_from_frame"])
-    assert row["left_out_share"] == pytest.approx(900 / 2400, abs=0.03)
 
 
 def test_long_recordings_are_thinned_evenly(hand: HandAlone) -> None:

@@ -10,7 +10,6 @@ from shukotsu.stages.fit_hand.fingertips import fingertips
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
 from shukotsu.stages.fit_hand.gains import DEEP_SD_MM, MEASURED_SD_MM, gains
 from shukotsu.stages.fit_hand.measurements import Measurement
-from shukotsu.stages.fit_hand.touches import touch_in, with_touches
 from shukotsu.stages.simulate.random_hand import BONES
 
 QUICK = Settings(n_frames=60, rounds=1)
@@ -79,21 +78,3 @@ def test_it_is_what_a_fit_with_the_measurement_has(found: dict[str, Row], quanti
     assert np.mean(list(now.values())) == pytest.approx(gain["mean_sd_after_mm"], rel=0.05)
     spared = gain["joint_sd_before_mm"] - now[gain["joint"]]
     assert spared > 0.6 * (gain["joint_sd_before_mm"] - gain["joint_sd_after_mm"])
-
-
-def test_a_touch_gains_what_it_said(fitted: HandFit, found: dict[str, Row]) -> None:
-    poses = recorded(seed=6)[1]
-    tips = fingertips(fitted)
-    row = np.array([40])
-    middle = list(tips.digits).index("middle")
-    point = tips.in_transmitter(poses, "tip")[40, middle] + [0.5, -0.5, 0.5]
-    gain = found["middle.touch"]
-    touched = with_touches(tips, [touch_in(tips, poses, row, ("middle",), gain["sd_mm"], "tip", point)])
-    now = sds(touched.fit)
-    assert gain["joint"] == "middle_dip"
-    assert now[gain["joint"]] == pytest.approx(gain["joint_sd_after_mm"], rel=0.02)
-    assert np.mean(list(now.values())) == pytest.approx(gain["mean_sd_after_mm"], rel=0.02)
-    assert now[gain["joint"]] < 0.85 * gain["joint_sd_before_mm"]
-    again = {one["quantity"]: one for one in gains(touched)}["middle.touch"]
-    spared = again["joint_sd_before_mm"] - again["joint_sd_after_mm"]
-    assert spared < 0.3 * (gain["joint_sd_before_mm"] - gain["joint_sd_after_mm"])

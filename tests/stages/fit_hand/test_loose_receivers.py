@@ -47,19 +47,6 @@ def found_in(layout: Layout, side: str, *recordings: Poses) -> list[LooseReceive
 
 
 @pytest.mark.parametrize(
-    ("side", "task", "skin"),
-    [
-        pytest.param("left", "opposition", 1.5, marks=pytest.mark.slow),
-        pytest.param("right", "rom", 2.0, marks=pytest.mark.slow),
-        pytest.param("left", "opposition", 1.0, marks=pytest.mark.slow),
-        pytest.param("right", "rom", 1.0, marks=pytest.mark.slow),
-    ],
-)
-def test_nothing_is_loose_on_a_normal_hand(layout: Layout, side: str, task: str, skin: float) -> None:
-    assert not found_in(layout, side, hand(side, task, skin=skin)[1])
-
-
-@pytest.mark.parametrize(
     ("segment", "shift_mm", "turn_deg"),
     [
         ("hand", 4.0, 0.0),

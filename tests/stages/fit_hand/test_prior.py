@@ -5,13 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from planned_subject import planned_subject
-from stage_runs import fit_hand as main
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.config_files import REFERENCE
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.model import read_model
-from shukotsu.schemas.parts import part_metadata
 from shukotsu.schemas.plan import plan_of_poses
 from shukotsu.schemas.study import read_study
 from shukotsu.stages.fit_hand.calibration import calibrated_hand
@@ -50,17 +48,6 @@ def test_the_prior_moves_nothing(tmp_path: Path) -> None:
         )
         assert 0 < error < left_out < 20, digit
     assert len(rows["bone_poses"]) == 20 * 63
-
-
-def test_a_prior_that_cannot_be_had_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A hand without calibration has a failed part."""
-    options = ["--layout=liberty16", "--subject=01", "--hand=right", f"--model={REFERENCE}"]
-    options += [f"--out={tmp_path}"]
-    assert main(options) == 2
-    assert "no calibration recording" in capsys.readouterr().err
-    assert main([*options, "--record-failure"]) == 0
-    (parameters,) = part_metadata(tmp_path / "fitted_joints.parquet", FIT["fitted_joints"]).values()
-    assert "no calibration recording" in parameters["failure"]
 
 
 def test_a_study_does_not_name_it(tmp_path: Path) -> None:

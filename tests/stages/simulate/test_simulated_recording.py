@@ -20,16 +20,6 @@ SHORT = 600
 simulate = cache(simulation.simulate)
 
 
-def test_same_seed_same_numbers_other_names_other_numbers() -> None:
-    first = simulate("01", "right", "opposition", 7, FULL, SHORT)
-    again = simulation.simulate("01", "right", "opposition", 7, FULL, SHORT)
-    assert first.position_mm.tobytes() == again.position_mm.tobytes()
-    assert first.quaternion.tobytes() == again.quaternion.tobytes()
-    for other in (("02", "right", 7), ("01", "left", 7), ("01", "right", 8)):
-        different = simulate(other[0], other[1], "opposition", other[2], FULL, SHORT)
-        assert np.abs(different.position_mm - first.position_mm).max() > 1
-
-
 def test_tasks_share_the_hand_and_its_receivers() -> None:
     first, second = (simulate("01", "right", task, 7, FULL, SHORT).truth for task in ("opposition", "rom"))
     np.testing.assert_array_equal(first.hand.length_mm, second.hand.length_mm)
@@ -56,16 +46,6 @@ def test_exact_joints_are_hinges_in_the_childs_sagittal_plane(side: str, task: s
         assert np.abs(apart).max() < 1e-12
 
 
-@pytest.mark.parametrize("subject", ["01", "02"])
-def test_full_realism_opens_gaps_of_millimetres(subject: str) -> None:
-    for task in ("opposition", "rom"):
-        truth = simulate(subject, "left", task, 7, FULL, SHORT).truth
-        gaps = [np.sqrt(np.mean(joint.gap_mm**2)) for joint in truth.joints.values() if joint.parent_segment]
-        assert len(gaps) == 15
-        assert min(gaps) > 0.3
-        assert max(gaps) < 8
-
-
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str) -> None:
     """Without tracker and field, recorded poses are those of the receivers on the skin; with them, the truth
@@ -90,20 +70,6 @@ def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str)
         bone = rotations.matrix(truth.bone_quaternion[:, BONES.index(segment)])
         seen = np.einsum("tba,tb->ta", turn[:, own], bone[..., 0]).mean(0)
         np.testing.assert_allclose(truth.along[own], seen / np.linalg.norm(seen), atol=1e-12)
-
-
-def test_thumb_metacarpal_receiver_under_reads() -> None:
-    quiet = simulate("01", "right", "rom", 7, EXACT, SHORT)
-    shaken = simulate("01", "right", "rom", 7, replace(EXACT, artefact=1.0), SHORT)
-    own, palm = (quiet.segments.index(name) for name in ("thumb_metacarpal", "hand"))
-    ranges = []
-    for simulated in (quiet, shaken):
-        turn = rotations.multiply(
-            rotations.conjugate(simulated.quaternion[:, palm]), simulated.quaternion[:, own]
-        )
-        since = rotations.multiply(rotations.conjugate(turn[:1]), turn)
-        ranges.append(rotations.angle(since).max())
-    assert 0.5 < ranges[1] / ranges[0] < 0.9
 
 
 @pytest.mark.parametrize(

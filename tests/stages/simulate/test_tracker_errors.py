@@ -8,11 +8,9 @@ from shukotsu.skeleton.rotations import angle, conjugate, matrix, multiply
 from shukotsu.stages.simulate.tracker_errors import (
     FIELD_CENTRE_MM,
     FLIPPED_SHARE,
-    LOST_S,
     LOST_SHARE,
     SPIKE_MM,
     SPIKE_SHARE,
-    bursts,
     distorted,
     faulty,
 )
@@ -48,14 +46,6 @@ def test_a_field_is_smooth_and_the_same_in_every_recording() -> None:
     steps = np.degrees(angle(multiply(conjugate(seen[:-1]), seen[1:])))
     assert steps.max() < 0.05
     assert steps.max() < 1.2 * steps.min()
-
-
-def test_bursts_are_of_the_share_and_the_length_that_they_should_have() -> None:
-    on = bursts(np.random.default_rng(0), SHAPE, 0.02, LOST_S)
-    assert 0.017 < on.mean() < 0.023
-    starts = (on[1:] & ~on[:-1]).sum()
-    assert 0.8 < on.sum() / starts / (LOST_S * 240) < 1.3
-    assert not bursts(np.random.default_rng(0), SHAPE, 0.0, LOST_S).any()
 
 
 def test_faults_are_losses_flips_and_spikes_of_their_shares() -> None:
