@@ -70,7 +70,7 @@ def test_a_replay_needs_no_study_and_leaves_nothing(
     assert coach([f"--replay={recorded}", "--speed=4"]) == 0
     first = capsys.readouterr().out
     assert ">> Move every finger" in first
-    assert re.search(r"\d+ of 15 joints good enough after 7 s; left are ", first)
+    assert re.search(r"\d+ of 15 joints good enough after 5 s; left are ", first)
     assert list(folder.iterdir()) == []
     assert coach([f"--replay={recorded}", "--speed=0", "--page=x.html"]) == 0
     assert capsys.readouterr().out == first
@@ -104,7 +104,7 @@ def test_a_file_that_grows_is_followed_to_its_end(recorded: Path, folder: Path) 
     finally:
         process.kill()
     assert process.returncode == 0
-    assert "of 15 joints good enough after 7 s" in out
+    assert "of 15 joints good enough after 5 s" in out
     assert sorted(path.name for path in folder.iterdir()) == ["growing.arrows", "growing.html"]
 
 

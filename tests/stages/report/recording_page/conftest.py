@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -144,6 +145,7 @@ def _solutions(joints: list[dict[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
+@cache
 def _fitted_rows(model: str) -> dict[Table, list[dict[str, Any]]]:
     shift = 3.0 if model.endswith("b") else 0.0
     angles, bones, tips = [], [], []
