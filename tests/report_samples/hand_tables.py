@@ -38,9 +38,11 @@ def write_subject_tables(study: Study, results: Results) -> None:
                 continue
             for hand in plan.hands:
                 for model in plan.fitted_models:
-                    own = rows.filter(pc.and_(pc.equal(rows["hand"], hand), pc.equal(rows["model"], model)))
+                    of_hand = rows.filter(
+                        pc.and_(pc.equal(rows["hand"], hand), pc.equal(rows["model"], model))
+                    )
                     part = Part(hand, model, "", subject)
-                    write_parts(plan.fit_table(hand, model, name), TABLES[name], {part: own.to_pylist()})
+                    write_parts(plan.fit_table(hand, model, name), TABLES[name], {part: of_hand.to_pylist()})
 
 
 def write_plans(study: Study, results: Results) -> None:
@@ -64,15 +66,12 @@ def write_tips(study: Study, results: Results, models: Sequence[str] = ()) -> No
 
 def write_parts(path: Path, table: Table, rows_of: Mapping[Part, Sequence[dict[str, Any]]]) -> None:
     """Write a subject table of these parts."""
+    columns = {column.name for column in table.columns}
     with parts_writer(path, table, Provenance()) as writer:
         for part, rows in rows_of.items():
             keys = {"hand": part.hand, "model": part.model}
-            writer.rows(part, [{**lacking_text(table), **_known(table, keys), **row} for row in rows])
-
-
-def _known(table: Table, keys: dict[str, str]) -> dict[str, str]:
-    names = {column.name for column in table.columns}
-    return {name: value for name, value in keys.items() if name in names}
+            common = lacking_text(table) | {name: keys[name] for name in keys.keys() & columns}
+            writer.rows(part, [common | row for row in rows])
 
 
 def part_of(hand: Hand, model: str) -> Part:

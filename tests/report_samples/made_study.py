@@ -109,7 +109,8 @@ def write_rows(results: Path, rows: Mapping[str, list[dict[str, Any]]]) -> None:
 
 def write(path: Path, table: Table, rows: list[dict[str, Any]]) -> None:
     """Write rows as one table of the contract."""
-    write_table(path, table, columns_from_rows(table, [lacking_text(table) | row for row in rows]), NO_SOURCE)
+    empty = lacking_text(table)
+    write_table(path, table, columns_from_rows(table, [empty | row for row in rows]), NO_SOURCE)
 
 
 def lacking_text(table: Table) -> dict[str, str]:
