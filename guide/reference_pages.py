@@ -14,7 +14,7 @@ from typing import Any
 
 from shukotsu.schemas.catalogue import HAND_KEY, RECORDING_KEY, TABLES, shared_columns
 from shukotsu.schemas.config_files import json_schema, shipped
-from shukotsu.schemas.findings import mistakes_page
+from shukotsu.schemas.findings import kinds
 from shukotsu.schemas.sheets import SHEETS, Cell
 from shukotsu.schemas.tables import Column, Table
 
@@ -26,7 +26,7 @@ def pages() -> dict[str, str]:
     return {
         "tables.md": tables_page(),
         "configuration.md": configuration_page(),
-        "mistakes.md": f"{NOTE}\n{mistakes_page()}",
+        "mistakes.md": mistakes_page(),
     }
 
 
@@ -90,6 +90,47 @@ def configuration_page() -> str:
         lines += ["", f"### {sheet.name}", "", f"A row is one {', '.join(sheet.key)}.{more}", ""]
         lines += [f"- `{cell.name}`{_need(cell)}: {_linked(cell.description)}" for cell in sheet.cells]
     return "\n".join(lines) + "\n"
+
+
+def mistakes_page() -> str:
+    """Return the guide's page of mistakes: every kind with its cause and cure."""
+    lines = [
+        NOTE,
+        "# Mistakes that are named",
+        "",
+        "Before joints are solved, what was declared about a recording is tested against its poses: every",
+        "mistake of this page is undone on them, one after the other. Where that explains the poses",
+        "decisively better (joints close, lengths and places are a hand's, joints turn as joints do), it is",
+        "named in one sentence with what to write. `shukotsu check`, `import` and `inspect` say the same",
+        "([how often they are right](mistakes-benchmark.md)). You see a symptom and not a name? Begin at",
+        "[what went wrong](what-went-wrong.md).",
+        "",
+        "A finding says how much it matters: the median gap of the joints concerned (how far apart the two",
+        "receivers of a joint have its centre) as declared and put right, and how many centres move by more",
+        "than 2 mm on their bones. Where no joint closes better and none moves, it says that nothing",
+        "measurable is gained. What is wrong in the same way, and has the same cure, is one item of the",
+        "report and of the terminal, with the recordings that have it.",
+        "",
+        "A finding is `refused` (the recording is not used), `suspect` (solved and shown, in no headline and",
+        "no statistic) or a `note`; a reason in the column `accept` of the recordings sheet makes suspect",
+        "findings notes. A hand with a refused or suspect recording tells the person's other hand nothing.",
+        "All are in `problems.parquet`: `kind`, `variant` (which of the kind's sentences)",
+        "and `values` (its numbers, receivers and joints as JSON), so that nobody has to take a sentence",
+        "apart. For layouts that are no hand, digits, the other",
+        "hand, turned receivers and small errors of the unit are not named.",
+        "",
+    ]
+    for name, kind in kinds().items():
+        lines += [
+            f"## {name}",
+            "",
+            kind.meaning,
+            "",
+            f"- **Usual cause**: {kind.cause}",
+            f"- **Cure**: {kind.cure}",
+            "",
+        ]
+    return "\n".join(lines[:-1]) + "\n"
 
 
 def _need(cell: Cell) -> str:

@@ -5,21 +5,21 @@ import re
 import pytest
 from finding_examples import EVIDENCE, EXAMPLES, examples
 
-from shukotsu.schemas.findings import KINDS, SUSPECT, Finding, values_of
+from shukotsu.schemas.findings import SUSPECT, Finding, kinds, values_of
 from shukotsu.sentences import finding_sentences
 from shukotsu.sentences.finding_sentences import MISTAKES, key_of, what_of
 
 
 def test_every_kind_and_variant_is_here() -> None:
     assert MISTAKES.keys() == {key_of(*each) for each in EXAMPLES} & MISTAKES.keys()
-    assert {key.partition("/")[0] for key in MISTAKES} == {*KINDS}
+    assert {key.partition("/")[0] for key in MISTAKES} == {*kinds()}
     assert {*finding_sentences.EVIDENCE} == {*EVIDENCE}
 
 
 @pytest.mark.parametrize("finding", examples(), ids=lambda each: f"{each.kind}-{each.variant}")
 def test_a_sentence_is_whole(finding: Finding) -> None:
     message = finding.message
-    assert not message[0].islower() or finding.kind not in KINDS
+    assert not message[0].islower() or finding.kind not in kinds()
     assert not re.search(r"  |\{\w*\}|None|\[\]|: :|,,", message)
     columns = finding.columns
     again = Finding(columns["kind"], SUSPECT, columns["variant"], values_of(columns["values"]))
