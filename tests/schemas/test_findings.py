@@ -1,6 +1,64 @@
-"""Findings: what accepting one does, which hands judge nothing, and the kinds that users rely on."""
+"""Findings: kinds that users rely on, what accepting one does, and what of them is one item."""
 
-from shukotsu.schemas.findings import NOTE, REFUSED, SUSPECT, Finding, kinds
+from __future__ import annotations
+
+from typing import Any
+
+from finding_examples import EVIDENCE, EXAMPLES, examples
+
+from shukotsu.schemas.finding_groups import Seen, faults, row_sentence
+from shukotsu.schemas.findings import NOTE, REFUSED, STAGE, SUSPECT, Finding, kinds, problem_row
+
+
+def rows(finding: Finding, count: int) -> list[dict[str, Any]]:
+    return [problem_row(STAGE, finding, subject=f"S{i}", hand="right", task="rom") for i in range(count)]
+
+
+def units(scale: float) -> Finding:
+    values = EXAMPLES["units", "positions-small"][0] | {"seen": "scale", "before": scale, "after": 1.0}
+    return Finding("units", SUSPECT, "positions-small", values)
+
+
+def test_one_fault_in_eleven_recordings_is_one_item() -> None:
+    each = [rows(units(0.1 + i / 100), 1)[0] | {"subject": f"S{i}"} for i in range(11)]
+    (fault,) = faults(each)
+    assert fault.text == (
+        "The positions are 10 times too small, in cm and read as mm; write `position_unit: cm` in the "
+        "mapping."
+    )
+    assert [seen.row["subject"] for seen in fault.seen] == [f"S{i}" for i in range(11)]
+    assert not any(seen.what for seen in fault.seen)
+    assert fault.seen[3].evidence == "the hand comes out 0.13 times the average size, put right 1 times"
+
+
+def test_a_fault_of_one_recording_is_its_sentence() -> None:
+    for finding in examples():
+        (fault,) = faults(rows(finding, 1))
+        assert fault.text == finding.message == row_sentence(rows(finding, 1)[0])
+        assert fault.seen == (Seen(rows(finding, 1)[0]),)
+
+
+def test_another_cure_variant_severity_or_reason_is_another_item() -> None:
+    inches = EXAMPLES["units", "positions-small"][0] | {"true": "inch"}
+    different = [
+        units(0.1),
+        Finding("units", SUSPECT, "positions-small", inches),
+        Finding("units", SUSPECT, "radians"),
+        Finding("units", REFUSED, "radians"),
+        units(0.1).accept("a doll"),
+        units(0.1).accept("another doll"),
+    ]
+    every = [row for finding in different for row in rows(finding, 2)]
+    assert [len(fault.seen) for fault in faults(every)] == [2] * 6
+
+
+def test_evidence_stands_where_it_is_seen() -> None:
+    values = {**EXAMPLES["receivers-swapped", ""][0], "seen": "gap", **EVIDENCE["gap"]}
+    (fault,) = faults(rows(Finding("receivers-swapped", SUSPECT, "", values), 2))
+    assert "gap" not in fault.text
+    assert {seen.evidence for seen in fault.seen} == {
+        "put right, the gap of index_pip falls from 31.2 to 1.4 mm"
+    }
 
 
 def test_kinds_are_those_of_the_contract() -> None:

@@ -137,13 +137,8 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         (put(C3D, "c3d.first_frame", 0), "c3d.first_frame: is 0; expected at least 1"),
     ],
 )  # fmt: skip
-def test_what_does_not_belong_together_is_refused(tmp_path: Path, told: dict[str, Any], message: str) -> None:
+def test_what_does_not_belong_together_is_refused(told: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)) as caught:
         check(told)
     assert str(caught.value).startswith("mapping.yaml: ")
-    path = tmp_path / "mapping.yaml"
-    path.write_text(yaml.safe_dump(told), "utf-8")
-    with pytest.raises(InputError) as from_file:
-        read_mapping(path)
-    assert str(from_file.value) == str(caught.value).replace("mapping.yaml", str(path), 1)
     assert "\n" not in str(caught.value)

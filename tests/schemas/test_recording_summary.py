@@ -38,22 +38,9 @@ def poses(
 
 def test_a_recording_without_problems(tmp_path: Path) -> None:
     row, problems = recording_row(RECORDING, poses(tmp_path / "p.parquet", {}))
-    assert row == {
-        "subject": "01",
-        "session": "",
-        "hand": "right",
-        "task": "rom",
-        "trial": "2",
-        "role": "both",
-        "file": "data/a.csv",
-        "status": "used",
-        "message": "",
-        "tracker": "",
-        "n_frames": N_FRAMES,
-        "n_receivers": len(SEGMENTS),
-        "duration_s": pytest.approx(39 / 240),
-        "valid_percent": 100.0,
-    }
+    counts = {"n_frames": N_FRAMES, "n_receivers": len(SEGMENTS), "duration_s": pytest.approx(39 / 240)}
+    words = {"role": "both", "file": "data/a.csv", "status": "used", "message": "", "tracker": ""}
+    assert row == RECORDING.key | words | counts | {"valid_percent": 100.0}
     assert problems == []
     named, _ = recording_row(RECORDING, poses(tmp_path / "q.parquet", {"tracker": "VIPER"}))
     assert named["tracker"] == "VIPER"

@@ -130,15 +130,13 @@ def test_files_that_are_no_sheet(tmp_path: Path) -> None:
         read_sheet(written(tmp_path, RECORDING, encoding="utf-16"), RECORDINGS)
 
 
-def test_a_recordings_sheet_may_say_more(tmp_path: Path) -> None:
-    """Near is a name only to a column that is not there: `mask` is no typo beside `task`."""
+def test_sheets_may_say_more(tmp_path: Path) -> None:
+    """Near is a name only to a column that is not there: `mask` is no typo beside `task`; a missing length is
+    none, not zero.
+    """
     lines = [f"{RECORDING[0]}\tnote\tmask\tsession_date", f"{RECORDING[1]}\twarm\tyes\t3 May"]
     (row,) = read_sheet(written(tmp_path, lines), RECORDINGS)
     assert (row["note"], row["mask"], row["session_date"]) == ("warm", "yes", "3 May")
-
-
-def test_a_participants_sheet_may_say_more(tmp_path: Path) -> None:
-    """Studies keep age, handedness and much else there; a missing length is none, not zero."""
     lines = ["subject\tage\thand_length_mm", "01\t31\t", "02\t\t190.5"]
     one, two = read_sheet(written(tmp_path, lines), PARTICIPANTS)
     assert (one["age"], one["hand_length_mm"], one["hand_breadth_mm"]) == ("31", None, None)
@@ -154,23 +152,22 @@ def test_any_name_without_spaces_and_controls_comes_back(
     assert row["subject"] == name
 
 
-def test_a_word_for_no_is_no_reason(tmp_path: Path) -> None:
+@pytest.mark.parametrize("column", ["exclude", "accept"])
+def test_a_word_for_no_is_no_reason(tmp_path: Path, column: str) -> None:
     """Of recordings that are left out, or accepted; what may mean either is refused."""
-    for column in ("exclude", "accept"):
-        for word, value in {
-            "no": "",
-            "FALSE": "",
-            "0": "",
-            "yes": "yes",
-            "1": "1",
-            "bad cable": "bad cable",
-        }.items():
-            lines = [f"{RECORDING[0]}\t{column}", f"{RECORDING[1]}\t{word}"]
-            (row,) = read_sheet(written(tmp_path, lines), RECORDINGS)
-            assert row[column] == value
-        for word in ("n/a", "-", "NA"):
-            lines = [f"{RECORDING[0]}\t{column}", f"{RECORDING[1]}\t{word}"]
-            with pytest.raises(
-                InputError, match=f"column {column}: is '{word}'; expected a reason, yes or no"
-            ):
-                read_sheet(written(tmp_path, lines), RECORDINGS)
+
+    def reason(word: str) -> str:
+        lines = [f"{RECORDING[0]}\t{column}", f"{RECORDING[1]}\t{word}"]
+        (row,) = read_sheet(written(tmp_path, lines), RECORDINGS)
+        return str(row[column])
+
+    assert [reason(word) for word in ("no", "FALSE", "0", "yes", "bad cable")] == [
+        "",
+        "",
+        "",
+        "yes",
+        "bad cable",
+    ]
+    for word in ("n/a", "-", "NA"):
+        with pytest.raises(InputError, match=f"column {column}: is '{word}'; expected a reason, yes or no"):
+            reason(word)

@@ -12,7 +12,14 @@ from shukotsu.schemas.config_files import CONFIG_FOLDER
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.plan import StudyPlans, recordings_part
 from shukotsu.schemas.sheets import CORRECTIONS, read_sheet
-from shukotsu.schemas.study import Hand, Study, correction_problems, path_token, read_study
+from shukotsu.schemas.study import (
+    Hand,
+    Study,
+    correction_problems,
+    factor_levels,
+    path_token,
+    read_study,
+)
 
 
 def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
@@ -184,3 +191,45 @@ def test_exports_are_of_models_of_the_study(tmp_path: Path) -> None:
         InputError, match=r"export_settings.models: 'whole-hand' is no model of the study; expec"
     ):
         study(tmp_path, "01 right rom both a.csv", more=more)
+
+
+def study_of_factors(tmp_path: Path, factors: str, participants: str = "group") -> Study:
+    """Read a study whose recordings have a condition and whose participants that column."""
+    rows = (
+        "01 1 right scale both a slow",
+        "01 2 right scale both b fast",
+        "02 1 right scale evaluation c n/a",
+    )
+    head = "subject session hand task role file condition"
+    text = "\n".join([head, *rows]).replace(" ", "\t")
+    (tmp_path / "recordings.tsv").write_text(text)
+    (tmp_path / "participants.tsv").write_text(f"subject\t{participants}\n01\texpert\n")
+    (tmp_path / "study.yaml").write_text(
+        "study: s\nrecordings: recordings.tsv\nparticipants: participants.tsv\nlayout: liberty16\n"
+        f"models: [rigid]\nfactors: [{factors}]\n"
+    )
+    return read_study(tmp_path / "study.yaml")
+
+
+def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path) -> None:
+    """A participant without a row, an empty cell and n/a have no level; what only calibrates has no row."""
+    names = ("subject", "session", "hand", "task", "trial", "group", "condition")
+    rows = factor_levels(study_of_factors(tmp_path, "group, condition, session"))
+    assert [tuple(row[name] for name in names) for row in rows] == [
+        ("01", "1", "right", "scale", "", "expert", "slow"),
+        ("01", "2", "right", "scale", "", "expert", "fast"),
+        ("02", "1", "right", "scale", "", "", ""),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("factors", "column", "message"),
+    [
+        ("condition, gruop", "group", "'gruop' is no column of the sheets.*did you mean 'group'?"),
+        ("condition, role", "group", "'role' tells no levels apart; expected one of session, hand"),
+        ("condition", "condition", "'condition' is a column of both sheets"),
+    ],
+)
+def test_what_is_no_factor_is_refused(tmp_path: Path, factors: str, column: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        study_of_factors(tmp_path, factors, column)
