@@ -23,8 +23,8 @@ def test_one_fault_in_eleven_recordings_is_one_item() -> None:
     each = [rows(units(0.1 + i / 100), 1)[0] | {"subject": f"S{i}"} for i in range(11)]
     (fault,) = faults(each)
     assert fault.text == (
-        "The positions are 10 times too small, in cm and read as mm; write `position_unit: cm` in the "
-        "mapping."
+        "The positions seem to be in cm and are read as mm, a factor of 10 off; write `position_unit: cm` in "
+        "the mapping."
     )
     assert [seen.row["subject"] for seen in fault.seen] == [f"S{i}" for i in range(11)]
     assert not any(seen.what for seen in fault.seen)

@@ -59,14 +59,9 @@ class Stretch {
     this.to = this.from + wide;
   }
 
-  zoom(factor, around) {
-    const wide = (this.to - this.from) * factor;
-    this.show(around - wide / 2, around + wide / 2);
-  }
-
   /* Index of the frame nearest to a moment. */
   index(seconds) {
-    const {times} = this, before = this.viewer.upTo(times, seconds);
+    const {times} = this, before = this.viewer.upTo(seconds);
     return before < this.last && times[before + 1] - seconds <= seconds - times[before] ? before + 1 : before;
   }
 }
@@ -356,8 +351,9 @@ class Plots {
   /* ---- controls ---- */
 
   zoom(how) {
-    if (how === "all") this.time.show(0, this.time.end);
-    else this.time.zoom(how === "in" ? .5 : 2, this.time.times[this.viewer.index]);
+    const {time} = this, half = (time.to - time.from) * (how === "in" ? .25 : 1), around = time.times[this.viewer.index];
+    if (how === "all") time.show(0, time.end);
+    else time.show(around - half, around + half);
     this.paint();
   }
 

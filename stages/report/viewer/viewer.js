@@ -29,30 +29,25 @@ async function inflated(base64) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-/* A block in the order (frame, item, part), NaN in gaps. */
-function unpackBlock(raw, start, {frames, count, width, planes, step}) {
-  const wide = count * width, size = frames * wide;
-  const values = width === 1 ? new Float64Array(size) : new Float32Array(size);
-  for (let channel = 0; channel < wide; channel++) {
-    for (let frame = 0, steps = 0; frame < frames; frame++) {
-      let code = 0;
-      for (let plane = planes - 1; plane >= 0; plane--) {
-        code = code * 256 + raw[start + plane * size + channel * frames + frame];
-      }
-      if (code) steps += code % 2 ? (code - 1) / 2 : -code / 2;
-      values[frame * wide + channel] = code ? steps * step : NaN;
-    }
-  }
-  return {values, count, width, end: start + planes * size};
-}
-
+/* The blocks by name, values in the order (frame, item, part), NaN in gaps. */
 async function unpack(header) {
-  const raw = await inflated(header.data);
-  const blocks = {};
-  let at = 0;
-  for (const part of header.blocks) {
-    blocks[part.name] = unpackBlock(raw, at, part);
-    at = blocks[part.name].end;
+  const raw = await inflated(header.data), blocks = {};
+  let start = 0;
+  for (const {name, frames, count, width, planes, step} of header.blocks) {
+    const wide = count * width, size = frames * wide;
+    const values = width === 1 ? new Float64Array(size) : new Float32Array(size);
+    for (let channel = 0; channel < wide; channel++) {
+      for (let frame = 0, steps = 0; frame < frames; frame++) {
+        let code = 0;
+        for (let plane = planes - 1; plane >= 0; plane--) {
+          code = code * 256 + raw[start + plane * size + channel * frames + frame];
+        }
+        if (code) steps += code % 2 ? (code - 1) / 2 : -code / 2;
+        values[frame * wide + channel] = code ? steps * step : NaN;
+      }
+    }
+    blocks[name] = {values, count, width};
+    start += planes * size;
   }
   header.data = "";
   return blocks;
@@ -445,12 +440,12 @@ class HandViewer {
 
   /* ---- time ---- */
 
-  /* Index of the last of rising values that is not above the one wanted. */
-  upTo(values, wanted) {
+  /* Index of the last frame that is not after a time. */
+  upTo(time) {
     let low = 0, high = this.last;
     while (low < high) {
       const middle = (low + high + 1) >> 1;
-      if (values[middle] <= wanted) low = middle; else high = middle - 1;
+      if (this.times[middle] <= time) low = middle; else high = middle - 1;
     }
     return low;
   }
@@ -504,10 +499,10 @@ class HandViewer {
       this.since ??= {now, time: this.times[this.index]};
       const end = this.times[this.last], passed = (now - this.since.now) / 1000 * this.part.speed.value;
       const time = this.since.time + passed;
-      if (time < end) this.show(this.upTo(this.times, time));
+      if (time < end) this.show(this.upTo(time));
       else if (this.part.loop.checked && end > 0) {
         this.since = {now, time: (time - end) % end};
-        this.show(this.upTo(this.times, this.since.time));
+        this.show(this.upTo(this.since.time));
       } else {
         this.show(this.last);
         this.pause();

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from report_samples.hand_tables import part_of, write_parts, write_plans, write_subject_tables
+from report_samples.hand_tables import part_of, write_parts, write_subject_tables
 from report_samples.made_study import HOSTILE, make_study
 from report_samples.read_page import rows_where
 
 from shukotsu.schemas.catalogue import BONE_POSES, JOINT_ANGLES, JOINT_SOLUTIONS, POSED_TIPS, POSES, TIPS
 from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.parts import Part, part_metadata, parts_writer
+from shukotsu.schemas.parts import Part
 from shukotsu.schemas.plan import read_plan
 from shukotsu.schemas.results import FIT_TABLES, Results
 from shukotsu.schemas.study import Hand, Recording, Study, read_study
@@ -65,22 +63,6 @@ class MadeHands:
         """Rows of a table of S01's right hand, those of which columns have these values."""
         wanted |= {"hand": "right", "model": model}
         return rows_where(rows_of(read_table(self.path(table, model, Hand("S01", "right")), table)), **wanted)
-
-    def spoil(self, model: str, hand: Hand, table: Table, task: str | None = None, failure: str = "") -> None:
-        """Take the rows of one task, or all, of a hand under a model out of a table, which may say why."""
-        path = self.path(table, model, hand)
-        gone = part_of(hand, model)
-        parts: dict[Part, list[dict[str, Any]]] = {part: [] for part in part_metadata(path, table)}
-        for row in read_table(path, table).to_pylist():
-            part = Part(row["hand"], row["model"], "", hand.subject)
-            if part != gone or task not in (None, row.get("task")):
-                parts[part].append(row)
-        with parts_writer(path, table, Provenance()) as writer:
-            for part, rows in parts.items():
-                if part == gone and failure:
-                    writer.failure(part, failure)
-                else:
-                    writer.rows(part, rows)
 
 
 def make_hands(folder: Path) -> MadeHands:
@@ -151,23 +133,22 @@ def _fitted_rows(model: str) -> dict[Table, list[dict[str, Any]]]:
     angles, bones, tips = [], [], []
     for frame in range(N_FRAMES):
         for j, joint in enumerate(j.name for j in LAYOUT.joints.values() if j.name != "wrist"):
-            known = not (joint.startswith("index") and GAP.start <= frame < GAP.stop)
+            seen = not (joint.startswith("index") and GAP.start <= frame < GAP.stop)
             turn = (20 + j + 30 * np.sin(frame / 25 + j), -3 + shift + j / 7 * np.cos(frame / 9), -frame / 31)
             angles.append(
                 {"joint": joint, "frame": frame}
-                | {name: angle if known else None for name, angle in zip(ANGLES, turn, strict=True)}
+                | {name: angle if seen else None for name, angle in zip(ANGLES, turn, strict=True)}
             )
         for s, segment in enumerate(LAYOUT.segments):
-            place = dict(zip(("x_mm", "y_mm", "z_mm"), (200.0 + s, 30.0 + 2 * s, 40.0), strict=True))
-            turned = {"qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}
-            bones.append({"segment": segment, "frame": frame, **place, **turned})
+            pose = {"x_mm": 200.0 + s, "y_mm": 30.0 + 2 * s, "z_mm": 40.0, "qw": 1.0}
+            bones.append({"segment": segment, "frame": frame, **pose, "qx": 0.0, "qy": 0.0, "qz": 0.0})
         for d, digit in enumerate(LAYOUT.digits):
-            known = not (digit == "index" and GAP.start <= frame < GAP.stop)
+            seen = not (digit == "index" and GAP.start <= frame < GAP.stop)
             error = 0.313 + d / 7 + shift + abs(np.sin(frame / 13 + d)) + 40.0 * (frame == PEAK_FRAME)
             tip = {"tip_x_mm": 250.0, "tip_y_mm": 30.0 + 9 * d, "tip_z_mm": 40.0}
             tips.append(
                 {"digit": digit, "frame": frame, "time_s": frame / 240, **tip}
-                | {"error_mm": error if known else None}
+                | {"error_mm": error if seen else None}
             )
     return {JOINT_ANGLES: angles, BONE_POSES: bones, POSED_TIPS: tips}
 
@@ -176,21 +157,6 @@ def _fitted_rows(model: str) -> dict[Table, list[dict[str, Any]]]:
 def hands(tmp_path_factory: pytest.TempPathFactory) -> MadeHands:
     """The made-up study; not to be changed."""
     return make_hands(tmp_path_factory.mktemp("hands"))
-
-
-@pytest.fixture
-def make(hands: MadeHands) -> Callable[[Path], MadeHands]:
-    """Copy the study, to be spoiled."""
-
-    def copied(folder: Path) -> MadeHands:
-        shutil.copytree(hands.file.parent, folder, dirs_exist_ok=True)
-        file = folder / hands.file.name
-        paths = Results(folder / hands.paths.folder.relative_to(hands.file.parent))
-        made = MadeHands(file, read_study(file), paths)
-        write_plans(made.study, paths)
-        return made
-
-    return copied
 
 
 @pytest.fixture(scope="session")

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from report_samples.made_study import HOSTILE
 from report_samples.read_page import read_page, table_called
 
-from shukotsu.schemas.catalogue import BONE_POSES, JOINT_CENTRES, JOINT_SOLUTIONS, TIP_ERRORS, TIPS
-from shukotsu.schemas.study import Hand
+from shukotsu.schemas.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS, TIP_ERRORS
+from shukotsu.schemas.model import read_model
 from shukotsu.stages.report.recording_page import failure_page, recording_page
+from shukotsu.stages.report.recording_results import read_recording
 
 TITLE = "Subject S01, right hand, opposition"
 
@@ -62,19 +62,15 @@ def test_a_hostile_name_is_text_everywhere(hands: Any) -> None:
     assert all(link and not set('<>" ') & set(link) for link in links)
 
 
-def test_a_model_without_results_is_left_out_with_the_reason(
-    make: Callable[[Path], Any], tmp_path: Path
-) -> None:
-    hands, hand = make(tmp_path), Hand("S01", "right")
-    hands.spoil("whole-hand", hand, JOINT_CENTRES, failure="no hand <was> fitted")
-    hands.spoil("whole-hand-b", hand, TIPS, "opposition")
-    hands.spoil("whole-hand-b", hand, BONE_POSES, "opposition")
-    results = hands.results()
+def test_a_model_without_results_is_left_out_with_the_reason(hands: Any) -> None:
+    subject = hands.subject()
+    models = {"paper-fig4": subject.models["paper-fig4"], "rigid": read_model("rigid")}
+    results = read_recording(replace(subject, models=models), hands.recording())
     assert [model.name for model in results.models] == ["paper-fig4"]
-    page = recording_page(results)
+    assert results.left_out["rigid"]
+    page = recording_page(replace(results, left_out={"rigid": "no hand <was> fitted"}))
     text = text_of(page)
-    assert "whole-hand: no hand <was> fitted" in text
-    assert "whole-hand-b: " in text
+    assert "rigid: no hand <was> fitted" in text
     assert "Only models that fit the whole hand state joint angles" in text
     assert 'data-plot="angles"' not in page
 

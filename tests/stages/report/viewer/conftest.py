@@ -119,10 +119,10 @@ def _bone_rows(made: Simulated, key: dict[str, str]) -> list[dict[str, Any]]:
     rows = []
     for bone, segment in enumerate(BONES):
         for i, frame in enumerate(made.frame):
-            known = not (segment == "index_middle" and UNSEEN.start <= i < UNSEEN.stop)
-            place = made.truth.bone_position_mm[i, bone] if known else [None] * 3
+            posed = not (segment == "index_middle" and UNSEEN.start <= i < UNSEEN.stop)
+            x, y, z = made.truth.bone_position_mm[i, bone] if posed else [None] * 3
             row = {**key, "task": "opposition", "segment": segment, "frame": int(frame)}
-            rows.append(row | dict(zip(("x_mm", "y_mm", "z_mm"), place, strict=True)))
+            rows.append(row | {"x_mm": x, "y_mm": y, "z_mm": z})
     return rows
 
 
@@ -130,9 +130,9 @@ def _tip_rows(made: Simulated, key: dict[str, str]) -> list[dict[str, Any]]:
     rows = []
     for d, digit in enumerate(DIGITS):
         for i, frame in enumerate(made.frame):
+            x, y, z = made.truth.tip_mm[i, d]
             row = {**key, "task": "opposition", "digit": digit, "frame": int(frame), "error_mm": d + i / 100}
-            place = zip(("tip_x_mm", "tip_y_mm", "tip_z_mm"), made.truth.tip_mm[i, d], strict=True)
-            rows.append(row | dict(place))
+            rows.append(row | {"tip_x_mm": x, "tip_y_mm": y, "tip_z_mm": z})
     return rows
 
 
