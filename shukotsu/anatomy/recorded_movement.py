@@ -22,7 +22,7 @@ ERRORS = ("sd_deg", "change_sd_deg", "session_sd_deg", "session_change_sd_deg")
 """Columns of joint_angles, without the angle's name."""
 
 LONG_FRAMES = 1 << 18
-"""Of more frames, 18 minutes at 240 Hz, numbers are held in single precision, far below their noise."""
+"""Frames, 18 minutes at 240 Hz, above which numbers are in single precision, far below their noise."""
 
 _FACING_FRAMES = 512
 """Frames of a recording, evenly spaced, that show which way a thumb's receiver faces."""
@@ -86,7 +86,7 @@ class RecordedMovement:
                 yield AngleSeries(joint, angle, angle_deg, errors if each > 1 else None, *status)
 
     def _of_table(self, joint: str) -> Array | None:
-        """Columns (T, 3 (1 + E), 1) of a joint, every angle with its errors; None where the fit has none."""
+        """Return columns (T, 3 (1 + E), 1) of a joint, angles with their errors; None if it has none."""
         names = [f"{angle}_{what}" for angle in ANGLES for what in ("deg", *ERRORS)]
         columns = _columns(len(self.frame), len(names))
         for start in range(0, len(self.frame), BLOCK_FRAMES):
@@ -99,7 +99,7 @@ class RecordedMovement:
 
 
 def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str, str]:
-    """Status of a joint's centre, and what is to be said of its angles for that and for the model."""
+    """Return the status of a joint's centre, and what that and the model mean for its angles."""
     row = reader.skeleton.joints.get(joint)
     status = "failed" if row is None else row["status"]
     reasons = ["the joint was not solved" if row is None else row["message"]]
@@ -121,7 +121,7 @@ def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str
 
 
 def unsolved(reader: RecordingReader) -> Mapping[str, str]:
-    """Why each joint failed, where no joint of a digit was solved; else nothing."""
+    """Return why each joint failed, where no joint of a digit was solved; else nothing."""
     in_digits = {joint for digit in reader.layout.digits.values() for joint in digit.joints}
     rows = {joint: row for joint, row in reader.skeleton.joints.items() if joint in in_digits}
     solved = any(row["status"] != "failed" for row in rows.values())
@@ -175,7 +175,7 @@ def read_movement(reader: RecordingReader, *, with_tips: bool = True) -> Recorde
 
 
 def _fingertips(reader: RecordingReader, poses: Poses, bones: PosedRecording) -> dict[str, Array]:
-    """Where receivers point, then sd_mm and place of each end in a block, (T, 7 or 11), by digit."""
+    """Return where receivers point, then sd_mm and place of each end in a block, (T, 7 or 11), by digit."""
     sd_mm: Mapping[str, Array] = {}
     if reader.is_fitted:
         sd_mm = reader.numbers(POSED_TIPS, ["tip_sd_mm", "skin_tip_sd_mm"], poses.frame)
@@ -215,7 +215,7 @@ def _turn(poses: Poses, segment: str) -> Array:
 
 
 def running_on(angle_deg: Array) -> Array:
-    """Angles (T, K) within (-180, 180] degrees, cut in the widest arc between values instead; NaN stays."""
+    """Return angles (T, K) in (-180, 180] deg, cut in the widest arc between values instead; NaN stays."""
     out = angle_deg
     if not len(angle_deg):
         return out

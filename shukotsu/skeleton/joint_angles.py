@@ -26,7 +26,7 @@ from shukotsu.errors import InputError
 from shukotsu.skeleton.rotations import Array, about_axis, conjugate, matrix, multiply
 
 _SIGN = {"right": -1.0, "left": 1.0}
-"""Of deviation and axial rotation, against turns about z and x; mirroring changes these two, not flexion."""
+"""Sign of deviation and rotation against turns about z and x; mirroring changes these, not flexion."""
 
 _LOCKED = 1e-9
 

@@ -246,7 +246,17 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
     for a first joint of its own that no receiver measures.
     """
     layout = skeleton.layout
-    build = _Builder(*_receiver_root(skeleton, poses))
+    name, segment = root_names(layout)
+    point, root_failure = ReceiverPoint(name, segment, np.zeros(3)), ""
+    if layout.wrist is not None:
+        row = skeleton.joints.get(name)
+        point = joint_point(name, "child", row)
+        if row is None or row["status"] == "failed":
+            root_failure = f"{name} failed: {'it was not solved' if row is None else row['message']}"
+    axes = layout.segments[segment]
+    align = from_matrix(bone_frame(np.array(axes.distal), np.array(axes.dorsal)))
+    root = point.position_mm(poses), _turned(poses, segment, align), NO_AXIS
+    build = _Builder(SkeletonJoint(name, -1, segment), root)
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, skeleton.model, skeleton.joints)
         if isinstance(chain, str):
@@ -265,7 +275,7 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
             for length_mm, row in zip(lengths_mm, rows, strict=True)
         ]
         build.add_digit(skeleton, digit, _receiver_digit(skeleton, digit, poses, turn), lengths_mm)
-    return build.bones(poses, _root_failure(skeleton))
+    return build.bones(poses, root_failure)
 
 
 def fitted_bones(
@@ -304,19 +314,16 @@ def fitted_bones(
     return replace(posed, axis=np.stack(axes))
 
 
-def rigid_positions(
-    parents: Sequence[int], position_mm: Array, quaternion: Array, rest_offset_mm: Array
-) -> Array:
+def rigid_positions(posed: PosedRecording) -> Array:
     """Place bones of constant length, (T, B, 3): each joint at its rest offset from its parent.
 
-    parents : (B,), before their children. The arrays are as in `PosedRecording`. A joint without a parent, or
-    whose offset is all NaN (a digit's first), stays where it is. The tips of `receiver_bones` so placed are
-    those of the least-squares binding.
+    A joint without a parent, or whose offset is all NaN (a digit's first), stays where it is. The tips of
+    `receiver_bones` so placed are those of the least-squares binding.
     """
-    out = position_mm.copy()
-    for index, parent in enumerate(parents):
-        if parent >= 0 and not np.isnan(rest_offset_mm[index]).all():
-            out[:, index] = out[:, parent] + rotate(quaternion[:, parent], rest_offset_mm[index])
+    out = posed.position_mm.copy()
+    for index, (joint, offset_mm) in enumerate(zip(posed.joints, posed.rest_offset_mm, strict=True)):
+        if joint.parent >= 0 and not np.isnan(offset_mm).all():
+            out[:, index] = out[:, joint.parent] + rotate(posed.quaternion[:, joint.parent], offset_mm)
     return out
 
 
@@ -403,28 +410,6 @@ def root_names(layout: Layout) -> tuple[str, str]:
         return layout.wrist.joint, layout.wrist.segment
     base = next(iter(layout.digits.values())).base
     return base, base
-
-
-def _root_failure(skeleton: Skeleton) -> str:
-    wrist = skeleton.layout.wrist
-    row = None if wrist is None else skeleton.joints.get(wrist.joint)
-    if wrist is None or (row is not None and row["status"] != "failed"):
-        return ""
-    why = "it was not solved" if row is None else row["message"]
-    return f"{wrist.joint} failed: {why}"
-
-
-def _receiver_root(skeleton: Skeleton, poses: Poses) -> tuple[SkeletonJoint, _Placed]:
-    """The wrist on the hand's receiver, or where a layout has no wrist that receiver itself."""
-    layout = skeleton.layout
-    name, segment = root_names(layout)
-    point = ReceiverPoint(name, segment, np.zeros(3))
-    if layout.wrist is not None:
-        point = joint_point(name, "child", skeleton.joints.get(name))
-    axes = layout.segments[segment]
-    turn = from_matrix(bone_frame(np.array(axes.distal), np.array(axes.dorsal)))
-    placed = (point.position_mm(poses), _turned(poses, segment, turn), NO_AXIS)
-    return SkeletonJoint(name, -1, segment), placed
 
 
 def _receiver_digit(skeleton: Skeleton, digit: Digit, poses: Poses, metacarpal: Array) -> list[_Placed]:

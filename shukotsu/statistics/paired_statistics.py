@@ -48,7 +48,7 @@ EQUAL = 1e-9
 
 @dataclass(frozen=True)
 class Difference:
-    """Hold a two-sided p, and what is None with too few numbers, or none that differ: the 95 % interval of
+    """A two-sided p, and what is None with too few numbers, or none that differ: the 95 % interval of
     the difference of means, its standardised size and the 95 % interval of that.
     """
 

@@ -28,7 +28,7 @@ class Icc:
 
 @dataclass(frozen=True)
 class Reliability:
-    """Hold what values (n, k) say, in their unit; icc without one. sem_interval : 95 %."""
+    """What values (n, k) say, in their unit; icc without one. sem_interval : 95 %."""
 
     n: int
     k: int
@@ -113,7 +113,7 @@ def _consistency(n: int, k: int, of_subjects: float, rest: float) -> Icc:
 
 
 def _undefined(of_subjects: float, rest: float) -> Icc:
-    """Give, of sessions that repeat exactly 1, of values that are all the same nothing."""
+    """Return 1 of sessions that repeat exactly, and nothing of values that are all the same."""
     value = 1.0 if of_subjects > 0 and rest <= 0 else math.nan
     return Icc(value, (value, value))
 

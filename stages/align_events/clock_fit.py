@@ -35,7 +35,7 @@ CHANCE = 0.01
 """Windows that coincide as well by chance, expected in all places together, above which none is believed."""
 
 FEWEST_PULSES, LEAST_KEPT, AS_WELL = 3, 0.25, 0.6
-"""Of `LOST_RUN` successive pulses, while both clocks ran, the share that keeps to the line: else a clock was
+"""The share of `LOST_RUN` successive pulses, while both clocks ran, that keeps to the line: else one was
 set; and the share of hits that leaves a shift by a whole period open."""
 
 LOST_RUN = 16

@@ -42,7 +42,7 @@ _COUNTS = ("n_pulses", "n_missing", "n_extra")
 
 @dataclass(frozen=True)
 class RecordingEvents:
-    """Hold what there is of a recording's events.
+    """What there is of a recording's events.
 
     poses : its poses table. recording : its own file, None where not known. file : its file of events, None
     where it has none. pulses : which events of the file both clocks have, `NAME` or `NAME = NAME OF THE

@@ -155,7 +155,7 @@ def judge(rows: Sequence[Row]) -> None:
 
 
 def _row(values: pd.DataFrame, pair: LevelPair) -> Row:
-    """One comparison. values : a row a subject, a column a level, NaN where there is none."""
+    """Return one comparison. values : a row a subject, a column a level, NaN where there is none."""
     first = values.loc[values.index.isin(pair.candidates(pair.level)), pair.level].dropna()
     other = values.loc[values.index.isin(pair.candidates(pair.other)), pair.other].dropna()
     is_within = pair.design == WITHIN

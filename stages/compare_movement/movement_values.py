@@ -40,7 +40,7 @@ class Recorded:
 
     @cached_property
     def contained(self) -> dict[str, dict[tuple[str, str], str]]:
-        """By session and trial, then hand and task: factors of which a subject has other levels in another.
+        """Factors of which a subject has other levels in another, by session and trial, then hand and task.
 
         What such a factor does is in the numbers' change, which then is no measurement error alone.
         """
@@ -59,7 +59,7 @@ class Recorded:
 
 
 def level_column(factor: str) -> str:
-    """Name the column of a factor's levels: a sheet's column may be called as any column of a table."""
+    """Return the column of a factor's levels: a sheet's column may be called as any column of a table."""
     return factor if factor in OWN_FACTORS else f"level of {factor}"
 
 
@@ -96,7 +96,7 @@ def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -
 
 
 def in_order(rows: pd.DataFrame, column: str) -> list[str]:
-    """List what a column of recordings has, in the order of the sheet: of the subjects who have most of it
+    """Return what a column of recordings has, in the order of the sheet: of the subjects who have most of it
     first.
 
     A subject whose second session is missing does not put the third before it.

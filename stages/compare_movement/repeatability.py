@@ -45,7 +45,7 @@ def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Reco
 
 
 def _reasons(everything: Recorded) -> dict[tuple[str, str], dict[str, str]]:
-    """By hand and task, every subject who was recorded, and why they would have no value."""
+    """Return by hand and task every subject who was recorded, and why they would have no value."""
     subjects_of: dict[tuple[str, str], dict[str, str]] = {}
     for row in everything.rows.itertuples():
         subjects = subjects_of.setdefault((row.hand, row.task), {})
@@ -58,7 +58,7 @@ def _reasons(everything: Recorded) -> dict[tuple[str, str], dict[str, str]]:
 
 
 def _row(values: pd.DataFrame, absent: dict[str, str]) -> Row:
-    """One number. values : a row a subject, a column a session or trial; empty where nothing is repeated."""
+    """Return one number's row, empty where nothing repeats. values : a row a subject, a column a session."""
     shared = values.columns[values.notna().sum() * 2 >= len(values)]
     if values.notna().sum(axis=1).max() < 2:
         return {}

@@ -66,14 +66,14 @@ class MetacarpalBone:
 
 
 def with_fitted_lengths(bone: Bone, fitted: Mapping[str, Any] | None) -> Bone:
-    """The bone as long as its row of the fit says; its vector stays the replay's."""
+    """Return the bone as long as its row of the fit says; its vector stays the replay's."""
     if fitted is None:
         return bone
     return replace(bone, **{name: fitted[name] for name in LENGTHS})
 
 
 def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:
-    """Name how a digit's metacarpal is posed: rest, rigid, estimated, receiver or fitted, else none."""
+    """Return how a digit's metacarpal is posed: rest, rigid, estimated, receiver or fitted, else none."""
     if not chain.digit.metacarpal:
         return "none"
     measured = layout.segments[chain.digit.segments[0]].measured
@@ -90,7 +90,7 @@ def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
 def digit_bones(
     chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader
 ) -> list[Bone]:
-    """The digit's bones from the base outward, lengths from the calibration recordings."""
+    """Return the digit's bones from the base outward, lengths from the calibration recordings."""
     bones = []
     joints = (*chain.digit.joints, DISTAL_RECEIVER)
     for index, segment in enumerate(chain.digit.segments):

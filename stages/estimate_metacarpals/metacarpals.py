@@ -91,7 +91,7 @@ def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, p
 def neutral_posture(
     metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, recording: PosesReader
 ) -> tuple[Reference, Array] | None:
-    """Where an estimated metacarpal starts: the first whole frame, and its bone (4,) at the mean twist."""
+    """Return where an estimated metacarpal starts: first whole frame, and its bone (4,) at the mean twist."""
     chain = metacarpal.chain
     needed = (chain.digit.base, *chain.receivers)
     if metacarpal.mode != "estimated":

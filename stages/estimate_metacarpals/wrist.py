@@ -38,7 +38,7 @@ class WristPoint:
 
 
 def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
-    """The point whose distance to every MCP joint varies least, by Gauss-Newton steps.
+    """Return the point whose distance to every MCP joint varies least, by Gauss-Newton steps.
 
     mcp_mm : per digit (T, 3) in the hand receiver's frame. nominal_mm : (3,) the average hand's, which
     decides what the data leave open: in a palm that does not move every point keeps its distance. Minimises
@@ -54,7 +54,7 @@ def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
 
 @lru_cache(maxsize=4)
 def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> WristPoint:
-    """Do the same for positions (3, T) as bytes, kept: a hand's models differ beyond the MCP joints."""
+    """Return the same for positions (3, T) as bytes, kept: a hand's models differ beyond the MCP joints."""
     digits = [np.frombuffer(data).reshape(3, -1) for data in positions]
     nominal = np.array(nominal_mm)
     point = nominal.copy()
@@ -127,7 +127,7 @@ def wrist_row(
 
 
 def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
-    """By MCP joint under a bare metacarpal: (N, 3) mm of it seen from the hand, in evenly spaced frames."""
+    """Return MCP joints under bare metacarpals, (N, 3) mm seen from the hand, in evenly spaced frames."""
     positions = {}
     for digit in layout.digits.values():
         if layout.segments[digit.segments[0]].measured or digit.base != wrist.segment:

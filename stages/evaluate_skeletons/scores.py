@@ -1,4 +1,4 @@
-"""Define how well the skeletons do in one recording: a row of skeleton_scores for each, digit by digit."""
+"""How well skeletons do in one recording: a row of skeleton_scores for each, digit by digit."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def evaluated_recording(plan: SubjectPlan, recording: Recording, truth: Truth | 
 
 
 def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> list[Row]:
-    """Rows of one skeleton in one recording, a digit each; without numbers, and why, where it has none."""
+    """Return rows of one skeleton in one recording, a digit each, or why it has no numbers."""
     name, rows = recording.name, []
     reader = replace(skeleton.reader, recording=recording.recording)
     columns = ("error_mm", "frame", *TIP)
@@ -138,13 +138,13 @@ def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) ->
 
 
 def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> Row:
-    """Mean and 95th percentile of the distance of tips (T, 3) to the true ones; nothing without a frame."""
+    """Return mean and 95th percentile of how far tips (T, 3) are off; nothing without a frame."""
     apart = np.linalg.norm(tip_mm - at_frames(true.tip_mm, true.frame, frame), axis=-1)
     return mean_and_p95("true_tip", apart)
 
 
 def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> float | None:
-    """Mean angle between unit directions (T, 3) and the metacarpal's true ones; None without a frame."""
+    """Return the mean angle of directions (T, 3) to the metacarpal's true ones; None without a frame."""
     truth = at_frames(true.metacarpal, true.frame, frame)
     apart, together = (np.linalg.norm(vector, axis=-1) for vector in (direction - truth, direction + truth))
     angle = known(np.degrees(2 * np.arctan2(apart, together)))
@@ -152,7 +152,7 @@ def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDig
 
 
 def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows) -> float | None:
-    """SD over frames of the distance from wrist to MCP joint, mm; None where either is not seen."""
+    """Return the SD over frames of the distance from wrist to MCP joint, mm; None if either is not seen."""
     if poses is None or layout.wrist is None or not digit.metacarpal or digit.base != layout.wrist.segment:
         return None
     wrist, mcp = (_child_mm(joints, name) for name in (layout.wrist.joint, digit.joints[1]))
@@ -166,12 +166,12 @@ def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows
 
 
 def known(values: Array) -> Array:
-    """Those of the values (T,) that are finite."""
+    """Return those of the values (T,) that are finite."""
     return values[np.isfinite(values)]
 
 
 def mean_and_p95(name: str, values_mm: Array) -> Row:
-    """Mean and 95th percentile of the finite values (T,); nothing where there is none."""
+    """Return the mean and 95th percentile of the finite values (T,); nothing where there is none."""
     values_mm = known(values_mm)
     if not len(values_mm):
         return {}
@@ -186,7 +186,7 @@ def _child_mm(joints: Rows, name: str) -> Array | None:
 
 
 def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Row:
-    """The tip taken to be where the distal receiver is: no tip error, and the true tip as far as it is."""
+    """Return the row of a tip taken to be at the distal receiver: no tip error, the true tip as it is."""
     row, poses = recording.row(digit.name, DISTAL_RECEIVER), recording.poses
     if poses is None:
         return row
@@ -201,7 +201,7 @@ def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Row:
 
 
 def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None:
-    """The true skeleton replayed by the receivers as any other: skin and tracker are all that is off.
+    """Return the row of the true skeleton, replayed as any other: skin and tracker are all that is off.
 
     The metacarpal is the true one in every frame; the true tip stays where it was on average in the distal
     receiver's frame. None where the truth knows no such digit.

@@ -26,7 +26,7 @@ OTHER_MM = 0.5
 """A recording's own truth says to rounding how far each tip is from its receiver; another's does not."""
 
 DISTAL = np.array([1.0, 0.0, 0.0])
-"""Where a bone points in its own frame."""
+"""Direction of a bone in its own frame."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def truth_for(tasks: Sequence[str], truths: Sequence[Truth]) -> Stated | None:
 
 
 def _averaged(rows: Sequence[Mapping[str, Any]]) -> Row:
-    """One joint's rows of several recordings as one."""
+    """Return one joint's rows of several recordings as one."""
     frames = [row["n_frames"] for row in rows]
     mean = dict(rows[0])
     for side in ("parent_", "child_"):

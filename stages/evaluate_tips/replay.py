@@ -39,9 +39,7 @@ def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> 
 
 def tips_least_squares(bones: PosedRecording) -> dict[str, Array]:
     """Tip positions (T, 3) mm of every digit in the transmitter frame, bones constant; NaN in gaps."""
-    position_mm = rigid_positions(
-        [joint.parent for joint in bones.joints], bones.position_mm, bones.quaternion, bones.rest_offset_mm
-    )
+    position_mm = rigid_positions(bones)
     return {joint.digit: position_mm[:, index] for index, joint in enumerate(bones.joints) if joint.tip}
 
 

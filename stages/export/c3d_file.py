@@ -49,7 +49,7 @@ NO_POINT = np.array([0.0, 0.0, 0.0, -1.0])
 
 @dataclass(frozen=True)
 class _Timing:
-    """Hold where frames go: row (T,) of each among all, at that rate; how far times are off it, in s."""
+    """Frames' places: row (T,) of each among all, at that rate; how far times are off it, in s."""
 
     row: Index
     rate_hz: float

@@ -269,9 +269,7 @@ def stiffened(motion: PosedRecording) -> PosedRecording:
     most. Of a skeleton that is no fitted hand this is the replay with the least-squares binding, and its tips
     are those of the tips table.
     """
-    position = rigid_positions(
-        motion.parents.tolist(), motion.position_mm, motion.quaternion, motion.rest_offset_mm
-    )
+    position = rigid_positions(motion)
     moved_mm = np.linalg.norm(position - motion.position_mm, axis=-1)
     note = "bones kept at their length"
     if np.isfinite(moved_mm).any():

@@ -20,7 +20,7 @@ from shukotsu.skeleton.rotations import Array
 from shukotsu.stages.measure_movement.sampling import grid_of
 
 SHORTEST, LONGEST = 0.5, 2.0
-"""Of the median duration of an event's cycles; a shorter or longer one is another movement."""
+"""Shares of the median duration of an event's cycles; a shorter or longer one is another movement."""
 
 MOST_ONSET_SD = 0.05
 """1-sigma of an onset, of the cycle's duration, above which it is not used: a sine-like course read so far

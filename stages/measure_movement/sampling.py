@@ -24,7 +24,7 @@ _LONGEST_PAUSE_S = 1.0
 """A longer pause takes no more room than this: no filter reaches across it."""
 
 _PARTS = (1, 2, 3)
-"""Of the median interval, what a step may be: where most frames are missing, intervals are several steps."""
+"""Parts of the median interval that a step may be: where most frames are missing, one is several steps."""
 
 _UNSURE, _MOST_UNSURE = 0.35, 0.01
 """How far an interval may be from a whole number of steps, in steps, and what share may be farther."""
@@ -95,7 +95,7 @@ def bridged(values: Array, step_s: float, most_s: float = MOST_GAP_S) -> Array:
 
 
 CUTOFF_HZ = 10.0
-"""Where the local parabola halves the power (-3 dB). Finger movement is below: fast tapping is 5 to 7 Hz."""
+"""Frequency at which the local parabola halves the power (-3 dB); fast tapping is 5 to 7 Hz."""
 
 _MOST_HALF_WIDTH = 1000
 _MAD_TO_SD = 1.4826

@@ -53,7 +53,7 @@ class JointAngles:
 
 @dataclass(frozen=True)
 class ModelResults:
-    """Hold what one model says of the hand and the recording; angles is None unless it fits the whole hand.
+    """What one model says of the hand and the recording; angles is None unless it fits the whole hand.
 
     joints, solutions : rows of joint_centres and joint_solutions. tip_errors : this recording's rows.
     """
@@ -226,7 +226,7 @@ def _model_results(results: StudyResults, reader: RecordingReader, every: int) -
 def _skeleton(
     results: StudyResults, reader: RecordingReader, poses: Poses, *, still: bool = False
 ) -> ShownSkeleton:
-    """One model's motion at the frames of poses; of a still picture without tip errors.
+    """Return one model's motion at the frames of poses; of a still picture without tip errors.
 
     A fitted hand that was not posed in a recording that only calibrates is shown as its receivers carry it.
     """

@@ -136,7 +136,7 @@ def test_rigid_bones_end_at_the_least_squares_tips(
 ) -> None:
     """A digit's base, and from there one bone after the other as what drives it turns it."""
     skeleton, poses, metacarpals, bones = ridden
-    found = rigid_positions(bones.parents.tolist(), bones.position_mm, bones.quaternion, bones.rest_offset_mm)
+    found = rigid_positions(bones)
     for digit in LAYOUT.digits.values():
         tip = bones.position_mm[:, bones.index(digit.joints[0])].copy()
         for segment in digit.segments:

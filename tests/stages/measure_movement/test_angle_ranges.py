@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.measure_movement.angle_ranges import AngleErrors, angle_range
+from shukotsu.stages.measure_movement.movement_rows import AngleErrors, angle_range
 
 
 def swing(amplitude_deg: float, n_frames: int = 2000) -> Array:
