@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.stages.align_events.event_list import Array
+from shukotsu.stages.align_events.event_files import Array
 
 Integers = npt.NDArray[np.int64]
 

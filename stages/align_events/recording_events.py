@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from importlib import import_module
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +20,19 @@ from shukotsu.schemas.poses import recording_name, usable_poses
 from shukotsu.schemas.tables import open_table, read_metadata
 from shukotsu.stages import command_line
 from shukotsu.stages.align_events.clock_fit import fit_clock
-from shukotsu.stages.align_events.event_list import FARTHEST_S, Array, Events
+from shukotsu.stages.align_events.event_files import (
+    FARTHEST_S,
+    Array,
+    Events,
+    read_markers,
+    read_midi,
+    read_tracker_events,
+)
 
 READERS = {
-    (".mid", ".midi", ".smf"): "shukotsu.stages.align_events.midi_file:read_midi",
-    (".xdf", ".xdfz", ".xdf.gz"): "shukotsu.stages.align_events.marker_streams:read_markers",
-    (".arrows",): "shukotsu.stages.align_events.tracker_events:read_tracker_events",
+    (".mid", ".midi", ".smf"): read_midi,
+    (".xdf", ".xdfz", ".xdf.gz"): read_markers,
+    (".arrows",): read_tracker_events,
 }
 """Endings of files of events, and what reads them."""
 
@@ -158,22 +164,15 @@ def read_events(path: Path) -> Events:
     """Read a file of events by its ending; InputError where no reader knows it."""
     for endings, place in READERS.items():
         if path.name.lower().endswith(endings):
-            module, _, function = place.partition(":")
-            read: Callable[[Path], Events] = getattr(import_module(module), function)
             with reading_what_was_brought():
-                return _checked(path, read(path))
-    known = [ending for endings in READERS for ending in endings]
-    raise InputError(f"{path}: is no file of events; {guess(path.suffix, known)}")
-
-
-def _checked(path: Path, events: Events) -> Events:
-    """The events; InputError where one has no time that a clock shows."""
-    bad = np.flatnonzero(~(np.abs(events.time_s) < FARTHEST_S))
-    if len(bad):
-        raise InputError(
-            f"{path}: event {bad[0] + 1}: its time is {events.time_s[bad[0]]:g} s; copy the file again"
-        )
-    return events
+                events = reader(path)
+            bad = np.flatnonzero(~(np.abs(events.time_s) < FARTHEST_S))
+            if len(bad):
+                time_s = events.time_s[bad[0]]
+                raise InputError(f"{path}: event {bad[0] + 1}: its time is {time_s:g} s; copy the file again")
+            return events
+    expected = [ending for endings in READERS for ending in endings]
+    raise InputError(f"{path}: is no file of events; {guess(path.suffix, expected)}")
 
 
 def _or_nan(value: float | None) -> float:

@@ -1,4 +1,4 @@
-"""Statistics of paired differences against other formulations of the same."""
+"""Statistics of paired differences against other formulations of the same, and Holm's correction."""
 
 from __future__ import annotations
 
@@ -9,7 +9,23 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from shukotsu.statistics.paired_statistics import N_FLIPS, effect_of, paired_difference, sign_flip_p
+from shukotsu.statistics.paired_statistics import N_FLIPS, effect_of, holm, paired_difference, sign_flip_p
+
+
+def test_holm_by_hand() -> None:
+    """0.01 x 4, 0.02 x 3, 0.03 x 2 raised to the one before, 0.9; no test stays none and does not count."""
+    corrected = holm([0.02, None, 0.9, 0.01, 0.03])
+    assert corrected == [
+        pytest.approx(0.06),
+        None,
+        pytest.approx(0.9),
+        pytest.approx(0.04),
+        pytest.approx(0.06),
+    ]
+    assert holm([0.4, 0.5]) == [pytest.approx(0.8), pytest.approx(0.8)]
+    assert holm([0.6, 0.7]) == [1.0, 1.0]
+    assert holm([]) == []
+
 
 SKEWED = np.array([-0.9, -0.5, -0.45, -0.3, -0.2, -0.15, -0.1, 0.02, 0.3])
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shukotsu.stages.align_events.clock_fit import WAS_SET, ClockFit, fit_clock
-from shukotsu.stages.align_events.event_list import Array
+from shukotsu.stages.align_events.event_files import Array
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,13 @@ import numpy as np
 import pandas as pd
 
 from shukotsu.schemas.quantities import QUANTITIES
-from shukotsu.stages.compare_movement.level_differences import difference_rows, judge, level_pairs
-from shukotsu.stages.compare_movement.movement_values import Recorded, level_column
+from shukotsu.stages.compare_movement.study_comparison import (
+    Recorded,
+    difference_rows,
+    judge,
+    level_column,
+    level_pairs,
+)
 
 SUBJECTS = [f"P{number}" for number in range(24)]
 ANGLES = [f"joint{number} flexion" for number in range(51)]

@@ -1,11 +1,39 @@
-"""Scores of a digit with numbers that can be checked by hand."""
+"""Scores of a digit, errors of a joint and reference rows, with numbers that can be checked by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from shukotsu.schemas.layout import read_layout
+from shukotsu.schemas.poses import RecordingName
+from shukotsu.schemas.study import Recording
+from shukotsu.schemas.tables import Provenance
 from shukotsu.skeleton.rotations import about_axis
-from shukotsu.stages.evaluate_skeletons.scores import metacarpal_deg, tip_numbers, true_tip_numbers
-from shukotsu.stages.evaluate_skeletons.truth import DISTAL, TrueDigit, directions
+from shukotsu.stages.evaluate_skeletons.evaluation import (
+    EvaluatedRecording,
+    metacarpal_deg,
+    tip_numbers,
+    true_skeleton_row,
+    true_tip_numbers,
+)
+from shukotsu.stages.evaluate_skeletons.scored_skeleton import Stated
+from shukotsu.stages.evaluate_skeletons.truth import (
+    DISTAL,
+    TrueDigit,
+    Truth,
+    centre_errors,
+    directions,
+    read_truth,
+    truth_for,
+)
+from shukotsu.stages.simulate.realism import Realism
+from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.stages.simulate.written_truth import write_truth
 
 NAN = float("nan")
 
@@ -47,3 +75,92 @@ def test_truth_is_compared_frame_by_frame() -> None:
     assert found["true_tip_mean_mm"] == pytest.approx(3.0)
     assert found["true_tip_p95_mm"] == pytest.approx(4.8)
     assert metacarpal_deg(directions(turned(30, 90, 0)), frame, true) == pytest.approx(60.0)
+
+
+Row = dict[str, Any]
+
+
+def centre(joint: str, child: tuple[float, ...], parent: tuple[float, ...], **other: Any) -> Row:
+    row: Row = {"joint": joint, "status": "ok", "dof": 1, "sd_mm": None, "parent_segment": "x"}
+    row["n_frames"] = 100
+    axes = {"axis_child_": (0.0, 1.0, 0.0), "axis_parent_": (0.0, 1.0, 0.0)}
+    for prefix, values in {"child_": child, "parent_": parent}.items():
+        row |= {f"{prefix}{axis}_mm": value for axis, value in zip("xyz", values, strict=True)}
+    for prefix, values in axes.items():
+        row |= {f"{prefix}{axis}": value for axis, value in zip("xyz", values, strict=True)}
+    return row | other
+
+
+def truth_of(task: str, *joints: Row, **length_mm: float) -> Truth:
+    bones = {bone: {"length_mm": value} for bone, value in length_mm.items()}
+    stated = Stated({row["joint"]: row for row in joints}, bones)
+    return Truth(Path(task), RecordingName("01", "right", task), stated)
+
+
+def test_a_centre_along_and_across_its_axis() -> None:
+    """Off by (3, -4, 0) with the true axis along y: 5 in all, 4 along, 3 across; the parent's half by 6."""
+    true = centre("index_pip", (1, 1, 1), (0, 0, 0))
+    tilted = {"axis_child_x": 0.0, "axis_child_y": -np.cos(0.2), "axis_child_z": np.sin(0.2)}
+    found = centre_errors(centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted), true)
+    assert found["error_mm"] == pytest.approx(5.0)
+    assert found["along_mm"] == pytest.approx(4.0)
+    assert found["across_mm"] == pytest.approx(3.0)
+    assert found["parent_error_mm"] == pytest.approx(6.0)
+    assert found["axis_deg"] == pytest.approx(np.degrees(0.2))
+    assert (found["sd_mm"], found["within_95"]) == (3.8, True)
+
+
+def test_the_truth_is_where_centres_were_in_the_recordings_that_calibrated() -> None:
+    """Each frame counts alike, 300 against 100; without a truth of its own a skeleton is held against all."""
+    turned = {"axis_child_x": 1.0, "axis_child_y": 0.0}
+    rom = truth_of("rom", centre("index_pip", (1, 0, 0), (0, 0, 0), n_frames=300), index_middle=25.0)
+    grasp = truth_of("grasp", centre("index_pip", (5, 0, 0), (0, 0, 8), **turned), index_middle=25.0)
+    tap = truth_of("tap", centre("index_pip", (90, 0, 0), (0, 0, 0)), index_middle=25.0)
+
+    def true(*tasks: str, of: tuple[Truth, ...] = (rom, grasp, tap)) -> Row:
+        found = truth_for(tasks, of)
+        assert found is not None
+        assert found.bones["index_middle"]["length_mm"] == 25.0
+        return dict(found.joints["index_pip"])
+
+    assert [true("grasp", "other")[f"child_{axis}_mm"] for axis in "xyz"] == [5.0, 0.0, 0.0]
+    both = true("rom", "grasp")
+    assert (both["child_x_mm"], both["parent_z_mm"]) == (2.0, 2.0)
+    axis = np.array([both[f"axis_child_{axis}"] for axis in "xyz"])
+    np.testing.assert_allclose(axis, np.array([1.0, 3.0, 0.0]) / np.sqrt(10.0))
+    assert true("other", of=(rom, grasp)) == both
+    assert truth_for(["rom"], []) is None
+
+
+LAYOUT = read_layout("liberty16")
+FINGERS = ("index", "middle", "ring", "little")
+
+
+def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRecording:
+    """A range of motion of 200 frames, with its truth."""
+    made, name = simulate("01", hand, "rom", 4, realism, 200), RecordingName("01", hand, "rom")
+    write_truth(folder, made, Provenance())
+    truth, poses = read_truth(folder, name), made.poses()
+    true = truth.digits(poses, {digit.name: digit.tip for digit in LAYOUT.digits.values()})
+    of_none = ("both", Path(), "", Path(), "", None, "", "")
+    recording = Recording(name.of_hand, "rom", "", *of_none)
+    return EvaluatedRecording(recording, LAYOUT, poses, true, truth)
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_the_true_skeleton_is_exact_where_nothing_disturbs(tmp_path: Path, hand: str) -> None:
+    """Palm and thumb move, receivers are misplaced, but no centre glides and there is no skin and no noise:
+    replay, tip and wrist of the fingers are true. The thumb's CMC axes do not meet, so that
+    its base is true in the mean alone.
+    """
+    realism = replace(Realism.full(), glide=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
+    recording = recorded(tmp_path, realism, hand)
+    for name, digit in LAYOUT.digits.items():
+        row = true_skeleton_row(recording, digit)
+        assert row is not None
+        assert row["true_tip_p95_mm"] < 1e-6, name
+        assert row["metacarpal_deg"] == 0.0
+        assert row["n_frames"] == 200
+        assert row["replay_p95_mm"] < (1e-6 if name in FINGERS else 5.0), name
+        if name in ("index", "middle"):
+            assert row["wrist_mcp_sd_mm"] < 0.02

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from export_samples.moving_fingers import moving_fingers
 
-from shukotsu.stages.export.bone_mesh import bone_mesh
+from shukotsu.stages.export.glb import bone_mesh
 
 
 def test_the_body_is_closed_and_faces_outward() -> None:

@@ -26,8 +26,7 @@ from guide_pages import blocks
 
 from shukotsu.skeleton.posing import PosedRecording
 from shukotsu.skeleton.rotations import conjugate, rotate
-from shukotsu.stages.export.bone_mesh import bone_mesh
-from shukotsu.stages.export.glb import write
+from shukotsu.stages.export.glb import bone_mesh, write
 from shukotsu.stages.export.motion import rest_pose
 from shukotsu.stages.export.rigging import with_webxr_names
 

@@ -1,6 +1,4 @@
-"""What holds for every format: the same bytes again, the motion left as it was, one sentence where it cannot
-be.
-"""
+"""What holds for every format, and a motion made ready for one by what the user asked, losing nothing."""
 
 from __future__ import annotations
 
@@ -9,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from export_samples.moving_fingers import moving_fingers, timed
+from export_samples.moving_fingers import blanked, moving_fingers, timed
 
 from shukotsu.errors import InputError
 from shukotsu.schemas.poses import RecordingName
 from shukotsu.skeleton.posing import Origin, PosedRecording
-from shukotsu.stages.export.registry import FORMATS, Settings, write_format
+from shukotsu.skeleton.rotations import angle, conjugate, matrix, multiply, rotate
+from shukotsu.stages.export.motion import local_motion
+from shukotsu.stages.export.registry import DIRECTIONS, FORMATS, Settings, prepared, upright, write_format
 
 WITHOUT_GAPS = [name for name, form in FORMATS.items() if not form.holds_gaps]
 ON_TIME = ("glb", "osim")
@@ -91,3 +91,49 @@ def test_times_must_be_known_and_grow(name: str, times: list[float], message: st
     with pytest.raises(InputError, match=message):
         write(timed(moving_fingers(5), time_s=np.array(times)), name, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:
+    motion = blanked(moving_fingers(40), np.s_[10:13, 2])
+    kept = prepared(motion, Settings(), holds_gaps=True, up="")
+    np.testing.assert_array_equal(kept.whole, motion.whole)
+    assert prepared(motion, Settings(gaps="hold"), holds_gaps=True, up="").whole.all()
+    with pytest.raises(InputError, match="joint index_mcp has no pose in frames 17 to 19"):
+        prepared(motion, Settings(), holds_gaps=False, up="y")
+
+
+def test_gaps_are_closed_before_the_rate_is_changed() -> None:
+    motion = blanked(moving_fingers(40), np.s_[10:13, 2])
+    assert prepared(motion, Settings(gaps="interpolate", fps=30), holds_gaps=False, up="y").whole.all()
+
+
+def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
+    """Frame numbers go on, time does not: nobody knows what the hand did meanwhile."""
+    motion = moving_fingers(40)
+    time_s = motion.time_s.copy()
+    time_s[20:] += 0.3
+    jumped = timed(motion, time_s=time_s)
+    with pytest.raises(InputError, match=r"nothing was recorded about 0\.2\d\d s \(frame 26\)"):
+        prepared(jumped, Settings(fps=30), holds_gaps=False, up="y")
+    assert not prepared(jumped, Settings(fps=30), holds_gaps=True, up="").whole.all()
+    wide = Settings(fps=30, gaps="interpolate", max_gap_s=0.5)
+    assert prepared(jumped, wide, holds_gaps=False, up="y").whole.all()
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("transmitter_up", DIRECTIONS)
+def test_up_goes_up_by_a_proper_rotation(transmitter_up: str, up: str) -> None:
+    turn, axes = upright(transmitter_up, up), dict(zip(DIRECTIONS, [*np.eye(3), *-np.eye(3)], strict=True))
+    np.testing.assert_allclose(rotate(turn, axes[transmitter_up]), axes[up], atol=1e-12)
+    assert np.linalg.det(matrix(turn)) == pytest.approx(1)
+    np.testing.assert_allclose(np.abs(matrix(turn)).max(0), 1, atol=1e-12)
+
+
+def test_a_turned_world_has_the_same_hand_in_it() -> None:
+    motion = moving_fingers(20, slip_mm=1.0)
+    there = prepared(motion, Settings(), holds_gaps=True, up="y")
+    (before_mm, before), (after_mm, after) = local_motion(motion), local_motion(there)
+    np.testing.assert_allclose(before_mm[:, 1:], after_mm[:, 1:], atol=1e-9)
+    assert angle(multiply(conjugate(before), after))[:, 1:].max() < 1e-7
+    np.testing.assert_allclose(there.position_mm[..., 1], motion.position_mm[..., 2], atol=1e-9)
+    np.testing.assert_allclose(there.receivers.position_mm[..., 1], motion.receivers.position_mm[..., 2])
