@@ -113,7 +113,7 @@ class Coach:
         return self._lines(logged) + joint_lines(self.estimate)
 
     def summary(self) -> str:
-        """What the calibration came to, and what would help more."""
+        """Format what the calibration came to, and what would help more."""
         if self.findings:
             return f"Not calibrated: {self.findings[0]}"
         if self.estimate is None:
@@ -128,7 +128,7 @@ class Coach:
         return " ".join([f"{text}.", *(f"What would help: {line}" for line in self.gains()[:1])])
 
     def gains(self) -> list[str]:
-        """What measuring would bring, the best first, as the report says it."""
+        """Return what measuring would bring, the best first, as the report says it."""
         return [] if self.estimate is None else gain_lines(gains(self.estimate.tips))
 
     def _add(self, poses: Poses) -> None:
@@ -153,20 +153,28 @@ class Coach:
             self._advise(self.estimate)
             if time_s >= self._loose_s:
                 self._loose_s = time_s + LOOSE_S
-                self._look_for_loose(self.estimate)
+                before = self.loose
+                self.loose = {
+                    moved.segment: f"The receiver on {moved.segment} moved by {moved.shift_mm:.1f} mm "
+                    f"and {moved.turn_deg:.0f} deg at {moved.start.time_s:.0f} s: tape it anew, end and "
+                    "start again."
+                    for moved in displaced_in(self.estimate.tips.fit, [self._kept.poses()]).loose
+                }
+                for segment in self.loose.keys() - before.keys():
+                    self._say(self.loose[segment])
 
     def _check(self) -> None:
         """Check the newest frames as a recording is checked; a finding stops the asking."""
         assert self.newest is not None
         poses, layout, before = self.newest, self.hand.layout, self._silent
         checked = check_recording(poses, layout, self.hand.hand, Declared(kind="device"))
-        found = [each for each in checked.findings if each.severity != NOTE and each.kind != "too-short"]
+        wrong = [each for each in checked.findings if each.severity != NOTE and each.kind != "too-short"]
         seen = np.asarray(poses.valid.any(0))
         silent = [name for name in layout.expected if not seen[poses.index(name)]]
-        self._silent = (*((each.kind, each.variant) for each in found), *((name,) for name in silent))
+        self._silent = (*((each.kind, each.variant) for each in wrong), *((name,) for name in silent))
         if self._silent == before and self.findings:
             return  # the same: its numbers need not change before somebody's eyes
-        self.findings = [str(in_quotes(each.message)) for each in found]
+        self.findings = [str(in_quotes(each.message)) for each in wrong]
         self.findings += [f"Nothing comes from the receiver on {name}: is it connected?" for name in silent]
         if self.findings:
             self.phase, self.request = CHECKING, None
@@ -175,17 +183,14 @@ class Coach:
                 self._say(finding)
         elif before:
             self._say("Put right. The calibration begins anew; what was recorded before is not used.")
-            self._begin_anew()
+            self.restarts += 1
+            self._kept, self.newest, self.estimate = EvenFrames(), None, None
+            self.request, self.advice, self.loose = None, "", {}
+            self._vain, self._done, self._began_s = Counter(), set(), self.time_s
+            self._check_s = self.time_s + CHECKED_S
         elif self.phase == CHECKING:
             self.phase = CALIBRATING
             self._say(f"Nothing is wrong in these {CHECKED_S:.0f} s: receivers, hand, units.")
-
-    def _begin_anew(self) -> None:
-        self.restarts += 1
-        self._kept, self.newest, self.estimate = EvenFrames(), None, None
-        self.request, self.advice, self.loose = None, "", {}
-        self._vain, self._done, self._began_s = Counter(), set(), self.time_s
-        self._check_s = self.time_s + CHECKED_S
 
     def _estimate(self) -> None:
         if self.findings or self.newest is None:
@@ -204,16 +209,6 @@ class Coach:
                 f"{len(rows) - len(still_open)} of {len(rows)} joints good enough; the least sure is {worst} "
                 f"at {rows[worst]['sd_mm']:.2f} mm"
             )
-
-    def _look_for_loose(self, current: Estimate) -> None:
-        before = self.loose
-        self.loose = {
-            moved.segment: f"The receiver on {moved.segment} moved by {moved.shift_mm:.1f} mm and "
-            f"{moved.turn_deg:.0f} deg at {moved.start.time_s:.0f} s: tape it anew, end and start again."
-            for moved in displaced_in(current.tips.fit, [self._kept.poses()]).loose
-        }
-        for segment in self.loose.keys() - before.keys():
-            self._say(self.loose[segment])
 
     def _advise(self, current: Estimate) -> None:
         """See whether the request is done or tried; ask for what helps most, or say that it is enough."""
@@ -244,7 +239,7 @@ class Coach:
             self._say(self.advice)
 
     def _useful(self, current: Estimate) -> list[str]:
-        """Joints that are not good enough, and for which movements have not been in vain."""
+        """Return joints that are not good enough, and for which movements have not been in vain."""
         return [joint for joint in current.open_joints if self._vain[joint] < MOST_VAIN]
 
     def _is_over(self, request: Request, current: Estimate) -> bool:
@@ -269,7 +264,7 @@ class Coach:
 
 
 def joint_lines(current: Estimate | None) -> list[str]:
-    """Every joint with its stated error and verdict, a line each."""
+    """Format every joint with its stated error and verdict, a line each."""
     rows = [] if current is None else current.rows.values()
     return [
         f"{row['joint']:<14} {row['sd_mm']:6.2f} mm  {row['verdict']:<8} {first_reason(row)}".rstrip()
@@ -278,7 +273,7 @@ def joint_lines(current: Estimate | None) -> list[str]:
 
 
 def first_reason(row: Mapping[str, object]) -> str:
-    """Why a joint is not believed; empty where it is."""
+    """Return why a joint is not believed; empty where it is."""
     return "" if row["verdict"] == BELIEVE else next(iter(reasons_of(row)), "")
 
 

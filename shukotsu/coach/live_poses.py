@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -58,21 +57,16 @@ class LivePoses:
         block = decoder.decode(final=self.ended)
         self._rate_hz = block.settings.rate_hz
         records = block.records.take(block.good)
-        self._seat({*np.unique(records.station).tolist()}, block.settings)
+        stations = {*np.unique(records.station).tolist()}
+        if not stations <= self._stations:
+            self._stations |= stations
+            seats = segments_of_receivers(self._where, block.settings, self._stations, self._layout, None)
+            self._segment[list(seats)] = list(seats.values())
         numbers = np.concatenate([records.position_mm, records.quaternion], -1)
         numbers[np.isin(records.error, list(SOURCE_FAILURES))] = np.nan
         samples = _Samples(records.frame, self._segment[records.station], numbers)
         self._waiting = self._waiting.then(samples)
         return self._whole()
-
-    def _seat(self, stations: set[int], settings: Any) -> None:
-        if stations <= self._stations:
-            return
-        self._stations |= stations
-        places = segments_of_receivers(self._where, settings, self._stations, self._layout, None)
-        self._segment[:] = -1
-        for station, place in places.items():
-            self._segment[station] = place
 
     def _whole(self) -> Poses | None:
         last = int(self._waiting.frame.max(initial=0))

@@ -47,19 +47,15 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
         warnings=[*coach.findings, *coach.loose.values()],
         advice=coach.advice or coach.summary(),
         hand=_drawn(coach, rows),
-        rows=[_cells(row) for row in rows.values()],
+        rows=[(r["joint"], f"{r['sd_mm']:.2f}", belief(r), first_reason(r)) for r in rows.values()],
         wanted_mm=coach.hand.wanted_mm,
         log=coach.log[: -MOST_LINES - 1 : -1],
     )
     write_text(path, text)
 
 
-def _cells(row: Mapping[str, Any]) -> tuple[str, str, str, str]:
-    return row["joint"], f"{row['sd_mm']:.2f}", belief(row), first_reason(row)
-
-
 def _drawn(coach: Coach, rows: Mapping[str, Mapping[str, Any]]) -> Markup | None:
-    """The hand in the newest frame with most valid receivers, drawn as the report draws it."""
+    """Draw the hand in the newest frame with most valid receivers, drawn as the report draws it."""
     poses, hand = coach.newest, coach.hand
     if poses is None or not rows:
         return None

@@ -50,17 +50,15 @@ class Replayed:
     def read(self) -> list[Piece]:
         """Return the next piece, if it has come by now."""
         piece = self._next
-        if piece is None or not self._is_due(piece):
+        if piece is None:
             return []
+        if self._speed and len(piece.host_ns):
+            self._first_ns = int(piece.host_ns[0]) if self._first_ns is None else self._first_ns
+            passed_s = (time.perf_counter() - self._began_s) * self._speed
+            if (int(piece.host_ns[-1]) - self._first_ns) * 1e-9 > passed_s:
+                return []
         self._next = next(self._pieces, None)
         return [piece]
-
-    def _is_due(self, piece: Piece) -> bool:
-        if not self._speed or not len(piece.host_ns):
-            return True
-        self._first_ns = int(piece.host_ns[0]) if self._first_ns is None else self._first_ns
-        passed_s = (time.perf_counter() - self._began_s) * self._speed
-        return (int(piece.host_ns[-1]) - self._first_ns) * 1e-9 <= passed_s
 
 
 class Recorder:

@@ -51,18 +51,10 @@ def check(arguments: argparse.Namespace) -> None:
 
         check_study(arguments.file)
     else:
-        check_recording(
-            arguments.file,
-            arguments.hand,
-            arguments.layout,
-            arguments.mapping,
-            repair_hemisphere=arguments.repair_hemisphere,
-        )
+        check_recording(arguments)
 
 
-def check_recording(
-    path: Path, hand: str | None, layout: str, mapping: Path | None, *, repair_hemisphere: bool = False
-) -> None:
+def check_recording(arguments: argparse.Namespace) -> None:
     """Import a recording for the moment; print its findings, or else what would improve its hand."""
     from shukotsu.checks.checked_poses import checked_poses
     from shukotsu.schemas.findings import SUSPECT
@@ -70,6 +62,7 @@ def check_recording(
     from shukotsu.sentences.finding_sentences import in_quotes
     from shukotsu.stages.capture import import_recording
 
+    path, hand, layout, mapping = arguments.file, arguments.hand, arguments.layout, arguments.mapping
     with reading(path, "a study or a recording"):
         path.stat()
     if hand is None:
@@ -78,7 +71,7 @@ def check_recording(
         poses = Path(folder, "poses.parquet")
         who = [f"--in={path}", f"--layout={layout}", f"--hand={hand}", "--subject=-", "--task=-"]
         who += [] if mapping is None else [f"--mapping={mapping}"]
-        who += ["--repair-hemisphere"] if repair_hemisphere else []
+        who += ["--repair-hemisphere"] if arguments.repair_hemisphere else []
         silent = ["--record-failure", f"--out={poses}"]  # leaves findings to the lines below
         try:
             import_recording.import_recording(import_recording.build_parser().parse_args([*who, *silent]))
@@ -96,7 +89,7 @@ def check_recording(
 
 
 def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
-    """What would make the hand fitted to these poses better; nothing of a layout of no hand."""
+    """Format what would make the hand fitted to these poses better; nothing of a layout of no hand."""
     from numpy.linalg import LinAlgError
 
     from shukotsu.anatomy.known_digits import no_whole_hand
@@ -115,7 +108,7 @@ def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
 
 
 def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:
-    """The same error, or where the file can be read by a mapping, what leads to one."""
+    """Return the same error, or where the file can be read by a mapping, what leads to one."""
     from shukotsu.schemas.layout import read_layout
     from shukotsu.stages.capture.inspect_file import describe
 

@@ -54,17 +54,17 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
     for parent, group in groupby(
         sorted(outside, key=lambda each: (each.parent, each.name)), attrgetter("parent")
     ):
-        own = list(group)
-        if len(own) == 1:
-            yield f"reads {own[0]}, outside the study's folder"
-        else:
-            names = ", ".join(each.name for each in own)
-            yield f"reads {len(own)} files in {parent}, outside the study's folder: {names}"
+        files_there = list(group)
+        what, names = f"{len(files_there)} files in {parent}", ", ".join(each.name for each in files_there)
+        what, names = (what, f": {names}") if len(files_there) > 1 else (str(files_there[0]), "")
+        yield f"reads {what}, outside the study's folder{names}"
 
 
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
-    """Import every recording into a folder that is removed again; give its name and what is to say, each."""
+    """Import every recording into a folder that is removed again; return names and what is to say."""
     from shukotsu.checks.compared_recordings import copies
+    from shukotsu.stages.capture import import_recording
+    from shukotsu.workflow.study_files import import_options
 
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
     findings: list[tuple[str, str]] = []
@@ -73,28 +73,24 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
     with progress("recordings read", total) as tell, tempfile.TemporaryDirectory() as folder:
         for plan in plans:
             recordings = [recording for recording in plan.recordings if not recording.exclude]
-            poses = {own: Path(folder, f"{done + place}.parquet") for place, own in enumerate(recordings)}
-            for own, file in poses.items():
-                _import(own, file)
+            poses = {recording: Path(folder, f"{done + n}.parquet") for n, recording in enumerate(recordings)}
+            for (
+                recording,
+                file,
+            ) in poses.items():  # as a run does, be it a table that says why it cannot be read
+                output = io.StringIO()
+                argv = ["--record-failure", *import_options(recording), f"--out={file}"]
+                with redirect_stderr(output), redirect_stdout(output):
+                    status = import_recording.main(argv)
+                if status:
+                    raise InputError(output.getvalue().strip().removeprefix("error: "))
                 done += 1
                 tell(done)
             imported = replace(plan, recordings=tuple(recordings), poses_files=poses)
             findings += _findings_of_subject(imported, digests)
             for file in poses.values():
                 file.unlink()
-    return findings + [(_name(own), _said(finding)) for own, finding in copies(digests)]
-
-
-def _import(recording: Recording, poses: Path) -> None:
-    """Import a recording as a run does, be it a poses table that says why it cannot be read."""
-    from shukotsu.stages.capture import import_recording
-    from shukotsu.workflow.study_files import import_options
-
-    output = io.StringIO()
-    with redirect_stderr(output), redirect_stdout(output):
-        status = import_recording.main(["--record-failure", *import_options(recording), f"--out={poses}"])
-    if status:
-        raise InputError(output.getvalue().strip().removeprefix("error: "))
+    return findings + [(_name(recording), _said(finding)) for recording, finding in copies(digests)]
 
 
 def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[tuple[str, str]]:
@@ -103,14 +99,14 @@ def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]
     from shukotsu.stages.check_recordings.checked_subject import check_subject
 
     findings = [
-        (_name(own), f"cannot be read: {reason}")
-        for own in plan.recordings
-        for reason in usable_poses([plan.poses(own)])[1]
+        (_name(recording), f"cannot be read: {reason}")
+        for recording in plan.recordings
+        for reason in usable_poses([plan.poses(recording)])[1]
     ]
-    for own, checked in check_subject(plan, Namespace(stage="check_recordings", record_failure=True)):
-        accepted = (finding.accept(own.accept) for finding in checked.findings)
-        findings += [(_name(own), _said(one)) for one in accepted]
-        digests.append((own, checked.digest))
+    for recording, checked in check_subject(plan, Namespace(stage="check_recordings", record_failure=True)):
+        accepted = (finding.accept(recording.accept) for finding in checked.findings)
+        findings += [(_name(recording), _said(finding)) for finding in accepted]
+        digests.append((recording, checked.digest))
     return findings
 
 

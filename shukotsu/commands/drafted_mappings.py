@@ -38,27 +38,23 @@ def draft_mappings(
         except InputError as error:
             refused[recording], text = str(error), ""
         inspected(count)
-        if text:
-            _join(groups, text, recording)
+        if not text:
+            continue
+        config = loaded_yaml(text, str(recording))
+        number = next((n for n, (_, other, _) in enumerate(groups) if _alike(config, other)), len(groups))
+        if number == len(groups):
+            groups.append((text, config, []))
+        first, _, alike = groups[number]
+        alike.append(recording)
+        if text.count(CHECK) < first.count(CHECK):
+            groups[number] = text, config, alike
     names = ["mapping.yaml", *(f"mapping-{number}.yaml" for number in range(2, len(groups) + 1))]
-    of = {each: name for name, (_, _, own) in zip(names, groups, strict=False) for each in own}
+    of = {each: name for name, (_, _, alike) in zip(names, groups, strict=False) for each in alike}
     return Drafts({name: text for name, (text, _, _) in zip(names, groups, strict=False)}, of, refused)
 
 
-def _join(groups: list[tuple[str, Any, list[Path]]], text: str, recording: Path) -> None:
-    """Put a recording into the group of drafts like its own, or begin one."""
-    config = loaded_yaml(text, str(recording))
-    for place, (first, known, own) in enumerate(groups):
-        if _alike(config, known):
-            own.append(recording)
-            if text.count(CHECK) < first.count(CHECK):
-                groups[place] = text, config, own
-            return
-    groups.append((text, config, [recording]))
-
-
-def _alike(one: Any, other: Any) -> bool:
+def _alike(first: Any, second: Any) -> bool:
     """Whether two drafts say the same, but for what either leaves open."""
-    if isinstance(one, Mapping) and isinstance(other, Mapping):
-        return one.keys() == other.keys() and all(_alike(one[key], other[key]) for key in one)
-    return one == other or CHECK in (one, other)
+    if isinstance(first, Mapping) and isinstance(second, Mapping):
+        return first.keys() == second.keys() and all(_alike(first[key], second[key]) for key in first)
+    return first == second or CHECK in (first, second)

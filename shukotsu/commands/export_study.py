@@ -27,10 +27,10 @@ def build_parser() -> argparse.ArgumentParser:
 def plans(study: Path) -> list[Path]:
     """Return the plans of a study's subjects. Raises InputError where it has not been run in this folder."""
     files = read_files(study)
-    found = [files.results.folder / f"sub-{who.token}" / "plan.json" for who in files.study.sessions]
-    there = [path for path in found if path.is_file()]
+    every = [files.results.folder / f"sub-{who.token}" / "plan.json" for who in files.study.sessions]
+    there = [path for path in every if path.is_file()]
     if not there:
-        raise InputError(f"{found[0]}: is not there yet; run `shukotsu run {study}` in this folder first")
+        raise InputError(f"{every[0]}: is not there yet; run `shukotsu run {study}` in this folder first")
     return there
 
 

@@ -108,7 +108,7 @@ def _drafted(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[s
 
 
 def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Sequence[str]) -> str:
-    """What to do with the files, the last of it after `and`."""
+    """Format what to do with the files, the last of it after `and`."""
     rows = sheet[1:]
     empty = sum(not all(row[:4]) for row in rows)
     if not rows:
@@ -125,13 +125,9 @@ def recordings_in(captures: Path) -> list[Path]:
     """Return the files of a folder that may be recordings, sorted. Raises InputError where it has none."""
     if not captures.is_dir():
         raise InputError(f"--recordings: {captures}: no such folder; give the folder of your recordings")
-    found = (path for path in captures.rglob("*") if path.suffix.lower() in RECORDINGS)
+    files = (path for path in captures.rglob("*") if path.suffix.lower() in RECORDINGS and path.is_file())
     root = captures.resolve()
-    paths = sorted(
-        root / path.relative_to(captures)
-        for path in found
-        if path.is_file() and not path.name.endswith(BESIDE)
-    )
+    paths = sorted(root / path.relative_to(captures) for path in files if not path.name.endswith(BESIDE))
     if not paths:
         endings = ", ".join(sorted(RECORDINGS))
         raise InputError(
@@ -141,7 +137,7 @@ def recordings_in(captures: Path) -> list[Path]:
 
 
 def _from(path: Path, folder: Path) -> str:
-    """A file as the study in the folder names it: relative to the folder where it is below it."""
+    """Return a file as the study in the folder names it: relative to the folder where it is below it."""
     path, base = path.resolve(), folder.resolve()
     return str(path.relative_to(base) if path.is_relative_to(base) else path)
 

@@ -6,7 +6,7 @@ A first draft of a sheet, for a person to look over: what a name does not say st
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
@@ -77,37 +77,28 @@ def _whose(parts: NameParts) -> tuple[str, str, str]:
 def _parts(name: Path) -> NameParts:
     text = _DATE.sub(" ", name.with_suffix("").as_posix().removesuffix("_motion")).replace("_", " ")
     text = _APART.sub(r"\1", text)
-    found: dict[str, str] = {}
+    cells: dict[str, str] = {}
     for match in _KEYED.finditer(text):
         for key, value in match.groupdict().items():
             if value:
-                found.setdefault(key.removesuffix("_number"), value)
-    words = list(_words(_KEYED.sub(" ", text)))
-    sides = [found.pop("hand", ""), *words]
-    found["hand"] = next((HANDS[word.lower()] for word in sides if word.lower() in HANDS), "")
-    words = [word for word, _ in groupby(word for word in words if word.lower() not in HANDS)]
-    subject = found.get("subject") or _subject(words, tasked="task" in found)
-    if subject in words:
-        words.remove(subject)
-    if "trial" not in found and len(words) > 1 and words[-1].isdigit():
-        found["trial"] = words.pop()
-    task = found.pop("task", "-".join(words))
-    is_calibration = any(word in CALIBRATIONS for word in re.split(r"[\W\d_]+", task.lower()))
-    return NameParts(
-        **found | {"subject": subject, "task": task, "role": "calibration" if is_calibration else ""}
-    )
-
-
-def _words(text: str) -> Iterator[str]:
-    """The words of a name; a hand's letter behind a subject's number is one of its own."""
-    for word in filter(None, re.split(r"[\W_]+", text)):
+                cells.setdefault(key.removesuffix("_number"), value)
+    words = []  # a hand's letter behind a subject's number is a word
+    for word in filter(None, re.split(r"[\W_]+", _KEYED.sub(" ", text))):
         match = _WITH_HAND.fullmatch(word)
-        yield from match.groups() if match else (word,)
-
-
-def _subject(words: list[str], *, tasked: bool) -> str:
-    """The word that names the subject: one like P01, or else the first of several but a calibration's."""
+        words += match.groups() if match else [word]
+    sides = [cells.pop("hand", ""), *words]
+    cells["hand"] = next((HANDS[word.lower()] for word in sides if word.lower() in HANDS), "")
+    words = [word for word, _ in groupby(word for word in words if word.lower() not in HANDS)]
+    # The subject is the word like P01, or else the first of several but a calibration's.
     others = [word for word in words if word.lower() not in CALIBRATIONS]
     coded = [word for word in others if re.fullmatch(r"[A-Za-z]{1,2}\d+", word)]
-    several = tasked or len(words) > 1
-    return next(iter(coded), others[0] if others and several else "")
+    first = others[0] if others and ("task" in cells or len(words) > 1) else ""
+    subject = cells.get("subject") or next(iter(coded), first)
+    if subject in words:
+        words.remove(subject)
+    if "trial" not in cells and len(words) > 1 and words[-1].isdigit():
+        cells["trial"] = words.pop()
+    task = cells.pop("task", "-".join(words))
+    is_calibration = any(word in CALIBRATIONS for word in re.split(r"[\W\d_]+", task.lower()))
+    role = "calibration" if is_calibration else ""
+    return NameParts(**cells | {"subject": subject, "task": task, "role": role})

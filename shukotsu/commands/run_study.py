@@ -74,6 +74,11 @@ def run_study(arguments: argparse.Namespace) -> int:
 
 def _run(command: list[str], lock: TextIO | None) -> int:
     """Run a command to its end, whatever signal comes and whoever stops reading; return its exit code."""
+
+    def end_with_parent() -> None:
+        """Have the system end this process, and its jobs, as soon as its parent has ended, however."""
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
     interrupted: list[int] = []
     printed = None if sys.stdout.isatty() else subprocess.PIPE
     handed = {} if lock is None else {one_run.HANDED: lock.fileno()}
@@ -84,7 +89,7 @@ def _run(command: list[str], lock: TextIO | None) -> int:
         errors="backslashreplace",
         env=_environment() | {name: str(number) for name, number in handed.items()},
         pass_fds=handed.values(),
-        preexec_fn=_end_with_parent if sys.platform == "linux" else None,
+        preexec_fn=end_with_parent if sys.platform == "linux" else None,
     ) as process:
         signal.signal(signal.SIGINT, lambda number, _: interrupted.append(number))  # reaches Snakemake too
         for number in (signal.SIGTERM, signal.SIGHUP):
@@ -101,13 +106,8 @@ def _run(command: list[str], lock: TextIO | None) -> int:
     return status
 
 
-def _end_with_parent() -> None:
-    """Have the system end this process, and its jobs, as soon as its parent has ended, however."""
-    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-
-
 def _environment() -> dict[str, str]:
-    """The environment of Snakemake, with caches in the study's folder where the person's cannot be."""
+    """Return the environment of Snakemake, with caches in the study's folder where the person's cannot be."""
     from platformdirs import user_cache_dir
 
     environment = {name: value for name, value in os.environ.items() if name not in UNWANTED}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -162,7 +162,7 @@ class RecordingEvents:
 
 def read_events(path: Path) -> Events:
     """Read a file of events by its ending; InputError where no reader knows it."""
-    for endings, place in READERS.items():
+    for endings, reader in READERS.items():
         if path.name.lower().endswith(endings):
             with reading_what_was_brought():
                 events = reader(path)

@@ -43,13 +43,8 @@ def inspect(arguments: argparse.Namespace) -> None:
     """Print what is in the file, a fact a line, and the command to run next; write the mapping if asked."""
     from shukotsu.files.whole_files import write_text
 
-    description = describe(arguments.file, arguments.layout)
-    print("\n".join(description.lines))
-    whole = find_spec("yaml") is not None  # the computer beside a tracker may have the recorder alone
-    if whole and not description.draft and (description.recording or _is_poses_table(arguments.file)):
-        print("".join(f"{line}\n" for line in finding_lines(arguments)), end="")
-    target = arguments.write_mapping
-    if target is not None:
+    description, target = describe(arguments.file, arguments.layout), arguments.write_mapping
+    if target is not None:  # before anything is printed, which may be cut short
         if not description.draft:
             raise InputError(f"{arguments.file}: needs no mapping, so {target} is not written")
         if target.exists():
@@ -57,6 +52,11 @@ def inspect(arguments: argparse.Namespace) -> None:
         if not target.parent.is_dir():
             raise InputError(f"{target}: there is no folder {target.parent}; make it, or name another one")
         write_text(target, description.draft)
+    print("\n".join(description.lines))
+    whole = find_spec("yaml") is not None  # the computer beside a tracker may have the recorder alone
+    if whole and not description.draft and (description.recording or _is_poses_table(arguments.file)):
+        print("".join(f"{line}\n" for line in finding_lines(arguments)), end="")
+    if target is not None:
         print(f"wrote {target}: put the truth where it says CHECK; import refuses it until then")
     mapping, layout = f" --mapping {target}" if description.draft else "", f" --layout {arguments.layout}"
     then = f"shukotsu import --in {arguments.file}{mapping}{layout} --subject 01 --hand right --task rom"

@@ -54,7 +54,7 @@ class Losses:
 
     @property
     def partial_cycles(self) -> int:
-        """Cycles that lack a lost record."""
+        """Return how many cycles lack a lost record."""
         return self._partial_cycles + int(np.count_nonzero(self._lacking))
 
     def closed(self) -> tuple[Losses, Wholes, Wholes]:
@@ -63,14 +63,14 @@ class Losses:
         return losses, *losses._add(NO_ROWS, final=True)
 
     def silent_ends_s(self, start_ns: int, end_ns: int) -> tuple[float, float]:
-        """How long nothing came after the start and before the end; 0 where that is less than ABSENT_S."""
+        """Return how long [s] nothing came after the start and before the end; 0: less than ABSENT_S."""
         first_ns, last_ns = (self.first_ns, self.all.host_ns) if self.cycles else (end_ns, end_ns)
         before_s, after_s = (first_ns - start_ns) * 1e-9, (end_ns - last_ns) * 1e-9
         return before_s * (before_s > ABSENT_S), after_s * (after_s > ABSENT_S)
 
     @property
     def newest_frame(self) -> int:
-        """The newest good frame; 0 where there is none."""
+        """Return the newest good frame; 0 where there is none."""
         return int(self._newest[0, -1]) if self._newest.size else 0
 
     def add(self, block: Block) -> tuple[Wholes, Wholes]:

@@ -209,8 +209,16 @@ class Counter:
         return replace(records.take(slice(count)), frame=frame[:count]), host_ns[:count], odd[:count]
 
     def _counted(self, records: Records, odd: Bools, count: int) -> Wholes:
-        """Unwrap what the tracker counts; of the first `count` records marks those that do not fit as odd."""
-        counter, station, earlier = self._counters(records), records.station, int(self._last is not None)
+        """Unwrap what the tracker counts, its frames or its clock; mark records that do not fit as odd.
+
+        count : of the first records, those that are decided.
+        """
+        counter = records.frame & 0xFFFFFFFF
+        if not (records.frame != NONE).any():
+            # Its clock is floor(frame * 1000 / rate) [ms], so the frame is the next whole one.
+            ticks = np.ceil((records.device_ms & 0xFFFFFFFF) * (self._settings.rate_hz / 1000) - 1e-6)
+            counter = ticks.astype(np.int64) & 0xFFFFFFFF
+        station, earlier = records.station, int(self._last is not None)
         if self._last is not None:
             counter, station = np.append(self._last[0], counter), np.append(self._last[2], station)
         odd |= self._misfits(counter, station, earlier)[earlier:]
@@ -225,16 +233,8 @@ class Counter:
         # A count that is damaged takes that of the record before, for something must stand there.
         return np.asarray(np.maximum.accumulate(frame)[earlier:])
 
-    def _counters(self, records: Records) -> Wholes:
-        """Count modulo 2^32, shape (N,): the tracker's frame count, or its clock."""
-        if (records.frame != NONE).any():
-            return records.frame & 0xFFFFFFFF
-        # Its clock is floor(frame * 1000 / rate) [ms], so the frame is the next whole one.
-        ticks = np.ceil((records.device_ms & 0xFFFFFFFF) * (self._settings.rate_hz / 1000) - 1e-6)
-        return np.asarray(ticks.astype(np.int64) & 0xFFFFFFFF)
-
     def _misfits(self, counter: Wholes, station: Wholes, earlier: int) -> Bools:
-        """Records that do not fit between their neighbours, (N,); the first `earlier` are good.
+        """Return which records do not fit between their neighbours, (N,); the first `earlier` are good.
 
         Where a record cannot follow the one before, that of the two is wrong without which all fit. Where all
         fit without either, the first is right if it was due; where without neither, the tracker counts anew.
@@ -274,5 +274,5 @@ class Counter:
 
 
 def _signed(difference: Wholes) -> Wholes:
-    """Differences of 32-bit counts, the short way round."""
+    """Return differences of 32-bit counts, the short way round."""
     return (difference + 0x80000000 & 0xFFFFFFFF) - 0x80000000

@@ -29,9 +29,6 @@ LARGEST_DRIFT = 2e-3
 """A device whose rate is farther from the nominal one than this does not run at that rate."""
 
 FLAGS = {
-    "gap-before": "frames are missing between this record and the station's one before",
-    "resync-before": "bytes that are no record lie before it",
-    "partial-cycle": "another station's record is missing in this frame",
     "doubtful": "framed as a record should be, but its numbers cannot be right",
     "out-of-order": "its frame or station does not fit between its neighbours'",
     "device-error": "the tracker's error letter says that the pose is wrong (a to g, A to G)",
@@ -85,24 +82,22 @@ def fit_clock(frame: Wholes, host_ns: Wholes, rate_hz: float, first_frame: int) 
 
 
 def _slope_below(x: Array, y: Array) -> float:
-    """Slope of the line below all points with the least mean distance, x ascending, (N,) each."""
+    """Return the slope of the line below all points with the least mean distance, x ascending, (N,) each."""
     hull: list[int] = []
     late = y - x
     second = np.floor(x).astype(np.int64)  # of each only the least late can be an edge that matters
     edges = np.flatnonzero(np.diff(second, prepend=second[0] - 1)).tolist()
     for start, stop in itertools.pairwise([*edges, len(x)]):
         point = int(start + np.argmin(late[start:stop]))
-        while len(hull) >= 2 and _above(x, y, hull[-2], hull[-1], point):
+        while len(hull) >= 2:
+            a, b = hull[-2:]
+            if (y[b] - y[a]) * (x[point] - x[a]) < (y[point] - y[a]) * (x[b] - x[a]):
+                break  # b lies below the line from a to the point
             hull.pop()
         hull.append(point)
     right = max(1, int(np.searchsorted(x[hull], x.mean())))
     a, b = hull[right - 1], hull[right]
     return float((y[b] - y[a]) / (x[b] - x[a]))
-
-
-def _above(x: Array, y: Array, a: int, b: int, c: int) -> bool:
-    """Whether point b lies on or above the line from a to c."""
-    return bool((y[b] - y[a]) * (x[c] - x[a]) >= (y[c] - y[a]) * (x[b] - x[a]))
 
 
 @dataclass
@@ -213,25 +208,14 @@ def flagged_records(archive: Archive, survey: Survey) -> Iterator[FlaggedRecords
     for block in blocks_of(archive, Tally()):
         if len(block.records):
             time_s = survey.clock.time_s(block.records.frame)
-            yield FlaggedRecords(block.records, time_s, block.host_ns, _flags(block, survey))
-
-
-def _flags(block: Block, survey: Survey) -> npt.NDArray[np.uint16]:
-    records = block.records
-    flags = np.zeros(len(records), np.uint16)
-    flags[records.doubtful] |= BIT["doubtful"]
-    flags[block.out_of_order] |= BIT["out-of-order"]
-    source = np.isin(records.error, list(SOURCE_FAILURES))
-    flags[source] |= BIT["device-error"]
-    flags[(records.error != 0) & ~source] |= BIT["device-warning"]
-    flags[(records.distortion > 0) & ~records.doubtful] |= BIT["distorted"]
-    flags[np.isin(records.frame, survey.partial_frames)] |= BIT["partial-cycle"]
-    resumed = [offset + size for offset, size, _ in survey.skipped]
-    flags[np.isin(records.offset, resumed)] |= BIT["resync-before"]
-    for station in np.unique(records.station).tolist():
-        resumes = survey.gaps[survey.gaps[:, 0] == station, 2] + 1
-        flags[(records.station == station) & np.isin(records.frame, resumes)] |= BIT["gap-before"]
-    return flags
+            records, flags = block.records, np.zeros(len(block.records), np.uint16)
+            source = np.isin(records.error, list(SOURCE_FAILURES))
+            flags[records.doubtful] |= BIT["doubtful"]
+            flags[block.out_of_order] |= BIT["out-of-order"]
+            flags[source] |= BIT["device-error"]
+            flags[(records.error != 0) & ~source] |= BIT["device-warning"]
+            flags[(records.distortion > 0) & ~records.doubtful] |= BIT["distorted"]
+            yield FlaggedRecords(records, time_s, block.host_ns, flags)
 
 
 NAMED_PLACES, CLOCK_JUMP_S = 3, 0.1
@@ -240,8 +224,7 @@ NAMED_PLACES, CLOCK_JUMP_S = 3, 0.1
 
 def findings(survey: Survey) -> list[str]:
     """Return a sentence for everything that is not as it should be; none for a faultless recording."""
-    parts = (_ending, _lost, _damage, _device, _clocks)
-    return [sentence for part in parts for sentence in part(survey)]
+    return [*_lost(survey), *_damage(survey)]
 
 
 def _at(survey: Survey, frame: int) -> str:
@@ -250,7 +233,8 @@ def _at(survey: Survey, frame: int) -> str:
     return f"{float(survey.clock.time_s(np.array([frame]))[0]):.2f} s"
 
 
-def _ending(survey: Survey) -> Iterator[str]:
+def _lost(survey: Survey) -> Iterator[str]:
+    """Format what the file, all receivers and each of them lack."""
     tally = survey.tally
     if survey.clock is None:
         yield "the tracker sent no pose record"
@@ -265,9 +249,6 @@ def _ending(survey: Survey) -> Iterator[str]:
         yield f"{tally.missing_rows} entries of the recorder are missing (the file was damaged)"
     if tally.summary is None:
         yield "the recording was not ended by the recorder, so up to its last second may be missing"
-
-
-def _lost(survey: Survey) -> Iterator[str]:
     whole, losses = survey.gaps[survey.gaps[:, 0] == 0], survey.losses
     frames = losses.all.frame - losses.first_frame + 1
     if len(whole):
@@ -294,6 +275,7 @@ def _lost(survey: Survey) -> Iterator[str]:
 
 
 def _damage(survey: Survey) -> Iterator[str]:
+    """Format what is no record or cannot be right, what the tracker reported, and clocks that are off."""
     if survey.skipped:
         _, sizes, frames = np.array(survey.skipped).T
         yield (
@@ -307,8 +289,6 @@ def _damage(survey: Survey) -> Iterator[str]:
         if sightings.records.total():
             yield f"{sightings.records.total()} records {what} ({_sighted(survey, sightings)}); not used"
 
-
-def _device(survey: Survey) -> Iterator[str]:
     for letter, sightings in survey.errors.items():
         yield (
             f"the tracker reported error {letter!r} with {sightings.records.total()} records "
@@ -322,17 +302,6 @@ def _device(survey: Survey) -> Iterator[str]:
             f"the tracker saw its field distorted by metal ({_sighted(survey, metal)}; "
             f"receiver {worst} in {share:.1f} % of its records)"
         )
-
-
-def _sighted(survey: Survey, sightings: Sightings) -> str:
-    stations = sorted(sightings.records)
-    named = "receiver" if len(stations) == 1 else "receivers"
-    first, last = _at(survey, sightings.first), _at(survey, sightings.last)
-    when = f"at {first}" if first == last else f"from {first} to {last}"
-    return f"{named} {', '.join(map(str, stations))}, {when}"
-
-
-def _clocks(survey: Survey) -> Iterator[str]:
     clock = survey.clock
     if clock is not None and not np.isnan(clock.measured_rate_hz) and not clock.fitted:
         yield (
@@ -342,6 +311,14 @@ def _clocks(survey: Survey) -> Iterator[str]:
     moved_s = survey.tally.utc_offset_range_ns * 1e-9
     if moved_s > CLOCK_JUMP_S:
         yield f"the host's calendar clock was moved by {moved_s:.2f} s meanwhile; device time is not touched"
+
+
+def _sighted(survey: Survey, sightings: Sightings) -> str:
+    stations = sorted(sightings.records)
+    named = "receiver" if len(stations) == 1 else "receivers"
+    first, last = _at(survey, sightings.first), _at(survey, sightings.last)
+    when = f"at {first}" if first == last else f"from {first} to {last}"
+    return f"{named} {', '.join(map(str, stations))}, {when}"
 
 
 def _places(survey: Survey, frames: Wholes, counts: Wholes | None = None) -> str:

@@ -1,9 +1,9 @@
 """An emulated LIBERTY or PATRIOT: its settings, its commands, and what it measures. No I/O.
 
 The device lives in cycles: `cycle` is the number of the next one since power-up; time is what its caller
-makes of them. A command is a function: device and arguments -> answer. An argument that is left out keeps its
-value; a command that sets something answers nothing. Source: LIBERTY User Manual URM03PH156, chapter of
-commands and reply framing. What no manual says is invented and listed in docs/emulator.md.
+makes of them. An argument that is left out keeps its value; a command that sets something answers nothing.
+Source: LIBERTY User Manual URM03PH156, chapter of commands and reply framing. What no manual says is invented
+and listed in docs/emulator.md.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -33,7 +33,6 @@ RATES_HZ = {3: 120, 4: 240}
 
 UNKNOWN_COMMAND, INVALID_STATION, INVALID = 1, 2, 3
 Arguments = Sequence[str]
-Command = Callable[["EmulatedLiberty", Arguments], bytes]
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _FLAG, ECHO = (0, 1), b"\x05"
@@ -104,11 +103,11 @@ class EmulatedLiberty:
         return ahead[self.cycle - 1 - first] if self.streaming else b""
 
     def active(self) -> tuple[int, ...]:
-        """Stations that are plugged in now and switched on."""
+        """Return stations that are plugged in now and switched on."""
         return tuple(station for station in self.detected() if self.enabled[station])
 
     def detected(self) -> tuple[int, ...]:
-        """Stations that are plugged in now."""
+        """Return stations that are plugged in now."""
         plugged = self.present(np.array([self.cycle]))[0]
         return tuple(s for s, there in zip(self.stations, plugged.tolist(), strict=True) if there)
 
@@ -136,7 +135,7 @@ class EmulatedLiberty:
     def _numbers(
         self, station: int, passed: Wholes, position_mm: Array, quaternion: Array
     ) -> dict[str, Array | Wholes]:
-        """Numbers of a station's records by the names of fields, each (T,)."""
+        """Return numbers of a station's records by the names of fields, each (T,)."""
         hemisphere = self.numbers[b"H", station]
         if hemisphere != FOLLOWING:  # outside its half of space a receiver is reported opposite
             position_mm = position_mm * np.where(position_mm @ np.array(hemisphere) < 0, -1.0, 1.0)[:, None]
@@ -214,21 +213,11 @@ class EmulatedLiberty:
                 return SETTINGS[code].obey(self, code, arguments)
             if code not in COMMANDS:
                 raise RefusedError(UNKNOWN_COMMAND)
-            return COMMANDS[code](self, arguments)
+            return _obey(self, code, arguments)
         except RefusedError as refused:
             text = f"{liberty.ERRORS[refused.args[0]].title()}\r\n".encode()
             header = self._header(0, code[0] if code else _CR, refused.args[0], len(text))
             return header + text if self._is_binary else text
-
-
-def _floats(texts: Sequence[str], present: Sequence[float]) -> tuple[float, ...]:
-    """Read a command's numbers; one that is left out keeps its present value."""
-    if not all(not text or _NUMBER.fullmatch(text) for text in texts):
-        raise RefusedError(INVALID)
-    values = [float(text) if text else value for text, value in zip(texts, present, strict=False)]
-    if not all(map(math.isfinite, values)):
-        raise RefusedError(INVALID)
-    return (*values, *present[len(values) :])
 
 
 def _whole(text: str, allowed: Container[int]) -> int:
@@ -273,47 +262,41 @@ class Setting:
                 body = np.asarray((*numbers, *end), "<f4" if self.allowed is None else "<i4").tobytes()
                 text = self.text * (len(numbers) // self.text.count("%")) % numbers
                 answer += device.reply(code[0], text.rstrip() if code == b"O" else text, body, station)
-            elif self.allowed is None:
-                device.numbers[code, station] = _floats(values, numbers)
+            elif self.allowed is None:  # one that is left out keeps its present value
+                are_numbers = all(not text or _NUMBER.fullmatch(text) for text in values)
+                read = [
+                    float(text or was) if are_numbers else math.nan
+                    for text, was in zip(values, numbers, strict=False)
+                ]
+                if not all(map(math.isfinite, read)):
+                    raise RefusedError(INVALID)
+                device.numbers[code, station] = (*read, *numbers[len(read) :])
             else:
                 device.numbers[code, station] = tuple(_whole(text, self.allowed) for text in values)
         return answer
 
 
-def _continuous(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _count(arguments, 0, 0)
-    device.streaming = True
-    return b""
-
-
-def _reset_counters(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _count(arguments, 1, 1)
-    _whole(arguments[0], (0,))
-    device.counted_from = device.cycle
-    return b""
-
-
-def _bit_errors(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _count(arguments, 0, 0)
-    words = 18 if device.ports > 8 else 9
-    return device.reply(0x14, " ".join(["0x00000000"] * words), bytes(4 * words))
-
-
-def _station_state(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    if arguments == ["0"]:
+def _obey(device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
+    """Do what a command letter, or control character, beside settings asks for; answer it."""
+    if code == b"\x15" and arguments == ["0"]:
         halves = [sum(1 << (s - 1) for s in numbers) for numbers in (device.active(), device.detected())]
         return device.reply(0x15, f"{halves[1]:04x}{halves[0]:04x}", struct.pack("<HH", *halves))
-    stations = _stations(device, arguments)
-    _count(arguments, 2, 2)
+    stations = _stations(device, arguments) if code == b"\x15" else []
+    _count(arguments, *(2 * [{b"\x15": 2, b"Q": 1}.get(code, 0)]))
+    if code == b"\x14":  # faults that its built-in test has found
+        words = 18 if device.ports > 8 else 9
+        return device.reply(0x14, " ".join(["0x00000000"] * words), bytes(4 * words))
+    if code == b"\x16":  # who it is
+        text = device.whoami
+        return device.reply(0x16, text, bytes((device.ports, device.family == "patriot", 0)) + text.encode())
+    if code == b"Q":
+        _whole(arguments[0], (0,))
+        device.counted_from = device.cycle
+    elif code == b"C":
+        device.streaming = True
     for number in stations:
         device.enabled[number] = bool(_whole(arguments[1], _FLAG))
     return b""
-
-
-def _whoami(device: EmulatedLiberty, arguments: Arguments) -> bytes:
-    _count(arguments, 0, 0)
-    text = device.whoami
-    return device.reply(0x16, text, bytes((device.ports, device.family == "patriot", 0)) + text.encode())
 
 
 SETTINGS = {
@@ -333,11 +316,5 @@ SETTINGS = {
     ECHO: Setting((0,), allowed=_FLAG),
     b"@": Setting((1,), allowed=_FLAG),
 }
-COMMANDS: dict[bytes, Command] = {
-    b"C": _continuous,
-    b"Q": _reset_counters,
-    b"\x14": _bit_errors,
-    b"\x15": _station_state,
-    b"\x16": _whoami,
-}
-"""What else a command letter, or control character, does. P is not here: it acts without an end."""
+COMMANDS = (b"C", b"Q", b"\x14", b"\x15", b"\x16")
+"""Letters, and control characters, of other commands. P is not here: it acts without an end."""

@@ -31,7 +31,7 @@ class Motion:
     notes: tuple[str, ...] = ()
 
     def poses(self, count: Wholes, stations: Sequence[int]) -> tuple[Array, Array]:
-        """Positions in mm (T, S, 3) and quaternions (T, S, 4) of cycles numbered from 0, shape (T,).
+        """Return positions in mm (T, S, 3) and quaternions (T, S, 4) of cycles numbered from 0, shape (T,).
 
         Both are NaN where there is no pose.
         """
@@ -48,7 +48,7 @@ class Motion:
 
 
 def built_in_motion() -> Motion:
-    """Sixteen receivers that sway and bend smoothly, 0.15-0.45 m in front of the transmitter, in a loop."""
+    """Return sixteen receivers that sway and bend smoothly, 0.15-0.45 m before the transmitter, in a loop."""
     phase = 2 * np.pi * np.arange(PERIOD_CYCLES)[:, None] / PERIOD_CYCLES
     index = np.arange(MAX_STATION)
     finger, bone = index // 4, index % 4
@@ -70,7 +70,7 @@ def recorded_motion(
     loop: bool = False,
     notes: Sequence[str] = (),
 ) -> Motion:
-    """The motion of N poses: frame, station (N,), position_mm (N, 3), quaternion (N, 4).
+    """Return the motion of N poses: frame, station (N,), position_mm (N, 3), quaternion (N, 4).
 
     A pose of station 0 is not played, but its frame counts. Frame numbers are divided by their usual step and
     counted from the first; numbers that are left out stay gaps.

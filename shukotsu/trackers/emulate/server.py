@@ -45,7 +45,7 @@ class Emulator:
 
     @property
     def due_ns(self) -> int:
-        """When the next cycle is to be measured."""
+        """Return when the next cycle is to be measured."""
         passed = self.device.cycle - self._from_cycle
         return self._from_ns + passed * SECOND_NS * self._rate.denominator // self._rate.numerator
 
@@ -250,7 +250,7 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
 
 
 def home_hemisphere(motion: Motion) -> tuple[float, float, float]:
-    """The axis on whose side all receivers stay, nearest to where they are; FOLLOWING where there is none."""
+    """Return the axis on whose side all receivers stay, nearest to where they are; FOLLOWING: none."""
     positions = motion.position_mm.reshape(-1, 3)
     positions = positions[np.isfinite(positions).all(-1)]
     mean = positions.mean(0) if len(positions) else np.zeros(3)

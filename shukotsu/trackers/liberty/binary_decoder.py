@@ -63,7 +63,7 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
         return Decoded(self._records(b, first), skipped), walk.position
 
     def _starts(self, b: Bytes) -> Wholes:
-        """The bytes of headers that can be ones, ascending."""
+        """Return the bytes of headers that can be ones, ascending."""
         heads = b[: max(0, len(b) - HEADER_BYTES + 1)]
         tagged = (heads == self._tag[0]) & (b[1 : len(heads) + 1] == self._tag[1])
         at = np.flatnonzero(tagged).astype(np.int64)
@@ -100,13 +100,8 @@ class _Walk:
         self, at: Wholes, size: int, length: int, final: bool, are_good: Callable[[Wholes], Bools]
     ) -> None:
         self.position, self.trusted = 0, False
-        self._at, self._end, self._length, self._final, self._are_good = (
-            at,
-            at + size,
-            length,
-            final,
-            are_good,
-        )
+        self._at, self._end, self._length, self._final = at, at + size, length, final
+        self._are_good = are_good
         index = np.searchsorted(at, self._end)
         self._following = np.where(np.append(at, -1)[index] == self._end, index, -1)  # -1: no start there
         self._linked = (self._following >= 0) | ((self._end == length) & final)

@@ -134,8 +134,16 @@ class LibertyDriver(TrackerDriver):
 
     def _identify(self) -> str | None:
         """Return what it says of itself; None where it does not. InputError where it is another family."""
+
+        def whoami(data: bytes) -> tuple[str, bytes] | None:
+            for family, tag in TAGS.items():
+                for reply in replies.binary_answers(data, [tag]):
+                    if reply.command == WHOAMI[0] and reply.station == 0:
+                        return family, reply.body
+            return None
+
         self._conversation.send(BINARY)
-        answer = self._conversation.ask(WHOAMI, _whoami, ANSWER_S)
+        answer = self._conversation.ask(WHOAMI, whoami, ANSWER_S)
         if answer is None:
             return None
         family, body = answer
@@ -147,13 +155,13 @@ class LibertyDriver(TrackerDriver):
         return " ".join(body[WHOAMI_NUMBERS:].decode("ascii", "replace").split())
 
     def _ask_all(self) -> State:
-        stations = range(1, self._ports + 1)
-        return {
-            name: {str(station): self._ask(setting, station) for station in stations}
-            if setting.per_station
-            else self._ask(setting)
-            for name, setting in SETTINGS.items()
-        }
+        every, state = range(1, self._ports + 1), State()
+        for name, setting in SETTINGS.items():
+            by_station = {
+                str(station): self._ask(setting, station) for station in every if setting.per_station
+            }
+            state[name] = by_station or self._ask(setting)
+        return state
 
     def _ask(self, setting: Setting, station: int = 0) -> Value | None:
         """Return the answer to a question; None where it is refused or does not come."""
@@ -179,7 +187,8 @@ class LibertyDriver(TrackerDriver):
         """
         if halves is None:
             raise InputError(f"{self._port_name}: the tracker does not say which receivers are connected")
-        usable, wanted = replies.usable_stations(halves), self._request.stations
+        # which half says which the manual does not leave beyond doubt; only what is in both can send
+        usable, wanted = replies.stations_of(halves[0] & halves[1]), self._request.stations
         connected = {s for s in replies.stations_of(halves[0] | halves[1]) if s <= self._ports}
         absent = [] if wanted is None else sorted(set(wanted) - connected)
         if absent:
@@ -197,7 +206,7 @@ class LibertyDriver(TrackerDriver):
 
     def _active(self, halves: tuple[int, ...] | None, stations: tuple[int, ...]) -> tuple[int, ...]:
         """Return those that can send; InputError where none can, or not just those of --stations."""
-        usable = None if halves is None else replies.usable_stations(halves)
+        usable = None if halves is None else replies.stations_of(halves[0] & halves[1])
         active = tuple(station for station in stations if station in (usable or ()))
         if self._request.stations is not None or not active:
             self._require("active receivers", usable, stations)
@@ -251,12 +260,3 @@ class LibertyDriver(TrackerDriver):
             self.warnings.append(f"its built-in test has found faults (words {words}, see its manual)")
         if after["usb_buffering"] == 0:
             self.warnings.append("USB buffering is off, so that frames may be left out, left as it is")
-
-
-def _whoami(data: bytes) -> tuple[str, bytes] | None:
-    """Return the family and the body of the binary answer to "who are you"; None where there is none."""
-    for family, tag in TAGS.items():
-        for reply in replies.binary_answers(data, [tag]):
-            if reply.command == WHOAMI[0] and reply.station == 0:
-                return family, reply.body
-    return None

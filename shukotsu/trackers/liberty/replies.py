@@ -78,7 +78,7 @@ ERRORS = dict(
 
 
 def record_type(items: Sequence[int]) -> np.dtype[np.void]:
-    """NumPy type of a whole binary record; an item that is given twice keeps its first numbers."""
+    """Return the NumPy type of a whole binary record; an item that is given twice keeps its first numbers."""
     fields, names = list(HEADER), {name for name, _ in HEADER}
     for index, item in enumerate(items):
         numbers, kind = ITEMS[item]
@@ -125,11 +125,11 @@ class Setting:
         return self.per_station or self.kind == HALVES
 
     def question(self, station: int = 0) -> bytes:
-        """The bytes that ask for it; of halves, 0 asks for all stations."""
+        """Return the bytes that ask for it; of halves, 0 asks for all stations."""
         return self.command + (str(station).encode() if self._has_station else b"") + b"\r"
 
     def assignment(self, value: float | Sequence[float], station: int | None = None) -> bytes:
-        """The bytes that set it, of one station or (None) of all where it is a station's."""
+        """Return the bytes that set it, of one station or (None) of all where it is a station's."""
         numbers = [value] if isinstance(value, int | float) else value
         words = [f"{number:g}" for number in numbers]
         if self._has_station:
@@ -170,14 +170,6 @@ def binary_value(setting: Setting, reply: Reply) -> Value | None:
     return numbers[: numbers.index(-1)] if -1 in numbers and not setting.count else numbers
 
 
-def usable_stations(halves: tuple[int, ...]) -> tuple[int, ...]:
-    """Stations that are connected and switched on.
-
-    The manual does not leave it beyond doubt which half says which, and only what is in both can send.
-    """
-    return stations_of(halves[0] & halves[1])
-
-
 def stations_of(bits: int) -> tuple[int, ...]:
-    """Stations whose bits are set, the lowest of station 1."""
+    """Return stations whose bits are set, the lowest of station 1."""
     return tuple(station for station in STATIONS if bits & 1 << (station - 1))

@@ -121,27 +121,21 @@ class PiecewiseDecoder(ABC):
     def feed(self, data: bytes | Bytes, *, final: bool = False) -> Decoded:
         """Decode the next piece; `final` says that nothing follows, so that the rest is decided too."""
         piece = data if isinstance(data, np.ndarray) else np.frombuffer(data, np.uint8)
-        firsts = range(0, len(piece), PIECE_BYTES) or (0,)
-        parts = [
-            self._part(piece[first : first + PIECE_BYTES], final and first == firsts[-1]) for first in firsts
-        ]
-        return Decoded(
-            concatenated([part.records for part in parts]),
-            tuple(skip for part in parts for skip in part.skipped),
-            tuple(reply for part in parts for reply in part.replies),
-        )
-
-    def _part(self, piece: Bytes, final: bool) -> Decoded:
-        b = np.concatenate([self._rest, piece]) if len(self._rest) else piece
-        decoded, decided = self._decide(b, final)
-        first, self._offset = self._offset, self._offset + decided
-        self._rest = b[decided:].copy()
-        decoded.records.offset[:] += first
-        return Decoded(
-            decoded.records,
-            tuple(replace(skip, offset=skip.offset + first) for skip in decoded.skipped),
-            tuple(replace(reply, offset=reply.offset + first) for reply in decoded.replies),
-        )
+        records: list[Records] = []
+        skipped: list[Skipped] = []
+        replies: list[Reply] = []
+        starts = range(0, len(piece), PIECE_BYTES) or (0,)
+        for start in starts:
+            part = piece[start : start + PIECE_BYTES]
+            b = np.concatenate([self._rest, part]) if len(self._rest) else part
+            decoded, decided = self._decide(b, final and start == starts[-1])
+            first, self._offset = self._offset, self._offset + decided
+            self._rest = b[decided:].copy()
+            decoded.records.offset[:] += first
+            records.append(decoded.records)
+            skipped += (replace(skip, offset=skip.offset + first) for skip in decoded.skipped)
+            replies += (replace(reply, offset=reply.offset + first) for reply in decoded.replies)
+        return Decoded(concatenated(records), tuple(skipped), tuple(replies))
 
     @abstractmethod
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
@@ -152,7 +146,7 @@ class PiecewiseDecoder(ABC):
 
 
 def rows_at(b: Bytes, at: Wholes, size: int) -> Bytes:
-    """The bytes of stretches of one size, (N, size); no copy where they stand one after the other."""
+    """Return the bytes of stretches of one size, (N, size); no copy where they stand one after the other."""
     if len(at) > 1 and (np.diff(at) == size).all():
         return b[at[0] : at[-1] + size].reshape(-1, size)
     return np.lib.stride_tricks.sliding_window_view(b, size)[at]
@@ -187,7 +181,15 @@ def fill_in(records: Records, numbers: Mapping[str, np.ndarray], mm_per_unit: fl
         if position:
             for column, axis in enumerate(_AXES):
                 np.multiply(numbers[axis], mm_per_unit, out=records.position_mm[:, column], dtype=float)
-        quaternion = _quaternion(numbers)
+        quaternion = None
+        if "qw" in numbers:
+            quaternion = np.stack([numbers[f"q{part}"] for part in "wxyz"], -1, dtype=float)
+        elif "azimuth" in numbers:
+            angles = [numbers[name] for name in ("azimuth", "elevation", "roll")]
+            quaternion = quaternion_of_angles(np.stack(angles, -1, dtype=float))
+        elif "cosine_xx" in numbers:
+            cosines = [numbers[f"cosine_{row}{column}"] for row in _AXES for column in _AXES]
+            quaternion = quaternion_of_cosines(np.stack(cosines, -1, dtype=float).reshape(-1, 3, 3))
         if quaternion is not None:
             records.quaternion[:] = quaternion
         for name in _COUNTERS:
@@ -218,7 +220,7 @@ def doubtful_poses(
 
 
 def quaternion_of_angles(angles_deg: Array) -> Array:
-    """Unit quaternions of azimuth, elevation and roll, R = Rz(azimuth) Ry(elevation) Rx(roll).
+    """Return unit quaternions of azimuth, elevation and roll, R = Rz(azimuth) Ry(elevation) Rx(roll).
 
     angles_deg : (N, 3). Returns (N, 4) w, x, y, z; NaN where an angle is not finite. Source: LIBERTY User
     Manual URM03PH156, attitude matrix; VIPER uses the same angles.
@@ -230,7 +232,7 @@ def quaternion_of_angles(angles_deg: Array) -> Array:
 
 
 def quaternion_of_cosines(cosines: Array) -> Array:
-    """Unit quaternions (w >= 0) of direction cosines, whose columns are the receiver's axes.
+    """Return unit quaternions (w >= 0) of direction cosines, whose columns are the receiver's axes.
 
     cosines : (N, 3, 3). Returns (N, 4); NaN where the matrix is no rotation: a number is not finite, it is
     mirrored, or R^T R is off the identity by more than ROTATION_TOLERANCE.
@@ -241,15 +243,3 @@ def quaternion_of_cosines(cosines: Array) -> Array:
     proper = bounded & (off <= ROTATION_TOLERANCE) & (np.linalg.det(matrices) > 0)
     matrices[~proper] = np.eye(3)
     return np.where(proper[:, None], from_matrix(matrices), np.nan)
-
-
-def _quaternion(numbers: Mapping[str, np.ndarray]) -> Array | None:
-    if "qw" in numbers:
-        return np.stack([numbers[f"q{part}"] for part in "wxyz"], -1, dtype=float)
-    if "azimuth" in numbers:
-        angles = [numbers[name] for name in ("azimuth", "elevation", "roll")]
-        return quaternion_of_angles(np.stack(angles, -1, dtype=float))
-    if "cosine_xx" not in numbers:
-        return None
-    cosines = [numbers[f"cosine_{row}{column}"] for row in _AXES for column in _AXES]
-    return quaternion_of_cosines(np.stack(cosines, -1, dtype=float).reshape(-1, 3, 3))

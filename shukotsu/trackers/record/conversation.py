@@ -223,7 +223,12 @@ class TrackerDriver:
 
     def _require(self, what: str, reported: Any, sent: Any) -> None:
         """Raise InputError where a setting is not what was sent; reported : None where it does not say."""
-        if same_value(reported, sent):
+        if not (isinstance(reported, tuple) and isinstance(sent, tuple)):
+            same = reported == sent
+        else:  # numbers to 0.01
+            pairs = zip(reported, sent, strict=False)
+            same = len(reported) == len(sent) and all(abs(a - b) < 0.01 for a, b in pairs)
+        if same:
             return
         says = "says nothing about it" if reported is None else f"says {shown(reported)}"
         complained = f" (it complained: {', '.join(self._complaints)})" if self._complaints else ""
@@ -231,14 +236,6 @@ class TrackerDriver:
             f"{self._port_name}: the tracker did not take its {what}: sent was {shown(sent)}, and when "
             f"asked it {says}{complained}; switch it off and on, and try again"
         )
-
-
-def same_value(reported: Any, sent: Any) -> bool:
-    """Whether a value that was read is the one that was sent, numbers to 0.01."""
-    if not (isinstance(reported, tuple) and isinstance(sent, tuple)):
-        return bool(reported == sent)
-    pairs = zip(reported, sent, strict=False)
-    return len(reported) == len(sent) and all(abs(a - b) < 0.01 for a, b in pairs)
 
 
 def shown(value: Any) -> str:

@@ -221,19 +221,15 @@ def open_port(name: str, baud: int) -> Port:
         device = serial.serial_for_url(name, **options)
     except (OSError, serial.SerialException, ValueError) as error:
         raise InputError(f"{name}: {_why_not(name, error)}") from error
-    return SerialPort(name, device, None if "://" in name else baud, _line_baud(name, baud))
-
-
-def _line_baud(name: str, baud: int) -> int | None:
-    """The line's rate where the port is a serial line; a tracker's own USB is none, though a tty shows it."""
     if "://" in name:
-        return None
-    path = str(Path(name).resolve())
-    if path.startswith("/dev/pts/"):
-        return None
+        return SerialPort(name, device, None, None)
     from serial.tools import list_ports
 
-    return None if (path, POLHEMUS) in [(port.device, port.vid) for port in list_ports.comports()] else baud
+    path = str(Path(name).resolve())
+    # neither a terminal nor a tracker's own USB is a serial line, though a tty shows it
+    is_line = not path.startswith("/dev/pts/")
+    is_line &= (path, POLHEMUS) not in [(port.device, port.vid) for port in list_ports.comports()]
+    return SerialPort(name, device, baud, baud if is_line else None)
 
 
 def _why_not(name: str, error: Exception) -> str:
@@ -252,7 +248,7 @@ def _why_not(name: str, error: Exception) -> str:
 
 
 def perhaps_taken(name: str) -> str:
-    """Why a connection to a network port may end at once: most serve one program at a time."""
+    """Format why a connection to a network port may end at once: most serve one program at a time."""
     return "; perhaps another program has it" if "://" in name else ""
 
 
@@ -267,10 +263,8 @@ def serial_ports() -> list[PortEntry]:
     """Return every serial port of this machine."""
     from serial.tools import list_ports
 
-    return [
-        (port.device, port.vid, port.pid, port.description or "serial port")
-        for port in sorted(list_ports.comports())
-    ]
+    ports = sorted(list_ports.comports())
+    return [(port.device, port.vid, port.pid, port.description or "serial port") for port in ports]
 
 
 def usb_devices(root: Path = Path("/sys/bus/usb/devices")) -> list[tuple[int, int]]:

@@ -152,7 +152,13 @@ class _Session:
         while not self._over():
             time.sleep(TICK_S)
             self._keep()
-            self._watch_clock()
+            clock_s = (self._utc_offset_ns() - self._offset_ns) * 1e-9
+            if abs(clock_s) > CLOCK_JUMP_S:  # somebody set it, which the monotonic time of rows does not know
+                self._offset_ns += round(clock_s * 1e9)
+                self._archive.event("clock-jumped", time.perf_counter_ns(), seconds=clock_s)
+                self._notice(
+                    f"the host's clock was set by {clock_s:+.1f} s; times of frames are not concerned"
+                )
             now = time.perf_counter()
             if now >= flush_at:
                 flush_at = now + FLUSH_S
@@ -197,14 +203,6 @@ class _Session:
         except OSError as error:
             self._fail(DISK_FULL, error.strerror or str(error))
 
-    def _watch_clock(self) -> None:
-        """Note that somebody set the host's clock: the monotonic time of every row is not concerned."""
-        seconds = (self._utc_offset_ns() - self._offset_ns) * 1e-9
-        if abs(seconds) > CLOCK_JUMP_S:
-            self._offset_ns += round(seconds * 1e9)
-            self._archive.event("clock-jumped", time.perf_counter_ns(), seconds=seconds)
-            self._notice(f"the host's clock was set by {seconds:+.1f} s; times of frames are not concerned")
-
     def _keep(self, wait_s: float = 0.0) -> list[Chunk]:
         """Keep what came, note what came faster than that, and have it decoded for the eyes."""
         chunks = self._conversation.keep(wait_s)
@@ -246,10 +244,9 @@ class _Session:
             name = "receiver-absent" if station in absent else "receiver-back"
             self._archive.event(name, time.perf_counter_ns(), receiver=station)
         self._absent = absent
-        if not self._plan.quiet:
-            self._show(time.perf_counter_ns())
-
-    def _show(self, now_ns: int) -> None:
+        if self._plan.quiet:
+            return
+        now_ns = time.perf_counter_ns()
         silent_s = (now_ns - self._statistics.heard_ns) * 1e-9
         if silent_s > ABSENT_S:
             self._printer.show(f"NO DATA for {silent_s:.0f} s: is the tracker on, its cable in?")
@@ -320,10 +317,22 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
         driver = DRIVERS[request.family](conversation, request)
         settings = driver.set_up()
         yield from answer_lines(settings, driver.warnings, port.line_baud)
+        decoder, statistics = ChunkDecoder(settings), Statistics(settings, time.perf_counter_ns())
         try:
-            yield from _stream_lines(driver, conversation, settings)
+            driver.start()
+            end = time.perf_counter() + STREAM_S
+            while time.perf_counter() < end:
+                for chunk in conversation.listen(0.1):
+                    decoder.add(chunk.data, chunk.host_ns)
+                received_bytes = decoder.waiting_bytes
+                statistics.add(decoder.decode(final=False), received_bytes, time.perf_counter_ns())
         finally:
             driver.stop()
+        totals = statistics.totals(time.perf_counter_ns())
+        if not totals["records"]:
+            raise InputError(f"{port.name}: the tracker was told to stream, and no record has come")
+        notes = [f"note: {notice}" for notice in display.advice(totals, settings)]
+        yield from ["", *display.totals_table(totals), *notes]
     except PortGoneError as error:
         raise InputError(f"{port.name}: the port is gone ({error}){perhaps_taken(port.name)}") from error
     except StoppedError:
@@ -334,8 +343,7 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
 
 def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None) -> list[str]:
     """Return the tracker's answers; how full the line is, and what fits where it is too slow."""
-    before: Mapping[str, Any] = settings.options.get("before", {})
-    after: Mapping[str, Any] = settings.options.get("after", {})
+    before, after = settings.options.get("before", {}), settings.options.get("after", {})
     names = [name for name in after if name != "stations"]
     need = needed_bytes_per_s(settings)
     lines = [f"line        needs {need / 1000:.1f} kB/s; the port's own rate is not known"]
@@ -350,25 +358,6 @@ def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None
         *(f"note: {warning}" for warning in warnings),
         *lines,
     ]
-
-
-def _stream_lines(driver: Driver, conversation: Conversation, settings: StreamSettings) -> list[str]:
-    """Let it stream for a while; return what came."""
-    decoder = ChunkDecoder(settings)
-    statistics = Statistics(settings, time.perf_counter_ns())
-    driver.start()
-    end = time.perf_counter() + STREAM_S
-    while time.perf_counter() < end:
-        for chunk in conversation.listen(0.1):
-            decoder.add(chunk.data, chunk.host_ns)
-        received_bytes = decoder.waiting_bytes
-        statistics.add(decoder.decode(final=False), received_bytes, time.perf_counter_ns())
-    totals = statistics.totals(time.perf_counter_ns())
-    if not totals["records"]:
-        name = conversation.port.name
-        raise InputError(f"{name}: the tracker was told to stream, and no record has come")
-    notes = [f"note: {notice}" for notice in display.advice(totals, settings)]
-    return ["", *display.totals_table(totals), *notes]
 
 
 def _setting(name: str, before: Any, after: Any, stations: tuple[int, ...]) -> str:

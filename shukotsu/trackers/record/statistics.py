@@ -52,9 +52,9 @@ class Statistics:
         self.heard_ns = now_ns if received_bytes else self.heard_ns
         for station in np.unique(block.records.station).tolist():
             receiver = self.receivers.setdefault(station, Receiver())
-            self._count(
-                receiver, station, block, np.flatnonzero((block.records.station == station) & block.good)
-            )
+            rows = np.flatnonzero((block.records.station == station) & block.good)
+            if len(rows):
+                self._count(receiver, station, block, rows)
         self.told += self._to_tell(self._losses.add(block)[0])
 
     def absent(self) -> set[int]:
@@ -112,8 +112,6 @@ class Statistics:
         ]
 
     def _count(self, receiver: Receiver, station: int, block: Block, rows: Wholes) -> None:
-        if not len(rows):
-            return
         records = block.records
         receiver.last_host_ns = int(block.host_ns[rows[-1]])
         errors = records.error[rows]
@@ -123,11 +121,9 @@ class Statistics:
         receiver.worst_distortion = max(receiver.worst_distortion, receiver.distortion)
         vector = np.array(self._settings.hemisphere.get(station, (0.0, 0.0, 0.0)))
         if vector.any():
-            position_mm = records.position_mm[rows]
+            position_mm, direction = records.position_mm[rows], vector / np.linalg.norm(vector)
             with np.errstate(invalid="ignore", divide="ignore"):
-                margin = (
-                    position_mm @ (vector / np.linalg.norm(vector)) / np.linalg.norm(position_mm, axis=-1)
-                )
+                margin = position_mm @ direction / np.linalg.norm(position_mm, axis=-1)
             receiver.margin = float(margin[-1])
             receiver.least_margin = float(np.fmin.reduce(margin, initial=receiver.least_margin))
 

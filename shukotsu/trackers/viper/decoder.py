@@ -76,18 +76,30 @@ class ViperDecoder(protocol.PiecewiseDecoder):
         waiting = (end > len(b)) & (not final)
         kept = _disjoint(at, end, good, waiting)
         at, end, is_pose, waiting = at[kept], end[kept], is_pose[kept], waiting[kept]
-        decided = len(b) if final else _first_unknown(b, int(end[~waiting].max(initial=0)))
+        decided = len(b)
+        if not final:  # up to the first leader, behind all frames, that is cut off by the end
+            first = max(int(end[~waiting].max(initial=0)), len(b) - POSE_HEADER_BYTES + 1)
+            leaders = (
+                (start, b[start : start + len(POSE_PREAMBLE)].tobytes()) for start in range(first, len(b))
+            )
+            preambles = POSE_PREAMBLE, COMMAND_PREAMBLE
+            cut_off = (start for start, leader in leaders if any(p.startswith(leader) for p in preambles))
+            decided = next(cut_off, len(b))
         if waiting.any():
             decided = int(at[waiting][0])
             at, end, is_pose = at[~waiting], end[~waiting], is_pose[~waiting]
         is_pose = is_pose & (end - at > POSE_HEADER_BYTES + CRC_BYTES)
-        records = _records(b, at[is_pose], end[is_pose])
+        pose_at, sizes = at[is_pose], (end - at)[is_pose]
+        of_size = [(pose_at[sizes == size], int(size)) for size in np.unique(sizes)]
+        parts = [_records_of_size(protocol.rows_at(b, first, size), first) for first, size in of_size]
+        records = protocol.concatenated(parts)
+        records = records if len(parts) < 2 else records.take(np.argsort(records.offset))
         replies = tuple(_reply(b, int(at[row]), int(end[row])) for row in np.flatnonzero(~is_pose))
         return Decoded(records, protocol.gaps(at, end, decided), replies), decided
 
 
 def _disjoint(at: Wholes, end: Wholes, good: Bools, waiting: Bools) -> Wholes:
-    """Indices of the good frames up to the first that still waits for bytes, that one included.
+    """Return indices of the good frames up to the first that still waits for bytes, that one included.
 
     What stands in a frame's body is no frame.
     """
@@ -122,7 +134,7 @@ def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, Bools]:
 
 
 def _unsigned(b: Bytes, at: Wholes) -> Wholes:
-    """Numbers of 4 bytes at `at`."""
+    """Return numbers of 4 bytes at `at`."""
     return sum(((b[at + index].astype(np.int64) << 8 * index) for index in range(4)), np.zeros_like(at))
 
 
@@ -139,15 +151,6 @@ def _sound(b: Bytes, at: Wholes, end: Wholes) -> Bools:
     return good
 
 
-def _first_unknown(b: Bytes, after: int) -> int:
-    """The first byte, from `after` on, of a leader that is cut off by the end of `b`."""
-    for at in range(max(after, len(b) - POSE_HEADER_BYTES + 1), len(b)):
-        leader = b[at : at + len(POSE_PREAMBLE)].tobytes()
-        if POSE_PREAMBLE.startswith(leader) or COMMAND_PREAMBLE.startswith(leader):
-            return at
-    return len(b)
-
-
 def _reply(b: Bytes, at: int, end: int) -> Reply:
     """Read a command frame, or a pose frame without sensors; its body is all from the unit's id on."""
     body = b[at + LEADER_BYTES : end - CRC_BYTES].tobytes()
@@ -156,18 +159,6 @@ def _reply(b: Bytes, at: int, end: int) -> Reply:
     _, command, action, sensor, _ = struct.unpack_from("<5I", body)
     station = sensor + 1 if sensor < SENSORS else 0
     return Reply(at, station, command, action if action in (REFUSED, WARNED) else 0, body)
-
-
-def _records(b: Bytes, at: Wholes, end: Wholes) -> Records:
-    """Read the pose frames; those with equally many sensors at a time."""
-    sizes = end - at
-    parts = [
-        _records_of_size(protocol.rows_at(b, first, int(size)), first)
-        for size in np.unique(sizes)
-        for first in (at[sizes == size],)
-    ]
-    records = protocol.concatenated(parts)
-    return records if len(parts) < 2 else records.take(np.argsort(records.offset))
 
 
 def _records_of_size(rows: Bytes, at: Wholes) -> Records:

@@ -34,7 +34,10 @@ class ViperDriver(TrackerDriver):
     def set_up(self) -> StreamSettings:
         """Find the tracker, set units, rate, hemispheres, stylus, and read them back. Raises InputError."""
         whoami = self._find(self._attempt)
-        stations = self._stations()
+        (bits,) = struct.unpack_from("<H", self._get(STATION_MAP, ANY, 0).ljust(2, b"\0"))
+        stations = tuple(sensor + 1 for sensor in range(SENSORS) if bits & 1 << sensor)
+        if not stations:
+            raise InputError(f"{self._port_name}: no sensor is connected; plug them in")
         wanted = self._wanted(stations)
         before = {key: self._get(*key) for key in wanted}
         for key, payload in wanted.items():
@@ -43,7 +46,12 @@ class ViperDriver(TrackerDriver):
         for key, payload in wanted.items():
             if not _same(key, after[key], payload):
                 self._require(_name(key), after[key].hex(), payload.hex())
-        self._warn_of_boresights(stations)
+        none, turned = (struct.pack("<4f", 1, 0, 0, 0), bytes(16)), []
+        for station in stations:
+            payload = self._ask(GET, (BORESIGHT, station - 1, 0)) or b""
+            turned += [str(station)] if len(payload) == 16 and payload not in none else []
+        if turned:
+            self.warnings.append(f"sensor {', '.join(turned)}: a boresight is in force, left as it is")
         named = [{_name(key): data.hex() for key, data in values.items()} for values in (before, after)]
         options = {"whoami": whoami, "before": named[0], "after": named[1], "warnings": self.warnings}
         hemisphere = dict.fromkeys(range(1, SENSORS + 1), self._request.hemisphere)
@@ -69,13 +77,6 @@ class ViperDriver(TrackerDriver):
                 return " ".join(text.split()), came
         return None, heard + came
 
-    def _stations(self) -> tuple[int, ...]:
-        (bits,) = struct.unpack_from("<H", self._get(STATION_MAP, ANY, 0).ljust(2, b"\0"))
-        stations = tuple(sensor + 1 for sensor in range(SENSORS) if bits & 1 << sensor)
-        if not stations:
-            raise InputError(f"{self._port_name}: no sensor is connected; plug them in")
-        return stations
-
     def _wanted(self, stations: tuple[int, ...]) -> dict[Key, bytes]:
         """Return the settings to make, units last: what was read before is in the units from before."""
         request = self._request
@@ -90,15 +91,6 @@ class ViperDriver(TrackerDriver):
         wanted[RATE, ANY, 0] = struct.pack("<I", RATES[request.rate_hz])
         wanted[UNITS, ANY, 0] = struct.pack("<2I", CENTIMETRES, QUATERNION)
         return wanted
-
-    def _warn_of_boresights(self, stations: tuple[int, ...]) -> None:
-        none, turned = (struct.pack("<4f", 1, 0, 0, 0), bytes(16)), []
-        for station in stations:
-            payload = self._ask(GET, (BORESIGHT, station - 1, 0))
-            if payload is not None and len(payload) == 16 and payload not in none:
-                turned.append(str(station))
-        if turned:
-            self.warnings.append(f"sensor {', '.join(turned)}: a boresight is in force, left as it is")
 
     def _get(self, *key: int) -> bytes:
         payload = self._ask(GET, key)

@@ -24,6 +24,9 @@ _TIME_OF_DAY = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-5]?[0-9]):(?P<s>[0-5]?[0-9](?:[.,][
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
+_IS_TEXT = (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)
+_TICKS_A_S = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+
 _LARGEST_EXACT = 2.0**53
 """Beyond this a floating-point number no longer tells one whole number from the next."""
 
@@ -92,7 +95,7 @@ class Cells:
         """Return text as (N,) indices into a list of names; an empty cell is refused."""
         column = self._columns[name]
         kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
-        if not (pa.types.is_string(kind) or pa.types.is_large_string(kind)):
+        if not any(is_text(kind) for is_text in _IS_TEXT):
             raise InputError(f"{self._path}: column {name} is {kind}; expected text")
         encoded = column.cast(kind).cast(pa.string()).dictionary_encode().combine_chunks()
         trimmed = _trimmed(encoded.dictionary, self._empty or [])
@@ -103,6 +106,9 @@ class Cells:
     def _numbers(self, name: str) -> pa.ChunkedArray:
         text = column = self._columns[name]
         if self._empty is None:
+            if pa.types.is_duration(column.type) or pa.types.is_timestamp(column.type):
+                ticks = column.cast(pa.int64())  # seconds, of a date from 1970 on
+                return pc.divide(ticks.cast(pa.float64(), safe=False), _TICKS_A_S[column.type.unit])
             is_number = (pa.types.is_integer, pa.types.is_floating, pa.types.is_decimal, pa.types.is_null)
             if not any(check(column.type) for check in is_number):
                 raise InputError(f"{self._path}: column {name} is {column.type}; expected numbers")
@@ -114,7 +120,7 @@ class Cells:
             text = pc.replace_substring(text, ",", ".")
         numbers = _cast(text, pa.float64())
         if numbers is None:
-            text = _trimmed(text, self._empty)
+            text = pc.replace_substring(_trimmed(text, self._empty), "\N{MINUS SIGN}", "-")
             numbers = _cast(text, pa.float64())
         if numbers is None:
             row = bisect_left(

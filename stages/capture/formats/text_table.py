@@ -140,10 +140,15 @@ class TextTable:
 
     def _refuse_lines(self, error: Exception) -> None:
         """Name the line that pyarrow stumbled over; do nothing where there is no row at all."""
-        some = False
+        last = 0
         try:
             for line, record in self._records():
-                some = True
+                if len(record) != len(self.header) and last and line > last + 1 and len(record) < 3:
+                    raise InputError(
+                        f"{self.path}: line {line}: another table seems to begin here, after an empty line; "
+                        "expected one: put each into a file of its own"
+                    )
+                last = line
                 if len(record) != len(self.header):
                     raise InputError(
                         f"{self.path}: line {line}: has {len(record)} cells; expected {self.expected}"
@@ -152,7 +157,7 @@ class TextTable:
             raise _undecodable(self.path, self.open()) from error
         except csv.Error as unreadable:
             raise InputError(f"{self.path}: cannot be read as a table ({unreadable})") from error
-        if some:
+        if last:
             raise InputError(
                 f"{self.path}: cannot be read as a table ({' '.join(str(error).split())})"
             ) from error

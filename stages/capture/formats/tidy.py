@@ -46,16 +46,21 @@ def read_csv(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterat
 
 def read_parquet(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
     """Read a tidy Parquet file in parts. Raises InputError where it is none."""
-    return _parts(parquet_blocks(path), path, layout)
+    with open_recording(path) as file:
+        blank = any(name != name.strip() for name in file.schema_arrow.names)
+    note = "names of columns have blanks round them, which are dropped"
+    return _parts(parquet_blocks(path), path, layout, notes=(note,) if blank else ())
 
 
 def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
     """Return the columns of a tidy recording, some rows at a time, in whatever number types they are."""
     start = 0
     with open_recording(path) as file:
-        names = wanted_columns(path, file.schema_arrow.names)
-        for batch in file.iter_batches(block_rows, columns=names):
+        written = {name.strip(): name for name in file.schema_arrow.names}
+        names = wanted_columns(path, [name.strip() for name in file.schema_arrow.names])
+        for batch in file.iter_batches(block_rows, columns=[written[name] for name in names]):
             batch.validate(full=True)  # texts are UTF-8
+            batch = batch.rename_columns([name.strip() for name in batch.schema.names])
             yield Cells(
                 path,
                 pa.Table.from_batches([batch]),
@@ -72,15 +77,15 @@ def open_recording(path: Path) -> Iterator[pq.ParquetFile]:
         yield file
 
 
-def _parts(blocks: Iterable[Cells], path: Path, layout: Layout, loss: str = "") -> Iterator[Samples]:
-    """Return the samples of a recording's parts; loss : what is lost of it, said once."""
-    empty = True
-    said = filter(None, [loss])
+def _parts(
+    blocks: Iterable[Cells], path: Path, layout: Layout, loss: str = "", notes: tuple[str, ...] = ()
+) -> Iterator[Samples]:
+    """Return the samples of a recording's parts; loss : what is lost of it, said once, as notes are."""
+    empty, losses = True, (loss,) if loss else ()
     for cells in blocks:
         if cells.rows:
-            empty = False
-            losses = tuple(said)
-            yield replace(read_samples(cells, path, layout), notes=losses, losses=losses)
+            yield replace(read_samples(cells, path, layout), notes=(*losses, *notes), losses=losses)
+            empty, losses, notes = False, (), ()
     if empty:
         raise InputError(f"{path}: has a header but no rows; expected one row a receiver and frame")
 

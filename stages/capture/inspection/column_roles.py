@@ -63,7 +63,7 @@ _MOST_STATION = 64
 
 _TIME = re.compile(r"time|stamp|^t$|^t_|sec", re.I)
 _FRAME = re.compile(r"frame|sample|count|^index$|^n$|^#$", re.I)
-_RECEIVER = re.compile(r"receiver|sensor|station|segment|marker|^id$|device|channel", re.I)
+_RECEIVER = re.compile(r"child_frame_id|receiver|sensor|station|segment|marker|^id$|device|channel", re.I)
 _QUALITY = re.compile(r"quality|^q(ual)?[\W_]*\d*$", re.I)
 _ASIDE = re.compile(
     r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp|(?<![a-z])(acc(?!ur)|gyr|magneto"

@@ -45,7 +45,7 @@ def describe_tidy_csv(path: Path, layout: Layout) -> Description:
 def describe_parquet(path: Path, layout: Layout) -> Description:
     """Describe a Parquet file: a tidy recording, or a table that a stage wrote."""
     with open_recording(path) as file:
-        names, rows = file.schema_arrow.names, file.metadata.num_rows
+        names, rows = [name.strip() for name in file.schema_arrow.names], file.metadata.num_rows
         kinds = [f"{field.name} ({field.type})" for field in file.schema_arrow]
     try:
         metadata = read_metadata(path)

@@ -44,7 +44,8 @@ _HEADER_ROWS = 12
 _COMMENTS = ("#", "%", "//")
 _SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "space": None}
 _NUMBER = {
-    mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|na|", re.I) for mark in ".,"
+    mark: re.compile(rf"[+\u2212-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|na|", re.I)
+    for mark in ".,"
 }
 
 
@@ -83,7 +84,8 @@ def detect_form(path: Path) -> TextForm:
     if path.name.lower().endswith(".jsonl"):
         raise InputError(f"{path}: {instead('format', 'jsonl')}")
     lines = _first_lines(path)
-    comment = next((mark for mark in _COMMENTS for line in lines if line.lstrip().startswith(mark)), None)
+    starts = [line.lstrip() for line in lines if not line.startswith("%time")]  # a header of rostopic's
+    comment = next((mark for mark in _COMMENTS for line in starts if line.startswith(mark)), None)
     rows = [
         (index, line)
         for index, line in enumerate(lines)
@@ -152,7 +154,12 @@ def _is_number(cell: str, decimal: str) -> bool:
 
 GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
 
+_JOINT_ANGLE = re.compile(r"flex|spread|abduct|extension", re.I)
+
 FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
+
+MOST_LINES = 16
+"""Of more receivers the positions, and the angles, are said in one line."""
 
 REPEATED_SHARE = 0.2
 """More rows than this that repeat the one before, and receivers are not in step with the rows."""
@@ -167,6 +174,12 @@ def describe_table(path: Path, layout: Layout) -> Description:
     of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), text.titles)
     numbers = _numbers(lambda title: without_marks(cells.reals(title)), text.titles) | of_day
     roles = find_roles(text.titles, numbers)
+    joint_angles = [title for title in text.titles if _JOINT_ANGLE.search(title)]
+    if len(joint_angles) > 2 and not roles.orientations[1]:
+        raise InputError(
+            f"{path}: has angles of joints ({', '.join(joint_angles[:3])} and so on), of which no poses of "
+            "receivers can be made; export positions and orientations"
+        )
     lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
     lines += filter(None, [text.cut_off(text.titles)])
     units = find_units(roles, numbers)
@@ -177,6 +190,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
         stated = units.time.stated
         told = ([stated], "as its title says") if stated else (SECONDS_PER_UNIT, "")
         lines.append(rate_line(f"time column {roles.time}", numbers[roles.time], *told))
+    if roles.time and "nanosec" in roles.time:
+        lines.append(f"{roles.time} counts within a second: make one column of it and of the seconds")
     lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
     receivers: list[str] = []
     if roles.receiver:
@@ -186,9 +201,14 @@ def describe_table(path: Path, layout: Layout) -> Description:
         )
     lines += _orientation_lines(roles, numbers, units.angle)
     stated = units.position.stated
-    lines += [
-        extent_line(f"position {' '.join(group)}", _rows(numbers, group), stated) for group in roles.positions
-    ]
+    if len(roles.positions) > MOST_LINES:  # receivers of one form in one line
+        widest = max(
+            roles.positions, key=lambda g: float(np.nanmax(np.ptp(_rows(numbers, g), axis=0), initial=0))
+        )
+        what = f"positions of {len(roles.positions)} receivers, the widest {' '.join(widest)}"
+        lines.append(extent_line(what, _rows(numbers, widest), stated))
+    else:
+        lines += [extent_line(f"position {' '.join(g)}", _rows(numbers, g), stated) for g in roles.positions]
     lines += [f"unit in doubt: {unit.doubt}" for unit in units if unit.doubt]
     lines += [f"quality {title}: {_range(numbers[title])}" for title in roles.quality]
     lines += [f"other numbers: {', '.join(roles.aside)} (quality?)"] if roles.aside else []
@@ -240,7 +260,7 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
         said = "w, x, y and z as its titles say" if by_scalar(group) else said
         lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {said}")
     lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
-    for group in roles.angles:
+    for group in roles.angles[:: len(roles.angles) if len(roles.angles) > MOST_LINES else 1]:
         ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
         seem = (
             f"in {angle.stated}, as their titles say"
@@ -248,7 +268,8 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
             else angle_unit_by_size(group, numbers).why
         )
         named = "azimuth, elevation and roll, " if by_azimuth(group) else ""
-        lines.append(f"angles: {ranges}; {named}{seem}")
+        more = f"; so have {len(roles.angles) - 1} more receivers" if len(roles.angles) > MOST_LINES else ""
+        lines.append(f"angles: {ranges}; {named}{seem}{more}")
     return lines
 
 

@@ -124,6 +124,20 @@ def test_a_wide_table_of_quaternions(run: Run) -> None:
     np.testing.assert_allclose(samples.time_s, np.arange(FRAMES) / 120, atol=1e-6)
 
 
+def test_what_other_programs_write(run: Run) -> None:
+    """Angles of joints alone, a header that begins with %time, receivers by the dozen in one line each."""
+    angles = RNG.normal(size=(FRAMES, 4))
+    glove = run.table("glove.csv", "t,Thumb_MCP_Flex,Index_MCP_Flex,Index_MCP_Spread", angles)
+    assert "has angles of joints (Thumb_MCP_Flex, " in run.inspect(glove, code=2)
+    nanoseconds = 1.7e18 + 1e7 * np.arange(FRAMES)[:, None]
+    assert "time column %time: " in run.inspect(
+        run.table("ros.csv", "%time,x,y,z,qw,qx,qy,qz", np.concatenate([nanoseconds, PLACE, TURNED], 1))
+    )
+    titles = [f"s{n}_{axis}" for n in range(17) for axis in ("x", "y", "z", "qw", "qx", "qy", "qz")]
+    many = run.table("many.csv", ",".join(titles), np.tile(np.concatenate([PLACE, TURNED], 1), 17))
+    assert run.inspect(many).count("\nposition") == 1
+
+
 def test_a_long_table(run: Run) -> None:
     rows = [
         f"{frame},{sensor},{frame * 8},{frame + 0.5},{sensor},3.25,{frame},{-sensor * frame},{3 * frame},0\n"

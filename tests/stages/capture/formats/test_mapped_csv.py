@@ -106,6 +106,7 @@ def test_times_of_the_day(tmp_path: Path, first: str, second: str, expected: lis
         "comments": ("# made by\n" + HEADER + "  # a, note\n" + ROWS, {"comment": "#"}),
         "skipped": ("made by\n\n" + HEADER + "\n" + ROWS, {"skip_lines": 1}),
         "spaces": ((HEADER + ROWS).replace(",", " , "), {}),
+        "minus": ((HEADER + ROWS).replace("0,1,2", "\N{MINUS SIGN}0,1,2"), {}),
         "more columns": ((HEADER + ROWS).replace("\n", ",n\n"), {}),
     }.values(),
 )
@@ -165,6 +166,7 @@ def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -
     [
         ("", {}, "old.txt: is empty; expected a table"),
         (HEADER, {}, "old.txt: has no rows"),
+        (HEADER + ROWS + "\nModels\n1,2,3\n", {}, "old.txt: line 5: another table seems to begin here"),
         (HEADER + ROWS + "1,2,3\n", {}, "old.txt: line 4: has 3 cells; expected 13 as in the first line"),
         (HEADER + ROWS.replace("4.5", "four"), {}, "old.txt: line 3, column t: is 'four'; expected a number"),
         (HEADER + ROWS, {"decimal": ",", "delimiter": ";"}, "csv.time: column 't' is missing"),

@@ -163,6 +163,23 @@ def test_parquet_that_is_no_tidy_recording(tmp_path: Path, changes: dict[str, ob
     refuse(parquet(tmp_path, **changes), message)
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"segment": pa.array(["hand", "index_distal"], pa.string_view())},
+        {"time_s": pa.array([500_000, None], pa.duration("us"))},
+        {"time_s": pa.array([500, None], pa.timestamp("ms"))},
+        {"segment": None, " segment ": ["hand", "index_distal"]},
+    ],
+    ids=["string-view", "duration", "timestamp", "blanks"],
+)
+def test_parquet_as_other_programs_write_it(tmp_path: Path, changes: dict[str, object]) -> None:
+    samples = read(parquet(tmp_path, **changes))
+    assert [samples.segments[index] for index in samples.segment] == ["hand", "index_distal"]
+    np.testing.assert_array_equal(samples.time_s, [0.5, np.nan])
+    assert bool(samples.notes) == (" segment " in changes)
+
+
 def tidy_table(random: np.random.Generator, rows: int) -> pa.Table:
     """A tidy recording with empty cells, whole numbers written as reals now and then, in any order."""
     numbers = random.normal(0, 100, (rows, 9)).round(3)
