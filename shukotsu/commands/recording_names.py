@@ -82,10 +82,10 @@ def _parts(name: Path) -> NameParts:
         for key, value in match.groupdict().items():
             if value:
                 cells.setdefault(key.removesuffix("_number"), value)
-    words = []  # a hand's letter behind a subject's number is a word
+    words: list[str] = []  # a hand's letter behind a subject's number is a word
     for word in filter(None, re.split(r"[\W_]+", _KEYED.sub(" ", text))):
-        match = _WITH_HAND.fullmatch(word)
-        words += match.groups() if match else [word]
+        lettered = _WITH_HAND.fullmatch(word)
+        words += lettered.groups() if lettered else [word]
     sides = [cells.pop("hand", ""), *words]
     cells["hand"] = next((HANDS[word.lower()] for word in sides if word.lower() in HANDS), "")
     words = [word for word, _ in groupby(word for word in words if word.lower() not in HANDS)]

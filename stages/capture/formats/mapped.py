@@ -137,8 +137,8 @@ def samples_of_tracks(
     rows = np.concatenate([track.row for track in every])
     parts = []
     for segment, track in zip(segments.tolist(), every, strict=True):
-        columns = np.full(len(track.row), segment), track.frame, track.time_s, track.numbers
-        parts.append(Samples(layout.measured, *columns, str, track.flags))
+        index, numbers = np.full(len(track.row), segment), track.numbers
+        parts.append(Samples(layout.measured, index, track.frame, track.time_s, numbers, str, track.flags))
     where, lost = (lambda sample: place(int(rows[sample]))), tuple(losses)
     return replace(joined(parts), place=where, notes=(*notes, *lost), losses=lost)
 

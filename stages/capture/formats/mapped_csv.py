@@ -283,9 +283,9 @@ def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: lis
     for segment, track in tracks.items():
         some = track.of(np.asarray(np.isfinite(track.numbers).any(-1)))
         before, after = some.numbers[:-1], some.numbers[1:]
-        new = np.isfinite(some.time_s)
-        new[1:] &= ~((after == before) | (np.isnan(after) & np.isnan(before))).all(-1)
-        timed[segment] = some.of(new)
+        fresh = np.isfinite(some.time_s)
+        fresh[1:] &= ~((after == before) | (np.isnan(after) & np.isnan(before))).all(-1)
+        timed[segment] = some.of(fresh)
     every_s = np.concatenate([new.time_s for new in timed.values()])
     middle_s = float(np.median(every_s)) if len(every_s) else np.nan
     changes = {

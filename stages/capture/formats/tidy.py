@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -61,12 +62,13 @@ def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
         for batch in file.iter_batches(block_rows, columns=[written[name] for name in names]):
             batch.validate(full=True)  # texts are UTF-8
             batch = batch.rename_columns([name.strip() for name in batch.schema.names])
-            yield Cells(
-                path,
-                pa.Table.from_batches([batch]),
-                lambda row, first=start: f"{path}: row {first + row + 1}",
-            )
+            table = pa.Table.from_batches([batch])
+            yield Cells(path, table, partial(_row, path, start))
             start += batch.num_rows
+
+
+def _row(path: Path, start: int, row: int) -> str:
+    return f"{path}: row {start + row + 1}"
 
 
 @contextmanager
