@@ -75,8 +75,8 @@ class LivePoses:
         if not len(ready.frame):
             return None
         frame, row = np.unique(ready.frame, return_inverse=True)
-        numbers, worn = np.full((len(frame), len(self._layout.measured), 7), np.nan), ready.place >= 0
-        numbers[row[worn], ready.place[worn]] = ready.numbers[worn]
+        numbers, worn = np.full((len(frame), len(self._layout.measured), 7), np.nan), ready.segment >= 0
+        numbers[row[worn], ready.segment[worn]] = ready.numbers[worn]
         if self._first is None:
             self._first = int(frame[0])
         time_s = np.asarray((frame - self._first) / self._rate_hz, float)
@@ -85,27 +85,27 @@ class LivePoses:
         valid &= np.abs(norm - 1) <= NORM_TOLERANCE
         numbers[..., 3:] /= np.where(valid, norm, 1.0)[..., None]
         valid &= self._one_side(numbers[..., :3], valid)
-        for place in range(valid.shape[1]):
-            rows = np.flatnonzero(valid[:, place])
-            valid[rows[spikes(numbers[rows, place])], place] = False
+        for column in range(valid.shape[1]):
+            rows = np.flatnonzero(valid[:, column])
+            valid[rows[spikes(numbers[rows, column])], column] = False
         measured = self._layout.measured
         return Poses(measured, frame, time_s, numbers[..., :3], numbers[..., 3:], valid)
 
     def _one_side(self, position_mm: Array, valid: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
         """Whether the receiver of a pose (T, S) has not jumped to its mirror image."""
         same = np.ones(valid.shape, bool)
-        for place in range(valid.shape[1]):
-            rows = np.flatnonzero(valid[:, place])
+        for column in range(valid.shape[1]):
+            rows = np.flatnonzero(valid[:, column])
             if not len(rows):
                 continue
-            at_mm = position_mm[rows, place]
-            before = np.concatenate([self._before[[place]], at_mm[:-1]])
+            at_mm = position_mm[rows, column]
+            before = np.concatenate([self._before[[column]], at_mm[:-1]])
             step, mirrored = np.linalg.norm(at_mm - before, axis=1), np.linalg.norm(at_mm + before, axis=1)
-            sign = self._mirrored[place] * np.cumprod(
+            sign = self._mirrored[column] * np.cumprod(
                 np.where((step > MIRROR_STEP_MM) & (mirrored < MIRROR_SHARE * step), -1.0, 1.0)
             )
-            same[rows, place] = sign > 0
-            self._mirrored[place], self._before[place] = sign[-1], at_mm[-1]
+            same[rows, column] = sign > 0
+            self._mirrored[column], self._before[column] = sign[-1], at_mm[-1]
         return same
 
 
@@ -115,10 +115,10 @@ MIRROR_STEP_MM, MIRROR_SHARE = 60.0, 0.3
 
 @dataclass(frozen=True)
 class _Samples:
-    """Records that wait for the rest of their frame: frame and place in the layout (N,), numbers (N, 7)."""
+    """Records that wait for the rest of their frame: frame and segment in the layout (N,), numbers (N, 7)."""
 
     frame: npt.NDArray[np.int64]
-    place: npt.NDArray[np.int64]
+    segment: npt.NDArray[np.int64]
     numbers: Array
 
     @classmethod
@@ -127,7 +127,7 @@ class _Samples:
         return cls(empty, empty, np.zeros((0, 7)))
 
     def take(self, rows: npt.NDArray[np.bool_]) -> _Samples:
-        return _Samples(self.frame[rows], self.place[rows], self.numbers[rows])
+        return _Samples(self.frame[rows], self.segment[rows], self.numbers[rows])
 
     def then(self, other: _Samples) -> _Samples:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)

@@ -199,7 +199,7 @@ def poses_table(
     start = 0
     for samples in parts:
         names = samples.segments
-        places.append((start, samples.place))
+        places.append((start, samples.locate))
         rows = np.zeros(len(samples.segment), _ROW)
         rows["sample"] = start + np.arange(len(rows))
         for name in ("frame", "time_s", "numbers"):
@@ -379,8 +379,8 @@ def _gap_flags(rows: Rows) -> Flags:
     empty, time_s = np.isnan(rows["numbers"]), rows["time_s"]
     some, every, timed = empty.any(-1), empty.all(-1), np.isfinite(time_s)
     explained = ("conflicting-duplicate", "partly-missing", "not-finite", "out-of-reach")
-    said = (rows["flags"] & np.bitwise_or.reduce([_BIT[flag] for flag in explained])) != 0
-    flags = np.where(every & ~said, _BIT["missing"], 0)
+    reasoned = (rows["flags"] & np.bitwise_or.reduce([_BIT[flag] for flag in explained])) != 0
+    flags = np.where(every & ~reasoned, _BIT["missing"], 0)
     flags |= np.where(some & ~every, _BIT["partly-missing"], 0)
     flags |= np.where(np.isinf(rows["numbers"]).any(-1), _BIT["not-finite"], 0)
     flags |= np.where(timed, 0, _BIT["time-missing"])
@@ -441,8 +441,8 @@ def _refuse_nonsense(segments: Mapping[str, _Segment], places: Places) -> None:
     """
 
     def where(sample: int) -> str:
-        start, place = [part for part in places if part[0] <= sample][-1]
-        return place(sample - start)
+        start, locate = [part for part in places if part[0] <= sample][-1]
+        return locate(sample - start)
 
     twice = min(((*segment.twice, name) for name, segment in segments.items() if segment.twice), default=None)
     if twice:

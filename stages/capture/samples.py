@@ -25,7 +25,7 @@ class Samples:
     frame : (N,) the tracker's frame number; time_s : (N,) device time, NaN where there is none.
     numbers : (N, 7) x, y, z in mm, then w, x, y, z of the quaternion (receiver to transmitter frame),
     NaN where there is none, not necessarily unit.
-    place : sample -> file and line, for messages.
+    locate : sample -> file and line, for messages.
     flags : what the reader saw of single samples, flag (a key of poses.FLAGS) -> (N,) bool.
     notes : what it saw of the whole recording, a sentence each; for stderr and the table's metadata.
     losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
@@ -40,7 +40,7 @@ class Samples:
     frame: npt.NDArray[np.int64]
     time_s: npt.NDArray[np.float64]
     numbers: npt.NDArray[np.float64]
-    place: Callable[[int], str]
+    locate: Callable[[int], str]
     flags: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     losses: tuple[str, ...] = ()
@@ -60,9 +60,9 @@ def joined(parts: Iterable[Samples]) -> Samples:
     every = list(parts)
     starts = [0, *itertools.accumulate(len(part.segment) for part in every)]
 
-    def place(sample: int) -> str:
+    def locate(sample: int) -> str:
         part = bisect.bisect_right(starts, sample) - 1
-        return every[part].place(sample - starts[part])
+        return every[part].locate(sample - starts[part])
 
     every_flag = {flag for part in every for flag in part.flags}
     return Samples(
@@ -71,7 +71,7 @@ def joined(parts: Iterable[Samples]) -> Samples:
         np.concatenate([part.frame for part in every]),
         np.concatenate([part.time_s for part in every]),
         np.concatenate([part.numbers for part in every]),
-        place,
+        locate,
         {
             flag: np.concatenate([p.flags.get(flag, np.zeros(len(p.segment), bool)) for p in every])
             for flag in sorted(every_flag)
@@ -85,26 +85,26 @@ def joined(parts: Iterable[Samples]) -> Samples:
 
 
 def segments_of_names(
-    codes: npt.NDArray[np.int64], names: Sequence[str], layout: Layout, place: Callable[[int], str]
+    codes: npt.NDArray[np.int64], names: Sequence[str], layout: Layout, locate: Callable[[int], str]
 ) -> npt.NDArray[np.int64]:
     """Return every sample's index into `layout.measured` from the segment names that a recording uses.
 
     codes : (N,) indices into `names`. Raises InputError at the first sample of an unknown segment.
     """
-    known = layout.measured
-    segment = np.array([known.index(name) if name in known else -1 for name in names], np.int64)[codes]
+    worn = layout.measured
+    segment = np.array([worn.index(name) if name in worn else -1 for name in names], np.int64)[codes]
     if (segment < 0).any():
         first = int(np.argmax(segment < 0))
         name = names[codes[first]]
-        why = f"is not in layout {layout.name}, which knows {', '.join(known)}{did_you_mean(name, known)}"
+        why = f"is not in layout {layout.name}, which knows {', '.join(worn)}{did_you_mean(name, worn)}"
         if name in layout.segments:
             why = f"carries no receiver in layout {layout.name} (measured: false); leave its rows out"
-        raise InputError(f"{place(first)}: segment {shortened(name, 60)!r} {why}")
+        raise InputError(f"{locate(first)}: segment {shortened(name, 60)!r} {why}")
     return segment
 
 
 def segments_of_stations(
-    stations: npt.NDArray[np.int64], layout: Layout, place: Callable[[int], str]
+    stations: npt.NDArray[np.int64], layout: Layout, locate: Callable[[int], str]
 ) -> npt.NDArray[np.int64]:
     """Return every sample's index into `layout.measured` from the tracker's station numbers, shape (N,).
 
@@ -116,14 +116,14 @@ def segments_of_stations(
     segment = np.array([index_of.get(int(number), -1) for number in numbers], np.int64)[codes]
     if (segment < 0).any():
         first = int(np.argmax(segment < 0))
-        known = ", ".join(str(number) for number in sorted(filter(None, index_of))) or "none"
+        numbered = ", ".join(str(number) for number in sorted(filter(None, index_of))) or "none"
         why = (
-            f"sits on no segment of layout {layout.name}, which knows {known}; leave its rows out or name "
+            f"sits on no segment of layout {layout.name}, which knows {numbered}; leave its rows out or name "
             "the receiver in the layout"
         )
-        if stations[first] in [own.left_receiver for own in layout.segments.values()]:
+        if stations[first] in [worn.left_receiver for worn in layout.segments.values()]:
             why = f"sits on the other hand in layout {layout.name}; leave that hand's rows out"
-        raise InputError(f"{place(first)}: receiver {stations[first]} {why}")
+        raise InputError(f"{locate(first)}: receiver {stations[first]} {why}")
     return segment
 
 

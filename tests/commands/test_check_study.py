@@ -1,4 +1,4 @@
-"""`shukotsu check` of a study: what is written, what lies outside, what the recordings' poses contradict."""
+"""`shukotsu check` of a study: what is written, lies outside, contradicts; and of a recording alone."""
 
 from __future__ import annotations
 
@@ -99,3 +99,36 @@ def test_a_study_says_what_its_sheets_do_not_share(
     Path("study.yaml").write_text(f"study: s\n{sheets}layout: liberty16\nmodels: [rigid]\n")
     assert check([]) == 0
     assert "note: participants.tsv: has no row of '01', and row 2 is of '1'" in capsys.readouterr().out
+
+
+@pytest.fixture(scope="module")
+def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("rom") / "rom.csv"
+    write_recording(path, simulate("P1", "right", "rom", 3, Realism.full(), 900))
+    return path
+
+
+def test_a_good_recording_has_three_lines_on_what_would_gain(
+    rom: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert check([str(rom), "--hand", "right"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "no finding"
+    assert len(lines) == 4
+    assert all(line.startswith(("Measuring ", "Touching ")) for line in lines[1:])
+    assert list(rom.parent.iterdir()) == [rom]  # nothing is left beside it
+
+
+def test_of_the_other_hand_only_that_is_said(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert check([str(rom), "--hand", "left"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("suspect: wrong-hand: This seems to be a right hand")
+    assert "Measuring" not in out
+
+
+def test_without_a_study_in_the_folder_it_says_how_to_make_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert check([]) == 2
+    assert "or make one: `shukotsu new FOLDER`" in capsys.readouterr().err

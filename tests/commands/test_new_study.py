@@ -1,4 +1,4 @@
-"""`shukotsu new`: a folder whose study reads once its rows are filled in; nothing is written over."""
+"""`shukotsu new`: a folder whose study reads once its rows are filled in; file names; drafted mappings."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 
 from shukotsu.commands.check_file import main as check
+from shukotsu.commands.drafted_mappings import Drafts, draft_mappings
 from shukotsu.commands.new_study import main as new
+from shukotsu.commands.recording_names import parts_of_names
+from shukotsu.schemas.layout import read_layout
 from shukotsu.stages.report.plots import style
 
 ROW = "P1\tright\trom\tboth\trom.csv\n"
@@ -118,3 +121,76 @@ def test_what_cannot_be_made_is_refused_and_nothing_is_left(
     assert new(argv) == 2
     assert f"error: {sentence}" in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["recordings.tsv", "there"]
+
+
+EMPTY = {"subject": "", "session": "", "hand": "", "task": "", "trial": "", "role": ""}
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("P01_L_calib.csv", "subject=P01 hand=left task=calib role=calibration"),
+        ("sub-03_right_rom.c3d", "subject=03 hand=right task=rom role=calibration"),
+        ("03-left-grip-2.csv", "subject=03 hand=left task=grip trial=2 role=both"),
+        (
+            "sub-01_ses-b_hand-right_task-rom.parquet",
+            "subject=01 session=b hand=right task=rom role=calibration",
+        ),
+        ("P01/left/calib_01.csv", "subject=P01 hand=left task=calib trial=01 role=calibration"),
+        ("P01L_scales.csv", "subject=P01 hand=left task=scales role=both"),
+        ("2024-05-03_P01_L_calib.csv", "subject=P01 hand=left task=calib role=calibration"),
+        (
+            "20240503_142233_VP12_li_Kalibrierung.csv",
+            "subject=VP12 hand=left task=Kalibrierung role=calibration",
+        ),
+        ("VP 4 LH tapping fast 3.csv", "subject=VP4 hand=left task=tapping-fast trial=3 role=both"),
+        ("Subject 3 re rom2.csv", "subject=3 hand=right task=rom2 role=calibration"),
+        ("Anna_grip2_re.csv", "subject=Anna hand=right task=grip2 role=both"),
+        ("calib_P07_R.csv", "subject=P07 hand=right task=calib role=calibration"),
+        ("day 1/rom.csv", "session=1 task=rom role=calibration"),
+        ("romantic.csv", "task=romantic role=both"),
+        ("hand-left.csv", "hand=left"),
+        ("2024-05-03.csv", ""),
+    ],
+)
+def test_what_a_name_says(name: str, said: str) -> None:
+    (parts,) = parts_of_names([Path(name)])
+    assert vars(parts) == EMPTY | dict(word.split("=") for word in said.split())
+
+
+def test_a_task_is_evaluated_by_the_calibration_of_the_same_hand_and_session() -> None:
+    names = ["P1_L_rom.csv", "P1_L_grip.csv", "P1_R_grip.csv", "P1_ses-2_L_grip.csv"]
+    roles = [parts.role for parts in parts_of_names(map(Path, names))]
+    assert roles == ["calibration", "evaluation", "both", "both"]
+
+
+TITLES = "t [s],x,y,z,az,el,roll\n"
+
+
+def table(path: Path, step_deg: float, titles: str = TITLES) -> Path:
+    """Write a table of one receiver whose angles grow by so much a row."""
+    angles = [(n * step_deg, n * step_deg / 2, n * step_deg / 3) for n in range(9)]
+    rows = [f"{n / 100},{n},{n * 2},{n * 3},{','.join(map(str, angles[n]))}\n" for n in range(9)]
+    path.write_text(titles + "".join(rows))
+    return path
+
+
+def test_what_one_file_leaves_open_another_settles(tmp_path: Path) -> None:
+    """Angles of small turns may be radians; the same columns' large ones are degrees."""
+    small, large = table(tmp_path / "a.csv", 0.1), table(tmp_path / "b.csv", 9.0)
+    other = table(tmp_path / "c.csv", 9.0, TITLES.replace(" [s]", " [ms]"))
+    empty = tmp_path / "d.csv"
+    empty.touch()
+    seen: list[int] = []
+    drafts = draft_mappings([small, large, other, empty], read_layout("liberty16"), seen.append)
+    assert drafts.of == {small: "mapping.yaml", large: "mapping.yaml", other: "mapping-2.yaml"}
+    assert "Drafted from b.csv" in drafts.texts["mapping.yaml"]
+    assert drafts.refused == {empty: f"{empty}: is empty; expected a recording"}
+    assert seen == [1, 2, 3, 4]
+
+
+def test_this_project_s_own_tables_need_none(tmp_path: Path) -> None:
+    own = tmp_path / "own.csv"
+    own.write_text("frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n0,0,hand,1,2,3,1,0,0,0\n")
+    drafts = draft_mappings([own], read_layout("liberty16"))
+    assert drafts == Drafts({}, {}, {})

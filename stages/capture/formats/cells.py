@@ -34,7 +34,7 @@ _LARGEST_EXACT = 2.0**53
 class Cells:
     """N rows of some columns; every method raises InputError that names the row of the first bad cell.
 
-    place : row, counted from 0, to file and line, for messages. empty : of columns of text, the texts that
+    locate : row, counted from 0, to file and line, for messages. empty : of columns of text, the texts that
     mean "no value", and so does any cell that is the same number; None where the file has number types.
     decimal : the decimal mark of text.
     """
@@ -43,11 +43,11 @@ class Cells:
         self,
         path: Path,
         table: pa.Table,
-        place: Callable[[int], str],
+        locate: Callable[[int], str],
         empty: Sequence[str] | None = None,
         decimal: str = ".",
     ) -> None:
-        self.place = place
+        self.locate = locate
         self.rows: int = table.num_rows
         self._path, self._empty, self._decimal = path, empty, decimal
         self._missing = []  # the numbers that stand for no value, whatever their decimal mark
@@ -138,7 +138,7 @@ class Cells:
         cell = self._columns[name][row].as_py()
         cell = shortened(cell.strip(), 60) if isinstance(cell, str) else cell
         what = "is empty" if cell is None else f"is {cell!r}"
-        return InputError(f"{self.place(row)}, column {name}: {what}; expected {expected}")
+        return InputError(f"{self.locate(row)}, column {name}: {what}; expected {expected}")
 
 
 def unwrapped_s(time_s: npt.NDArray[np.float64], start_s: float = np.nan) -> npt.NDArray[np.float64]:

@@ -110,13 +110,13 @@ def samples_of_tracks(
     tracks: Sequence[Track],
     mapping: FileMapping,
     layout: Layout,
-    place: Callable[[int], str],
+    locate: Callable[[int], str],
     notes: Iterable[str] = (),
     losses: Iterable[str] = (),
 ) -> Samples:
     """Put the tracks of the mapping's receivers, in its order, and its fixed segments into samples.
 
-    place : row -> file and line. notes, losses : see `Samples`; losses are notes, too. A fixed segment has
+    locate : row -> file and line. notes, losses : see `Samples`; losses are notes, too. A fixed segment has
     the identity pose in every frame that there is, at the time of the first receiver that has the frame.
     Raises InputError where the tracks' times are of another rate than the mapping's.
     """
@@ -139,8 +139,8 @@ def samples_of_tracks(
     for segment, track in zip(segments.tolist(), every, strict=True):
         index, numbers = np.full(len(track.row), segment), track.numbers
         parts.append(Samples(layout.measured, index, track.frame, track.time_s, numbers, str, track.flags))
-    where, lost = (lambda sample: place(int(rows[sample]))), tuple(losses)
-    return replace(joined(parts), place=where, notes=(*notes, *lost), losses=lost)
+    where, lost = (lambda sample: locate(int(rows[sample]))), tuple(losses)
+    return replace(joined(parts), locate=where, notes=(*notes, *lost), losses=lost)
 
 
 def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:

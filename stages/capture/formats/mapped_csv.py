@@ -96,10 +96,10 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
         losses += lost
     else:
         placed = _on_grid(tracks, path, mapping.rate_hz or np.nan, notes)
-    place = cells.place
+    locate = cells.locate
     del cells, tracks  # text and numbers, more than the file, before all is put together
     pa.default_memory_pool().release_unused()
-    return samples_of_tracks(placed, mapping, layout, place, notes, losses)
+    return samples_of_tracks(placed, mapping, layout, locate, notes, losses)
 
 
 def _source(text: TextTable, group: Mapping[str, Any], where: str, shared_time: str | None) -> _Source:
@@ -145,7 +145,7 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
     rows = source.rows
     position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
     turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
-    turned = quaternions(turning, mapping.orientation or {}, lambda index: cells.place(int(rows[index])))
+    turned = quaternions(turning, mapping.orientation or {}, lambda index: cells.locate(int(rows[index])))
     low = np.zeros(len(rows), bool)
     if source.quality is not None:
         quality = cells.reals(source.quality)[rows]

@@ -14,11 +14,11 @@ TOLERANCE = 1e-2
 """How far a matrix may be off a rotation, element by element of R^T R, and still be rounding."""
 
 
-def quaternions(numbers: Array, orientation: Mapping[str, Any], place: Callable[[int], str]) -> Array:
+def quaternions(numbers: Array, orientation: Mapping[str, Any], locate: Callable[[int], str]) -> Array:
     """Return quaternions that take receiver coordinates to the transmitter frame.
 
     numbers : (N, 4), (N, 3) or (N, 9) as the mapping's `orientation` says, NaN where there is none.
-    place : row -> file and line, for messages. Returns (N, 4), (w, x, y, z), for angles and matrices unit;
+    locate : row -> file and line, for messages. Returns (N, 4), (w, x, y, z), for angles and matrices unit;
     a row of angles or of a matrix that lacks a number is NaN altogether, one with an infinite number
     infinite. Raises InputError at the first matrix that is no rotation.
     """
@@ -34,13 +34,13 @@ def quaternions(numbers: Array, orientation: Mapping[str, Any], place: Callable[
         turned = multiply(multiply(first, second), third)
         turned = np.where(np.isnan(angles_rad).any(-1, keepdims=True), np.nan, turned)
     else:
-        turned = from_matrix(proper_rotations(numbers.reshape(-1, 3, 3), place))
+        turned = from_matrix(proper_rotations(numbers.reshape(-1, 3, 3), locate))
     if kind != "quaternion":
         turned = np.where(np.isinf(numbers).any(-1, keepdims=True), np.inf, turned)
     return conjugate(turned) if orientation["rotates"] == "transmitter-to-receiver" else np.asarray(turned)
 
 
-def proper_rotations(matrices: Array, place: Callable[[int], str]) -> Array:
+def proper_rotations(matrices: Array, locate: Callable[[int], str]) -> Array:
     """Return the rotation nearest to each matrix, shape (N, 3, 3); NaN where a number is missing or infinite.
 
     Raises InputError at the first that is mirrored or off by more than TOLERANCE: a nearest rotation of
@@ -66,6 +66,6 @@ def proper_rotations(matrices: Array, place: Callable[[int], str]) -> Array:
             )
         if not some[first].any():
             what = "the rotation is all zeros; zeros that stand for missing values must be written as NaN"
-        raise InputError(f"{place(int(np.flatnonzero(whole)[first]))}: {what}")
+        raise InputError(f"{locate(int(np.flatnonzero(whole)[first]))}: {what}")
     rotations[whole] = nearest_rotation(some)
     return rotations

@@ -45,15 +45,15 @@ def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Sa
     mapped_segments(mapping, layout)
     frame, tracks = np.arange(len(time_s)), list[Track]()
 
-    def place(row: int) -> str:
+    def locate(row: int) -> str:
         return f"{path}: Seq_Frame{row:04d}"
 
     for segment in mapping.receivers:
         matrices = transforms[name_in_file(mapping, segment, "value", list(transforms), str(path))]
-        turned = from_matrix(proper_rotations(matrices[:, :3, :3], place))
+        turned = from_matrix(proper_rotations(matrices[:, :3, :3], locate))
         position_mm = matrices[:, :3, 3] * (mapping.mm_per_unit or 1.0)
         tracks.append(Track(frame, frame, time_s, np.concatenate([position_mm, turned], -1)))
-    return samples_of_tracks(tracks, mapping, layout, place)
+    return samples_of_tracks(tracks, mapping, layout, locate)
 
 
 def tools_of(transforms: dict[str, Array]) -> dict[str, str]:

@@ -128,19 +128,19 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
 def read_samples(cells: Cells, path: Path, layout: Layout) -> Samples:
     """Turn cells into samples. Raises InputError where a cell is not what its column holds."""
     if SEGMENT in cells.names:
-        segment = segments_of_names(*cells.names_in(SEGMENT), layout, cells.place)
+        segment = segments_of_names(*cells.names_in(SEGMENT), layout, cells.locate)
     elif all(layout.segments[name].receiver is None for name in layout.measured):
         raise InputError(
             f"{path}: names receivers by station number, but layout {layout.name} gives its segments none; "
             f"add `receiver:` to the layout's segments or use a {SEGMENT} column"
         )
     else:
-        segment = segments_of_stations(cells.wholes(RECEIVER), layout, cells.place)
+        segment = segments_of_stations(cells.wholes(RECEIVER), layout, cells.locate)
     return Samples(
         layout.measured,
         segment,
         cells.wholes("frame"),
         cells.reals("time_s"),
         np.stack([cells.reals(name) for name in NUMBERS]).T,
-        cells.place,
+        cells.locate,
     )

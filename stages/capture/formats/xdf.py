@@ -50,7 +50,7 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
     declared["kind"] = "quaternion"
     values, frame, tracks = np.asarray(read.values, float), np.arange(len(read.time_s)), []
 
-    def place(row: int) -> str:
+    def locate(row: int) -> str:
         return f"{where}, sample {row + 1}"
 
     for name in names:
@@ -59,9 +59,9 @@ def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
         pose = values[:, [channel.index for channel in channels]]
         with np.errstate(over="ignore"):
             position_mm = pose[:, :3] * mm
-        numbers = np.concatenate([position_mm, quaternions(pose[:, 3:], declared, place)], -1)
+        numbers = np.concatenate([position_mm, quaternions(pose[:, 3:], declared, locate)], -1)
         tracks.append(Track(frame, frame, read.time_s, numbers))
-    return samples_of_tracks(tracks, mapping, layout, place, read.notes)
+    return samples_of_tracks(tracks, mapping, layout, locate, read.notes)
 
 
 def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:

@@ -106,7 +106,7 @@ def _block(group: Mapping[str, Any], indent: str = "") -> Iterator[str]:
 def _flow(value: Any) -> str:
     """A value in a line."""
     if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{key}: {_flow(one)}' for key, one in value.items())}}}"
+        return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
     if isinstance(value, list):
         return f"[{', '.join(map(_flow, value))}]"
     return str(value) if str(value).startswith(CHECK) else json.dumps(value, ensure_ascii=False)

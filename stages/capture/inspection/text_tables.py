@@ -137,14 +137,14 @@ def _as(
 def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:
     """The last of the first rows that has words where others have numbers; -1 where there is none."""
     words = [[cell.lower() for cell in cells if not _is_number(cell, decimal)] for _, cells in split]
-    counts = sorted(len(own) for own, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
+    counts = sorted(len(texts) for texts, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
     typical = counts[len(counts) // 2] if counts else 0
-    for place in range(min(len(split) - 1, _HEADER_ROWS) - 1, -1, -1):
-        row, after = split[place][1], split[place + 1][1]
+    for index in range(min(len(split) - 1, _HEADER_ROWS) - 1, -1, -1):
+        row, after = split[index][1], split[index + 1][1]
         fits = abs(len(row) - width) <= 1 and not any(row[width:] + after[len(row) :])
-        named = len(words[place]) - typical >= 0.5 * (width - typical) and len({*words[place]}) > 2
+        named = len(words[index]) - typical >= 0.5 * (width - typical) and len({*words[index]}) > 2
         if fits and named:
-            return place
+            return index
     return -1
 
 
@@ -188,8 +188,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
         units = units._replace(position=Unit(unit, "as the lines before the table say"))
     if roles.time:
         stated = units.time.stated
-        told = ([stated], "as its title says") if stated else (SECONDS_PER_UNIT, "")
-        lines.append(rate_line(f"time column {roles.time}", numbers[roles.time], *told))
+        meant = ([stated], "as its title says") if stated else (SECONDS_PER_UNIT, "")
+        lines.append(rate_line(f"time column {roles.time}", numbers[roles.time], *meant))
     if roles.time and "nanosec" in roles.time:
         lines.append(f"{roles.time} counts within a second: make one column of it and of the seconds")
     lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
@@ -219,8 +219,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if roles.positions and not roles.orientations[1]:
         lines.append("no orientations were found, which receivers need")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
-    found = _receivers(roles, receivers, text.titles, layout)
-    config = _config(roles, units, found, asynchronous, layout)
+    drafted = _receivers(roles, receivers, text.titles, layout)
+    config = _config(roles, units, drafted, asynchronous, layout)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in of_day:
         config["csv"]["time_unit"] = TIME_OF_DAY
@@ -252,13 +252,13 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
         first, last = (float(np.nanmedian(np.abs(rows[:, i]))) for i in (0, 3))
         norm = float(np.nanmedian(np.linalg.norm(rows, axis=-1)))
         likelier = "wxyz" if first > last else "xyzw"
-        said = (
+        order = (
             f"its first number is {first:.2f} in the "
             f"median, its last {last:.2f}, so {likelier} is likelier if receivers lie "
             "roughly as the transmitter does; the numbers cannot prove it"
         )
-        said = "w, x, y and z as its titles say" if by_scalar(group) else said
-        lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {said}")
+        order = "w, x, y and z as its titles say" if by_scalar(group) else order
+        lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {order}")
     lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
     for group in roles.angles[:: len(roles.angles) if len(roles.angles) > MOST_LINES else 1]:
         ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
@@ -358,10 +358,10 @@ def _doubt(roles: Roles, titles: Sequence[str]) -> str:
 
 def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
     """The segment that this one of titles names alone, as `index_distal x_mm` does, or one of no layout."""
-    words = [f"_{snake_case(one)}_" for one in titles]
+    words = [f"_{snake_case(name)}_" for name in titles]
     named = [name for name in layout.measured if f"_{name}_" in f"_{snake_case(title)}_"]
     segment = max(named, key=len, default="")
-    if segment and sum(f"_{segment}_" in one for one in words) == 1:
+    if segment and sum(f"_{segment}_" in word for word in words) == 1:
         return segment
     return f"{CHECK}_{re.sub(r'[^0-9A-Za-z]', '_', title)}"
 

@@ -1,10 +1,16 @@
-"""The line that says how a recording stands, on a terminal rewritten in place; and the summary at the end."""
+"""What people read of a recording: its state, its summary, what its line carries, what `--ask` says."""
+
+from __future__ import annotations
 
 import io
 
+import pytest
+
+from shukotsu.errors import InputError
 from shukotsu.files.line_printer import LinePrinter
+from shukotsu.trackers.liberty.replies import FULL_LIST
 from shukotsu.trackers.protocols.stream_settings import StreamSettings
-from shukotsu.trackers.record import display
+from shukotsu.trackers.record import display, session
 from shukotsu.trackers.record.statistics import Statistics
 
 
@@ -82,3 +88,57 @@ def test_the_summary() -> None:
     assert lines[5].endswith("1.0 s to 2.0 s, 3.0 s to 4.0 s, 50.0 s to the end and 1 more")
     assert lines[6] == "no record at all: 10.0 s to 12.5 s"
     assert lines[7] == "note: the host's clock was set by +3600.0 s"
+
+
+def settings(count: int, items=FULL_LIST, rate_hz: float = 240.0) -> StreamSettings:
+    stations = tuple(range(1, count + 1))
+    return StreamSettings("liberty", "binary", "cm", rate_hz, stations, dict.fromkeys(stations, items))
+
+
+def test_a_line_that_is_just_full_is_not_too_slow() -> None:
+    """48 bytes 240 times a second are all of 11520."""
+    display.check_line(settings(1, (8, 9, 11, 3, 7)), 115200, "p")
+    with pytest.raises(InputError):
+        display.check_line(settings(1, (8, 9, 11, 3, 7, 0)), 115200, "p")
+
+
+def test_the_sentence_has_the_arithmetic_and_what_fits() -> None:
+    with pytest.raises(InputError) as told:
+        display.check_line(settings(16), 115200, "/dev/ttyUSB0")
+    sentence = str(told.value)
+    assert sentence.startswith(
+        "/dev/ttyUSB0: the line is too slow: 16 receivers x 56 bytes x 240 Hz = 215040"
+    )
+    assert "115200 baud carries 11520" in sentence
+    assert "1 receiver at 120 Hz with this list" in sentence
+    assert "1 receiver at 240 Hz or 2 receivers at 120 Hz with --items short" in sentence
+    assert sentence.endswith("; or use the tracker's USB")
+
+
+def test_settings_are_told_as_they_were_and_are() -> None:
+    options = {
+        "whoami": "LIBERTY 240/8",
+        "before": {"units": 0, "output_list": {"1": (2, 4, 1), "2": (2, 4, 1)}, "stylus": {"1": 1, "2": 0}},
+        "after": {"units": 1, "output_list": {"1": FULL_LIST, "2": FULL_LIST}, "stylus": {"1": 0, "2": 0}},
+    }
+    settings = StreamSettings(
+        "liberty", "binary", "cm", 240.0, (1, 2), {1: FULL_LIST, 2: FULL_LIST}, {}, options
+    )
+    answers = [
+        "tracker     LIBERTY 240/8",
+        "receivers   1, 2",
+        "units             inch -> cm",
+        "output list       2 4 1 -> 8 9 11 10 12 3 7",
+        "stylus            1: 1 -> 0; 2: 0",
+        "note: a warning",
+    ]
+    assert session.answer_lines(settings, ["a warning"], 115200) == [
+        *answers,
+        "line        2 receivers x 56 bytes x 240 Hz = 26880 bytes/s, and 115200 baud carries 11520: 233 %",
+        "            too slow; what fits is 1 receiver at 120 Hz with this list, "
+        "1 receiver at 240 Hz or 2 receivers at 120 Hz with --items short",
+    ]
+    assert session.answer_lines(settings, ["a warning"], None) == [
+        *answers,
+        "line        needs 26.9 kB/s; the port's own rate is not known",
+    ]

@@ -67,7 +67,7 @@ def test_a_cluster_is_a_pose_with_the_files_frames_and_times(tmp_path: Path) -> 
     assert re.fullmatch(
         r"cluster hand: 3 markers, residual \S+ mm rms, \S+ mm max, 12 of 12 frames", samples.notes[0]
     )
-    assert samples.place(3) == f"{tmp_path}/a.c3d: frame 104"
+    assert samples.locate(3) == f"{tmp_path}/a.c3d: frame 104"
     np.testing.assert_array_equal(samples.numbers[~hand], [[0, 0, 0, 1, 0, 0, 0]] * FRAMES)
 
 

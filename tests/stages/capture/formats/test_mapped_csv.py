@@ -125,7 +125,7 @@ def test_a_long_table(tmp_path: Path) -> None:
     np.testing.assert_array_equal(samples.frame[bench], [7, 9])
     np.testing.assert_array_equal(samples.numbers[bench], [[0, 0, 0, 1, 0, 0, 0]] * 2)
     assert np.isnan(samples.time_s).all()
-    assert samples.place(int(np.flatnonzero(hand)[1])) == f"{tmp_path}/old.txt: line 4"
+    assert samples.locate(int(np.flatnonzero(hand)[1])) == f"{tmp_path}/old.txt: line 4"
 
 
 def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ FORWARD = "receiver-to-transmitter"
 BACK = "transmitter-to-receiver"
 
 
-def place(row: int) -> str:
+def locate(row: int) -> str:
     return f"rom.csv: line {row + 1}"
 
 
@@ -48,8 +48,8 @@ def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> 
     guide = [ce * ca, ce * sa, -se, sr * se * ca - cr * sa, cr * ca + sr * se * sa, sr * ce]
     guide += [sr * sa + cr * se * ca, cr * se * sa - sr * ca, cr * ce]
     same(
-        quaternions(np.stack(guide, axis=-1), translated("matrix", BACK), place),
-        quaternions(angles, translated("euler", FORWARD, axes="ZYX", unit="deg"), place),
+        quaternions(np.stack(guide, axis=-1), translated("matrix", BACK), locate),
+        quaternions(angles, translated("euler", FORWARD, axes="ZYX", unit="deg"), locate),
     )
 
 
@@ -70,30 +70,30 @@ def test_every_kind_gives_the_rotation_that_it_was_written_from(
 ) -> None:
     """Also by the numbers of the inverse; angles, of another program, turn about own axes."""
     q = unit(np.random.default_rng(6).normal(size=(200, 4)))
-    same(quaternions(numbers_of(q), translated(kind, FORWARD, **keys), place), q)
-    same(quaternions(numbers_of(conjugate(q)), translated(kind, BACK, **keys), place), q)
+    same(quaternions(numbers_of(q), translated(kind, FORWARD, **keys), locate), q)
+    same(quaternions(numbers_of(conjugate(q)), translated(kind, BACK, **keys), locate), q)
 
 
 def test_a_missing_number_stays_missing_and_an_infinite_one_infinite() -> None:
     angles = np.array([[1, np.nan, 2], [np.nan] * 3, [1, np.inf, 2], [1, 2, 3]])
-    found = quaternions(angles, translated("euler", axes="ZYX", unit="deg"), place)
+    found = quaternions(angles, translated("euler", axes="ZYX", unit="deg"), locate)
     assert np.isnan(found[:2]).all()
     assert np.isinf(found[2]).any()
     assert np.isfinite(found[3]).all()
     nine = np.stack([np.full(9, np.nan), np.eye(3).ravel()])
-    found = quaternions(nine, translated("matrix"), place)
+    found = quaternions(nine, translated("matrix"), locate)
     assert np.isnan(found[0]).all()
     np.testing.assert_array_equal(found[1], [1, 0, 0, 0])
     some = np.array([[1.0, 0, np.nan, 0]])
     np.testing.assert_array_equal(
-        quaternions(some, translated("quaternion", order="xyzw"), place), [[0, 1, 0, np.nan]]
+        quaternions(some, translated("quaternion", order="xyzw"), locate), [[0, 1, 0, np.nan]]
     )
 
 
 def test_a_rounded_matrix_gives_the_nearest_rotation() -> None:
     rng = np.random.default_rng(5)
     q = unit(rng.normal(size=(50, 4)))
-    found = proper_rotations(np.round(matrix(q), 3), place)
+    found = proper_rotations(np.round(matrix(q), 3), locate)
     np.testing.assert_allclose(np.swapaxes(found, 1, 2) @ found, np.tile(np.eye(3), (50, 1, 1)), atol=1e-12)
     assert angle(multiply(conjugate(q), from_matrix(found))).max() < 2e-3
 
@@ -113,4 +113,4 @@ def test_a_rounded_matrix_gives_the_nearest_rotation() -> None:
 def test_what_is_no_rotation_is_refused_where_it_stands(bad: np.ndarray, message: str) -> None:
     three = np.stack([np.eye(3), np.full((3, 3), np.nan), bad])
     with pytest.raises(InputError, match=re.escape(f"rom.csv: line 3: the {message}")):
-        proper_rotations(three, place)
+        proper_rotations(three, locate)

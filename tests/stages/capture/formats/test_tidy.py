@@ -217,7 +217,7 @@ def test_a_file_in_blocks_is_the_file(tmp_path: Path, ending: str) -> None:
     again = joined(blocks)
     for name in ("segment", "frame", "time_s", "numbers"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
-    assert [again.place(row) for row in range(60)] == [whole.place(row) for row in range(60)]
+    assert [again.locate(row) for row in range(60)] == [whole.locate(row) for row in range(60)]
 
 
 ABANDONED = """

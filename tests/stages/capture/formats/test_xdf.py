@@ -111,7 +111,7 @@ def test_poses_times_and_gaps_come_through(tmp_path: Path, field: str) -> None:
     np.testing.assert_array_equal(samples.time_s, [*TIMES] * 2)
     np.testing.assert_array_equal(samples.numbers[:5], VALUES[:, :7] * [1000, 1000, 1000, 1, 1, 1, 1])
     np.testing.assert_array_equal(np.isnan(samples.numbers).all(-1), [False] * 8 + [True, False])
-    assert samples.place(9) == f"{tmp_path / 'rom.xdf'}: stream tracker, sample 5"
+    assert samples.locate(9) == f"{tmp_path / 'rom.xdf'}: stream tracker, sample 5"
     assert samples.notes == ()
 
 
