@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from shukotsu.schemas.study import Recording, SubjectSession
+if TYPE_CHECKING:
+    from shukotsu.schemas.study import Recording
 
 MEASURED_TABLES = (
     "ranges_of_motion",
@@ -118,6 +120,8 @@ class Results:
 
     def subject(self, subject: str, session: str = "") -> Path:
         """Folder of a subject's plan and tables, in one session where the sheet names any."""
+        from shukotsu.schemas.study import SubjectSession  # names of tables alone need no NumPy
+
         return self.folder / f"sub-{SubjectSession(subject, session).token}"
 
     def plan(self, subject: str, session: str = "") -> Path:
@@ -150,7 +154,7 @@ class Results:
 
     def subject_pages(self, subject: str, session: str = "") -> Path:
         """Folder of the report's pages of one subject."""
-        return self.folder / "report" / f"sub-{SubjectSession(subject, session).token}"
+        return self.folder / "report" / self.subject(subject, session).name
 
     def subject_page(self, subject: str, session: str = "") -> Path:
         """The report's page of one subject."""

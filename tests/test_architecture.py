@@ -88,7 +88,7 @@ def test_the_snakefile_wires_and_holds_no_logic() -> None:
     text = (REPOSITORY / "Snakefile").read_text("utf-8")
     lines = "\n".join(re.findall(r"^(?:from|import) .*$", text, re.MULTILINE))
     targets = [target for target, _ in imports(lines)]
-    assert len(targets) > 3
+    assert len(targets) > 1
     assert {room(target) for target in targets} <= {"workflow", *_LOW}
 
 

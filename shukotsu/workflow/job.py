@@ -22,7 +22,7 @@ KILLED = 137
 
 
 def main(argv: Sequence[str]) -> int:
-    """Run a module's command line, argv[0] being its dotted name; return its exit code."""
+    """Run a command line, argv[0] being its module or a stage's script; return its exit code."""
     status = run_in_fork(argv)
     folder = os.path.dirname(os.environ.get(ADDRESS, ""))  # noqa: PTH120 - pathlib, see below
     # the warm process has ended with its workflow, whose next run must find nobody at its files
@@ -58,7 +58,10 @@ def run(argv: Sequence[str]) -> int:
     """Run the command line in this process."""
     from shukotsu.stages import command_line
 
-    return command_line.ended(lambda: command_line.dispatched(argv[0], argv[1:]))
+    name = argv[0]
+    if name.endswith(".py"):  # a stage's script, from the program's folder
+        name = f"shukotsu.{name.removesuffix('.py').replace('/', '.')}"
+    return command_line.ended(lambda: command_line.dispatched(name, argv[1:]))
 
 
 if __name__ == "__main__":

@@ -126,7 +126,8 @@ class StudyFiles:
         simulated = [path for plan in self.subjects for r in plan.recordings for path in self._made_for(r)]
         spoiled: list[str] = []
         with suppress(OSError):  # a folder that cannot be written to: Snakemake says so
-            spoiled = recall(self.kept, [*self.outputs, *simulated], tables, self._digests)
+            made = [path for path in self.outputs if path not in self.plans]
+            spoiled = recall(self.kept, [*made, *simulated], tables, self._digests)
         folder = f"{self.results.folder.as_posix()}/"
         named = [path.removeprefix(folder) for path in spoiled if path not in tables]
         return f"not as a run left them, and made anew: {listed(named)}" if named else ""
@@ -238,9 +239,9 @@ class StudyFiles:
         return [str(plan.poses(recording)) for recording in plan.recordings if not recording.exclude]
 
     def subject_tables(self, wildcards: Wildcards) -> list[str]:
-        """The subject's own tables, of both hands and all models."""
+        """Return the subject's own tables, of both hands and all models, and those of its fits."""
         plan = self._plans[wildcards.subject]
-        return [str(path) for table in results.SUBJECT_TABLES for path in plan.files_of(table)]
+        return [*map(str, map(plan.table, results.SUBJECT_TABLES)), *self.fit_tables(wildcards)]
 
     def poses_of_fit(self, wildcards: Wildcards) -> list[str]:
         """Poses that a fit of a hand reads: of both hands, where the model shares lengths between them."""
@@ -257,6 +258,15 @@ class StudyFiles:
     def layout(self, wildcards: Wildcards) -> str:
         """The layout of a hand."""
         return _relative(self.study.layout_of(self._plans[wildcards.subject].hand(wildcards.hand)))
+
+    def inputs(self, *names: str) -> dict[str, Any]:
+        """Return, by name, a subject's plan, poses and truth, and tables of both hands and all models."""
+        from snakemake.io import ancient  # who only reads a study has no need of Snakemake
+
+        folder = f"{self.results.folder.as_posix()}/sub-{{subject}}"
+        files = {"plan": ancient(f"{folder}/plan.json"), "poses": self.poses, "truth": self.truth}
+        files["event_files"] = ancient(self.event_files)
+        return {name: files.get(name, f"{folder}/{name}.parquet") for name in names}
 
     def fits(self, *names: str, references: bool = False) -> dict[str, Callable[[Wildcards], list[str]]]:
         """Return, by name, what lists those tables of the subject's whole-hand fits.
@@ -361,7 +371,7 @@ class StudyFiles:
     @property
     def tables(self) -> list[str]:
         """Every table of every subject."""
-        kinds = (self.poses, self.fit_tables, self.subject_tables)
+        kinds = (self.poses, self.subject_tables)
         return [path for each in kinds for path in self._of_all(each)]
 
     def all_poses(self, _: Wildcards = None) -> list[str]:
@@ -381,6 +391,11 @@ class StudyFiles:
     def study_tables(self) -> list[str]:
         """The study-wide tables."""
         return [str(self.results.study_table(table)) for table in results.STUDY_TABLES]
+
+    @property
+    def whole_tables(self) -> list[str]:
+        """All study-wide tables."""
+        return [*self.study_tables, *self.model_comparisons, *self.movement_comparisons]
 
     @property
     def model_comparisons(self) -> list[str]:
@@ -447,17 +462,15 @@ class StudyFiles:
 
     @property
     def outputs(self) -> list[str]:
-        """All that the study is run for, but for the plans."""
-        files = [str(self.results.report), str(self.results.resolved), *self.study_tables]
-        files += [*self.model_comparisons, *self.movement_comparisons, *self.tables, *self.subject_pages]
-        return [*files, *self.figures, *self.exports, *self.export_folders]
+        """Return all that the study is run for."""
+        files = [str(self.results.report), str(self.results.resolved), *self.whole_tables]
+        files += [*self.tables, *self.subject_pages]
+        return [*files, *self.figures, *self.exports, *self.export_folders, *self.plans]
 
     @property
     def kept(self) -> Path:
         """The file of what Snakemake noted of the results."""
         return self.results.folder / "logs" / "made_from.json"
-
-    figure_names = results.STUDY_FIGURES
 
     @property
     def figures(self) -> list[str]:

@@ -92,20 +92,6 @@ def test_all_subjects_are_in_one_folder_that_takes_no_room(study: StudyRun) -> N
             assert (study.results.exports / file.name).samefile(file)
 
 
-def test_nothing_is_left_to_do_and_other_settings_export_again(study: StudyRun) -> None:
-    assert study.planned() == set()
-    before = study.file.read_text("utf-8")
-    study.file.write_text(before.replace("rig: webxr", "rig: vrm"), "utf-8")
-    try:
-        jobs = study.planned()
-    finally:
-        study.file.write_text(before, "utf-8")
-    rules = {job.rule for job in jobs}
-    assert {"export", "export_dataset"} <= rules
-    assert not rules & {"capture", "solve_joints", "evaluate_tips", "subject_pages"}
-    assert {job.subject for job in jobs if job.rule == "export"} == {"01", "02"}
-
-
 def test_a_format_less_leaves_nothing_of_it(study: StudyRun) -> None:
     """The last test: the study is another one then."""
     text = study.file.read_text("utf-8")

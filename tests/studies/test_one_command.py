@@ -63,22 +63,6 @@ def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
     assert (folder / "out" / "sub-01_hand-right_task-rom_model-rigid.csv").is_file()
 
 
-def test_what_snakemake_says_no_to_is_the_commands_exit_code(tmp_path: Path) -> None:
-    record(tmp_path / "rom.parquet", subject="01", task="rom")
-    (tmp_path / "recordings.tsv").write_text(
-        "subject\thand\ttask\trole\tfile\n01\tright\trom\tboth\trom.parquet\n"
-    )
-    (tmp_path / "study.yaml").write_text(
-        "study: a\nrecordings: recordings.tsv\nlayout: liberty16\nmodels: [rigid]\n"
-    )
-    refused = shukotsu(tmp_path, "run", "--cores", "none")
-    assert refused.returncode == 2
-    assert "--cores: is 'none'; expected a number of jobs, or all" in refused.stderr
-    wrong = shukotsu(tmp_path, "run", "--", "--no-such-option")
-    assert wrong.returncode not in (0, -1)
-    assert "Traceback" not in wrong.stderr
-
-
 def test_why_it_cannot_go_on_is_one_sentence(tmp_path: Path) -> None:
     """A damaged table is named with its job and log; results that may not be written end it with 2."""
     file = record(tmp_path / "rom.parquet")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 PLAIN, CORRECTED, FITTED = "plain", "corrected", "fitted"
 ROWS = ["01\tright\trom\tboth\t01.csv", "02\tright\trom\tboth\t02.csv", "late\tright\trom\tboth\tlate.csv"]
-CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t{}\t0\t0\n"
+CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t1\t0\t0\n"
 AFTER_CAPTURE = {"check_recordings", "align_events", "solve_joints"}
 AFTER_CAPTURE |= {"fit_hand"}
 AFTER_SOLVING = {
@@ -38,7 +39,7 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
     study = folder / "study"
     for subject in ("01", "02"):
         record(study / f"{subject}.csv", subject=subject, frames=FRAMES)
-    (study / "corrections.tsv").write_text(CORRECTIONS.format(1))
+    (study / "corrections.tsv").write_text(CORRECTIONS)
     head = "description: a model of this study\nown_cmc: [thumb_cmc]\n"
     (study / f"{PLAIN}.yaml").write_text(f"model: {PLAIN}\n{head}")
     (study / f"{CORRECTED}.yaml").write_text(f"model: {CORRECTED}\n{head}planes: {{corrections: true}}\n")
@@ -134,17 +135,6 @@ def test_a_table_asked_for_is_made_with_what_it_needs(study: StudyRun, table: st
     assert _rules(study.planned("--until", f"results/twice/{table}")) >= rules
 
 
-def test_a_removed_table_is_made_again_and_nothing_twice(study: StudyRun) -> None:
-    before = hashes(study.results.folder)
-    removed = "sub-01/joint_centres.parquet"
-    (study.results.folder / removed).unlink()
-    assert "estimate_metacarpals" in _rules(study.planned())
-    assert _subjects(study.planned()) == {"01"}
-    study.run()
-    assert hashes(study.results.folder) == before
-    assert study.planned() == set()
-
-
 # --- what changed in the study ----------------------------------------------------------------------------
 
 
@@ -179,31 +169,6 @@ def test_one_model_more_fits_that_model_only(study: StudyRun) -> None:
     assert study.planned() == set()
 
 
-def test_changed_corrections_run_whom_they_correct(study: StudyRun) -> None:
-    (study.folder / "corrections.tsv").write_text(CORRECTIONS.format(2))
-    jobs = study.planned()
-    assert _subjects(jobs) == {"01"}
-    assert _rules(jobs) >= {"project_planes", *AT_THE_END}
-    assert not _rules(jobs) & {"capture", "fit_hand"}
-
-
-def test_one_subject_more_runs_that_subject_only(study: StudyRun) -> None:
-    shutil.copy(study.folder / "02.csv", study.folder / "03.csv")
-    _edit(study.folder / "twice.tsv", lambda text: f"{text}03\tright\trom\tboth\t03.csv\n")
-    jobs = study.planned()
-    assert _rules(jobs) == {"plan", *EVERYTHING}
-    assert _subjects(jobs) == {"03"}
-
-
-def test_a_recording_that_came_late_is_captured(study: StudyRun) -> None:
-    """A missing file has a row that says so, until it is there."""
-    assert study.rows_where("recordings", subject="late")[0]["status"] == "failed"
-    shutil.copy(study.folder / "02.csv", study.folder / "late.csv")
-    jobs = study.planned()
-    assert _rules(jobs) == EVERYTHING
-    assert _subjects(jobs) == {"late"}
-
-
 # --- what changed in the program --------------------------------------------------------------------------
 
 
@@ -212,6 +177,39 @@ def test_another_state_of_the_program_reruns_all_but_the_plans(study: StudyRun) 
     jobs = study.planned()
     assert _rules(jobs) == EVERYTHING
     assert _subjects(jobs) == {"01", "02", "late"}
+
+
+# --- what Snakemake has forgotten, was copied or damaged ---------------------------------------------------
+
+
+@pytest.mark.parametrize("memory", [True, False])
+def test_a_copy_makes_nothing_again(base: Path, tmp_path: Path, memory: bool) -> None:
+    """Also in a folder at another depth, with other times."""
+    leave = None if memory else shutil.ignore_patterns(".snakemake")
+    folder = tmp_path / "deeper" / "copy"
+    shutil.copytree(base, folder, ignore=leave, copy_function=shutil.copyfile)
+    assert StudyRun(folder / "study/twice.yaml", folder / "study", folder / "the program").planned() == set()
+
+
+def test_what_no_run_left_so_is_made_anew(study: StudyRun) -> None:
+    """Cut with its time kept, removed, or of unknown origin: to the same bytes, and nothing is left."""
+    before = hashes(study.results.folder)
+    for name in ("report.html", "sub-01/plan.json", "sub-01/findings.parquet", "sub-02/tips.parquet"):
+        file = study.results.folder / name
+        state = file.stat()
+        os.truncate(file, state.st_size // 2)
+        os.utime(file, ns=(state.st_atime_ns, state.st_mtime_ns))
+    (study.results.folder / "sub-01/joint_centres.parquet").unlink()
+    rules = _rules(study.planned())
+    assert {"check_recordings", "estimate_metacarpals", "evaluate_tips", "gather", "report"} <= rules
+    assert study.planned("results/twice/sub-01/right/rom/poses.parquet") == set(), "and no other target"
+    assert "note: not as a run left them, and made anew: " in study.run()
+    assert hashes(study.results.folder) == before
+    assert study.planned() == set()
+    (study.results.folder / "logs" / "made_from.json").unlink()
+    assert study.planned() == set()
+    shutil.rmtree(study.folder / ".snakemake")
+    assert {"capture", "solve_joints", "report"} <= _rules(study.planned()), "nothing says what made them"
 
 
 # --- Snakemake's own options ------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +15,12 @@ from stage_runs import of_plan
 from shukotsu.anatomy.neutral_bones import neutral_rotations
 from shukotsu.schemas.catalogue import CLOCKS, EVENTS, TABLES
 from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.parts import part_metadata, read_part
+from shukotsu.schemas.parts import part_metadata, parts_writer, read_part
 from shukotsu.schemas.tables import (
     Provenance,
     columns_from_rows,
     read_table,
     rows_of,
-    write_failure,
     write_table,
 )
 from shukotsu.skeleton.joint_angles import joint_angles, joint_rotation
@@ -206,8 +204,8 @@ def test_without_events_there_are_no_cycles(subject: PlannedSubject, tmp_path: P
 def test_a_model_that_failed_has_no_rows_and_the_other_has(subject: PlannedSubject, tmp_path: Path) -> None:
     copy = subject.copied(tmp_path)
     fit = copy.fit_folder() / "joint_angles.parquet"
-    shutil.copy(fit, tmp_path / "kept.parquet")
-    write_failure(fit, TABLES["joint_angles"], "no calibration recording is left", Provenance())
+    with parts_writer(fit, TABLES["joint_angles"], Provenance()) as writer:
+        writer.failure(copy.part("quick"), "no calibration recording is left")
     assert run(copy, tmp_path / "out") == 2
     assert run(copy, tmp_path / "out", "--record-failure") == 0
     path = tmp_path / "out" / "ranges_of_motion.parquet"

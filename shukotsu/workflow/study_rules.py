@@ -1,0 +1,125 @@
+"""What the Snakefile begins and ends with: the study, and what every rule has beside files and command."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from pathlib import Path
+from typing import Any
+
+from snakemake.exceptions import WorkflowError
+from snakemake.io import report
+from snakemake.logging import logger
+from snakemake.settings.types import Quietness
+
+from shukotsu.errors import InputError
+from shukotsu.workflow import failed_jobs, made_from, warm_process
+from shukotsu.workflow.file_digests import program_digest
+from shukotsu.workflow.study_files import StudyFiles, study_file
+
+RUN = f"PYTHONSAFEPATH=1 {shlex.quote(sys.executable)} -m shukotsu.workflow.job"
+"""What runs a stage's command as a job: in a warm process where there is one."""
+WILDCARDS = {
+    "subject": "[^/]+",
+    "hand": "right|left",
+    "task": "[^/]+",
+    "recording": "[^/]+",
+    "model": "[^/]+",
+}
+"""What the wildcards of a path may be."""
+PREFIXES = {"subject": "sub-", "recording": ""}
+"""What stands before wildcards in a log's name, where not their own names."""
+LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
+"""What is said of a job's wildcards."""
+
+
+def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
+    """Read the study that a workflow is of, and have what a run needs done as it starts and ends.
+
+    top : the folder of the Snakefile. Raises WorkflowError where the study cannot be read.
+    """
+    if (top / "shukotsu").is_dir():  # a checkout, for jobs; not in their commands: it may move
+        paths = [str(top), os.getenv("PYTHONPATH")]
+        os.environ.update(PYTHONPATH=os.pathsep.join(filter(None, paths)))
+    files = [top / "Snakefile", top / "workflow" / "Snakefile"]
+    is_module = Path(workflow.main_snakefile).resolve() not in files  # of another Snakefile
+    if not is_module:  # nothing is imported from the folder that this runs in
+        os.environ.update(PYTHONSAFEPATH="1")
+    try:
+        study = StudyFiles(study_file(workflow.configfiles, config, is_module))
+        notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
+        notes += [study.what_is_not_as_made()] if workflow.is_main_process else []
+    except InputError as error:
+        raise WorkflowError(str(error)) from None
+    _note(*notes)
+    workflow.global_wildcard_constraints(**WILDCARDS)
+    if workflow.is_main_process and Quietness.RULES in (workflow.output_settings.quiet or ()):
+        logger.addFilter(failed_jobs.FailedJobs(workflow, study.results.folder))  # as `shukotsu run` asks
+
+    def start(_: Any) -> None:
+        failed_jobs.refuse(workflow, study.results.folder)
+        _note(study.what_changed(), study.remove_former())
+        study.write_changed_plans()
+        warm_process.start()
+
+    workflow.onstart(start)
+    workflow.onsuccess(lambda _: made_from.keep(study.kept, workflow))
+    workflow.onerror(lambda _: made_from.keep(study.kept, workflow))
+    return study
+
+
+def _note(*notes: str) -> None:
+    for note in filter(None, notes):
+        print(f"note: {note}", file=sys.stderr)
+
+
+def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
+    """Give every rule of this Snakefile its log and message, and params by which Snakemake runs it again.
+
+    These are the program's digest, and those of what inputs of these names say: the subject's plan, all
+    plans, the study's configuration. A rule that uses a part of a plan has its own.
+    """
+    code = program_digest()
+    params_of = {
+        "plan": {"plan": study.plan},
+        "plans": {"plans": study.plans_digest},
+        "configuration": {"configuration": study.configuration_digest, "study": study.options},
+    }
+    for rule in workflow.rules:
+        if rule.snakefile != snakefile or not rule.output:
+            continue
+        names = [name for name in WILDCARDS if name in rule.wildcard_names]
+        path = "_".join(
+            f"{{{n}}}" if n == "recording" else f"{n.replace('subject', 'sub')}-{{{n}}}" for n in names
+        )
+        rule.log_modifier = rule.output_modifier
+        rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{f'/{path}' if path else ''}.log")
+        shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
+        rule.message = f"{rule.name}: {', '.join(shown) or 'the study'}"
+        if rule.name == "plan":  # changed plans are written when a run begins
+            continue
+        rule.set_params(code=code)
+        named = {name for name, _ in rule.params._allitems()}
+        for name, _ in list(rule.input._allitems()):
+            more = params_of.get(name, {})
+            rule.set_params(**{key: value for key, value in more.items() if key not in named})
+
+
+def report_page(study: StudyFiles) -> Any:
+    """Return the study's page, as a result of `snakemake --report`."""
+    page, labels = str(study.results.report), {"page": study.study.name}
+    return report(page, caption="captions/report.rst", category="Study", labels=labels)
+
+
+def report_figures(study: StudyFiles) -> list[Any]:
+    """Return the study's figures for print, the drawings as results of `snakemake --report`."""
+    paths = [Path(path) for path in study.figures]
+    return [
+        report(
+            str(path), caption=f"captions/{path.stem}.rst", category="Figures", labels={"figure": path.stem}
+        )
+        if path.suffix == ".svg"
+        else str(path)
+        for path in paths
+    ]
