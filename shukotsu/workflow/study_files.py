@@ -6,7 +6,7 @@ import json
 import os
 import re
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -33,12 +33,12 @@ from shukotsu.schemas.plan import (
     plan_digest,
     plan_from_content,
     plan_text,
+    read_plan,
     recordings_part,
     truth_folder,
 )
 from shukotsu.schemas.study import Recording, Study, SubjectSession, path_token, read_study
-from shukotsu.workflow.file_digests import FileDigests
-from shukotsu.workflow.former_results import remove_former_results
+from shukotsu.workflow.file_digests import STAMP, FileDigests
 
 DEMO = Path("config", "demo.yaml")
 """The study of a run that names none."""
@@ -485,6 +485,48 @@ class StudyFiles:
     def subject_pages(self) -> list[str]:
         """Folders of the subjects' pages of the report."""
         return [str(self.results.subject_pages(*who)) for who in self.study.sessions]
+
+
+def remove_former_results(paths: results.Results, present: Collection[str]) -> list[str]:
+    """Remove what was written for subjects, recordings and models that a study has no longer.
+
+    Return the subjects' folders. What was written is known by the plan beside it; nothing else is touched.
+    present : paths that rules make now.
+    """
+    folders = []
+    for path in sorted(paths.folder.glob("sub-*/plan.json")):
+        plan = None
+        with suppress(InputError):  # one that cannot be read says nothing of what was made
+            plan = read_plan(path)
+        if plan is None or plan.folder != path.parent:
+            continue
+        former = [own for own in _written(plan, paths, present) if own.as_posix() not in present]
+        removed = [own for own in former if own.is_file()]
+        for own in removed:
+            own.unlink()
+            with suppress(OSError):  # the first folder that is not empty
+                for folder in own.parents:
+                    if folder == paths.folder:
+                        break
+                    folder.rmdir()
+        folders += [plan.folder.name] if removed else []
+    return folders
+
+
+def _written(plan: SubjectPlan, paths: results.Results, present: Collection[str]) -> Iterator[Path]:
+    """The paths of all that was written for a subject, by its plan."""
+    yield plan.folder / "plan.json"
+    yield from plan.poses_files.values()
+    yield from (plan.table(name) for name in results.SUBJECT_TABLES)
+    for model in (*plan.fitted_models, REFERENCE):
+        yield from (plan.fit_table(hand, model, name) for hand in plan.hands for name in results.FIT_TABLES)
+    pages, exports = paths.subject_pages(*plan.who), paths.subject_exports(*plan.who)
+    if pages.as_posix() not in present:
+        yield from (paths.recording_page(recording) for recording in plan.recordings)
+        yield from (paths.subject_page(*plan.who), pages / results.FAILED_PAGES, pages / STAMP)
+    if exports.as_posix() not in present:
+        yield from (own for own in exports.rglob("*") if own.relative_to(exports).parts[0].startswith("sub-"))
+        yield exports / STAMP
 
 
 def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool) -> Path:

@@ -81,7 +81,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
     plans, the study's configuration. A rule that uses a part of a plan has its own.
     """
     code = program_digest()
-    params_of = {
+    params_of: dict[str, dict[str, Any]] = {
         "plan": {"plan": study.plan},
         "plans": {"plans": study.plans_digest},
         "configuration": {"configuration": study.configuration_digest, "study": study.options},
@@ -97,7 +97,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{f'/{path}' if path else ''}.log")
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
         rule.message = f"{rule.name}: {', '.join(shown) or 'the study'}"
-        if rule.name == "plan":  # changed plans are written when a run begins
+        if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run begins
             continue
         rule.set_params(code=code)
         named = {name for name, _ in rule.params._allitems()}

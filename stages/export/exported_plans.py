@@ -20,7 +20,6 @@ from shukotsu.stages import command_line
 from shukotsu.stages.export.file_facts import file_stem
 from shukotsu.stages.export.motion import read_motion
 from shukotsu.stages.export.motion_bids import write_dataset_files
-from shukotsu.stages.export.plan_selection import chosen_models, chosen_recordings
 from shukotsu.stages.export.registry import FORMATS, Settings, chosen_formats, settings_of, write_format
 
 T = TypeVar("T")
@@ -122,3 +121,43 @@ def _forget_failures(folder: Path, *names: str) -> None:
     for name in names:
         with suppress(PermissionError):  # then nothing can be written here either, and that is said
             (folder / f"{name}.failed.txt").unlink(missing_ok=True)
+
+
+def chosen_models(plan: SubjectPlan, path: Path, names_list: str) -> list[str]:
+    """Return models of a comma-separated list, all of the plan's where it is empty.
+
+    path : of the plan, for messages. Raises InputError where one is none.
+    """
+    names = list(dict.fromkeys(name.strip() for name in names_list.split(",") if name.strip()))
+    for name in names:
+        if name not in plan.models:
+            raise InputError(f"--model: {path} has no model {name!r}; it has {', '.join(plan.models)}")
+    return names or list(plan.models)
+
+
+def chosen_recordings(plan: SubjectPlan, path: Path, hand: str, name: str) -> list[Recording]:
+    """Return the recordings to export.
+
+    hand : right or left, empty for both. name : the task, or TASK_TRIAL, which need not be evaluated, for its
+    tables say more; empty for every recording that tips are evaluated on. Raises InputError where there is
+    none, or several have the name.
+    """
+    if hand and hand not in plan.hands:
+        raise InputError(
+            f"--hand: {path} has no {hand} hand of {plan.who.label!r}; it has {', '.join(plan.hands)}"
+        )
+    chosen: list[Recording] = []
+    for side in (hand,) if hand else plan.hands:
+        if not name:
+            chosen += plan.evaluated(side)
+            continue
+        of_hand = [recording for recording in plan.recordings if recording.hand.hand == side]
+        named = [r for r in of_hand if name in (r.name, r.task, f"{r.task}_{r.trial}")]
+        exact = [r for r in named if name in (r.name, f"{r.task}_{r.trial}") or not r.trial]
+        if len(exact or named) != 1:
+            raise InputError(
+                f"--recording: {name!r} is not one recording of the {side} hand of {path}; expected one of "
+                f"{', '.join(recording.name for recording in of_hand)}"
+            )
+        chosen += exact or named
+    return chosen
