@@ -500,7 +500,7 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
             plan = read_plan(path)
         if plan is None or plan.folder != path.parent:
             continue
-        former = [own for own in _written(plan, paths, present) if own.as_posix() not in present]
+        former = [own for own in _files_of_subject(plan, paths, present) if own.as_posix() not in present]
         removed = [own for own in former if own.is_file()]
         for own in removed:
             own.unlink()
@@ -513,7 +513,7 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
     return folders
 
 
-def _written(plan: SubjectPlan, paths: results.Results, present: Collection[str]) -> Iterator[Path]:
+def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collection[str]) -> Iterator[Path]:
     """The paths of all that was written for a subject, by its plan."""
     yield plan.folder / "plan.json"
     yield from plan.poses_files.values()

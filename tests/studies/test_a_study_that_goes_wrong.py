@@ -153,11 +153,6 @@ def test_the_good_subject_loses_nothing(study: StudyRun, good_alone: StudyRun, t
     assert found.equals(of_the_good_subject(good_alone))
 
 
-def test_only_what_concerns_it_is_a_problem_of_the_good_subject(good_alone: StudyRun) -> None:
-    assert {row["kind"] for row in good_alone.rows("problems")} == {"correction"}
-    assert {row["status"] for row in good_alone.rows("recordings")} == {"used"}
-
-
 def test_every_recording_has_its_status_and_message(study: StudyRun) -> None:
     found = [(row["subject"], row["file"], row["status"], row["message"]) for row in study.rows("recordings")]
     assert len(found) == len(GOOD + BAD)

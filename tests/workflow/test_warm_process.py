@@ -25,7 +25,7 @@ HELP = ("shukotsu.stages.solve_joints", "--help")
 WAITING = "tests.workflow.waiting_job"
 LIGHT = (
     "import socket, sys; from shukotsu.workflow import warm_process as w; "
-    "w.PACKAGES = ['shukotsu.stages.solve_joints.__main__']; w.serve(socket.socket(fileno=int(sys.argv[1])))"
+    "w.PACKAGES = ['shukotsu.stages.solve_joints']; w.serve(socket.socket(fileno=int(sys.argv[1])))"
 )
 """A warm process that imports one stage, not all."""
 
