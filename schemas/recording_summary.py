@@ -1,22 +1,200 @@
-"""Make a recording's row of the recordings table, from its poses table's rows and parameters."""
+"""A subject's part of the study's tables: rows of recordings, short tables, and problems, made here alone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
+from shukotsu.schemas.movement_tables import CLOCKS
 
 from shukotsu.errors import InputError, TableError
-from shukotsu.schemas.catalogue import POSES
+from shukotsu.schemas.catalogue import (
+    FINDINGS,
+    JOINT_CENTRES,
+    MOVED_RECEIVERS,
+    POSES,
+    RECEIVERS,
+    RECORDINGS,
+    TABLES,
+)
 from shukotsu.schemas.device_clock import Array, device_clock
-from shukotsu.schemas.findings import NOTE, REFUSED, Finding, worded
+from shukotsu.schemas.findings import NOTE, REFUSED, Finding, problem_of, problem_row, worded
+from shukotsu.schemas.parts import part_metadata
+from shukotsu.schemas.plan import SubjectPlan
+from shukotsu.schemas.results import GATHERED_TABLES
 from shukotsu.schemas.study import Recording
-from shukotsu.schemas.tables import column_array, read_metadata, read_row_groups
+from shukotsu.schemas.tables import (
+    Table,
+    column_array,
+    read_metadata,
+    read_row_groups,
+    read_table,
+    rows_of,
+)
+from shukotsu.schemas.verdict import TOO_CLOSE, doubts_of
 
 Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class SubjectTables:
+    """A subject's rows of the tables recordings and problems, and the gathered ones, of whole skeletons."""
+
+    recordings: list[Row]
+    problems: list[Row]
+    tables: Mapping[str, pa.Table]
+
+
+def subject_tables(plan: SubjectPlan) -> SubjectTables:
+    """Read what a study gathers of one subject, and name what is wrong; TableError where a table is damaged.
+
+    A recording that a finding refuses is not called used.
+    """
+    recordings, problems = [], []
+    for recording in plan.recordings:
+        row, findings = recording_row(recording, plan.poses(recording))
+        where = {**vars(recording.hand), "task": recording.title}
+        problems += [problem_row("capture", finding, **where) for finding in findings]
+        recordings.append(row)
+    by_name = {tuple(row[key] for key in RECORDINGS.key): row for row in recordings}
+    for finding in rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)):
+        row = by_name[tuple(finding[key] for key in RECORDINGS.key)]
+        if finding["severity"] == REFUSED and row["status"] == "used":
+            row |= {"status": REFUSED, "message": finding["message"]}
+        problems.append(problem_of(finding))
+    tables = {}
+    problems_of_rows = {
+        RECEIVERS.name: _receiver_problems,
+        MOVED_RECEIVERS.name: _moved_problems,
+        CLOCKS.name: _clock_problems,
+        JOINT_CENTRES.name: _joint_problems,
+    }
+    for name, stage in GATHERED_TABLES.items():
+        table, parts = TABLES[name], [TABLES[name].arrow_schema({}).remove_metadata().empty_table()]
+        for file in plan.files_of(name):
+            rows = read_table(file, table)
+            whole = "made_without" in table.key
+            parts.append(rows.filter(pc.equal(rows.column("made_without"), "")) if whole else rows)
+            problems += part_problems(plan, file, table, stage)
+        tables[name] = pa.concat_tables([part.replace_schema_metadata() for part in parts])
+        if name in problems_of_rows:
+            problems += problems_of_rows[name](tables[name])
+    for hand in plan.hands:
+        if not plan.all_calibrating(hand):
+            uncalibrated = Finding("hand", REFUSED, "uncalibrated")
+            problems.append(problem_row("solve_joints", uncalibrated, **vars(plan.hand(hand))))
+    return SubjectTables(recordings, problems, tables)
+
+
+def part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:
+    """Name parts that failed, and what a stage notes of others."""
+    for part, parameters in part_metadata(file, table).items():
+        where = {**vars(plan.hand(part.hand)), "model": part.model}
+        kind = "skeleton" if part.model else "hand"
+        for name, severity in (("failure", REFUSED), ("note", NOTE)):
+            if name in parameters and not part.made_without:
+                yield problem_row(stage, worded(kind, severity, parameters[name]), **where)
+
+
+RECEIVER_KINDS = {
+    "": "receiver",
+    "step": "receiver-loose",
+    "slide": "receiver-slid",
+}
+"""Kinds of problems by what displaced a receiver."""
+
+OF_A_MODEL = ("subject", "session", "hand", "model")
+
+
+def _receiver_problems(receivers: pa.Table) -> list[Row]:
+    """Receivers that came loose or slid, and touches that were refused, once however many models say so; a
+    disturbed field once for all receivers that are in it.
+
+    A receiver without a valid pose is named with its recording.
+    """
+    problems, in_field = [], dict[tuple[str, ...], list[Row]]()
+    for row in rows_of(receivers):
+        if not row["message"] or row["status"] == "failed":
+            continue
+        if row["loose_kind"] == "field":
+            in_field.setdefault(tuple(row[key] for key in OF_A_MODEL), []).append(row)
+            continue
+        values = {"segment": row["segment"], "text": row["message"]}
+        finding = Finding(RECEIVER_KINDS[row["loose_kind"]], NOTE, "", values)
+        problems.append(problem_row("fit_hand", finding, **_hand_of(row)))
+    for rows in in_field.values():
+        finding = Finding("field-disturbed", NOTE, "", _field_values(rows))
+        problems.append(problem_row("fit_hand", finding, **_hand_of(rows[0])))
+    return problems
+
+
+def _moved_problems(moved: pa.Table) -> list[Row]:
+    """Receivers that sit elsewhere in a recording than in the calibration."""
+    return [
+        problem_row(
+            "fit_hand",
+            Finding("receiver-moved", NOTE, "", {"segment": row["segment"], "text": row["message"]}),
+            **_hand_of(row),
+            task=_title(row),
+        )
+        for row in rows_of(moved)
+        if row["message"]
+    ]
+
+
+def _title(row: Row) -> str:
+    return ", ".join(filter(None, (row["task"], row["trial"])))
+
+
+def _hand_of(row: Row) -> dict[str, str]:
+    return {key: row[key] for key in ("subject", "session", "hand")}
+
+
+def _field_values(rows: Sequence[Row]) -> dict[str, Any]:
+    """Summarise a disturbed field's effect on the receivers in it, from their rows."""
+    mm, deg, share = (
+        max(row[name] for row in rows) for name in ("loose_shift_mm", "loose_turn_deg", "left_out_share")
+    )
+    return {
+        **{axis: rows[0][f"field_{axis}_mm"] for axis in "xyz"},
+        "count": len(rows),
+        "mm": mm,
+        "deg": deg,
+        "percent": 100 * share,
+        "segments": [row["segment"] for row in rows],
+    }
+
+
+def _joint_problems(joints: pa.Table) -> list[Row]:
+    """Neighbouring MCP centres that are nearer to each other than any hand has them, under each model."""
+    return [
+        problem_row(
+            "estimate_metacarpals",
+            Finding(TOO_CLOSE, NOTE, "", values),
+            **{key: row[key] for key in OF_A_MODEL},
+        )
+        for row in rows_of(joints)
+        if (values := doubts_of(row).get(TOO_CLOSE))
+    ]
+
+
+def _clock_problems(clocks: pa.Table) -> list[Row]:
+    """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
+    return [
+        problem_row(
+            "align_events",
+            worded("events", NOTE, row["message"]),
+            **_hand_of(row),
+            task=_title(row),
+        )
+        for row in rows_of(clocks)
+        if row["status"] in ("weak", "failed")
+    ]
 
 
 def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]]:

@@ -13,16 +13,15 @@ import pyarrow as pa
 
 from shukotsu.anatomy.known_digits import leading_model
 from shukotsu.errors import InputError
-from shukotsu.schemas.catalogue import FINDINGS, RECORDINGS, TABLES, TIP_ERRORS
-from shukotsu.schemas.findings import NOTE, REFUSED, STAGE, problem_of, problem_row, worded
+from shukotsu.schemas.catalogue import RECORDINGS, TABLES, TIP_ERRORS
+from shukotsu.schemas.findings import NOTE, REFUSED, STAGE, problem_row, worded
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.model import SkeletonModel, read_model
-from shukotsu.schemas.parts import part_metadata
 from shukotsu.schemas.plan import SubjectPlan
-from shukotsu.schemas.recording_summary import recording_row
-from shukotsu.schemas.results import FAILED_PAGES, GATHERED_TABLES, Results
+from shukotsu.schemas.recording_summary import subject_tables
+from shukotsu.schemas.results import FAILED_PAGES, Results
 from shukotsu.schemas.study import Hand, Recording, Study, SubjectSession, not_compared, path_token
-from shukotsu.schemas.tables import Table, open_table, read_metadata, read_table, rows_of
+from shukotsu.schemas.tables import Table, read_metadata, read_table, rows_of
 from shukotsu.sentences.translation import tr
 
 Row = dict[str, Any]
@@ -30,7 +29,6 @@ HandModel = tuple[Hand, str]
 
 FIRST_FRAME, LEAST_SQUARES = "first-frame", "least-squares"
 HANDS = ("right", "left")
-FITTED_TABLES = ("receivers", "gains")
 
 _ROWS_OF = {
     "recordings": "recording_rows",
@@ -290,21 +288,13 @@ def read_results(study: Study, folder: Path) -> StudyResults:
 def read_subject(plan: SubjectPlan) -> StudyResults:
     """Read one subject's tables: the same results, for a study of that subject alone.
 
-    A table that is absent or another one, and a part that failed, count as empty, and the reason joins the
-    problems.
+    Raises InputError where a table is absent or another one; a part that failed is among the problems.
     """
-    rows: dict[str, Any] = {"recordings": [], "problems": []}
-    for recording in plan.recordings:
-        row, problems = recording_row(recording, plan.poses(recording))
-        rows["recordings"].append(row)
-        where = {**vars(recording.hand), "task": recording.title}
-        rows["problems"] += [problem_row("capture", one, **where) for one in problems]
-    rows["problems"] += _findings(plan)
-    rows |= {"model_values": [], "model_differences": []}
-    for name, stage in GATHERED_TABLES.items():
-        rows[name] = (
-            [] if name not in _ROWS_OF else _subject_rows(plan, TABLES[name], stage, rows["problems"])
-        )
+    gathered = subject_tables(plan)
+    rows: dict[str, Any] = {"recordings": gathered.recordings, "problems": gathered.problems}
+    for name in _ROWS_OF:
+        if name in gathered.tables:
+            rows[name] = list(rows_of(gathered.tables[name].select(_columns_shown(TABLES[name]))))
     return StudyResults(
         name=plan.study,
         recordings=plan.recordings,
@@ -312,55 +302,8 @@ def read_subject(plan: SubjectPlan) -> StudyResults:
         paths=Results(plan.folder.parent),
         models=plan.models,
         layouts={plan.hand(hand): layout for hand, layout in plan.layouts.items()},
-        **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
+        **{attribute: rows.get(name, []) for name, attribute in _ROWS_OF.items()},
     )
-
-
-def _findings(plan: SubjectPlan) -> list[Row]:
-    """The subject's findings as problems."""
-    try:
-        found = list(rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)))
-    except InputError as error:
-        return [_problem(plan.who, STAGE, error.message)]
-    return [problem_of(row) for row in found]
-
-
-def whole_skeletons(rows: pa.Table) -> pa.Table:
-    """The rows of skeletons that were made of all tasks, where the table tells."""
-    if "made_without" not in rows.column_names:
-        return rows
-    import pyarrow.compute as pc
-
-    return rows.filter(pc.equal(rows["made_without"], ""))
-
-
-def _subject_rows(plan: SubjectPlan, table: Table, stage: str, problems: list[Row]) -> list[Row]:
-    """One short table of a subject; each part that failed becomes a problem, and the rest counts."""
-    if table.name in FITTED_TABLES:
-        files = [(plan.fit_table(hand, model, table.name), hand, model)
-                 for model in plan.fitted_models for hand in plan.hands]  # fmt: skip
-    else:
-        files = [(plan.table(table.name), "", "")]
-    rows: list[Row] = []
-    for path, hand, model in files:
-        try:
-            with open_table(path, table):
-                pass
-            rows += rows_of(whole_skeletons(read_table(path, table, _columns_shown(table))))
-            failed = {
-                part: made["failure"]
-                for part, made in part_metadata(path, table).items()
-                if "failure" in made
-            }
-        except InputError as error:
-            problems.append(_problem(plan.who, stage, error.message, hand=hand, model=model))
-            continue
-        problems += [
-            _problem(plan.who, stage, message, hand=part.hand, model=part.model)
-            for part, message in failed.items()
-            if not part.made_without
-        ]
-    return rows
 
 
 def _failed_exports(study: Study, paths: Results) -> list[Row]:
@@ -393,7 +336,7 @@ def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
     if failure is not None:
         failures.append(_problem(SubjectSession(""), "report", f"{path.name}: {failure}"))
         return []
-    return list(rows_of(whole_skeletons(read_table(path, table, _columns_shown(table)))))
+    return list(rows_of(read_table(path, table, _columns_shown(table))))
 
 
 def _columns_shown(table: Table) -> list[str]:

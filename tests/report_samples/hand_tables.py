@@ -11,14 +11,14 @@ import pyarrow.compute as pc
 
 from report_samples.made_study import lacking_text
 from shukotsu.files.whole_files import write_text
-from shukotsu.schemas.catalogue import TABLES
+from shukotsu.schemas.catalogue import FINDINGS, TABLES
 from shukotsu.schemas.parts import Part, parts_writer
 from shukotsu.schemas.plan import StudyPlans, plan_text, read_plan
 from shukotsu.schemas.results import GATHERED_TABLES, Results
 from shukotsu.schemas.study import Hand, Study
-from shukotsu.schemas.tables import Provenance, Table, read_table
+from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, read_table, write_table
 
-FITTED = ("receivers", "gains")
+FITTED = ("receivers", "gains", "moved_receivers")
 
 
 def write_subject_tables(study: Study, results: Results) -> None:
@@ -31,6 +31,8 @@ def write_subject_tables(study: Study, results: Results) -> None:
         plan = read_plan(results.plan(subject))
         none: dict[Part, list[dict[str, Any]]] = {part: [] for part in plan.parts()}
         write_parts(plan.table("joint_solutions"), TABLES["joint_solutions"], none)
+        columns = columns_from_rows(FINDINGS, [])
+        write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}}))
         for name in GATHERED_TABLES:
             rows = _of_subject(results, TABLES[name], subject)
             if name not in FITTED:
