@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from shukotsu.schemas.movement_tables import CLOCKS
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.schemas.catalogue import (
+    CLOCKS,
     FINDINGS,
     JOINT_CENTRES,
     MOVED_RECEIVERS,

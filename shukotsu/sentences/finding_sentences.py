@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from shukotsu.sentences.translation import N_, Template, filled, foreign, listed, plural, tr, word
+from shukotsu.sentences.translation import N_, Template, filled, foreign, listed, ngettext, plural, tr, word
 
 Values = Mapping[str, Any]
 """By name: numbers, words, or lists of them, as JSON has them."""
@@ -427,7 +427,7 @@ def _placeholders(values: Values) -> dict[str, Any]:
         phrases["millimetres"] = ", ".join(f"{axis}_mm" for axis in values["columns"].split(", "))
     if "frames" in values:
         duration = f" ({values['duration_s']:.2g} s)" if "duration_s" in values else ""
-        phrases["length"] = tr("{frames} frames", frames=values["frames"]) + duration
+        phrases["length"] = ngettext("{n} frame", "{n} frames", values["frames"]) + duration
     if "turn_deg" in values:
         about = (
             N_("{deg} deg about its {axis} axis") if values["turn_axis"] else N_("{deg} deg about a diagonal")
@@ -436,10 +436,10 @@ def _placeholders(values: Values) -> dict[str, Any]:
         axes = (f"{name}: {values[name]}" for name in ("distal", "lateral", "dorsal"))
         phrases["receiver_axes"] = f"{{{', '.join(axes)}}}"
     if "task" in values:
-        person = [tr("subject {subject}", subject=values["subject"])] if values["subject"] else []
-        session = [tr("session {session}", session=values["session"])] if values["session"] else []
+        person = tr("subject {subject}", subject=values["subject"]) if values["subject"] else ""
+        person += tr(", session {session}", session=values["session"]) if values["session"] else ""
         hand = tr("{hand} hand", hand=values["hand"])
-        phrases["other"] = tr(", ").join([*person, *session, hand, values["task"]])
+        phrases["other"] = tr(", ").join(filter(None, (person, hand, values["task"])))
     # what is to be written into a file stays as it is, whatever the language
     phrases["code"] = values.get("segment", values.get("hand", ""))
     return phrases

@@ -157,7 +157,7 @@ def gain_lines(rows: Sequence[Row]) -> list[str]:
             bone += " phalanx"
         lines.append(
             tr(
-                "{action} to {sd_mm:.1f} mm would take {joint} from {joint_sd_before_mm:.1f} to "
+                "{action}, to within {sd_mm:.1f} mm, would take {joint} from {joint_sd_before_mm:.1f} to "
                 "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
                 **{name: row[name] for name in ("joint", "sd_mm", "joint_sd_before_mm", "joint_sd_after_mm")},
                 action=tr(_PARTS[part], bone=bone),

@@ -8,16 +8,11 @@ from dataclasses import dataclass
 
 from shukotsu.schemas.finding_groups import faults
 from shukotsu.schemas.findings import STAGE
-from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
+from shukotsu.sentences.translation import ngettext, tr, translated, word
 from shukotsu.stages.report.study_results import Row, StudyResults, hand_of, recording_key
 from shukotsu.stages.report.table_cells import DataTable, quantity_column, table_of, text_column
 
-STATUS_MARKS = {
-    "used": N_("used"),
-    "excluded": N_("○ excluded"),
-    "failed": N_("✕ failed"),
-    "missing": N_("? missing"),
-}
+STATUS_MARKS = {"used": "", "excluded": "○ ", "failed": "✕ ", "missing": "? ", "refused": "✕ "}
 
 
 def recordings_table(results: StudyResults) -> DataTable:
@@ -31,7 +26,7 @@ def recordings_table(results: StudyResults) -> DataTable:
         status, message = results.status_of(recording)
         row = results.recording_row_of.get(recording_key(recording), {}) | recording.key
         row |= {"file": recording.file_as_written, "role": recording.role, "message": message}
-        rows.append(row | {"shown": tr(STATUS_MARKS.get(status, status))})
+        rows.append(row | {"shown": STATUS_MARKS.get(status, "") + word(status)})
     columns = (
         *(text_column(texts[name], name) for name in texts if name != "session" or results.has_sessions),
         *map(quantity_column, ("n_frames", "duration_s", "valid_percent")),

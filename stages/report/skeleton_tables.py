@@ -9,7 +9,7 @@ from shukotsu.schemas.catalogue import RANGES_OF_MOTION
 from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.study import Hand
 from shukotsu.schemas.tables import rows_of
-from shukotsu.sentences.translation import N_, ngettext, tr, translated, word
+from shukotsu.sentences.translation import ngettext, tr, translated, word
 from shukotsu.stages.report.belief import BELIEVED, belief
 from shukotsu.stages.report.links import anchor, link
 from shukotsu.stages.report.study_results import Row, StudyResults
@@ -28,7 +28,7 @@ from shukotsu.stages.report.table_cells import (
     with_error,
 )
 
-STATUS_MARKS = {"ok": N_("ok"), "weak": N_("◆ weak"), "failed": N_("✕ failed")}
+_STATUS = {"ok": "✓", "weak": "◆", "failed": "✕"}
 
 
 def bone_table(results: StudyResults, hand: Hand) -> DataTable:
@@ -62,7 +62,7 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
         )
         for hand, bones in of_hands.items()
     )
-    header = (tr("Subject"), tr("Hand"), tr("Lengths to believe"))
+    header = (tr("Subject"), tr("Hand"), tr("Believed"))
     return DataTable(
         tr("Bone lengths of every hand under {model}, in mm, with 1-sigma error.", model=model),
         (Block((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
@@ -109,7 +109,7 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     """Tabulate where the receivers of a hand sit on their bones, for each model that fits the whole hand."""
     columns = (
         text_column(tr("Receiver"), "segment"),
-        Column(tr("Status"), lambda row: tr(STATUS_MARKS.get(row["status"], row["status"])), is_text=True),
+        Column(tr("Status"), lambda row: _STATUS[row["status"]], is_text=True),
         error_column(tr("Along the bone [mm]"), "along", "mm", 2),
         error_column(tr("To the thumb's side [mm]"), "lateral", "mm", 2),
         error_column(tr("Over the bone [mm]"), "height", "mm", 2),

@@ -64,7 +64,7 @@ class Trial:
     @property
     def title(self) -> str:
         """Task and trial in words."""
-        return tr("{task}, trial {trial}", task=self.task, trial=self.trial) if self.trial else self.task
+        return f"{self.task}, {tr('trial {trial}', trial=self.trial)}" if self.trial else self.task
 
 
 def _by_hand_and_model(attribute: str) -> cached_property[dict[HandModel, list[Row]]]:

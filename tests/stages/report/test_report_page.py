@@ -1,4 +1,4 @@
-"""The whole page: self-contained, harmless, complete, and its numbers those of the tables."""
+"""The pages: self-contained, harmless, complete, their numbers those of the tables; and the command."""
 
 from __future__ import annotations
 
@@ -14,10 +14,14 @@ from report_samples.rendered import whole_report
 
 from shukotsu.schemas.catalogue import JOINT_CENTRES, POSES, TABLES, TIP_ERRORS
 from shukotsu.schemas.layout import FINGER_MM
+from shukotsu.schemas.model import read_model
 from shukotsu.schemas.results import STUDY_FIGURES
 from shukotsu.schemas.study import Study, path_token, read_study
 from shukotsu.schemas.tables import Provenance, write_failure
 from shukotsu.schemas.verdict import UNJUDGED, judged_joint
+from shukotsu.stages import command_line
+from shukotsu.stages.report.__main__ import build_parser, record_failure, report
+from shukotsu.stages.report.paper_tables import printed_table, study_table
 from shukotsu.stages.report.study_results import StudyResults, read_results
 
 
@@ -106,17 +110,12 @@ def test_same_input_same_bytes(
     assert str(Path.cwd()) not in page
 
 
-def test_every_table_has_caption_and_scopes(page: str) -> None:
-    """Header cells say what they head."""
+def test_tables_have_captions_and_heads_and_pictures_titles(page: str) -> None:
     for table in read_page(page).tables:
         assert table.caption
         headers = [cell for row in table.attributes for cell in row if cell["tag"] == "th"]
         assert headers
         assert all(cell["scope"] in ("row", "col", "colgroup") for cell in headers)
-
-
-def test_every_drawing_has_a_text_alternative(page: str) -> None:
-    """Each picture starts with its title."""
     pictures = re.findall(r'<svg viewBox="[^"]*" role="img">(<title>[^<]{20,})?', page)
     assert pictures
     assert all(pictures)
@@ -198,16 +197,6 @@ def test_other_shapes_of_a_study(tmp_path: Path) -> None:
     assert "No recording of this subject is there to be evaluated." in text
 
 
-@pytest.mark.slow
-def test_arm_has_no_table_of_the_paper_beside_it(tmp_path: Path) -> None:
-    """A layout with other digits gets the same tables alone, and nothing is drawn that is not there."""
-    study, folder = make_study(tmp_path, n_frames=2, subjects=("A",))
-    study.write_text(study.read_text("utf-8").replace("liberty16", "arm"), "utf-8")
-    page = _render(study, folder)
-    assert "as the paper prints it" not in "".join(table.caption for table in read_page(page).tables)
-    assert "Error (Right hand)" in page
-
-
 def test_joints_all_failed(tmp_path: Path) -> None:
     """Joints without any number are told, and the pages are made."""
     study, folder = make_study(tmp_path, n_frames=3, subjects=("A",))
@@ -219,3 +208,49 @@ def test_joints_all_failed(tmp_path: Path) -> None:
     text = " ".join(read_page(_render(study, folder)).text)
     assert "0 of 32 joints can be believed" in text
     assert "✕ no 16" in text
+
+
+def _run(*words: str) -> int:
+    return command_line.run(build_parser, words, report, record_failure)
+
+
+@pytest.mark.parametrize(
+    ("table", "block", "row", "cells"),
+    [
+        (1, 0, 0, ("Max [cm]", "1.94", "16.74", "16.98", "15.66", "13.93")),
+        (2, 1, 2, ("Average [cm]", "0.99", "0.72", "0.74", "0.74", "8.28")),
+        (3, 0, 3, ("Standard Deviation [cm]", "0.10", "0.07", "0.10", "0.06", "0.05")),
+        (4, 1, 0, ("Max [cm]", "0.37", "1.00", "1.06", "2.25", "3.12")),
+    ],
+)
+def test_printed_tables_are_the_papers(table: int, block: int, row: int, cells: tuple[str, ...]) -> None:
+    """A row of each of the paper's four tables."""
+    assert printed_table(table).blocks[block].rows[row] == cells
+
+
+def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
+    """Headers and row headings are the same, cell by cell."""
+    trial = next(results.trials("S01"))
+    own = study_table(results, trial, read_model("paper-fig3"))
+    for mine, printed in zip(own.blocks, printed_table(2).blocks, strict=True):
+        assert mine.header == printed.header
+        assert [row[0] for row in mine.rows] == [row[0] for row in printed.rows]
+
+
+def test_the_command_writes_one_page(made: tuple[Path, Path], tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "report.html"
+    assert _run("--study", str(made[0]), "--results", str(made[1]), "--out", str(out)) == 0
+    assert out.read_text("utf-8").startswith("<!DOCTYPE html>")
+    assert list(out.parent.rglob("*")) == [out]
+
+
+def test_absent_results_are_bad_input(
+    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2 and a sentence; with --record-failure a page that says why."""
+    out = tmp_path / "report.html"
+    words = ("--study", str(made[0]), "--results", str(tmp_path), "--out", str(out))
+    assert _run(*words) == 2
+    assert "recordings.parquet: no such file" in capsys.readouterr().err
+    assert _run(*words, "--record-failure") == 0
+    assert "recordings.parquet: no such file" in out.read_text("utf-8")

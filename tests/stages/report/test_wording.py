@@ -14,20 +14,16 @@ from babel.messages.extract import DEFAULT_KEYWORDS, extract_from_dir
 from babel.messages.frontend import parse_mapping_cfg
 from babel.messages.pofile import read_po
 from matplotlib import font_manager
-from report_samples.made_movement import write_movement
-from report_samples.many_subjects import many_subjects
 from report_samples.rendered import whole_report
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.study import Hand, Study, read_study
+from shukotsu.schemas.study import Hand, read_study
 from shukotsu.sentences.translation import END, FOREIGN, translated
 from shukotsu.stages.report import subject, templates, wording
-from shukotsu.stages.report.movement_results import read_movement
 from shukotsu.stages.report.plots import style
 from shukotsu.stages.report.recording_page import recording_page
 from shukotsu.stages.report.recording_results import read_recording
-from shukotsu.stages.report.study_page import render_study
-from shukotsu.stages.report.study_results import StudyResults, read_results
+from shukotsu.stages.report.study_results import StudyResults
 from shukotsu.stages.report.wording import languages, speaking
 
 REPOSITORY = Path(__file__).resolve().parents[3]
@@ -134,36 +130,12 @@ def _english_left(page: str) -> list[str]:
     ]
 
 
-@pytest.fixture(scope="module")
-def many(tmp_path_factory: pytest.TempPathFactory) -> tuple[StudyResults, Study]:
-    """A study of nine subjects in two groups and two sessions, with all that is compared."""
-    file, folder = many_subjects(tmp_path_factory.mktemp("many"), 9)
-    study = read_study(file)
-    write_movement(folder, study.subjects)
-    return read_results(study, folder), study
-
-
 def test_nothing_of_a_japanese_report_is_left_in_english(
     fitted: StudyResults, fitted_made: tuple[Path, Path]
 ) -> None:
     with speaking("ja"):
-        pages = [
-            whole_report(fitted, read_study(fitted_made[0])),
-        ]
+        pages = [whole_report(fitted, read_study(fitted_made[0]))]
         pages += [recording_page(read_recording(fitted, recording)) for recording in fitted.shown[:1]]
-    assert_japanese(pages)
-
-
-@pytest.mark.slow
-def test_nor_of_one_that_compares_or_in_which_much_went_wrong(
-    results: StudyResults, study: Study, many: tuple[StudyResults, Study]
-) -> None:
-    with speaking("ja"):
-        pages = [whole_report(results, study), render_study(*many, read_movement(many[0]))]
-    assert_japanese(pages)
-
-
-def assert_japanese(pages: list[str]) -> None:
     assert [text for page in pages for text in _english_left(page)] == []
     assert all('<html lang="ja">' in page for page in pages)
     assert not any(mark in page for page in pages for mark in (FOREIGN, END))
