@@ -411,7 +411,7 @@ def _placeholders(values: Values) -> dict[str, Any]:
         phrases["at"] = tr("in row {row} of its rows", row=values["first_row"])
     if "counts" in values:
         counts = zip(values["counts"], values["of"], strict=True)
-        phrases["which"] = tr(", ").join(tr("{n} of {segment}", n=n, segment=name) for n, name in counts)
+        phrases["which"] = tr(", ").join(f"{word(name)}: {n}" for n, name in counts)
     if "negated" in values:
         phrases["negated"] = listed(values["negated"])
     if "spiked" in values:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from shukotsu.schemas import verdict
 from shukotsu.sentences.finding_sentences import in_quotes
-from shukotsu.sentences.translation import listed, ngettext, tr
+from shukotsu.sentences.translation import listed, ngettext, tr, word
 from shukotsu.stages.report.judged_models import TRUTH, judged_models, model_to_take
 from shukotsu.stages.report.provenance import all_problems
 from shukotsu.stages.report.study_results import StudyResults, hand_of
@@ -27,11 +27,7 @@ class BigNumber(NamedTuple):
 def used_text(results: StudyResults) -> str:
     """Write in a sentence how many of the recordings were used, and whether they are simulated."""
     statuses = Counter(results.status_of(recording)[0] for recording in results.recordings)
-    others = [
-        tr("{count} {status}", count=count, status=status)
-        for status, count in sorted(statuses.items())
-        if status != "used"
-    ]
+    others = [f"{count} {word(status)}" for status, count in sorted(statuses.items()) if status != "used"]
     total = ngettext("{n} recording", "{n} recordings", len(results.recordings))
     used = tr("{n} of {total} used", n=statuses["used"], total=total)
     used += f" ({listed(others)})" if others else ""
@@ -58,7 +54,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     return (
         BigNumber(
             str(believed),
-            tr("of {joints}", joints=ngettext("{n} joint", "{n} joints", len(rows))),
+            tr("of {total}", total=ngettext("{n} joint", "{n} joints", len(rows))),
             tr("can be believed under the model {model}, of all joints of {hands}", model=model, hands=hands)
             if rows
             else tr("can be believed: no hand that counts has a joint under {model}", model=model),
@@ -66,7 +62,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
         BigNumber(shown("sd_mm", median(sds) if sds else None), "mm", typical),
         BigNumber(
             str(suspects),
-            tr("of {hands}", hands=hands_counted(results, len(results.hands))),
+            tr("of {total}", total=hands_counted(results, len(results.hands))),
             mistaken + (tr(", and are in no statistic unless accepted") if suspects else ""),
         ),
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -35,7 +34,7 @@ class Movement:
     """A study's movement under one model, hands with a suspect finding left out.
 
     ranges : a row a recording and angle. differences, reliability : of that model. believed : one of BELIEFS
-    by joint. factors : as `StudyResults` has them. measured : whether any recording has joint angles, counted
+    by joint. measured : whether any recording has joint angles, counted
     or not. A frame without rows is that of a table that is empty or not there.
     """
 
@@ -44,7 +43,6 @@ class Movement:
     differences: pd.DataFrame
     reliability: pd.DataFrame
     believed: dict[str, str]
-    factors: Mapping[str, str]
     measured: bool
 
     @cached_property
@@ -103,7 +101,6 @@ def read_movement(results: StudyResults) -> Movement:
         ranges=ranges[ranges[RANGE].notna()],
         differences=_frame(results, MOVEMENT_DIFFERENCES, model),
         reliability=_frame(results, MOVEMENT_RELIABILITY, model),
-        factors=results.factors,
         measured=bool(measured[RANGE].notna().any()),
         believed=study_beliefs(results.judging, model),
     )

@@ -21,12 +21,8 @@ PRINTED = Path(__file__).parent / "paper_tables.tsv"
 """A row a table, hand and statistic, a column a digit: centimetres, digit by digit as printed."""
 
 PAPER_DIGITS = ("thumb", "index", "middle", "ring", "little")
-STATISTICS = {
-    "max": N_("Max [cm]"),
-    "min": N_("Min [cm]"),
-    "mean": N_("Average [cm]"),
-    "sd": N_("Standard Deviation [cm]"),
-}
+STATISTICS = {"max": N_("Max"), "min": N_("Min"), "mean": N_("Average"), "sd": N_("Standard Deviation")}
+"""As the paper heads its rows, which are in centimetres."""
 
 
 def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> DataTable:
@@ -36,14 +32,12 @@ def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Da
         digits = tuple(results.layouts[recording.hand].digits)
         rows = {d: results.tip_error(recording, model.name, d, FIRST_FRAME) for d in digits}
         cells = (
-            (tr(words), *(_cm(row, f"{name}_mm") for row in rows.values()))
+            (f"{tr(words)} [cm]", *(_cm(row, f"{name}_mm") for row in rows.values()))
             for name, words in STATISTICS.items()
         )
         blocks.append(Block(_header(recording.hand.hand, digits), tuple(cells)))
         notes += _notes(results, recording, rows)
-    absent = [hand for hand in HANDS if hand not in trial.recordings]
-    notes += [tr("The sheet has no {hand}-hand recording of this task.", hand=hand) for hand in absent]
-    caption = tr("{who}, {title}, model {name}.", who=trial.who, title=trial.title, name=model.name)
+    caption = f"{trial.who}, {trial.title}, {tr('model {model}', model=model.name)}."
     return DataTable(caption, tuple(blocks), tuple(notes))
 
 
@@ -61,7 +55,9 @@ def printed_table(table: int) -> DataTable:
     blocks = (
         Block(
             _header(hand, PAPER_DIGITS),
-            tuple((tr(words), *_printed()[table, hand, name]) for name, words in STATISTICS.items()),
+            tuple(
+                (f"{tr(words)} [cm]", *_printed()[table, hand, name]) for name, words in STATISTICS.items()
+            ),
         )
         for hand in HANDS
     )
@@ -113,13 +109,13 @@ def _notes(results: StudyResults, recording: Recording, rows: dict[str, Row | No
     status, message = results.status_of(recording)
     for digit, row in rows.items():
         if row is None:
-            why = tr("no tip error was computed")
+            why = tr("no tip error")
             if status != "used":
                 why = ": ".join(filter(None, (word(status), translated(message))))
             reasons[why].append(digit)
             continue
         if row["message"] or row["mean_mm"] is None:
-            reasons[translated(row["message"]) or tr("no frame has an error")].append(digit)
+            reasons[translated(row["message"]) or tr("no tip error")].append(digit)
         if row["mean_mm"] is not None and row["n_frames"] < row["n_frames_total"]:
             frames = tr("from {n} of {total} frames", n=row["n_frames"], total=row["n_frames_total"])
             reasons[frames].append(digit)

@@ -97,7 +97,7 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
 def where(problem: Row) -> str:
     """Name in words what a row of problems is about."""
     names = (
-        tr("{who}", who=hand_of(problem).who) if problem["subject"] else "",
+        str(hand_of(problem).who) if problem["subject"] else "",
         tr("{hand} hand", hand=problem["hand"]) if problem["hand"] else "",
         problem["task"],
         tr("model {model}", model=problem["model"]) if problem["model"] else "",

@@ -46,7 +46,7 @@ Scored = tuple[Skeleton, list[Row]]
 
 def tasks_text(calibrated_on: str) -> str:
     """The tasks of a column calibrated_on."""
-    return ", ".join(calibrated_on.split(";")) or tr("unknown")
+    return ", ".join(calibrated_on.split(";")) or DASH
 
 
 def score_table(results: StudyResults, trial: Trial) -> DataTable | None:

@@ -10,7 +10,7 @@ from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.study import Hand
 from shukotsu.schemas.tables import rows_of
 from shukotsu.sentences.translation import ngettext, tr, translated, word
-from shukotsu.stages.report.belief import BELIEVED, belief
+from shukotsu.stages.report.belief import BELIEVED, NO_JOINT, belief
 from shukotsu.stages.report.links import anchor, link
 from shukotsu.stages.report.study_results import Row, StudyResults
 from shukotsu.stages.report.table_cells import (
@@ -20,6 +20,7 @@ from shukotsu.stages.report.table_cells import (
     DataTable,
     Folded,
     error_column,
+    heading,
     number,
     quantity_column,
     table_of,
@@ -43,8 +44,8 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
         if row["message"]
     }
     return DataTable(
-        tr("Bone lengths of {hand}, in mm, with 1-sigma error.", hand=hand),
-        (Block((tr("Bone [mm]"), *results.models), rows),),
+        tr("Bone lengths [mm] with 1-sigma error: {name}.", name=hand),
+        (Block((heading("length_mm"), *results.models), rows),),
         tuple(messages) if rows else (tr("No bone length was computed."),),
     )
 
@@ -64,7 +65,7 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
     )
     header = (tr("Subject"), tr("Hand"), tr("Believed"))
     return DataTable(
-        tr("Bone lengths of every hand under {model}, in mm, with 1-sigma error.", model=model),
+        tr("Bone lengths [mm] with 1-sigma error: {name}.", name=model),
         (Block((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
         () if names else (tr("No bone length was computed."),),
         frozenset(range(2)),
@@ -121,10 +122,9 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     folded = []
     for model in results.fitted:
         rows = results.receivers_of.get((hand, model), [])
-        caption = tr("Receivers of {hand}, {model}, with 1-sigma errors.", hand=hand, model=model)
         counts = ngettext("{n} receiver", "{n} receivers", len(rows))
         summary = tr("{hand} hand", hand=title(hand.hand)) + f", {model}: {counts}"
-        folded.append(Folded(summary, table_of(caption, columns, rows, tr("no hand was fitted"))))
+        folded.append(Folded(summary, table_of(summary, columns, rows, tr(NO_JOINT))))
     return folded
 
 
@@ -160,11 +160,11 @@ def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> Da
         text_column(tr("Joint"), "joint"),
         text_column(tr("Angle"), "angle"),
         *((task,) if with_recording else ()),
-        error_column(tr("Range of motion [deg]"), "range", "deg"),
+        error_column(f"{tr('Range of motion')} [deg]", "range", "deg"),
         quantity_column("low_deg"),
         quantity_column("high_deg"),
         quantity_column("full_range_deg"),
-        error_column(tr("Median [deg]"), "median", "deg"),
+        error_column(f"{tr('Median')} [deg]", "median", "deg"),
         *map(quantity_column, ("speed_median_deg_s", "speed_p95_deg_s", "valid_percent")),
     )
     return table_of(caption, columns, rows)

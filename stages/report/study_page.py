@@ -104,9 +104,7 @@ def _front(results: StudyResults) -> View | None:
             motion = read_stretch(results, recording, results.leading)
         except InputError:
             continue
-        title = tr(
-            "{hand}, {task}, under {model}", hand=recording.hand, task=recording.task, model=results.leading
-        )
+        title = f"{recording.hand}, {recording.task}, {results.leading}"
         return view_of(title, motion)
     return None
 
@@ -159,5 +157,5 @@ def render_failure(message: str) -> str:
     return render(
         "base.html.j2",
         title=tr("No report"),
-        message=tr("The report could not be made: {message}", message=translated(message)),
+        message=translated(message),
     )

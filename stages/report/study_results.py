@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -50,16 +50,10 @@ _ROWS_OF = {
 class Trial:
     """One subject's evaluated task: the recordings of it by hand, right first as the paper prints them."""
 
-    subject: str
+    who: SubjectSession
     task: str
     trial: str
     recordings: dict[str, Recording]
-    session: str = ""
-
-    @property
-    def who(self) -> SubjectSession:
-        """Whose task, and in which session."""
-        return SubjectSession(self.subject, self.session)
 
     @property
     def title(self) -> str:
@@ -104,8 +98,6 @@ class StudyResults:
     gains: list[Row]
     model_values: list[Row]
     model_differences: list[Row]
-    factors: Mapping[str, str] = field(default_factory=dict)
-    """Every factor of the study, and why its levels are not compared; empty where they are."""
 
     @cached_property
     def subjects(self) -> list[str]:
@@ -201,8 +193,7 @@ class StudyResults:
         return leading_model(self.models, self.layouts.values())
 
     @cached_property
-    def tip_error_of(self) -> dict[tuple[str, ...], Row]:
-        """Tip error rows by subject, session, hand, task, trial, model, digit and binding."""
+    def _tip_error_of(self) -> dict[tuple[str, ...], Row]:
         key = [name for name in TIP_ERRORS.key if name != "made_without"]
         return {tuple(row[name] for name in key): row for row in self.tip_errors}
 
@@ -213,7 +204,7 @@ class StudyResults:
 
     def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> Row | None:
         """The row of tip_errors for one cell group; None where the table has none."""
-        return self.tip_error_of.get((*recording_key(recording), model, digit, binding))
+        return self._tip_error_of.get((*recording_key(recording), model, digit, binding))
 
     def status_of(self, recording: Recording) -> tuple[str, str]:
         """The recording's status (used, excluded, failed or missing) and the reason, if any."""
@@ -231,7 +222,8 @@ class StudyResults:
             if recording.hand.who == (subject, session) and recording.role in ("evaluation", "both"):
                 groups[recording.task, recording.trial][recording.hand.hand] = recording
         for (task, trial), by_hand in groups.items():
-            yield Trial(subject, task, trial, {h: by_hand[h] for h in HANDS if h in by_hand}, session)
+            recordings = {hand: by_hand[hand] for hand in HANDS if hand in by_hand}
+            yield Trial(SubjectSession(subject, session), task, trial, recordings)
 
     def scores_in(self, trial: Trial) -> list[Row]:
         """The rows of skeleton_scores of a subject's task, in the table's order, right hand first."""
@@ -280,7 +272,6 @@ def read_results(study: Study, folder: Path) -> StudyResults:
         paths=paths,
         models={name: read_model(path.absolute()) for name, path in study.models.items()},
         layouts={hand: study.judged_layout(hand) for hand in study.hands},
-        factors=dict.fromkeys(study.factors, "") | not_compared(study),
         **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
     )
 

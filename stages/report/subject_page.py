@@ -98,10 +98,9 @@ def _still(results: StudyResults, hand: Hand) -> tuple[str, Markup]:
             reasons.append(translated(error.message))
             continue
         title = tr("Skeleton of {hand}, {model}.", hand=hand, model=results.leading)
-        caption = tr("{name}, {task}, frame {n}", name=name, task=recording.task, n=motion.frame[0])
-        return caption, page_picture(hand_panel(title, motion, motion.skeletons[0], 0))
+        return f"{name}, {recording.task}", page_picture(hand_panel(title, motion, motion.skeletons[0], 0))
     why = "; ".join(dict.fromkeys(reasons)) or tr("it has no recording in use")
-    return tr("{name}: no picture, for {why}.", name=name, why=why), Markup()
+    return f"{name}: {why}", Markup()
 
 
 def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:

@@ -153,7 +153,7 @@ def test_sides_that_nothing_decides_are_said_and_no_repair_is_asked_for(planted:
     (said,) = check_recording(flipped, LAYOUT, "right", left_out=left_out).findings
     assert (said.kind, said.severity) == ("hemisphere", SUSPECT)
     assert said.message.startswith("Poses are of a receiver that was on both sides")
-    assert "(900 of ring_distal)" in said.message
+    assert "(ring_distal: 900)" in said.message
     assert "`repair`" not in said.message
 
 

@@ -41,7 +41,7 @@ def test_a_sentence_says_what_is_seen_how_much_it_matters_and_what_to_write() ->
     _, many = (
         Finding("hemisphere", SUSPECT, "left-out", each) for each in EXAMPLES["hemisphere", "left-out"]
     )
-    assert "are left out (40 of hand, 3 of index_distal): the tracker" in many.message
+    assert "are left out (hand: 40, index_distal: 3): the tracker" in many.message
     turned = Finding("receiver-turned", SUSPECT, "one", EXAMPLES["receiver-turned", "one"][0])
     assert "by -90 deg about its y axis" in turned.message
     written = "`receiver_axes: {distal: [0, 1, 0], lateral: [-1, 0, 0], dorsal: [0, 0, 1]}`"

@@ -63,7 +63,7 @@ def test_pages_load_nothing(pages: dict[Path, str]) -> None:
 
 
 def test_links_lead_to_places(pages: dict[Path, str], results: StudyResults) -> None:
-    """Every entry of the contents has its section, every other link a page of the report; ids are unique."""
+    """Entries of the contents have sections, other links pages; from the study all are reached, and back."""
     shown = {results.paths.recording_page(recording) for recording in results.shown}
     for path, page in pages.items():
         tags = read_page(page).tags
@@ -76,15 +76,8 @@ def test_links_lead_to_places(pages: dict[Path, str], results: StudyResults) -> 
                    for kind in ("svg", "pdf", "txt")}  # fmt: skip
         tables = {results.paths.study_table(name) for name in TABLES} | {results.paths.resolved}
         assert others <= {*pages, *shown, *figures, *tables} - {path}
-
-
-def test_every_page_can_be_reached(pages: dict[Path, str], results: StudyResults) -> None:
-    """From the study's page each subject's and each recording's, from a subject's page the study's."""
-    links = {path: {_target(path, link) for link in _links(page)} for path, page in pages.items()}
-    shown = {results.paths.recording_page(recording) for recording in results.shown}
-    study = results.paths.report
-    assert {*pages, *shown} - {study} <= links[study]
-    assert all(study in links[path] for path in pages if path != study)
+        study = results.paths.report
+        assert ({*pages, *shown} - {study} if path == study else {study}) <= others
 
 
 def test_hostile_names_are_text(tmp_path: Path) -> None:
@@ -191,9 +184,8 @@ def test_other_shapes_of_a_study(tmp_path: Path) -> None:
     _add_row(sheet, "B", "left", "rom", "calibration", "rom.csv", "", "")
     write_failure(folder / "sub-B/left/rom/poses.parquet", POSES, "rom.csv: is empty.", Provenance())
     text = " ".join(read_page(_render(study, folder)).text)
-    assert "The sheet has no left-hand recording of this task." in text
     assert "excluded: cable came off" in text
-    assert "Left hand: no picture, for rom.csv: is empty." in text
+    assert "Left hand: rom.csv: is empty." in text
     assert "No recording of this subject is there to be evaluated." in text
 
 

@@ -13,10 +13,6 @@ SCORES = "Mean over digits and hands: subject S01, opposition."
 TRUTH = "Joints against the true ones, both hands: subject S01."
 
 
-def _text(page: str) -> str:
-    return " ".join(" ".join(read_page(page).text).split())
-
-
 def _mean(rows: list[dict[str, Any]], name: str) -> str:
     known = [row[name] for row in rows if row[name] is not None]
     return f"{np.mean(known):.2f}" if known else "–"
@@ -77,8 +73,5 @@ def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> Non
 
 
 def test_without_a_truth_nothing_is_said_of_it(page: str) -> None:
-    """A real study has neither the truth's columns nor a word about its absence."""
-    table = table_called(page, SCORES)
-    assert not [cell for cell in table.rows[0] if cell.startswith(("Metacarpal", "True"))]
+    assert not [cell for cell in table_called(page, SCORES).rows[0] if "truth" in cell]
     assert not [table for table in read_page(page).tables if "true one" in table.caption]
-    assert "compared with its truth" not in _text(page)

@@ -89,7 +89,7 @@ def test_every_joint_of_every_hand_stands_in_the_picture(
     fitted: StudyResults, fitted_study_page: str
 ) -> None:
     """Its stated error to two decimals, its verdict as a mark; the reason is told by a pointer."""
-    table = table_called(fitted_study_page, "Every joint of every hand under whole-hand.")
+    table = table_called(fitted_study_page, "Joints of every hand, whole-hand")
     digits, parts, *rows = table.rows
     assert parts == [*["CMC", "MCP", "IP"], *["CMC", "MCP", "PIP", "DIP"] * 4, "wrist"]
     assert [row[:2] for row in rows] == [[hand.subject, hand.hand] for hand in fitted.hands]
@@ -116,7 +116,7 @@ def test_every_subject_has_a_card_that_leads_on(results: StudyResults, pages: di
 
 def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page: str) -> None:
     """A row a hand and a column a bone, as the gathered table has them, with a doubt's sign behind."""
-    caption = "Bone lengths of every hand under whole-hand, in mm, with 1-sigma error."
+    caption = "Bone lengths [mm] with 1-sigma error: whole-hand."
     header, *rows = table_called(fitted_study_page, caption).rows
     for row in rows:
         known = rows_where(fitted.bones, hand=row[1], model="whole-hand")
@@ -127,36 +127,26 @@ def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page
             assert cells[bone["bone"].replace("_", " ")].rstrip(" ◆✕") == start
 
 
-def _study_of_one_fault(fitted: StudyResults, accepted: str = "") -> StudyResults:
-    seen = {"rotates": "transmitter-to-receiver", "seen": "gap", **EVIDENCE["gap"]}
-    finding = Finding("quaternion-inverse", SUSPECT, "", seen).accept(accepted)
-    where = [{"subject": f"S{i:02}", "hand": "left", "task": "rom"} for i in range(11)]
-    return replace(fitted, problems=[problem_row(STAGE, finding, **own) for own in where])
-
-
-def test_one_fault_in_eleven_recordings_is_one_item_with_its_cure(fitted: StudyResults, file: Study) -> None:
-    page = render_study(_study_of_one_fault(fitted), file)
-    assert page.count("seem to be the inverse of what is declared") == 1
-    assert page.count("write <code>rotates: transmitter-to-receiver</code> under") == 1
-    assert "<strong>11 recordings</strong>" in page
-    assert "<li>subject S10, left hand, rom: put right, the gap of index_pip falls" in page
-    accepted = render_study(_study_of_one_fault(fitted, "as it should be"), file)
-    assert "Accepted in the recordings sheet: 1" in accepted
-
-
 def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
     fitted: StudyResults, file: Study
 ) -> None:
     notes = [
         problem_row("capture", worded("recording", NOTE, f"{n} stray"), task=f"rom{n}") for n in range(5)
     ]
-    found = _study_of_one_fault(fitted).problems
-    many = replace(fitted, problems=[*notes, *found])
+    seen = {"rotates": "transmitter-to-receiver", "seen": "gap", **EVIDENCE["gap"]}
+    finding = Finding("quaternion-inverse", SUSPECT, "", seen)
+    faults = [problem_row(STAGE, finding, subject=f"S{i:02}", hand="left", task="rom") for i in range(11)]
+    accepted = problem_row(STAGE, finding.accept("a doll"), subject="S11", hand="left", task="rom")
+    many = replace(fitted, problems=[*notes, *faults, accepted])
     page = render_study(many, file)
+    assert "Accepted in the recordings sheet: 1" in page
     shown, folded = (
         page.partition('id="problems"')[2].partition("</section>")[0].split("<summary>3 more</summary>")
     )
     assert shown.count("<strong>") == 3
+    assert "<strong>11 recordings</strong>" in shown
+    assert shown.count("write <code>rotates: transmitter-to-receiver</code> under") == 1
+    assert "<li>subject S10, left hand, rom: put right, the gap of index_pip falls" in shown
     assert shown.index("seem to be the inverse") < shown.index("0 stray")
     assert folded.count("stray") == 3
     text = outcome_text(many)
@@ -180,6 +170,6 @@ def test_a_hundred_subjects_weigh_less_than_two_megabytes(tmp_path: Path) -> Non
     results = read_results(read_study(study), folder)
     page = render_study(results, read_study(study))
     assert len(page.encode()) < 2_000_000
-    table = table_called(page, "Every joint of every hand under whole-hand.")
+    table = table_called(page, "Joints of every hand, whole-hand")
     assert table.rows[2][0] == "Median"
     assert len(table.rows) == 3 + 200
