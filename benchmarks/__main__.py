@@ -13,7 +13,6 @@ BENCHMARKS = {
     "cost": "whole studies, and a whole hand fitted, posed and judged: time and memory",
     "two_drawings": "whole hands drawn by us and by others: errors, what is believed, sd",
     "mistakes": "mistakes planted in simulated hands: how often each is named, and false alarms",
-    "faultless_hands": "receivers that sit elsewhere in a task: false alarms, and how many are named",
     "keystrokes": "simulated pianists: contact, speed, fingering",
     "null_studies": "studies in which nothing differs: false positives, power",
 }

@@ -1,12 +1,7 @@
-"""Hands without a fault, recorded: of the project's own drawing, and of one that shares nothing with it.
-
-Run, it calibrates them once and counts receivers that are said to sit elsewhere in a task: where none does,
-and where one does.
-"""
+"""Hands without a fault, recorded: of the project's own drawing, and of one that shares nothing with it."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,26 +10,19 @@ from unittest import mock
 import numpy as np
 
 from benchmarks import other_hands
-from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_person
 from benchmarks.other_hands.person import Facing
 from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.declared import TIDY, Declared
 from shukotsu.schemas.findings import NOTE, Finding
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.rotations import Array, about_axis, conjugate, multiply, rotate, unit
-from shukotsu.stages.fit_hand.fit import fit_hand
-from shukotsu.stages.fit_hand.loose_receivers import moved_in
+from shukotsu.skeleton.rotations import Array, about_axis, conjugate, multiply, rotate
 from shukotsu.stages.simulate import random_hand
 from shukotsu.stages.simulate.random_hand import FLEXION, JOINTS, Hand
 from shukotsu.stages.simulate.realism import Realism
 from shukotsu.stages.simulate.simulation import LAYOUT, Simulated, simulate
 from shukotsu.stages.simulate.task_motion import Motion
 
-WRITTEN_TO = "mistakes-benchmark.md", "moved"
-FIRST_SEED, RATE_HZ = 9000, 240
-CALIBRATION_S, TASK_S, EVERY = 25.0, 15.0, 12
-MOVES = {"nothing": (0.0, 0.0), "a turn of 25 deg": (25.0, 0.0), "a shift of 4 mm": (0.0, 4.0)}
 FRAMES = {"rom": 1800, "opposition": 1200}
 FINGERS = ("index", "middle", "ring", "little")
 THUMB = "thumb_metacarpal"
@@ -230,51 +218,3 @@ def facing_the_nail(simulated: Simulated) -> Simulated:
     }
     truth = replace(simulated.truth, joints=joints)
     return replace(simulated, position_mm=position, quaternion=quaternion, truth=truth)
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    add_people(parser, 12, FIRST_SEED)
-
-
-def run(n_hands: int = 12, seed: int = FIRST_SEED) -> Iterator[TextTable]:
-    """Return the table over that many hands of each drawing."""
-    hands = of_each_person(moved_receivers, n_hands, seed)
-    rows: list[tuple[Cell, ...]] = []
-    for key in hands[0]:
-        named = [(hand[key][0], *hand[key][1]) for hand in hands]
-        right = sum(names == [segment] for segment, *names in named)
-        among = sum(segment in names for segment, *names in named)
-        rows.append((*key, n_hands, right, among, sum(bool(names) for _, *names in named)))
-    yield TextTable(
-        "Receivers that sit elsewhere in a task than in the calibration",
-        ("drawing", "task", "planted", "recordings:d", "named alone:d", "named:d", "any named:d"),
-        rows,
-        "Of one receiver drawn at random, not that of the thumb's metacarpal, about a random axis and along "
-        "a random direction of its own. Any named, where nothing is planted: false alarms.",
-    )
-
-
-def moved_receivers(seed: int) -> dict[tuple[str, str, str], tuple[str, list[str]]]:
-    """Return by drawing, task and what is planted the receiver that was moved, and those that are named."""
-    rng, hand, named = np.random.default_rng(seed), ("right", "left")[seed % 2], {}
-    realism, facing = Realism(), FACINGS[seed % len(FACINGS)]
-    person = other_hands.draw_person(seed, thumb_facing=facing)
-    for drawing, tasks in (("own", ("opposition",)), ("other", ("opposition", "grip"))):
-        recordings = {}
-        for task, duration_s in (("rom", CALIBRATION_S), *((task, TASK_S) for task in tasks)):
-            if drawing == "own":
-                poses = simulate("01", hand, task, seed, realism, round(RATE_HZ * duration_s)).poses()
-            else:
-                poses = _other(person, seed, hand, task, duration_s=duration_s).poses
-            recordings[task] = poses.take(slice(None, None, EVERY))
-        fit = fit_hand([recordings["rom"]], read_layout(LAYOUT), hand)
-        for task, (what, (deg, mm)) in ((t, move) for t in tasks for move in MOVES.items()):
-            poses = recordings[task]
-            segment = str(rng.choice([name for name in poses.segments if name != THUMB]))
-            index, axis, way = poses.index(segment), *unit(rng.normal(size=(2, 3)))
-            position, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
-            position[:, index] += rotate(quaternion[:, index], mm * way)
-            quaternion[:, index] = multiply(quaternion[:, index], about_axis(axis, np.radians(deg)))
-            moved = moved_in(fit, replace(poses, position_mm=position, quaternion=quaternion))
-            named[drawing, task, what] = segment, [receiver.segment for receiver in moved]
-    return named

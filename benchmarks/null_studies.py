@@ -46,7 +46,7 @@ MIXTURES = {
 SHAPES = ("normal", "exponential", "lognormal", "student")
 
 SHIFT = 2.0
-"""Of one number of a family, in standard deviations: what power is of."""
+"""Difference of one number of a family, in standard deviations: what power is of."""
 
 
 def numbers(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Array:
@@ -62,7 +62,7 @@ def numbers(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Arra
 
 
 def related(shape: str, rng: np.random.Generator, size: tuple[int, ...], shared: float) -> Array:
-    """The same, columns correlated by what is common to a subject."""
+    """Return the same, columns correlated by what is common to a subject."""
     common, rest = numbers(shape, rng, (size[0], 1)), numbers(shape, rng, size)
     return np.asarray(math.sqrt(shared) * common + math.sqrt(1.0 - shared) * rest)
 
@@ -106,7 +106,7 @@ def _family_of_groups(n: int, m: int, columns: int, studies: int) -> tuple[Cell,
 
 
 def within_families(studies: int) -> TextTable:
-    """The same subjects twice: families of differences, independent and correlated."""
+    """Return the table of the same subjects twice: families of differences, independent and correlated."""
     families = [
         (n, k, r, studies) for n in (6, 8, 12, 20) for k, r in ((1, 0.0), (15, 0.0), (51, 0.0), (51, 0.5))
     ]

@@ -339,7 +339,7 @@ finger, and over a last phalanx, whose nail holds its receiver (ours)."""
 
 
 def looseness(segment: str) -> float:
-    """How far skin moves over a segment's bone, 1 for a typical one."""
+    """Return how far skin moves over a segment's bone, 1 for a typical one."""
     if segment == "thumb_metacarpal":
         return THENAR
     return (LITTLE if segment.startswith("little") else 1.0) * (NAIL if segment.endswith("_distal") else 1.0)

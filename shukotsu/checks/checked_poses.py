@@ -25,7 +25,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:
-    """How many poses have each flag in LEFT_OUT that there is, by segment."""
+    """Return how many poses have each flag in LEFT_OUT that there is, by segment."""
     flagged: dict[str, Counter[str]] = {flag: Counter() for flag in LEFT_OUT}
     for rows in read_row_groups(path, POSES, ["segment", "flags"]):
         for flag, counts in flagged.items():

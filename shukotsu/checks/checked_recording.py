@@ -29,9 +29,9 @@ LEAST_LEFT = 25.0
 OPEN_GAP_MM = 15.0
 MANY_STUCK, MANY_REPEATED = 0.02, 0.4
 MOST_NAMED = 8
-"""Of poses that are where nothing can be."""
+"""Poses that are named, of those where nothing can be."""
 SPEED_LIMIT_RAD_S = 25.0
-"""Of a hand's receivers from one frame to the next: fingers that play fast reach a third of it."""
+"""Turning of a hand's receivers from one frame to the next: fingers that play fast reach a third of it."""
 UNEXPLAINED = -25.0
 """Log likelihood a joint; of loose receivers it is about -8."""
 
@@ -240,7 +240,7 @@ LEFT_OUT = {
     "hemisphere-undecided": ("hemisphere", SUSPECT, "undecided"),
     "spike": ("spikes", NOTE, "left-out"),
 }
-"""By flag of what the import left out or put back: the kind, how grave it is, and which of its sentences."""
+"""Flags of what the import left out or put back: the kind, how grave it is, and which of its sentences."""
 
 
 def _left_out(left_out: Mapping[str, Mapping[str, int]]) -> list[Finding]:
@@ -270,7 +270,7 @@ _SECONDS = {
     "ms": (1e-3, "milliseconds"),
     "s": (1.0, "seconds"),
 }
-"""Of the units that a mapping knows, and their names."""
+"""Units that a mapping knows, in seconds, and their names."""
 
 
 def _clock(line: Timeline, factor: float | None, declared: Declared) -> list[Finding]:

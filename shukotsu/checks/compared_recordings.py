@@ -87,7 +87,12 @@ def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> di
         for place, own in measured.items():
             if _worn_elsewhere(own, measured[usual]):
                 first = {"subject": "", "hand": hand, "task": recordings[usual][0]}
-                if _log_odds(own, measured[usual]) > OTHER_PERSON:
+                same, others = np.array(
+                    [sd for sd in (*PHALANX_MM, *KNUCKLE_MM) for _ in FINGERS] + [SCALE]
+                ).T
+                difference = own.sizes - measured[usual].sizes
+                odds = 0.5 * difference**2 * (same**-2 - others**-2) - np.log(others / same)
+                if odds.sum() > OTHER_PERSON:
                     scales = {"scale": own.scale, "usual": measured[usual].scale}
                     findings[place] = Finding("other-person", SUSPECT, "another", {**first, **scales})
                 else:
@@ -116,11 +121,3 @@ def measure(checked: CheckedRecording) -> Measured | None:
     spread = (knuckles - knuckles.mean(0)).T.ravel()
     scale = float(explained.scale[0])
     return Measured(np.array([*phalanges, *spread, scale]), explained.centre_mm[0], body.names, scale)
-
-
-def _log_odds(first: Measured, second: Measured) -> float:
-    """Log of the odds that the two are of different people."""
-    same, others = np.array([sd for sd in (*PHALANX_MM, *KNUCKLE_MM) for _ in FINGERS] + [SCALE]).T
-    difference = first.sizes - second.sizes
-    odds = 0.5 * difference**2 * (same**-2 - others**-2) - np.log(others / same)
-    return float(odds.sum())

@@ -9,7 +9,7 @@ from typing import Any
 from shukotsu.sentences.finding_sentences import Values
 
 SENSES = ("receiver-to-transmitter", "transmitter-to-receiver")
-"""Of rotations; those of the second are inverted as they are read."""
+"""Senses of rotations; those of the second are inverted as they are read."""
 
 
 @dataclass(frozen=True)
@@ -60,4 +60,4 @@ class Declared:
 
 
 TIDY = Declared()
-"""Of a tidy table: millimetres, and quaternions w, x, y, z from the receiver to the transmitter."""
+"""A tidy table: millimetres, and quaternions w, x, y, z from the receiver to the transmitter."""

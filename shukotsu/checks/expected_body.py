@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from shukotsu.anatomy import average_hand as average
 from shukotsu.anatomy.known_digits import known_digits, root_of
+from shukotsu.checks.sampled_motion import receiver_axes
 from shukotsu.schemas.layout import Digit, Joint, Layout
 from shukotsu.skeleton.rotations import Array, cross_matrix
 
@@ -25,7 +26,7 @@ ROOM = 1.6
 PHALANX_SD_MM, THUMB_SD_MM = (4.5, 2.5, 2.5), (6.0, 4.0, 4.0)
 """Sd of a joint's centre in the frame of a receiver on the bone before or after it."""
 HAND_MOUNT_MM, FOREARM_MOUNT_MM = (35.0, 0.0, 14.0), (-60.0, 0.0, 22.0)
-"""Of receivers from the wrist, where the layout does not say where the wrist is (ours)."""
+"""Places of receivers from the wrist, where the layout does not say where the wrist is (ours)."""
 ON_HAND_SD_MM = 4.0
 """Sd of a knuckle in the hand's frame, what is shared apart."""
 
@@ -39,7 +40,7 @@ HINGE_SD_DEG, MCP_SD_DEG, THUMB_SD_DEG = (10.0, 10.0), (14.0, 12.0), (18.0, 20.0
 """Sd of the middle of abduction and of axial rotation."""
 SWING_DEG = {"mcp": (45.0, 30.0), "cmc": (60.0, 50.0)}
 HINGE_SWING_DEG = (14.0, 14.0)
-"""Of abduction and axial rotation, the range that needs no explanation."""
+"""Range of abduction and axial rotation that needs no explanation."""
 
 
 @dataclass(frozen=True)
@@ -144,10 +145,8 @@ def _hand_mount_mm(layout: Layout) -> Array:
     """The place of the hand's receiver from the wrist: distally, sideways, dorsally."""
     if layout.wrist is None:
         return np.array(HAND_MOUNT_MM)
-    worn = layout.segments[layout.wrist.segment]
-    distal, dorsal = np.array(worn.distal), np.array(worn.dorsal)
-    axes = np.stack([distal, np.cross(dorsal, distal), dorsal])
-    return np.asarray(-axes @ np.array(layout.wrist.nominal_mm))
+    axes = receiver_axes(layout, (layout.wrist.segment,))[0]
+    return np.asarray(-axes.T @ np.array(layout.wrist.nominal_mm))
 
 
 def _share_root(body: ExpectedBody, index: int, end: int) -> None:

@@ -69,7 +69,13 @@ class Explanation:
 def joint_shares(body: ExpectedBody, series: Sequence[tuple[int, Motion]]) -> JointShares:
     """Summarise each joint's receivers in each motion: (joint, motion) pairs in, shares out."""
     joint = np.array([end for end, _ in series], int)
-    parts = [_pair(motion, *body.ends[end]) for end, motion in series]
+    parts = []
+    for end, motion in series:
+        parent, child = body.ends[end]
+        above = np.swapaxes(motion.rotation[:, parent], 1, 2)
+        apart = motion.position_mm[:, child] - motion.position_mm[:, parent]
+        both = (motion.valid[:, parent] & motion.valid[:, child]).astype(float)
+        parts.append((above @ motion.rotation[:, child], (above @ apart[..., None])[..., 0], both))
     turn, offset, weight = (np.stack(part) for part in zip(*parts, strict=True))
     n = len(series)
     total = weight.sum(1)
@@ -99,8 +105,14 @@ def _turned(
         # the others turn alike, whichever way a thumb's receiver faces
         depends = body.faced[joint] | (facing == 0)
         rest = np.swapaxes(body.rest[joint[depends], facing], 1, 2)[:, None]
-        angles = np.where(seen[depends][..., None], _angles_deg(rest @ turn[depends]), np.nan)
-        ordered = np.sort(angles, axis=1)  # (P, K, 3), NaN last
+        turned = rest @ turn[depends]  # turns about y, z and x carried one by the other
+        angles = [
+            np.arctan2(-turned[..., 2, 0], turned[..., 0, 0]),
+            np.arctan2(turned[..., 1, 0], np.hypot(turned[..., 0, 0], turned[..., 2, 0])),
+            np.arctan2(-turned[..., 1, 2], turned[..., 1, 1]),
+        ]
+        angles = np.where(seen[depends], np.degrees(angles), np.nan)
+        ordered = np.sort(np.moveaxis(angles, 0, -1), axis=1)  # (P, K, 3), NaN last
         last = np.maximum(np.isfinite(ordered).sum(1, keepdims=True) - 1, 0)
         low, middle, high = (
             np.nan_to_num(np.take_along_axis(ordered, (share * last).round().astype(int), 1)[:, 0])
@@ -111,21 +123,6 @@ def _turned(
     alike = ~body.faced[joint]
     angles_deg[alike], turning[alike] = angles_deg[alike, :1], turning[alike, :1]
     return np.where(body.known[joint, None], turning, 0.0), angles_deg
-
-
-def _pair(motion: Motion, parent: int, child: int) -> tuple[Array, Array, Array]:
-    above = np.swapaxes(motion.rotation[:, parent], 1, 2)
-    apart = motion.position_mm[:, child] - motion.position_mm[:, parent]
-    weight = (motion.valid[:, parent] & motion.valid[:, child]).astype(float)
-    return above @ motion.rotation[:, child], (above @ apart[..., None])[..., 0], weight
-
-
-def _angles_deg(turn: Array) -> Array:
-    """Flexion, abduction and axial rotation (..., 3), turns about y, z and x carried one by the other."""
-    reach = np.hypot(turn[..., 0, 0], turn[..., 2, 0])
-    flexion = np.arctan2(-turn[..., 2, 0], turn[..., 0, 0])
-    axial = np.arctan2(-turn[..., 1, 2], turn[..., 1, 1])
-    return np.asarray(np.degrees(np.stack([flexion, np.arctan2(turn[..., 1, 0], reach), axial], -1)))
 
 
 def _turning(

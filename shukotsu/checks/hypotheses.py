@@ -83,11 +83,11 @@ SHARES = {
     "digits-swapped": 0.01,
     "receiver-turned": 0.01,
 }
-"""Of a laboratory's recordings that have the mistake (ours): what they share, its hypotheses share alike."""
+"""Share of a laboratory's recordings that have the mistake (ours), which its hypotheses share alike."""
 
 
 INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
-"""Of a unit quaternion, its conjugate."""
+"""Signs that make a unit quaternion its conjugate."""
 
 
 def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Callable[[Motion], Motion]:
@@ -265,7 +265,8 @@ def _permuted(recorded: Recorded, order: Sequence[int]) -> Callable[[Motion], Mo
 
 def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
     """Yield a receiver, or every receiver alike, turned on its bone by quarter turns."""
-    for turn in _quarter_turns():
+    cube = Rotation.create_group("O").as_matrix().round()
+    for turn in cube[np.trace(cube, axis1=1, axis2=2) < 3]:  # all of its 24 turns but the identity
         values: dict[str, Any] = _turn_values(turn, recorded.mirror)
         # a column is where the bone's axis points in the receiver's frame
         axes = recorded.axes @ (turn * recorded.mirror[:, None] * recorded.mirror)
@@ -279,7 +280,7 @@ def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
 
 
 ALIKE = 1e-6
-"""Of the axes of receivers that the layout has mounted alike, so that one line can turn all of them."""
+"""Difference of receivers' axes that the layout has alike, so that one line can turn all of them."""
 
 
 def _axes_values(axes: Array) -> dict[str, Any]:
@@ -300,32 +301,12 @@ def _turned(turn: Array, receiver: int | slice = slice(None)) -> Callable[[Motio
     return undo
 
 
-def _quarter_turns() -> list[Array]:
-    """The 23 turns of a cube, the identity left out."""
-    turns = []
-    for order in permutations(range(3)):
-        for signs in product((1.0, -1.0), repeat=3):
-            turn = np.zeros((3, 3))
-            turn[range(3), order] = signs
-            if np.linalg.det(turn) > 0 and not np.array_equal(turn, np.eye(3)):
-                turns.append(turn)
-    return turns
-
-
 def _turn_values(turn: Array, mirror: Array) -> dict[str, Any]:
-    """By how much and about which of its axes it is turned; none: about a diagonal."""
+    """Return by how much and about which of its axes it is turned; none: about a diagonal."""
     in_receiver = turn * mirror[:, None] * mirror
-    degrees = round(float(np.degrees(np.arccos(np.clip((np.trace(in_receiver) - 1) / 2, -1, 1)))))
-    if degrees == 180:
-        axis = np.linalg.eigh(in_receiver + in_receiver.T)[1][:, -1]
-    else:
-        axis = np.array(
-            [
-                in_receiver[2, 1] - in_receiver[1, 2],
-                in_receiver[0, 2] - in_receiver[2, 0],
-                in_receiver[1, 0] - in_receiver[0, 1],
-            ]
-        )
+    axis = Rotation.from_matrix(in_receiver).as_rotvec(degrees=True)
+    degrees = round(float(np.linalg.norm(axis)))
+    axis = axis / degrees
     along = np.flatnonzero(np.abs(axis) > 0.3)
     if len(along) == 1:
         sign = -1 if axis[along[0]] < 0 and degrees != 180 else 1

@@ -96,7 +96,7 @@ def _apart_mm(first: Array, second: Array) -> tuple[Array, Array]:
 
 
 def _within_mm(reach_mm: float, lasts: Array) -> Array:
-    """How far a receiver goes in so many frames: it does not keep its greatest speed."""
+    """Return how far a receiver goes in so many frames: it does not keep its greatest speed."""
     return np.asarray(reach_mm * np.minimum(lasts, 2 * np.sqrt(lasts)))
 
 

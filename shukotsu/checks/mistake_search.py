@@ -22,7 +22,7 @@ OPEN_MM, CLOSER, CLOSED_MM = 5.0, 0.33, 40.0
 """Of joints that anatomy does not know: from which gap on a mistake is looked for, how much less it must be
 put right, and how small."""
 AWAY_MM, AWAY_LOG_SD = 600.0, 0.8
-"""From a tracker's transmitter to what is worn (ours)."""
+"""Distance from a tracker's transmitter to what is worn (ours)."""
 MOVED_MM = 2.0
 """A joint whose centre moves farther on its bones is another joint."""
 BETTER = 0.95
@@ -197,7 +197,7 @@ def effect(
 
 
 def _apart_mm(body: ExpectedBody, before: Joints, after: Joints, *, mirrored: bool) -> Array:
-    """How far (J,) joints move from their receivers, in the world's axes, of the one that sees more."""
+    """Return how far (J,) joints move from the receiver that sees more of it, in the world's axes."""
     signs = MIRROR if mirrored else np.ones(3)
     first, second = (
         np.einsum("kjeab,jeb->kjea", joints.motion.rotation[:, body.ends], joints.centre_mm)

@@ -11,7 +11,7 @@ from shukotsu.schemas.layout import Layout
 from shukotsu.skeleton.rotations import Array, matrix
 
 FRAMES = 60
-"""That hypotheses are compared on, spread over the recording."""
+"""Frames that hypotheses are compared on, spread over the recording."""
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 

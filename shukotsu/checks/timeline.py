@@ -67,7 +67,7 @@ def sides(line: Timeline) -> npt.NDArray[np.int8]:
 
 
 def away(sign: npt.NDArray[Any]) -> Rows:
-    """How often each receiver (S,) is on the other side, of sides (T, S): there and back is once."""
+    """Return how often each receiver (S,) is on the other side, of sides (T, S): there and back is once."""
     other = sign < 0
     return np.asarray((other[1:] & ~other[:-1]).sum(0) + other[:1].sum(0))
 
@@ -203,7 +203,7 @@ def true_clock(line: Timeline) -> float | None:
 
 
 def turning_speed(line: Timeline, most_frames: int = 12) -> float:
-    """How fast receivers turn when fast, rad/s: the 90th percentile over so many frames, median over them."""
+    """Return how fast receivers turn, rad/s: the 90th percentile over so many frames, their median."""
     interval = line.interval_s
     stride = max(1, min(most_frames, len(line.valid) // 10))
     speeds = []

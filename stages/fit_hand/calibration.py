@@ -34,7 +34,7 @@ from shukotsu.stages.fit_hand.operations import Index
 from shukotsu.stages.fit_hand.touches import CONTACT_SD_MM, Touch, find_contacts, touch_in, with_touches
 
 MOST_FRAMES = 60_000
-"""Of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is looked at."""
+"""Frames of a calibration, four minutes at 240 Hz; of a longer one every n-th frame is looked at."""
 
 REFERENCE_FRAMES = 80
 """Evenly spaced frames of a recording that the hand that anatomy expects is laid out and posed in. A motion
@@ -188,7 +188,7 @@ def _touches(
 
 
 def _touch(tips: Fingertips, poses: Poses, rows: Index, row: Row, sd_mm: float) -> Touch:
-    """What a row of the sheet says of those frames: a point that was touched, or two digits that met."""
+    """Return the touch that a row of the sheet has in those frames: of a point, or of two digits."""
     if not row["meets"]:
         point_mm = np.array([row["x_mm"], row["y_mm"], row["z_mm"]])
         return touch_in(tips, poses, rows, (row["digit"],), sd_mm, row["part"] or TIP, point_mm)

@@ -38,7 +38,7 @@ from shukotsu.stages.fit_hand.operations import Branch, Mark, Operation, Side, S
 X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 _FINGER_JOINTS = 4
-"""Of a digit that has a DIP joint."""
+"""Joints of a digit that has a DIP joint."""
 
 
 @dataclass(frozen=True)
@@ -366,7 +366,7 @@ class _Joint:
         return Term(prior.PLACE_LAG, None, state), Term(prior.PLACE_LAG_SD, self.lags[0], state)
 
     def turn_lag(self) -> tuple[Step, ...]:
-        """By how much less the receiver turns than its place does: about the joint's axes, in the bone."""
+        """Return how much less the receiver turns than its place does, about the joint's axes in the bone."""
         if self.lags is None or self.flexion is None or self.others is None:
             return ()
         steps = []

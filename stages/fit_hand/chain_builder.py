@@ -17,7 +17,7 @@ from shukotsu.skeleton.rotations import Array, unit
 from shukotsu.stages.fit_hand.operations import Mark, Operation, Step, Term
 
 KINDS = ("flexion", "abduction", "axial")
-"""Of joint angles: about the first, the second and the third axis of a joint."""
+"""Kinds of joint angles: about the first, the second and the third axis of a joint."""
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ class Steps:
     unknowns: tuple[Index, ...]
 
     def frames_first(self) -> Reduced:
-        """The same as the rest of the package reads them."""
+        """Return the same as the rest of the package reads them."""
         return Reduced(
             self.matrix,
             self.gradient,

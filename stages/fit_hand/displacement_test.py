@@ -47,10 +47,10 @@ POSTURE_RAD = float(np.radians(25.0))
 """Angles so far apart are two postures, as skin goes."""
 
 SKIN_WAYS = 16
-"""Of moving as skin does that are kept: the rest is small."""
+"""Ways of moving as skin does that are kept: the rest is small."""
 
 LAG_FRAMES = 8.0
-"""Of the even frames, about two seconds: so long does skin remember."""
+"""Even frames, about two seconds: so long does skin remember."""
 
 DISPLACEMENT_SD = (6.0, float(np.radians(10.0)))
 """mm and rad per component, of a receiver that came loose."""

@@ -22,7 +22,7 @@ DISTANCES_MM = (60.0, 180.0)
 """From the nearest place where a receiver was to a source: a thing beside the hand, or a plate."""
 
 POWER = 3.0
-"""Of the distance from a source, by which its field falls."""
+"""Power of the distance from a source by which its field falls."""
 
 ROOM_REACH_MM, ROOM_SD = 200.0, (0.9, float(np.radians(1.8)))
 """Any room's own field changes over so much, and by so many mm and rad per component: half as much again as

@@ -57,7 +57,7 @@ SIDE_SD = 0.0025
 
 _POSING_STEPS, _BOOTSTRAP_STEPS = 4, 8
 NO_PRECISION = 1e-9
-"""Of an expectation that has been replaced."""
+"""Precision of an expectation that has been replaced."""
 
 
 @dataclass(frozen=True)
@@ -313,22 +313,17 @@ def without_noise_bias(problem: Problem, point: Point) -> Point:
         np.concatenate([rows, np.diag(root)]), np.concatenate([rows @ point.x, root * point.x])
     )
     again = replace(problem, observations=held, precision=np.full(len(root), NO_PRECISION))
-    solved_x = []
+    fitted, solved_x = residuals(problem, point).branches, []
     for sign in (1.0, -1.0):
-        frames = _measured_again(problem, point, sign * noise)
+        rotation, position = problem.frames.rotation.copy(), problem.frames.position_mm.copy()
+        for receivers, (_, _, reached) in zip(problem.receivers, fitted, strict=True):
+            for mark, s in receivers:
+                turned = problem.sd[s, 1] * (sign * noise)[1, :, s]
+                rotation[:, s] = reached.rotation[mark] @ exp_rotation(turned)
+                position[:, s] = reached.position_mm[mark] + problem.sd[s, 0] * (sign * noise)[0, :, s]
+        if problem.field is not None:
+            rotation = problem.field.turn(position, point.x) @ rotation
+        frames = Frames(rotation, position, problem.frames.valid)
         solved_x.append(solve(replace(again, frames=frames), point, _BOOTSTRAP_STEPS, NEARLY).point.x)
     x = 2 * point.x - np.mean(solved_x, axis=0)
     return pose(problem, replace(point, x=x))
-
-
-def _measured_again(problem: Problem, point: Point, noise: Array) -> Frames:
-    """The frames as the hand would have them, off by noise (2, F, S, 3) times the sd of what is left."""
-    rotation, position = problem.frames.rotation.copy(), problem.frames.position_mm.copy()
-    for receivers, (_, _, reached) in zip(problem.receivers, residuals(problem, point).branches, strict=True):
-        for mark, s in receivers:
-            turned = problem.sd[s, 1] * noise[1, :, s]
-            rotation[:, s] = reached.rotation[mark] @ exp_rotation(turned)
-            position[:, s] = reached.position_mm[mark] + problem.sd[s, 0] * noise[0, :, s]
-    if problem.field is not None:
-        rotation = problem.field.turn(position, point.x) @ rotation
-    return Frames(rotation, position, problem.frames.valid)

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from shukotsu.anatomy import average_hand as prior
 from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.checks.sampled_motion import MIRROR
 from shukotsu.schemas.layout import Digit
 from shukotsu.skeleton.joint_angles import joint_angles
 from shukotsu.skeleton.rotations import Array, about_axis, matrix, multiply
@@ -29,11 +30,11 @@ from shukotsu.stages.fit_hand.fitted_motion import PosedHand, joint_angles_of
 from shukotsu.stages.fit_hand.normal_equations import Frames, Point
 from shukotsu.stages.fit_hand.operations import Branch, Index, cross
 from shukotsu.stages.fit_hand.posterior_summary import unshown_mm2
-from shukotsu.stages.fit_hand.receiver_frames import MIRROR, spread_frames
+from shukotsu.stages.fit_hand.receiver_frames import spread_frames
 from shukotsu.stages.fit_hand.touches import SKIN_SD_MM
 
 POSTURES = 96
-"""Of a block of frames, for which the map is made; each set of valid receivers has one at least."""
+"""Postures of a block of frames, for which the map is made; each set of valid receivers has one at least."""
 
 _MOST_AT_ONCE = 32
 """Postures whose maps are in memory together: 15 MB."""

@@ -121,7 +121,13 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
         row |= displaced.get(segment, {})
         digit = digit_of.get(segment)
         if digit is not None:
-            row |= _tip_columns(tips, digit)
+            tip = tips[digit]
+            for name, point, covariance in (
+                ("bone_tip", tip.point_mm, tip.covariance_mm2),
+                ("soft_tip", tip.soft_tip_mm, tip.soft_tip_covariance_mm2),
+            ):
+                row |= vector_columns(f"{name}_", point, "_mm")
+                row[f"{name}_sd_mm"] = float(np.sqrt(np.trace(covariance)))
             refused = [text for text in tips.refused if f"({digit}, " in text or f" and {digit})" in text]
             row["message"] = joined([row["message"], *refused])
         rows.append(row)
@@ -233,15 +239,3 @@ def _left_out(row: Row) -> str:
     if row["left_out_share"]:
         return f"{100 * row['left_out_share']:.0f} % of its frames were left out"
     return "all of its frames were used, as no joint centre is the worse for it"
-
-
-def _tip_columns(tips: Fingertips, digit: str) -> Row:
-    tip = tips[digit]
-    row: Row = {}
-    for name, point, covariance in (
-        ("bone_tip", tip.point_mm, tip.covariance_mm2),
-        ("soft_tip", tip.soft_tip_mm, tip.soft_tip_covariance_mm2),
-    ):
-        row |= vector_columns(f"{name}_", point, "_mm")
-        row[f"{name}_sd_mm"] = float(np.sqrt(np.trace(covariance)))
-    return row

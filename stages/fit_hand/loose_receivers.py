@@ -60,7 +60,7 @@ _REFINEMENTS = 3
 _SAME_MOMENT = 3
 _UNSURE_FRAMES = 2
 _MEDIAN_OF_SQUARES = 2.366
-"""Of the sum of three squared standard normal variables."""
+"""Median of the sum of three squared standard normal variables."""
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ def _momentary_sd(problem: Problem, current: Residuals) -> Array:
 def _uncovered(
     problem: Problem, skinless: Problem, point: Point, model: HandModel, tested: Tested
 ) -> tuple[Point, list[Displacement]]:
-    """Where to begin and what is displaced there, if that is likelier than nothing being displaced.
+    """Return where to begin and what is displaced there, if that is likelier than nothing being displaced.
 
     skinless : the problem in which it is looked for. Joint angles that jump with a loose receiver let skin in
     proportion to them make up for it, until no residual is left: a skin that nobody has.

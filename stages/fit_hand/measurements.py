@@ -21,7 +21,7 @@ PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
 which counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
 
 MOUNT_PARTS = ("along", "lateral", "height")
-"""Of a receiver's place on its bone: x, y, z of the bone."""
+"""Parts of a receiver's place on its bone: x, y, z of the bone."""
 
 _TURNS = 0.1
 """Share of the largest singular value below which a hinge's axis is not found by what it turned about it."""

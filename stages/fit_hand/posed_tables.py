@@ -11,6 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from shukotsu.anatomy.known_digits import known_digits
+from shukotsu.checks.sampled_motion import MIRROR
 from shukotsu.schemas.layout import Digit, Layout
 from shukotsu.schemas.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name
 from shukotsu.skeleton.rotations import Array, rotate
@@ -23,7 +24,6 @@ from shukotsu.stages.fit_hand.frame_uncertainty import PosedErrors, posed_errors
 from shukotsu.stages.fit_hand.hand_tables import digits_carried, joints_beside
 from shukotsu.stages.fit_hand.loose_receivers import NORMAL, LooseReceiver
 from shukotsu.stages.fit_hand.operations import Index
-from shukotsu.stages.fit_hand.receiver_frames import MIRROR
 
 BLOCK_FRAMES = 1 << 14
 LEFT_OUT_FRAMES = 512

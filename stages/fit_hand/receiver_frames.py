@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.checks.sampled_motion import MIRROR, receiver_axes
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.rotations import Array, matrix
 from shukotsu.stages.fit_hand.normal_equations import Frames
 from shukotsu.stages.fit_hand.operations import Index
-
-MIRROR = np.array([1.0, -1.0, 1.0])
 
 FINGER_MM = 80.0
 """A distance that changes by so much says as much of a posture as a turn by a radian does (ours)."""
@@ -36,12 +35,8 @@ class Convention:
 
     @classmethod
     def of(cls, layout: Layout, receivers: Sequence[str], hand: str) -> Convention:
-        """The convention of a layout's receivers."""
-        axes = []
-        for name in receivers:
-            distal, dorsal = np.array(layout.segments[name].distal), np.array(layout.segments[name].dorsal)
-            axes.append(np.stack([distal, np.cross(dorsal, distal), dorsal], -1))
-        return cls(tuple(receivers), np.array(axes), hand == "left")
+        """Return the convention of a layout's receivers."""
+        return cls(tuple(receivers), receiver_axes(layout, tuple(receivers)), hand == "left")
 
     def frames(self, poses: Poses) -> Frames:
         """Poses as frames; what is not valid gets harmless numbers."""

@@ -176,7 +176,7 @@ def _conditioned(
 def _alone(
     tips: Fingertips, equations: Sequence[_Equation], start: Array, P: Array
 ) -> list[tuple[float, float]]:
-    """How far each equation is from what the fit alone makes of it: squared in sd, and in mm."""
+    """Return how far each equation is from what the fit alone makes of it: squared in sd, and in mm."""
     off, H = _misfit(tips, equations, start, tips.offsets_mm.shape)
     misfits = []
     for i, equation in enumerate(equations):

@@ -20,7 +20,7 @@ from shukotsu.schemas.model import SkeletonModel, read_model
 from shukotsu.schemas.plan import SubjectPlan
 from shukotsu.schemas.recording_summary import subject_tables
 from shukotsu.schemas.results import FAILED_PAGES, Results
-from shukotsu.schemas.study import Hand, Recording, Study, SubjectSession, not_compared, path_token
+from shukotsu.schemas.study import Hand, Recording, Study, SubjectSession, path_token
 from shukotsu.schemas.tables import Table, read_metadata, read_table, rows_of
 from shukotsu.sentences.translation import tr
 

@@ -14,7 +14,7 @@ from shukotsu.stages.simulate.random_hand import BONES, Hand
 from shukotsu.stages.simulate.realism import Realism, generator
 
 FIRST_WORN = 2
-"""Of the bones of digits, which come after forearm and hand."""
+"""First of the bones of digits, which come after forearm and hand."""
 
 _RECEIVER_HALF_MM = float(np.mean(drawn.RECEIVER_HALF_MM))
 

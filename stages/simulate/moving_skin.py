@@ -56,15 +56,11 @@ def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale
     joint = np.array(
         [(b - 1, ends[0] if len(ends) == 1 else -1) for b, ends in zip(bone, after, strict=True)]
     )
-    looseness = scale * np.array([_looseness(segment) for segment in segments])
+    looseness = np.array([drawn.LITTLE if name.startswith("little") else 1.0 for name in segments])
+    looseness *= [drawn.NAIL if name.endswith("_distal") else 1.0 for name in segments]
+    looseness[[name == "thumb_metacarpal" for name in segments]] = drawn.THENAR
+    looseness *= scale
     return Skin(bone, np.maximum(joint, 0), joint >= 0, looseness, scale, *lags)
-
-
-def _looseness(bone: str) -> float:
-    loose = drawn.LITTLE if bone.startswith("little") else 1.0
-    if bone == "thumb_metacarpal":
-        return drawn.THENAR
-    return loose * (drawn.NAIL if bone.endswith("_distal") else 1.0)
 
 
 def on_skin(

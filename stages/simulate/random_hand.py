@@ -135,7 +135,12 @@ def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight
     depth_mm = drawn.CENTRES_SD_MM * float(_clipped(generator(seed, "joint depth", subject), ()))
     sides = drawn.SIDE_SD * generator(seed, "side", subject, side).standard_normal(len(BONES))
     sides = 1.0 + np.clip(sides, -drawn.SIDE_LIMIT, drawn.SIDE_LIMIT)
-    lengths = _lengths_mm(rng, average, scale, depth_mm) * sides
+    lengths, sd = np.zeros(len(BONES)), np.zeros(len(BONES))
+    for digit in DIGITS:  # centres deeper in the heads shorten metacarpals and lengthen last bones
+        bones = np.array(_chain(digit)) + 1
+        lengths[bones], sd[bones] = average[digit].lengths_mm, average[digit].length_sd_mm
+        lengths[bones[[0, -1]]] += depth_mm * np.array([-1.0, 1.0])
+    lengths = scale * (lengths + sd * _clipped(rng, (len(BONES),))) * sides
     centres = _centres_mm(rng, average, lengths, scale)
     axes, facing = _flexion_axes(rng, average, centres, realism)
     soft_tip = scale * np.array([digit.soft_tip_mm for digit in average.values()])
@@ -182,16 +187,6 @@ def _clipped(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
 def _chain(digit: str) -> list[int]:
     """Joints of a digit from the base outward."""
     return [j for j, joint in enumerate(JOINTS) if joint.startswith(f"{digit}_")]
-
-
-def _lengths_mm(rng: np.random.Generator, average: drawn.DrawnHand, scale: float, depth_mm: float) -> Array:
-    """Lengths (B,); centres deeper in the heads shorten metacarpals and lengthen last bones."""
-    lengths, sd = np.zeros(len(BONES)), np.zeros(len(BONES))
-    for digit in DIGITS:
-        bones = np.array(_chain(digit)) + 1
-        lengths[bones], sd[bones] = average[digit].lengths_mm, average[digit].length_sd_mm
-        lengths[bones[[0, -1]]] += depth_mm * np.array([-1.0, 1.0])
-    return np.asarray(scale * (lengths + sd * _clipped(rng, (len(BONES),))))
 
 
 def _centres_mm(rng: np.random.Generator, average: drawn.DrawnHand, lengths_mm: Array, scale: float) -> Array:

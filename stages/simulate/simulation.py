@@ -176,18 +176,17 @@ def simulate(
     *,
     forearm: bool = False,
     session: str = "",
-    trial: str = "",
     change: Callable[[Motion], Motion] | None = None,
 ) -> Simulated:
     """Simulate one recording with 16 receivers, 17 with `forearm`, at 240 Hz.
 
     Anatomy depends on seed and subject, receivers' places and skin also on the hand, motion and noise also on
-    the task. In another session the person moves anew, with receivers put on anew; in another trial noise and
-    skin wander anew. Another n_frames than the task's own is the same script, faster or slower. change : of
-    what the task makes the hand do. Raises InputError where an argument is not usable.
+    the task. In another session the person moves anew, with receivers put on anew. Another n_frames than the
+    task's own is the same script, faster or slower. change : of what the task makes the hand do. Raises
+    InputError where an argument is not usable.
     """
     n_frames = _checked(hand, task, seed, n_frames)
-    layout, in_session = read_layout(LAYOUT), [*filter(None, (session, trial))]
+    layout, in_session = read_layout(LAYOUT), [session] * bool(session)
     segments = tuple(s for s in layout.measured if forearm or not layout.segments[s].optional)
     anatomy = hand_of(subject, hand, seed, realism)
     mounts = mounts_of(subject, hand, seed, anatomy, segments, realism, session)

@@ -150,17 +150,6 @@ def _opposition(
 
 def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
     """Script of every joint through its range, one after another and together, as `_opposition`."""
-    rest = rest_posture()
-    keyframes = [rest]
-    for pose in _range_poses():
-        keyframes += [rest + pose, rest]
-    factor = np.clip(1.0 + 0.07 * rng.standard_normal((len(JOINTS), 1)), 0.85, 1.12)
-    script = rest + (np.array(keyframes) - rest) * factor
-    return script, rng.uniform(0.85, 1.15, len(script) - 1)
-
-
-def _range_poses() -> list[Array]:
-    """Poses (J, 2) of a range of motion, in turn, that are added to that of rest."""
     hook = _fingers("pip", 72.0) + _fingers("dip", 50.0)
     fist = _fingers("mcp", 54.0) + _fingers("pip", 70.0) + _fingers("dip", 58.0)
     spread = posture(index_mcp=(0, 14), middle_mcp=(0, 4), ring_mcp=(0, -8), little_mcp=(0, -15))
@@ -178,7 +167,14 @@ def _range_poses() -> list[Array]:
     wrist = [posture(wrist=bend) for bend in ((35.0, 0.0), (-35.0, 0.0), (0.0, 14.0), (0.0, -18.0))]
     fingers = [_fingers("mcp", 54.0), hook, fist, spread, -spread, _fingers("mcp", -25.0), *alone]
     turned = grasp + posture(wrist=(-20.0, 5.0))
-    return [*fingers, *circle, *bent, across, _cupped(), grasp, *wrist, turned]
+    poses = [*fingers, *circle, *bent, across, _cupped(), grasp, *wrist, turned]
+    rest = rest_posture()
+    keyframes = [rest]
+    for pose in poses:
+        keyframes += [rest + pose, rest]
+    factor = np.clip(1.0 + 0.07 * rng.standard_normal((len(JOINTS), 1)), 0.85, 1.12)
+    script = rest + (np.array(keyframes) - rest) * factor
+    return script, rng.uniform(0.85, 1.15, len(script) - 1)
 
 
 def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:

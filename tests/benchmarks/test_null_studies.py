@@ -6,19 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchmarks.null_studies import any_shown, numbers, run
+from benchmarks.null_studies import any_shown, numbers
 from shukotsu.statistics.paired_statistics import group_difference, sign_flip_p
 
 STUDIES = 600
-
-
-@pytest.mark.slow
-def test_every_table_has_its_rows() -> None:
-    tables = list(run(2))
-    assert [len(table.rows) for table in tables] == [8, 16]
-    for table in tables:
-        shares = [cell for row in table.rows for cell in row[2:] if isinstance(cell, float)]
-        assert all(0.0 <= share <= 100.0 for share in shares)
 
 
 @pytest.mark.slow

@@ -3,9 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
-from shukotsu.anatomy import average_hand as prior
 from shukotsu.schemas.layout import Layout
 from shukotsu.skeleton.rotations import Array, exp_rotation
 from shukotsu.stages.fit_hand.chain import HandModel, hand_model
@@ -16,7 +14,6 @@ from shukotsu.stages.fit_hand.normal_equations import (
     Observations,
     Point,
     Problem,
-    log_rotation,
     pairs,
     states_by_unknowns,
 )
@@ -64,31 +61,6 @@ def problem_at(model: HandModel, point: Point, noise: float, seed: int = 1) -> P
         np.full(n_x, 0.8),
         Observations(rng.normal(size=(2, n_x)), rng.normal(size=2)),
     )
-
-
-def test_the_thumbs_receiver_lags_behind_its_bone(layout: Layout) -> None:
-    """Where the CMC flexes, its place follows by one share of the angle, and its turn by less."""
-    model = model_of(layout)
-    cmc = model.states.names.index(("thumb_cmc", "flexion"))
-    place, turn = (model.unknowns.groups.index(group) for group in ("place lag", "turn lag"))
-    branch = next(b for b in model.branches if "receiver thumb_metacarpal" in b.marks)
-    x, y = np.zeros(len(model.unknowns.names)), np.zeros((2, len(model.states.names)))
-    x[place], x[turn], y[1, cmc] = 0.5, -0.3, 0.4
-    reached = branch.reach(x, y, np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)))
-    turned = {}
-    for name in ("receiver thumb_metacarpal", "bone thumb_metacarpal"):
-        first, second = reached.rotation[branch.marks.index(name)]
-        turned[name] = np.linalg.norm(log_rotation(second @ first.T))
-    place_share = 1 + prior.PLACE_LAG + 0.5 * prior.PLACE_LAG_SD
-    turn_share = place_share + prior.TURN_LAG - 0.3 * prior.TURN_LAG_SD
-    assert turned["bone thumb_metacarpal"] == pytest.approx(0.4)
-    assert turned["receiver thumb_metacarpal"] == pytest.approx(0.4 * turn_share, abs=1e-9)
-    y[1, cmc] *= place_share  # were it fixed to the bone
-    x[place] = -prior.PLACE_LAG / prior.PLACE_LAG_SD
-    fixed = branch.reach(x, y, np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)))
-    mark = branch.marks.index("receiver thumb_metacarpal")
-    way_mm = reached.position_mm[mark, 1] - fixed.position_mm[mark, 1]
-    assert np.linalg.norm(way_mm) < 1e-9
 
 
 def test_states_follow_the_unknowns(layout: Layout) -> None:

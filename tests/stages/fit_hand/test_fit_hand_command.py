@@ -18,10 +18,8 @@ from shukotsu.schemas.catalogue import TABLES
 from shukotsu.schemas.layout import read_layout
 from shukotsu.schemas.parts import Part, read_part
 from shukotsu.schemas.tables import column_array, rows_of
-from shukotsu.skeleton.rotations import rotate
 from shukotsu.stages.fit_hand.calibration import read_thinned
 from shukotsu.stages.fit_hand.hand_tables import FIT
-from shukotsu.stages.simulate.random_hand import DIGITS, TIP_BONES
 from shukotsu.stages.simulate.simulation import Simulated
 
 WHOLE = Part("right", "quick", subject="01")
@@ -209,31 +207,3 @@ def test_a_failed_part_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixt
     ):
         assert subject.fit("right", *options) == 2
         assert message in capsys.readouterr().err
-
-
-def met(made: Simulated) -> list[str]:
-    """Rows that say when each finger's pad rested on the thumb's, by the truth: then they are closest."""
-    truth, offset_mm = made.truth, made.truth.hand.pad_mm.copy()
-    offset_mm[:, 0] -= truth.hand.length_mm[TIP_BONES]
-    pads_mm = truth.tip_mm + rotate(truth.bone_quaternion[:, TIP_BONES], offset_mm)
-    apart_mm = np.linalg.norm(pads_mm[:, 1:] - pads_mm[:, :1], axis=-1)
-    assert (apart_mm.min(0) < 6).all()
-    times = made.time_s[apart_mm.argmin(0)]
-    rows = zip(DIGITS[1:], times, strict=True)
-    return [f"01\tright\topposition\tthumb\t\t{t - 0.02}\t{t + 0.02}\t\t\t\t\t{digit}" for digit, t in rows]
-
-
-@pytest.mark.slow
-def test_pads_that_met_sharpen_joints_as_those_that_are_found(hand: HandAlone, tmp_path: Path) -> None:
-    """Told in the sheet and not looked for, or looked for in opposition and not told."""
-    poses = [f"--poses={hand.poses(task=task)}" for task in ("rom", "opposition")]
-    none = tmp_path / "quick.yaml"
-    none.write_text(hand.model.read_text().replace("steps: 10", "steps: 10, contacts: []"))
-    told = sheet(hand, "touches", *met(simulated(task="opposition")))
-    sd_mm = {}
-    for way, options in {"none": [f"--model={none}"], "found": [], "told": [f"--model={none}", told]}.items():
-        assert hand.fit(tmp_path / way, *poses, *options) == 0
-        joints = {row["joint"]: row["sd_mm"] for row in rows(tmp_path / way, "fitted_joints")}
-        sd_mm[way] = np.array([joints[f"{digit}_dip"] for digit in DIGITS[1:]])
-    assert (sd_mm["told"] < 0.95 * sd_mm["none"]).all()
-    np.testing.assert_allclose(sd_mm["told"], sd_mm["found"], rtol=0.02)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from simulated_poses import recorded
 
+from shukotsu.checks.sampled_motion import MIRROR
 from shukotsu.schemas.layout import Layout
 from shukotsu.schemas.poses import Poses
 from shukotsu.skeleton.joint_angles import mirrored
 from shukotsu.skeleton.rotations import Array, about_axis, matrix, multiply, rotate, unit
 from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
-from shukotsu.stages.fit_hand.receiver_frames import MIRROR
 
 QUICK, SHORT = Settings(n_frames=40, rounds=1), Settings(n_frames=20, rounds=1)
 CLEAN = {"glide": 0.0, "artefact": 0.0, "noise": 0.0, "field_distortion": 0.0}

@@ -57,20 +57,10 @@ def test_truth_tables_are_tables_of_the_contract(tmp_path: Path) -> None:
     assert len(bones) == 19
     assert bones["index_distal"]["ends_at"] == BONE_TIP
     assert bones["index_metacarpal"]["ends_at"] == "index_mcp"
-    centre = [joints["index_pip"][f"parent_{axis}_mm"] for axis in "xyz"]
-    start = [joints["index_mcp"][f"child_{axis}_mm"] for axis in "xyz"]
-    assert np.linalg.norm(np.subtract(centre, start)) == pytest.approx(bones["index_proximal"]["length_mm"])
     assert read_table(truth / "metacarpals.parquet", METACARPALS).num_rows == 5 * 120
     tips = read_table(truth / "tips.parquet", TIPS)
     assert tips.num_rows == 5 * 120
     assert 3 < tips.column("error_mm").to_numpy().mean() < 20
-    bone, skin = (
-        np.stack([tips.column(f"{name}_{axis}_mm").to_numpy() for axis in "xyz"], -1)
-        for name in ("tip", "skin_tip")
-    )
-    beyond = np.linalg.norm(skin - bone, axis=-1).reshape(5, -1)
-    assert np.ptp(beyond, axis=1).max() < 1e-9
-    assert (np.abs(beyond[:, 0] - [5.7, 3.8, 4.0, 4.0, 3.7]) < 2).all()
 
 
 @pytest.fixture(scope="module")
