@@ -106,12 +106,12 @@ def _turned(
         depends = body.faced[joint] | (facing == 0)
         rest = np.swapaxes(body.rest[joint[depends], facing], 1, 2)[:, None]
         turned = rest @ turn[depends]  # turns about y, z and x carried one by the other
-        angles = [
+        radians = [
             np.arctan2(-turned[..., 2, 0], turned[..., 0, 0]),
             np.arctan2(turned[..., 1, 0], np.hypot(turned[..., 0, 0], turned[..., 2, 0])),
             np.arctan2(-turned[..., 1, 2], turned[..., 1, 1]),
         ]
-        angles = np.where(seen[depends], np.degrees(angles), np.nan)
+        angles = np.where(seen[depends], np.degrees(radians), np.nan)
         ordered = np.sort(np.moveaxis(angles, 0, -1), axis=1)  # (P, K, 3), NaN last
         last = np.maximum(np.isfinite(ordered).sum(1, keepdims=True) - 1, 0)
         low, middle, high = (

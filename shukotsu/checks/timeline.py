@@ -173,8 +173,12 @@ def alike(line: Timeline) -> dict[tuple[int, int], Rows]:
     moving = set()
     for receiver in {receiver for pair in pairs for receiver in pair}:
         rows = np.flatnonzero(line.valid[:, receiver])
-        first_mm, place_mm = line.position_mm[rows[0], receiver], line.position_mm[:, receiver]
-        if _windows(rows, 0, lambda part, a=first_mm, b=place_mm: (b[part] != a).any(-1)).any():
+
+        def moved(part: Rows, receiver: int = receiver, first: int = int(rows[0])) -> Bools:
+            place_mm = line.position_mm[:, receiver]
+            return np.asarray((place_mm[part] != place_mm[first]).any(-1))
+
+        if _windows(rows, 0, moved).any():
             moving.add(receiver)
     return {pair: rows for pair, rows in pairs.items() if {*pair} & moving}
 
