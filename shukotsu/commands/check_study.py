@@ -33,8 +33,8 @@ def check_study(path: Path) -> None:
     study = files.study
     counts = f"{len(study.subjects)} subjects, {len(study.recordings)} recordings, {len(study.models)} models"
     print(f"{path}: study {study.name}, {counts}")
-    said = (*unmatched_rows(study), *columns_handed_on(study), *_outside(path, files))
-    for note in (*(row.message for row in study.unusable), *said):
+    notes = (*unmatched_rows(study), *columns_handed_on(study), *_outside(path, files))
+    for note in (*(row.message for row in study.unusable), *notes):
         print(f"note: {note}")
     recordings_by_finding: dict[str, list[str]] = {}
     for name, sentence in _findings_of_recordings(files.subjects):

@@ -134,8 +134,8 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
     finally:
         code = recorder.stop()
     if not coached.frames:
-        said = "".join(recorder.notes[-1:]).removeprefix("error: ")
-        raise InputError(f"{arguments.port}: nothing was recorded ({said})")
+        last_note = "".join(recorder.notes[-1:]).removeprefix("error: ")
+        raise InputError(f"{arguments.port}: nothing was recorded ({last_note})")
     print("\n".join(recorder.notes), file=sys.stderr)
     exclude = PUT_RIGHT if coached.restarts else "" if coached.estimate else "it shows no hand"
     if arguments.study is not None:

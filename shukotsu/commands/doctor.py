@@ -55,14 +55,14 @@ def checks() -> Iterator[Check]:
     yield _packages()
     free = shutil.disk_usage(Path.cwd()).free / 1e9
     writable = os.access(Path.cwd(), os.W_OK)
-    found = f"{free:.0f} GB free in {Path.cwd()}" + ("" if writable else ", where this user may not write")
+    state = f"{free:.0f} GB free in {Path.cwd()}" + ("" if writable else ", where this user may not write")
     remedy = "results go into the folder that a study is run from; run it from another"
-    yield Check("disk", found, writable and free >= LEAST_DISK_GB, remedy, needed=True)
+    yield Check("disk", state, writable and free >= LEAST_DISK_GB, remedy, needed=True)
     yield _ports()
 
 
 def _packages() -> Check:
-    found = f"Python {platform.python_version()} at {sys.executable}, on {platform.system()}"
+    state = f"Python {platform.python_version()} at {sys.executable}, on {platform.system()}"
     missing = []
     try:
         for requirement in requires("shukotsu") or []:
@@ -76,7 +76,7 @@ def _packages() -> Check:
     except PackageNotFoundError:
         missing.append("shukotsu")
     remedy = f"not installed: {', '.join(missing)}; install this program again"
-    return Check("packages", found, not missing, remedy, needed=True)
+    return Check("packages", state, not missing, remedy, needed=True)
 
 
 def _ports() -> Check:
@@ -87,10 +87,10 @@ def _ports() -> Check:
         return Check("tracker", "no serial port can be opened", False, "pyserial is not installed")
     ports = [port.device for port in comports()]
     closed = [port for port in ports if not os.access(port, os.R_OK | os.W_OK)]
-    found = f"serial ports: {', '.join(ports)}" if ports else "no serial port"
-    found += f"; not to be opened by this user: {', '.join(closed)}" if closed else ""
+    state = f"serial ports: {', '.join(ports)}" if ports else "no serial port"
+    state += f"; not to be opened by this user: {', '.join(closed)}" if closed else ""
     remedy = "join the ports' group (often dialout) and log in anew" if closed else "only `record` needs one"
-    return Check("tracker", found, bool(ports) and not closed, remedy)
+    return Check("tracker", state, bool(ports) and not closed, remedy)
 
 
 def doctor(options: argparse.Namespace) -> int:

@@ -187,7 +187,7 @@ def _fields(columns: Sequence[tuple[str, pa.DataType, str, str]]) -> list[pa.Fie
 
 
 def _row_crcs(*columns: Sequence[int] | npt.NDArray[Any]) -> list[int]:
-    """CRC-32 of the numbers in each row of some columns."""
+    """Return the CRC-32 of the numbers in each row of some columns."""
     rows = np.stack([np.asarray(column, "<i8") for column in columns], -1).tobytes()
     size = 8 * len(columns)
     return [zlib.crc32(rows[at : at + size]) for at in range(0, len(rows), size)]
@@ -263,7 +263,10 @@ class FollowedArchive:
                 head = file.read(len(self._head) or _MOST_HEAD_BYTES)
                 size = file.seek(0, os.SEEK_END)
                 if self._schema is None:
-                    self._begin(head, final=final)
+                    schema, first = _schema_at_start(pa.py_buffer(head))
+                    if schema is not None or final or len(head) >= _MOST_HEAD_BYTES:
+                        self.about = _checked_about(self.path, schema)
+                        self._schema, self._head, self._at = schema, head[:first], first
                 elif head != self._head or size < self._at:
                     raise InputError(
                         f"{self.path}: was replaced or cut while it was read; read the new one from its start"
@@ -282,23 +285,13 @@ class FollowedArchive:
             pieces = self._sound(stretch[: _STRETCH_BYTES // 2], final=True)
         return pieces
 
-    def _begin(self, head: bytes, *, final: bool) -> None:
-        """Read what stands before the first batch, where it is there."""
-        schema, first = _schema_at_start(pa.py_buffer(head))
-        if schema is None and not final and len(head) < _MOST_HEAD_BYTES:
-            return
-        self.about = _checked_about(self.path, schema)
-        self._schema, self._head, self._at = schema, head[:first], first
-
     def _sound(self, stretch: bytes, *, final: bool) -> list[Piece]:
         if self._schema is None or not stretch:
             return []
         batches = list(_pieces(pa.py_buffer(stretch), 0, self._schema, self._next_row, final=final))
         while batches and not final and batches[-1][0].spoilt_bytes:  # in shared folders zeros come first
             batches.pop()
-        read = 0
-        if batches:
-            _, read, self._next_row = batches[-1]
+        _, read, self._next_row = batches[-1] if batches else (None, 0, self._next_row)
         self._at += read
         pieces = [piece for piece, _, _ in batches]
         self.ended |= stretch[read:] == _END_OF_STREAM or any(END in piece.kind for piece in pieces)
@@ -318,8 +311,11 @@ def _pieces(
             at += 8
             continue
         batch, size = _batch_at(buffer, at, schema)
-        if batch is None:
-            following = _next_message(view, at + 1)
+        if batch is None:  # the next may start on a multiple of 8 from the file's start
+            first = at + 1 + -(at + 1) % 8
+            words = np.frombuffer(view[first : len(view) - (len(view) - first) % 8], "<u4")[::2]
+            starts = np.flatnonzero(words == 0xFFFFFFFF)
+            following = first + 8 * int(starts[0]) if len(starts) else len(view)
             lost += following - at
             at = following
             continue
@@ -378,7 +374,7 @@ def _schema_at_start(buffer: pa.Buffer) -> tuple[pa.Schema | None, int]:
 
 
 def _message_bytes(view: memoryview, at: int) -> int | None:
-    """Length of a message's prefix and metadata; None where none starts there."""
+    """Return the length of a message's prefix and metadata; None where none starts there."""
     if at + 8 > len(view) or view[at : at + 4] != _CONTINUATION:
         return None
     size = int.from_bytes(view[at + 4 : at + 8], "little", signed=True)
@@ -401,14 +397,6 @@ def _batch_at(buffer: pa.Buffer, at: int, schema: pa.Schema) -> tuple[pa.RecordB
     if any(column.null_count for column in batch.columns):
         return None, 0
     return batch, head + (message.body.size if message.body is not None else 0)
-
-
-def _next_message(view: memoryview, at: int) -> int:
-    """Return where the next message may start: they stand on multiples of 8 from the file's start."""
-    at += -at % 8
-    words = np.frombuffer(view[at : len(view) - (len(view) - at) % 8], "<u4")[::2]
-    starts = np.flatnonzero(words == 0xFFFFFFFF)
-    return at + 8 * int(starts[0]) if len(starts) else len(view)
 
 
 def _piece(batch: pa.RecordBatch, lost: int, next_row: int) -> tuple[Piece, int]:

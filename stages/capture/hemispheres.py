@@ -33,7 +33,7 @@ SAMPLED, TRIED, FRAMES_A_TRIAL = 300, 80, 4
 """Frames by which a centre is judged, centres that are tried, and frames that each is computed from."""
 
 LARGEST_GAP_MM, SKIN_MM = 30.0, 8.0
-"""Of a joint's receivers about its centre in most frames, at the most, and that tells nothing."""
+"""Gaps of a joint's receivers about its centre in most frames: the largest, and one that tells nothing."""
 
 CLOSING, NEARNESS, ANATOMY, SHARE, START = 12.0, 4.0, 3.0, 4.0, 0.6
 """Weights in log odds: a joint that closes, its centre's distance, its place by anatomy, the share of poses

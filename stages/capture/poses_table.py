@@ -255,7 +255,7 @@ def _checked(file: _RowFile) -> _Segment:
     usable = rows[_usable(rows)]
     optical = bool((rows["flags"] & _BIT["misfit"]).any())  # markers, which no hemisphere mirrors
     magnetic = len(usable) > 0 and not optical
-    own = own_sides(usable["frame"], usable["time_s"], usable["numbers"][:, :3]) if magnetic else None
+    side = own_sides(usable["frame"], usable["time_s"], usable["numbers"][:, :3]) if magnetic else None
     return _Segment(
         len(usable),
         len(poses),
@@ -264,7 +264,7 @@ def _checked(file: _RowFile) -> _Segment:
         int(bad.sum()),
         twice,
         _counted(poses[:, :3]),
-        own,
+        side,
     )
 
 
@@ -280,8 +280,8 @@ def _on_one_side(
 
     Where no receiver jumped and no repair is asked for, nothing is looked at.
     """
-    own = {name: segment.sides for name, segment in segments.items() if segment.sides is not None}
-    if not repair and not any(receiver.changes for receiver in own.values()):
+    on_sides = {name: segment.sides for name, segment in segments.items() if segment.sides is not None}
+    if not repair and not any(receiver.changes for receiver in on_sides.values()):
         return dict(segments)
 
     def poses(name: str) -> tuple[Integers, Array]:
@@ -290,7 +290,7 @@ def _on_one_side(
         return rows["frame"], rows["numbers"]
 
     out = dict(segments)
-    for name, side in sides(own, poses, parents, expected_mm, all_along=repair).items():
+    for name, side in sides(on_sides, poses, parents, expected_mm, all_along=repair).items():
         rows = files[name].rows().copy()
         usable = _usable(rows)
         sign = np.where(usable, side.sign(rows["frame"]), 1)
@@ -341,9 +341,9 @@ def _without_breaks(
 
 
 def _one_a_frame(rows: Rows) -> tuple[Rows, tuple[int, int] | None]:
-    """Keep the first of the rows of a frame, without what they do not agree on; gives a copy.
+    """Keep the first of the rows of a frame, without what they do not agree on; return a copy.
 
-    Where TWO_RECORDINGS frames in turn stand twice with other poses, gives the first such row's sample and
+    Where TWO_RECORDINGS frames in turn stand twice with other poses, return the first such row's sample and
     frame, too.
     """
     rows = rows.copy()
@@ -391,7 +391,7 @@ def _gap_flags(rows: Rows) -> Flags:
 def _normalise(rows: Rows) -> tuple[Array, Bools]:
     """Bring quaternions to length 1 and empty incomplete rows.
 
-    Gives the lengths as they were, and which are off by more than rounding though the row is to be used.
+    Return the lengths as they were, and which are off by more than rounding though the row is to be used.
     """
     numbers = rows["numbers"]
     numbers[~np.isfinite(numbers).all(-1)] = np.nan

@@ -6,15 +6,11 @@ import argparse
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from shukotsu.errors import InputError
 from shukotsu.files.line_printer import LinePrinter
 from shukotsu.stages import command_line
 from shukotsu.trackers.families import FAMILIES, USUAL
-
-if TYPE_CHECKING:
-    from shukotsu.trackers.record.session import Ending
 
 EXIT_CUT_SHORT = 3
 """The recording ended before it was asked to: the port went away, or the disk was full. What came is kept."""
@@ -58,9 +54,12 @@ def main(argv: list[str]) -> int:
 
 
 def record_tracker(options: argparse.Namespace) -> None:
-    """Record, and say what was kept; or list the ports, or ask the tracker."""
+    """Record, and print what was kept; or list the ports, or ask the tracker.
+
+    Raises SystemExit where the recording was cut short.
+    """
+    from shukotsu.trackers.record import display, session
     from shukotsu.trackers.record import request as requests
-    from shukotsu.trackers.record import session
     from shukotsu.trackers.record.port import open_port, port_lines, serial_ports, usb_devices
     from shukotsu.trackers.record.session import check
 
@@ -101,13 +100,7 @@ def record_tracker(options: argparse.Namespace) -> None:
             ending = session.record(plan, port, LinePrinter(sys.stderr), stop, about)
         finally:
             port.close()
-    _report(options.out, options.port, ending)
-
-
-def _report(out: Path, port: str, ending: Ending) -> None:
-    """Print the summary; raises SystemExit where the recording was cut short."""
-    from shukotsu.trackers.record import display
-
+    out, port = options.out, options.port
     if ending.totals is None:
         print(f"stopped before the first frame ({ending.reason}); no file is left", file=sys.stderr)
         return

@@ -17,16 +17,16 @@ large steps come to between them."""
 
 
 def spikes(numbers: Array) -> Bools:
-    """Say of a receiver's poses numbers (N, 7), in mm and unit quaternions, which are spikes, (N,)."""
-    found = np.zeros(len(numbers), bool)
+    """Return which of a receiver's poses (N, 7), in mm and unit quaternions, are spikes, (N,)."""
+    spiked = np.zeros(len(numbers), bool)
     if len(numbers) < 3:
-        return found
+        return spiked
     every = np.arange(len(numbers))
     steps = _apart(numbers, every[:-1], every[1:])
     large = np.percentile(steps, 95, axis=1)[:, None]
     far = np.maximum([[FAR_MM], [FAR_DEG]], LARGE_STEPS * large)
     if not (steps > far).any():
-        return found
+        return spiked
     for length in range(1, min(LONGEST_FRAMES, len(numbers) - 2) + 1):
         before = every[: -length - 1]
         near = _apart(numbers, before, before + length + 1) < far / 2 + (length + 1) * large
@@ -35,8 +35,8 @@ def spikes(numbers: Array) -> Bools:
         for inside in range(1, length + 1):
             for end in (agree, agree + length + 1):
                 away &= (_apart(numbers, end, agree + inside) > far).any(0)
-        found[agree[away, None] + np.arange(1, length + 1)] = True
-    return found
+        spiked[agree[away, None] + np.arange(1, length + 1)] = True
+    return spiked
 
 
 def _apart(numbers: Array, one: Integers, other: Integers) -> Array:

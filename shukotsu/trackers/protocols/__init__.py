@@ -1,1 +1,1 @@
-"""Share code between the decoders of all families: settings and bytes in, records out; no I/O here."""
+"""What the decoders of all families share: settings and bytes in, records out; no I/O here."""

@@ -1,4 +1,4 @@
-"""Share code between all readers by mapping: find the receivers, and put their tracks together."""
+"""What all readers by mapping share: the receivers, and their tracks put together."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _RATE_OFF = 0.1
 """As a share: how far times may be off the rate that a mapping gives."""
 
 LARGEST = 1e20
-"""Whatever the unit, no device measures more."""
+"""Beyond what any device measures, whatever the unit."""
 
 IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 

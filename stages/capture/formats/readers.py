@@ -60,7 +60,7 @@ AUTO = "auto"
 def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
     """Return the reader of the mapping's format, of the named one, or for "auto" that of the file's ending.
 
-    It gives the recording part by part, at least one; what a part notes is of the whole recording.
+    The recording comes part by part, at least one; what a part notes is of the whole recording.
     Raises InputError where the ending is none that is known, or is one that needs a mapping.
     """
     if mapping is not None:

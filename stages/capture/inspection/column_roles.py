@@ -1,4 +1,4 @@
-"""Guess what the columns of a table are: time, frame, receiver, positions, orientations."""
+"""What the columns of a table seem to be: time, frame, receiver, positions, orientations."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ _ASIDE = re.compile(
     r"|veloc|omega|(hours?|minutes?|date|port|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
     r"|(id|index|count)(_?\d+)?$)"
 )
-"""Of titles as segments' names are written."""
+"""Looked for in titles as segments' names are written."""
 _SCALAR_FIRST = re.compile(r"q(?:uat)?[\W_]?(?P<digit>[0-3])(?!\d)", re.I)
 _MANY_ROWS = 20
 """In so many rows a position neither grows with every one nor keeps still to its last digit."""

@@ -61,13 +61,13 @@ class TextForm:
     before: str = ""
 
     def config(self) -> dict[str, Any]:
-        """The keys of the mapping's `csv` group, all of them."""
+        """Return the keys of the mapping's `csv` group, all of them."""
         config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
         config["missing"] = []
         return config if self.comment is None else config | {"comment": self.comment}
 
     def sentence(self) -> str:
-        """The same as a clause."""
+        """Format it as a clause."""
         names = {"tab": "tabs", "space": "blanks", ",": "commas", ";": "semicolons"}
         mark = "comma" if self.decimal == "," else "point"
         text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
@@ -83,7 +83,16 @@ def detect_form(path: Path) -> TextForm:
     """
     if path.name.lower().endswith(".jsonl"):
         raise InputError(f"{path}: {instead('format', 'jsonl')}")
-    lines = _first_lines(path)
+    with open_text(path) as stream:
+        data = stream.read(1 << 20)
+    try:
+        text = data.decode("utf-8-sig", errors="strict" if len(data) < 1 << 20 else "ignore")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: is not UTF-8 text, and of no other kind that is known by its ending; "
+            "a table must be saved as UTF-8"
+        ) from error
+    lines = text.splitlines()[:READ_LINES]
     starts = [line.lstrip() for line in lines if not line.startswith("%time")]  # a header of rostopic's
     comment = next((mark for mark in _COMMENTS for line in starts if line.startswith(mark)), None)
     rows = [
@@ -102,29 +111,16 @@ def detect_form(path: Path) -> TextForm:
     return max(candidates, key=lambda candidate: candidate[0])[1]
 
 
-def _first_lines(path: Path) -> list[str]:
-    with open_text(path) as stream:
-        data = stream.read(1 << 20)
-    try:
-        text = data.decode("utf-8-sig", errors="strict" if len(data) < 1 << 20 else "ignore")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: is not UTF-8 text, and of no other kind that is known by its ending; "
-            "a table must be saved as UTF-8"
-        ) from error
-    return text.splitlines()[:READ_LINES]
-
-
 def _as(
     rows: list[tuple[int, str]], delimiter: str, separator: str | None, decimal: str, comment: str | None
 ) -> tuple[float, TextForm] | None:
-    """The share of numbers among the cells and the layout, if the rows are a table in it."""
+    """Return the share of numbers among the cells and the layout, if the rows are a table in it."""
     split = [(index, [cell.strip() for cell in line.split(separator)]) for index, line in rows]
     counts = Counter(len(cells) for _, cells in split)
     width = max(counts, key=lambda count: (counts[count], count)) if counts else 0
     last = _header_at(split, width, decimal)
     table = [cells for _, cells in split[last + 1 :] if len(cells) == width]
-    share: float = sum(_is_number(cell, decimal) for cells in table for cell in cells)
+    share: float = sum(bool(_NUMBER[decimal].fullmatch(cell)) for cells in table for cell in cells)
     share /= max(1, len(table) * width)
     if width < 4 or share * width < 3 or not table or len(table) < 0.8 * len(rows) - 20:
         return None
@@ -135,8 +131,8 @@ def _as(
 
 
 def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:
-    """The last of the first rows that has words where others have numbers; -1 where there is none."""
-    words = [[cell.lower() for cell in cells if not _is_number(cell, decimal)] for _, cells in split]
+    """Return the last of the first rows that has words where others have numbers; -1 where there is none."""
+    words = [[cell.lower() for cell in cells if not _NUMBER[decimal].fullmatch(cell)] for _, cells in split]
     counts = sorted(len(texts) for texts, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
     typical = counts[len(counts) // 2] if counts else 0
     for index in range(min(len(split) - 1, _HEADER_ROWS) - 1, -1, -1):
@@ -148,10 +144,6 @@ def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str)
     return -1
 
 
-def _is_number(cell: str, decimal: str) -> bool:
-    return bool(_NUMBER[decimal].fullmatch(cell))
-
-
 GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
 
 _JOINT_ANGLE = re.compile(r"flex|spread|abduct|extension", re.I)
@@ -159,7 +151,7 @@ _JOINT_ANGLE = re.compile(r"flex|spread|abduct|extension", re.I)
 FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
 
 MOST_LINES = 16
-"""Of more receivers the positions, and the angles, are said in one line."""
+"""Receivers beyond whose number positions, and angles, are said in one line."""
 
 REPEATED_SHARE = 0.2
 """More rows than this that repeat the one before, and receivers are not in step with the rows."""
@@ -167,7 +159,7 @@ REPEATED_SHARE = 0.2
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
 def describe_table(path: Path, layout: Layout) -> Description:
-    """Guess what the columns of a table are. Raises InputError where the text is no table."""
+    """Describe what the columns of a table seem to be. Raises InputError where the text is no table."""
     form = detect_form(path)
     text = open_table_text(path, form.config())
     cells = text.cells(text.titles)
@@ -228,7 +220,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
 
 
 def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, Array]:
-    """Columns that can be read so and have a number, title -> (N,)."""
+    """Return columns that can be read so and have a number, title -> (N,)."""
     numbers = {}
     for title in titles:
         with suppress(InputError):
@@ -237,7 +229,7 @@ def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, A
 
 
 def _rows(numbers: Mapping[str, Array], titles: Sequence[str]) -> Array:
-    """Those columns beside each other, shape (N, len(titles))."""
+    """Return those columns beside each other, shape (N, len(titles))."""
     return np.stack([numbers[title] for title in titles], -1)
 
 
@@ -274,7 +266,7 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
 
 
 def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> float:
-    """Largest share of rows in which a receiver's numbers are those of the row before."""
+    """Return the largest share of rows in which a receiver's numbers are those of the row before."""
     worst = 0.0
     for group in roles.orientations[1] or roles.positions:
         rows, name = _rows(numbers, group), " ".join(group)
@@ -294,7 +286,7 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
 def _config(
     roles: Roles, units: Units, receivers: Mapping[str, Any], asynchronous: bool, layout: Layout
 ) -> dict[str, Any]:
-    """The mapping but for its `csv` group."""
+    """Return the mapping but for its `csv` group."""
     config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
     if asynchronous:
         config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
@@ -357,7 +349,7 @@ def _doubt(roles: Roles, titles: Sequence[str]) -> str:
 
 
 def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
-    """The segment that this one of titles names alone, as `index_distal x_mm` does, or one of no layout."""
+    """Return the segment that this one of titles names alone, as `index_distal x_mm` does, or of none."""
     words = [f"_{snake_case(name)}_" for name in titles]
     named = [name for name in layout.measured if f"_{name}_" in f"_{snake_case(title)}_"]
     segment = max(named, key=len, default="")
@@ -376,7 +368,7 @@ def _column(title: str) -> int | str:
 
 
 def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[str, Any]:
-    """The mapping's `csv` group."""
+    """Return the mapping's `csv` group."""
     config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
     config |= {name: form.config()[name] for name in ("delimiter", "decimal", "header")}
     config |= {name: value for name in ("comment", "skip_lines") if (value := getattr(form, name))}

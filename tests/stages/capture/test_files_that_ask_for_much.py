@@ -36,7 +36,7 @@ def refusals(path: Path, capsys: pytest.CaptureFixture[str], folder: Path) -> li
         ("a.csv", b"%PDF-1.7\n%\xe2\xe3", "is a PDF document; expected a recording: save it as text"),
         ("a.csv", b"PK\x03\x04...", "is a spreadsheet or another packed file"),
         ("a.xlsx", b"PK\x03\x04...", "is a spreadsheet or another packed file"),
-        ("a.csv", HEADER.encode("utf-16"), "is UTF-16 text"),
+        ("a.csv", HEADER.encode("utf-16"), "is UTF-16 text; expected a recording: save it as UTF-8"),
         ("a.csv", f"{HEADER}{'1' * 5000}{ROW}".encode(), "line 2, column frame: is '111111111"),
         ("a.arrows", b"", "is empty"),
     ],

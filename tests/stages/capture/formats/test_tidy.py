@@ -123,7 +123,6 @@ def test_a_bad_cell_is_named_by_the_line_an_editor_shows(
         (TWO_ROWS.replace("\n", ",9\n").replace(",9", ",qw", 1), "column qw is given twice"),
         (TWO_ROWS.replace("segment", "segment,receiver"), "both columns segment and receiver; keep one"),
         (TWO_ROWS[:-7], "line 3: has 7 cells; expected 10"),
-        (TWO_ROWS.encode("utf-16"), "is UTF-16 text; expected a recording: save it as UTF-8"),
         (TWO_ROWS.encode() + ROW.format(frame=9, segment="\xe9").encode("latin-1"), "line 4: is not UTF-8"),
     ],
 )
