@@ -56,7 +56,7 @@ class TextTable:
     ended: bool = True
 
     def cut_off(self, wanted: Iterable[str]) -> str:
-        """Format that the last row is left out, which it is where its last cell is wanted and may be cut off."""
+        """Format that the last row is left out, as it is where its last cell is wanted and may be cut off."""
         if self.ended or self.titles[-1] not in wanted:
             return ""
         return "the last line has no line end, so its last number may be cut off: the row is left out"

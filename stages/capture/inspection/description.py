@@ -61,7 +61,7 @@ def extent(span_mm: float) -> str:
 
 @np.errstate(over="ignore")
 def rate_line(what: str, time: Array, units: Iterable[str], why: str = "") -> str:
-    """Format the median step of times (N,) and the rate that it would be in each unit; why it is in that one."""
+    """Format the median step of times (N,), and its rate in each unit; why : it is in that one."""
     step = median_step(time)
     if step is None:
         return f"{what}: one time only"
