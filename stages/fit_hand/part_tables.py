@@ -24,7 +24,8 @@ def fitted_plan(plan: SubjectPlan, hand: str | None, model: str | None) -> Subje
     """Return the plan with the reference where that is to be made, of the recordings that the fit reads."""
     if model == REFERENCE:
         plan = replace(plan, models={REFERENCE: read_model(REFERENCE)})
-    fitting = plan.models[model].fitting if plan.is_study and model and model in plan.models else None
+    planned = plan.models.get(model or "") if plan.is_study else None
+    fitting = None if planned is None else planned.fitting
     if hand is None or (fitting is not None and fitting.share_lengths):
         return plan
     return replace(plan, recordings=tuple(r for r in plan.recordings if r.hand.hand == hand))
