@@ -41,13 +41,13 @@ def device_clock(
     time_s : (T,) of the frames, NaN where unknown. frame : (T,) their numbers; a step that is as long as the
     frames that are missing is no break.
     """
-    known = np.flatnonzero(np.isfinite(time_s))
-    at = np.flatnonzero(np.diff(time_s[known]) != 0) + 1
+    timed = np.flatnonzero(np.isfinite(time_s))
+    at = np.flatnonzero(np.diff(time_s[timed]) != 0) + 1
     if not len(at):
-        return None, _stood(known[0], len(known), time_s[known[0]]) if len(known) > 1 else []
-    changes, alike = known[at], np.diff(at, prepend=0)
-    rows = np.diff(changes, prepend=known[0])
-    times = np.concatenate([time_s[known[:1]], time_s[changes]])
+        return None, _stood(timed[0], len(timed), time_s[timed[0]]) if len(timed) > 1 else []
+    changes, alike = timed[at], np.diff(at, prepend=0)
+    rows = np.diff(changes, prepend=timed[0])
+    times = np.concatenate([time_s[timed[:1]], time_s[changes]])
     step = np.diff(times)
     usual_s, row_s = float(np.median(np.abs(step))), float(np.median(np.abs(step) / rows))
     least_s = max(LEAST_S, LEAST_STEPS * usual_s)
@@ -57,25 +57,25 @@ def device_clock(
         step - expected > least_s,
         alike * row_s > least_s + usual_s,
     )
-    counted = expected if frame is None else np.diff(frame[changes], prepend=frame[known[0]]) * row_s
+    counted = expected if frame is None else np.diff(frame[changes], prepend=frame[timed[0]]) * row_s
     breaks = []
-    for place in np.flatnonzero(back | still | (step - counted > least_s)).tolist():
-        start, end = times[place : place + 2].tolist()
-        by_s = float(step[place] - expected[place])
-        if still[place] and not back[place]:
-            breaks += _stood(changes[place] - rows[place], alike[place], start)
-        elif back[place]:
-            wrap = next((own for own in (DAY_S, *WRAPS_S) if abs(by_s + own) <= 3 * usual_s), 0.0)
+    for k in np.flatnonzero(back | still | (step - counted > least_s)).tolist():
+        start, end = times[k : k + 2].tolist()
+        by_s = float(step[k] - expected[k])
+        if still[k] and not back[k]:
+            breaks += _stood(changes[k] - rows[k], alike[k], start)
+        elif back[k]:
+            wrap = next((fall for fall in (DAY_S, *WRAPS_S) if abs(by_s + fall) <= 3 * usual_s), 0.0)
             kind = "midnight" if wrap == DAY_S else "wrap" if wrap else "back"
-            breaks.append(ClockBreak(kind, int(changes[place]), 1, start, end, wrap or start - end))
+            breaks.append(ClockBreak(kind, int(changes[k]), 1, start, end, wrap or start - end))
         else:
-            breaks.append(ClockBreak("ahead", int(changes[place]), 1, start, end, by_s))
-    tail = len(known) - int(at[-1])
+            breaks.append(ClockBreak("ahead", int(changes[k]), 1, start, end, by_s))
+    tail = len(timed) - int(at[-1])
     if tail * row_s > least_s + usual_s:
         breaks += _stood(changes[-1], tail, times[-1])
     off = back | gap | still
     running_s = float(times[-1] - times[0] - step[off].sum())
-    more = int(known[0]) + int(rows[off].sum()) + len(time_s) - 1 - int(changes[-1])
+    more = int(timed[0]) + int(rows[off].sum()) + len(time_s) - 1 - int(changes[-1])
     return abs(running_s + more * row_s), breaks
 
 

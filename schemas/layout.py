@@ -102,7 +102,7 @@ class Digit:
 
 @dataclass(frozen=True)
 class Wrist:
-    """Hold where digits start that have no first joint of their own; mm in the hand receiver's frame."""
+    """Where digits start that have no first joint of their own; mm in the hand receiver's frame."""
 
     joint: str
     segment: str
@@ -140,12 +140,12 @@ class Layout:
         return tuple(name for name in self.measured if not self.segments[name].optional)
 
     def of_hand(self, hand: str) -> Layout:
-        """The layout with the station numbers of a right or left hand."""
+        """Return the layout with the station numbers of a right or left hand."""
         if hand != "left":
             return self
         segments = {
-            name: replace(own, receiver=own.left_receiver or own.receiver, left_receiver=own.receiver)
-            for name, own in self.segments.items()
+            name: replace(s, receiver=s.left_receiver or s.receiver, left_receiver=s.receiver)
+            for name, s in self.segments.items()
         }
         return replace(self, segments=segments)
 
@@ -154,8 +154,8 @@ class Layout:
         receivers are worn and what their station numbers are.
         """
         bodies, others = (
-            {s.name: (s.measured, *(s.axes.ravel() if s.measured else ())) for s in own.segments.values()}
-            for own in (self, other)
+            {s.name: (s.measured, *(s.axes.ravel() if s.measured else ())) for s in layout.segments.values()}
+            for layout in (self, other)
         )
         joined = (self.joints, self.digits, self.wrist) == (other.joints, other.digits, other.wrist)
         return joined and list(bodies.items()) == list(others.items())
@@ -199,10 +199,10 @@ def _vector(values: list[float]) -> Vector:
 
 
 def _segment(name: str, part: dict[str, Any], axes: dict[str, Vector], where: str) -> Segment:
-    own = axes | {k: _vector(v) for k, v in part.get("receiver_axes", {}).items()}
-    for i, first in enumerate(own):
-        for second in list(own)[i:]:
-            dot = sum(a * b for a, b in zip(own[first], own[second], strict=True))
+    worn = axes | {k: _vector(v) for k, v in part.get("receiver_axes", {}).items()}
+    for i, first in enumerate(worn):
+        for second in list(worn)[i:]:
+            dot = sum(a * b for a, b in zip(worn[first], worn[second], strict=True))
             if abs(dot - (first == second)) > 1e-6:
                 odd = f"{first} and {second} are not"
                 if first == second:
@@ -211,8 +211,8 @@ def _segment(name: str, part: dict[str, Any], axes: dict[str, Vector], where: st
                     f"{where}: segments.{name}: receiver_axes distal, lateral and dorsal must be unit "
                     f"vectors at right angles; {odd}"
                 )
-    worn = part.get("receiver"), part["measured"], part["optional"]
-    return Segment(name, *worn, **own, left_receiver=part.get("left_receiver"))
+    receiver, left = part.get("receiver"), part.get("left_receiver")
+    return Segment(name, receiver, part["measured"], part["optional"], **worn, left_receiver=left)
 
 
 def _check_receivers(segments: dict[str, Segment], where: str) -> None:
@@ -228,7 +228,7 @@ def _check_receivers(segments: dict[str, Segment], where: str) -> None:
 
 
 def _tree(config: dict[str, Any], segments: dict[str, Segment], where: str) -> dict[str, dict[str, Any]]:
-    """The joint above each segment, by that segment; refused unless together they are a tree."""
+    """Return the joint above each segment, by that segment; refused unless together they are a tree."""
     joint_to: dict[str, dict[str, Any]] = {}
     for name, part in config["joints"].items():
         for end in ("parent", "child"):

@@ -246,7 +246,7 @@ class PartsReader:
                     f"{self._file.path}: {task}{trial and ', '}{trial}, {label}: has {count} frames and the "
                     f"recording {n_frames}; remove it and run the study again"
                 )
-        return {label: np.concatenate(own) if own[1:] else own[0] for label, own in pieces.items()}
+        return {label: np.concatenate(rows) if rows[1:] else rows[0] for label, rows in pieces.items()}
 
 
 @contextmanager

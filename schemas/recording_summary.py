@@ -228,7 +228,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
     dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
     problems = [Finding("recording", NOTE, "no-pose", {"segments": [*dead]})] if dead else []
     problems += [worded("recording", NOTE, loss) for loss in losses]
-    row["message"] = "; ".join(dict.fromkeys([*(one.message for one in problems), *notes]))
+    row["message"] = "; ".join(dict.fromkeys([*(problem.message for problem in problems), *notes]))
     n_frames = n_rows // max(len(n_valid), 1)
     expected = (n_frames + missing) * len({*n_valid, *absent})
     row["tracker"] = str(parameters.get("tracker", ""))
@@ -240,7 +240,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
 
 
 def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
-    """A list of texts of the poses table's parameters; TableError where it is something else."""
+    """Return a list of texts of the poses table's parameters; TableError where it is something else."""
     texts = parameters.get(name, [])
     if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
         raise TableError(f"{path}: its metadata have no list of {name}; make it with shukotsu.stages.capture")
@@ -253,11 +253,11 @@ def _summed(poses: Path) -> tuple[int, dict[str, int], Array]:
     for rows in read_row_groups(poses, POSES, ["segment", "time_s", "valid"]):
         n_rows += rows.num_rows
         for segment in pc.unique(rows["segment"]).to_pylist():
-            own = rows.filter(pc.equal(rows["segment"], segment))
-            start, end = seen.get(segment, 0), seen.get(segment, 0) + own.num_rows
-            n_valid[segment] = n_valid.get(segment, 0) + pc.sum(own["valid"]).as_py()
+            of_segment = rows.filter(pc.equal(rows["segment"], segment))
+            start, end = seen.get(segment, 0), seen.get(segment, 0) + of_segment.num_rows
+            n_valid[segment] = n_valid.get(segment, 0) + pc.sum(of_segment["valid"]).as_py()
             time_s = np.concatenate([time_s, np.full(max(0, end - len(time_s)), np.nan)])
             times = time_s[start:end]
-            np.copyto(times, column_array(own, "time_s"), where=np.isnan(times))
+            np.copyto(times, column_array(of_segment, "time_s"), where=np.isnan(times))
             seen[segment] = end
     return n_rows, n_valid, time_s

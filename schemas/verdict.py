@@ -89,8 +89,8 @@ LIMITS: Mapping[str, str] = {
     NO_ERROR: CARE,
     AXIS: BELIEVE,
 }
-"""Every kind with the best verdict that it allows; `_limit` says when it is worse. What may be the cause of a
-large error stands before that error.
+"""Every kind with the best verdict that it allows; `_judged` says when it is worse. What may be the cause of
+a large error stands before that error.
 """
 
 UNJUDGED: Mapping[str, str] = {"verdict": "", "reason": "", "reason_values": ""}
@@ -98,12 +98,12 @@ UNJUDGED: Mapping[str, str] = {"verdict": "", "reason": "", "reason_values": ""}
 
 
 def noted(doubts: Doubts) -> dict[str, str]:
-    """Columns of a row that is judged later: what its stage knows against it."""
+    """Return columns of a row that is judged later: what its stage knows against it."""
     return {**UNJUDGED, "reason_values": _text(doubts)}
 
 
 def doubts_of(row: Mapping[str, Any]) -> dict[str, Values]:
-    """The doubts that a row's `reason_values` hold, by kind, the weightiest first."""
+    """Return the doubts that a row's `reason_values` hold, by kind, the weightiest first."""
     text = row["reason_values"]
     return dict(json.loads(text)) if text else {}
 
@@ -113,7 +113,7 @@ def judged_joint(row: Mapping[str, Any], wanted_mm: float, doubts: Doubts | None
 
     doubts : beside those that its stage noted. wanted_mm : 1-sigma error in 3-D that the study asks.
     """
-    noted_before = {kind: own for kind, own in doubts_of(row).items() if kind not in _BY_NUMBERS}
+    noted_before = {kind: values for kind, values in doubts_of(row).items() if kind not in _BY_NUMBERS}
     if row["status"] == "failed":
         return _judged(row, {NOT_SOLVED: {}, **(doubts or {})}, wanted_mm)
     return _judged(row, {**_by_numbers(row, wanted_mm), **noted_before, **(doubts or {})}, wanted_mm)
@@ -136,7 +136,7 @@ def judged_bone(
     doubts: dict[str, Values] = {}
     if worst != BELIEVE:
         doubts[END_IN_DOUBT] = {
-            "joints": [end for end, own in ends.items() if own == worst],
+            "joints": [end for end, verdict in ends.items() if verdict == worst],
             "verdict": worst,
         }
     if not is_whole:
@@ -144,86 +144,74 @@ def judged_bone(
     return _judged(bone, doubts | _error(bone["sd_mm"], None, wanted_mm), wanted_mm)
 
 
-def verdict_of(doubts: Doubts, wanted_mm: float) -> str:
-    """The best verdict that all doubts allow."""
-    return max((_limit(kind, own, wanted_mm) for kind, own in doubts.items()),
-               key=VERDICTS.index, default=BELIEVE)  # fmt: skip
-
-
 def _judged(row: Mapping[str, Any], doubts: Doubts, wanted_mm: float) -> dict[str, Any]:
+    """Return the row with the best verdict that all doubts allow, its reason and its status."""
+    verdict = BELIEVE
+    for kind, values in doubts.items():
+        limit = LIMITS[kind]
+        if kind == END_IN_DOUBT:
+            limit = str(values["verdict"])
+        elif kind in (UNCERTAIN, ONE_WAY):
+            limit = NO if values["sd_mm"] > CARE_TIMES * wanted_mm else CARE
+        elif kind == HALVES:
+            limit = NO if values["gap_mm"] > CONTRARY_GAP_TIMES * wanted_mm else CARE
+        verdict = max(verdict, limit, key=VERDICTS.index)
     ordered = sorted(doubts, key=list(LIMITS).index)
-    verdict = verdict_of(doubts, wanted_mm)
     columns = {
         "verdict": verdict,
         "reason": "" if verdict == BELIEVE else ordered[0],
         "reason_values": _text({kind: doubts[kind] for kind in ordered}),
     }
-    if "status" in row:
-        columns["status"] = _status(row["status"], verdict)
+    if row.get("status", "failed") != "failed":
+        columns["status"] = "weak" if verdict == NO else "ok"
     return {**row, **columns}
-
-
-def _status(status: str, verdict: str) -> str:
-    """The column `status`: failed without a number, weak where the verdict is no, else ok."""
-    return "failed" if status == "failed" else "weak" if verdict == NO else "ok"
-
-
-def _limit(kind: str, values: Values, wanted_mm: float) -> str:
-    if kind in (UNCERTAIN, ONE_WAY):
-        return NO if values["sd_mm"] > CARE_TIMES * wanted_mm else CARE
-    if kind == HALVES:
-        return NO if values["gap_mm"] > CONTRARY_GAP_TIMES * wanted_mm else CARE
-    return str(values["verdict"]) if kind == END_IN_DOUBT else LIMITS[kind]
 
 
 _BY_NUMBERS = frozenset({UNCERTAIN, ONE_WAY, NO_ERROR, HALVES, MOVED_LITTLE, AXIS, NOT_SOLVED})
 
 
 def _by_numbers(row: Mapping[str, Any], wanted_mm: float) -> dict[str, Values]:
-    """List the doubts about a joint's centre that follow from the numbers in its own row."""
-    found = _error(row.get("sd_mm"), row.get("covariance_mm2"), wanted_mm)
+    """Return the doubts about a joint's centre that follow from the numbers in its own row."""
+    doubts = _error(row.get("sd_mm"), row.get("covariance_mm2"), wanted_mm)
     gap_mm, range_deg, axis_sd_deg = (
         _number(row.get(name)) for name in ("gap_rms_mm", "range_deg", "axis_sd_deg")
     )
     if gap_mm is not None and gap_mm > WIDE_GAP_TIMES * wanted_mm:
-        found[HALVES] = {"gap_mm": gap_mm}
+        doubts[HALVES] = {"gap_mm": gap_mm}
     if range_deg is not None and range_deg < LITTLE_RANGE_DEG:
-        found[MOVED_LITTLE] = {"range_deg": range_deg}
+        doubts[MOVED_LITTLE] = {"range_deg": range_deg}
     if axis_sd_deg is not None and axis_sd_deg > LARGE_AXIS_SD_DEG and row.get("dof") == 1:
-        found[AXIS] = {"axis_sd_deg": axis_sd_deg}
-    return found
+        doubts[AXIS] = {"axis_sd_deg": axis_sd_deg}
+    return doubts
 
 
 def _error(sd_mm: Any, covariance_mm2: Any, wanted_mm: float) -> dict[str, Values]:
-    """Doubt for the stated error alone; covariance_mm2 : (36,) of a centre's two halves, or None."""
+    """Return the doubt for the stated error; covariance_mm2 : (36,) of a centre's two halves, or None."""
     sd = _number(sd_mm)
     if sd is None:
         return {NO_ERROR: {}}
     if sd <= wanted_mm:
         return {}
     values = {"sd_mm": sd, "radius_95_mm": RADIUS_SD * sd, "wanted_mm": wanted_mm}
-    worst_mm = 0.0 if covariance_mm2 is None else _worst_mm(covariance_mm2)
+    worst_mm = 0.0  # in its worst direction, of the half that is known less well
+    if covariance_mm2 is not None:
+        whole = np.reshape(np.asarray(covariance_mm2, float), (6, 6))
+        halves = [half for half in (whole[:3, :3], whole[3:, 3:]) if np.isfinite(half).all()]
+        worst_mm = float(np.sqrt(max([np.linalg.eigvalsh(half)[-1] for half in halves] or [0.0])))
     if worst_mm**2 > ONE_DIRECTION * sd**2:
         return {ONE_WAY: {**values, "worst_mm": worst_mm}}
     return {UNCERTAIN: values}
 
 
-def _worst_mm(covariance_mm2: Any) -> float:
-    """1-sigma error of a centre in its worst direction, of the half that is known less well."""
-    whole = np.reshape(np.asarray(covariance_mm2, float), (6, 6))
-    halves = [half for half in (whole[:3, :3], whole[3:, 3:]) if np.isfinite(half).all()]
-    return float(np.sqrt(max([np.linalg.eigvalsh(half)[-1] for half in halves] or [0.0])))
-
-
 def _number(value: Any) -> float | None:
-    """The number of a cell; None where it is empty or no number."""
+    """Return the number of a cell; None where it is empty or no number."""
     return float(value) if isinstance(value, (int, float, np.floating)) and np.isfinite(value) else None
 
 
 def _text(doubts: Doubts) -> str:
-    """Doubts as JSON, numbers to a thousandth, so that the same input gives the same bytes."""
+    """Return doubts as JSON, numbers to a thousandth, so that the same input gives the same bytes."""
     rounded = {
-        kind: {name: round(own, 3) if isinstance(own, float) else own for name, own in values.items()}
+        kind: {name: round(v, 3) if isinstance(v, float) else v for name, v in values.items()}
         for kind, values in doubts.items()
     }
     return json.dumps(rounded, ensure_ascii=False) if rounded else ""

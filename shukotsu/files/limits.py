@@ -62,13 +62,13 @@ def check_regular(path: Path, expected: str) -> int:
     Raises InputError where it is no regular file, FileNotFoundError and other OSErrors as the system does.
     """
     try:
-        found = path.stat()
+        status = path.stat()
     except ValueError as error:  # a zero byte in the path
         raise InputError(f"{path}: no file can have this name; expected {expected}") from error
-    if not stat.S_ISREG(found.st_mode):
-        kind = _KINDS.get(stat.S_IFMT(found.st_mode), "no regular file")
+    if not stat.S_ISREG(status.st_mode):
+        kind = _KINDS.get(stat.S_IFMT(status.st_mode), "no regular file")
         raise InputError(f"{path}: is {kind}; expected {expected}, a regular file")
-    return found.st_size
+    return status.st_size
 
 
 def read_whole(path: Path, expected: str, most_bytes: int | None = None) -> bytes:

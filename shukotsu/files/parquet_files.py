@@ -124,8 +124,8 @@ def naming_damage(
 def column_ends(
     path: Path, file: pq.ParquetFile, group: int, column: int, *, with_nulls: bool = False
 ) -> tuple[Any, Any] | None:
-    """The least and the largest value of a column in a row group of an open file; None where not known of
-    every row, or with_nulls of every one that has a value.
+    """Return a column's least and largest value in a row group of an open file; None where not known of every
+    row, or with_nulls of every one that has a value.
 
     Where a footer contradicts itself, pyarrow ends the process when it is asked for that. So of a file that
     carries no digest, whose footer anything may have changed, the column is read first, which raises, and its
@@ -138,7 +138,7 @@ def column_ends(
         chunk = file.metadata.row_group(group).column(column)
         if not sealed and chunk.physical_type != file.schema.column(column).physical_type:
             raise ValueError("a column's type is not that of its schema")
-        known = chunk.statistics
-        if known is None or not known.has_min_max or (known.null_count and not with_nulls):
+        statistics = chunk.statistics
+        if statistics is None or not statistics.has_min_max or (statistics.null_count and not with_nulls):
             return None
-        return known.min, known.max
+        return statistics.min, statistics.max

@@ -84,5 +84,5 @@ def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iter
 
 
 def slash_hint(path: str) -> str:
-    """Say of a path as another system writes it what is wrong with it; nothing of any other."""
+    """Return what is wrong with a path that another system writes so; empty for any other."""
     return "; folders are separated by / and not by \\" if "\\" in path else ""

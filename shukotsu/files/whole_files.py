@@ -87,8 +87,8 @@ def file_state(path: Path) -> tuple[int, int, int, int, int]:
     These are device and inode, size, and the times in ns of its content and, last, of its entry, which the
     system alone sets: it tells a change after which the others were put back.
     """
-    found = path.stat()
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns
+    status = path.stat()
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
 @lru_cache(maxsize=4096)

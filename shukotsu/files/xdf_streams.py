@@ -38,7 +38,7 @@ EULER = ("orientationp", "orientationh", "orientationr")
 
 @dataclass(frozen=True)
 class Stream:
-    """Hold what a stream's header says of it. rate_hz : nominal, 0 where it is irregular."""
+    """What a stream's header says of it. rate_hz : nominal, 0 where it is irregular."""
 
     number: int
     name: str
@@ -50,7 +50,7 @@ class Stream:
 
 @dataclass(frozen=True)
 class Channel:
-    """Hold what a stream's header says of one channel; empty where it says nothing."""
+    """What a stream's header says of one channel; empty where it says nothing."""
 
     index: int
     label: str
@@ -61,7 +61,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Samples:
-    """Hold the T samples of a stream.
+    """The T samples of a stream.
 
     time_s : (T,), corrected by the clock offsets where there are any, and not smoothed. values : by sample
     and channel. offsets : (N, 2), time on the stream's clock, and what is to be added to it, in s.

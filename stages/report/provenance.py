@@ -6,8 +6,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from shukotsu.schemas.finding_groups import faults
-from shukotsu.schemas.findings import STAGE
+from shukotsu.schemas.findings import STAGE, faults
 from shukotsu.sentences.translation import ngettext, tr, translated, word
 from shukotsu.stages.report.study_results import Row, StudyResults, hand_of, recording_key
 from shukotsu.stages.report.table_cells import DataTable, quantity_column, table_of, text_column

@@ -6,8 +6,18 @@ from typing import Any
 
 from finding_examples import EVIDENCE, EXAMPLES, examples
 
-from shukotsu.schemas.finding_groups import Seen, faults, row_sentence
-from shukotsu.schemas.findings import NOTE, REFUSED, STAGE, SUSPECT, Finding, kinds, problem_row
+from shukotsu.schemas.findings import (
+    NOTE,
+    REFUSED,
+    STAGE,
+    SUSPECT,
+    Finding,
+    Seen,
+    faults,
+    kinds,
+    problem_row,
+    row_sentence,
+)
 
 
 def rows(finding: Finding, count: int) -> list[dict[str, Any]]:
