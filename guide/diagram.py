@@ -93,8 +93,8 @@ def _by_stem(files: Sequence[str]) -> list[str]:
         stem, _, ending = file.partition(".")
         endings.setdefault(stem, []).append(ending)
     return [
-        f"{stem} ({', '.join(own)})" if len(own) > 1 else stem + f".{own[0]}" * bool(own[0])
-        for stem, own in endings.items()
+        f"{stem} ({', '.join(parts)})" if len(parts) > 1 else stem + f".{parts[0]}" * bool(parts[0])
+        for stem, parts in endings.items()
     ]
 
 

@@ -139,15 +139,15 @@ def _need(cell: Cell) -> str:
 
 
 def _table(table: Table, shared: Mapping[str, Column]) -> Iterator[str]:
-    own = [column for column in table.columns if column != shared.get(column.name)]
-    more = [f"`{c.name}`" for c in table.columns if c not in own and c.name not in table.key]
+    unshared = [column for column in table.columns if column != shared.get(column.name)]
+    more = [f"`{c.name}`" for c in table.columns if c not in unshared and c.name not in table.key]
     yield f"## {table.name}"
     yield ""
     key = f" Key: {_key(table.key)}." if table.key else ""
     also = f" Also: {', '.join(more)}." if more else ""
     yield f"A row: {table.row}.{key}{also}"
     yield ""
-    yield from _rows(own)
+    yield from _rows(unshared)
 
 
 def _key(names: tuple[str, ...]) -> str:

@@ -106,7 +106,7 @@ def chromium(*options: str) -> Iterator[Browser]:
 
     Ask for the fixture `browser`, too: it ends the driver.
     """
-    program = next((found for name in NAMES if (found := shutil.which(name))), None)
+    program = next((path for name in NAMES if (path := shutil.which(name))), None)
     if program is None:
         pytest.skip(f"no browser: none of {', '.join(NAMES)} is on the path")
     started = _driver().chromium.launch(executable_path=program, args=[*OPTIONS, *options])

@@ -33,8 +33,8 @@ def damaged(data: bytes) -> st.SearchStrategy[bytes]:
 
     def apply(edits: list[tuple[int, int, bytes]]) -> bytes:
         spoilt = bytearray(data)
-        for place, length, instead in edits:
-            spoilt[place : place + length] = instead
+        for offset, length, instead in edits:
+            spoilt[offset : offset + length] = instead
         return bytes(spoilt)
 
     return st.lists(st.tuples(st.integers(0, len(data)), gone, put), min_size=1, max_size=5).map(apply)

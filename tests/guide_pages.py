@@ -41,12 +41,12 @@ def blocks(page: Path, *languages: str) -> list[Block]:
 
 
 def _blocks(page: Path, text: str) -> Iterator[Block]:
-    for found in _FENCE.finditer(text):
-        reason = _NOT_RUN.search(found["before"])
-        line = text.count("\n", 0, found.start("language")) + 1
-        indent = len(found["indent"])
-        own = "".join(each[indent:] for each in found["text"].splitlines(keepends=True))
-        yield Block(page, line, found["language"], own, reason["reason"] if reason else "")
+    for match in _FENCE.finditer(text):
+        reason = _NOT_RUN.search(match["before"])
+        line = text.count("\n", 0, match.start("language")) + 1
+        indent = len(match["indent"])
+        unindented = "".join(each[indent:] for each in match["text"].splitlines(keepends=True))
+        yield Block(page, line, match["language"], unindented, reason["reason"] if reason else "")
 
 
 def commands(block: Block) -> list[str]:
@@ -70,8 +70,8 @@ def anchors(page: Path) -> set[str]:
 
 def links(page: Path) -> list[tuple[str, str]]:
     """Links and pictures of a page that are no web addresses: file (empty: the page itself) and anchor."""
-    found = re.findall(r"\]\(([^)\s]+)[^)]*\)", _FENCE.sub("", page.read_text("utf-8")))
-    local = [target for target in found if not re.match(r"[a-z]+:", target)]
+    targets = re.findall(r"\]\(([^)\s]+)[^)]*\)", _FENCE.sub("", page.read_text("utf-8")))
+    local = [target for target in targets if not re.match(r"[a-z]+:", target)]
     return [(file, anchor) for file, _, anchor in (target.partition("#") for target in local)]
 
 

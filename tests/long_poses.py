@@ -25,12 +25,12 @@ def long_poses(path: Path, n_frames: int) -> Path:
     names = {"subject": "01", "hand": "right", "task": "rom", "trial": ""}
 
     def parts() -> Iterator[dict[str, Any]]:
-        for place, segment in enumerate(hand.segments):
+        for column, segment in enumerate(hand.segments):
             for start in range(0, n_frames, ROW_GROUP_ROWS):
                 frame = np.arange(start, min(start + ROW_GROUP_ROWS, n_frames))
                 rows = frame % _FRAMES
-                position_mm = hand.position_mm[rows, place] + noise.normal(0, 0.1, (len(frame), 3))
-                numbers = np.concatenate([position_mm, hand.quaternion[rows, place]], 1)
+                position_mm = hand.position_mm[rows, column] + noise.normal(0, 0.1, (len(frame), 3))
+                numbers = np.concatenate([position_mm, hand.quaternion[rows, column]], 1)
                 yield {
                     "segment": _repeated(segment, len(frame)),
                     "frame": frame,

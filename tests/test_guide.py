@@ -89,8 +89,8 @@ def test_pictures_say_what_is_in_them(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
 def test_nothing_in_angle_brackets_is_taken_for_html(page: Path) -> None:
     """A browser would show nothing of it; code stands between backquotes."""
-    found = re.findall(r"<(/?([a-zA-Z]+)[^>\n]*)>", prose(page))
-    assert [tag for tag, name in found if name not in TAGS] == []
+    tags = re.findall(r"<(/?([a-zA-Z]+)[^>\n]*)>", prose(page))
+    assert [tag for tag, name in tags if name not in TAGS] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=NAMES)
@@ -121,11 +121,11 @@ PLACES = {"COMMAND", "NAME", "..."}
 
 def argv_of(line: str) -> tuple[str, ...] | None:
     """Module and arguments of a line that runs this project; None where it runs something else."""
-    found = PROGRAM.match(line.strip().removeprefix("$ "))
-    if found is None:
+    match = PROGRAM.match(line.strip().removeprefix("$ "))
+    if match is None:
         return None
-    rest = re.split(r"[|;>#&)]", line.strip().removeprefix("$ ")[found.end() :])[0]
-    return (found[1] or found[2], *shlex.split(rest))
+    rest = re.split(r"[|;>#&)]", line.strip().removeprefix("$ ")[match.end() :])[0]
+    return (match[1] or match[2], *shlex.split(rest))
 
 
 def inline_commands(page: Path) -> list[str]:
@@ -164,10 +164,10 @@ def subcommand(module: str, arguments: list[str]) -> list[str]:
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_commands_of_the_guide_are_there_with_their_options(command: tuple[str, ...]) -> None:
     module, *arguments = command
-    known = help_of(module, *subcommand(module, arguments))
-    own = arguments[: arguments.index("--")] if "--" in arguments else arguments
-    options = [argument.partition("=")[0] for argument in own if argument.startswith("--")]
-    assert [option for option in options if not re.search(rf"(?<![\w-]){option}(?![\w-])", known)] == []
+    printed = help_of(module, *subcommand(module, arguments))
+    before = arguments[: arguments.index("--")] if "--" in arguments else arguments
+    options = [argument.partition("=")[0] for argument in before if argument.startswith("--")]
+    assert [option for option in options if not re.search(rf"(?<![\w-]){option}(?![\w-])", printed)] == []
 
 
 STAGES = sorted(path.parent.name for path in (REPOSITORY / "stages").glob("*/__main__.py"))
@@ -189,7 +189,7 @@ def test_every_stage_helps_with_an_example_and_imports_nothing_heavy(stage: str)
     command = [sys.executable, "-c", LIGHT_HELP.format(stage)]
     done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    known, _, example = done.stdout.partition("example:")
+    options, _, example = done.stdout.partition("example:")
     argv = shlex.split(example)
     assert argv[:3] == ["shukotsu", "stage", stage] or (stage, argv[1]) == ("capture", "import")
-    assert all(option in known for option in argv if option.startswith("--"))
+    assert all(option in options for option in argv if option.startswith("--"))

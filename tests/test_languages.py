@@ -19,8 +19,10 @@ CODE = re.compile(r"`((?:[^`\n]|\n(?!\n))+)`")
 
 def blocks(text: str) -> list[tuple[str, str]]:
     """Language and lines of every fenced block; comments and the space around lines left out."""
-    found = [(language, re.sub(r"(?m)(^|\s+)# .*$", "", block)) for _, language, block in FENCE.findall(text)]
-    return [(language, " ".join(block.split())) for language, block in found]
+    fenced = [
+        (language, re.sub(r"(?m)(^|\s+)# .*$", "", block)) for _, language, block in FENCE.findall(text)
+    ]
+    return [(language, " ".join(block.split())) for language, block in fenced]
 
 
 def sections(text: str) -> list[tuple[str, str]]:
@@ -53,10 +55,12 @@ def test_a_page_is_in_step_with_the_english_one(page: Path) -> None:
     assert blocks(japanese) == blocks(english)
     theirs, ours = sections(english), sections(japanese)
     assert [level for level, _ in ours] == [level for level, _ in theirs]
-    for (_, one), (_, other) in zip(theirs, ours, strict=True):
-        heading = one.partition("\n")[0]
-        assert numbers(one) - numbers(other) == set(), heading
-        assert codes(one) ^ codes(other) <= ONLY_IN_JAPANESE, heading
-        assert len(files(one)) == len(files(other)), heading
-        assert {file for file in files(one) if file} == {file for file in files(other) if file}, heading
-        assert one.count("\n|") == other.count("\n|"), heading
+    for (_, original), (_, translation) in zip(theirs, ours, strict=True):
+        heading = original.partition("\n")[0]
+        assert numbers(original) - numbers(translation) == set(), heading
+        assert codes(original) ^ codes(translation) <= ONLY_IN_JAPANESE, heading
+        assert len(files(original)) == len(files(translation)), heading
+        assert {file for file in files(original) if file} == {file for file in files(translation) if file}, (
+            heading
+        )
+        assert original.count("\n|") == translation.count("\n|"), heading

@@ -34,7 +34,7 @@ QUOTED += [quote for cell in first_cells("An error is printed") for quote in re.
 
 
 @cache
-def said() -> str:
+def code_text() -> str:
     """Return the code of all rooms; a text that goes on in the next line is whole."""
     code = "\n".join(path.read_text("utf-8") for path in package_files(suffix=".py"))
     return re.sub(r'"\s*\n\s*f?"', "", code)
@@ -48,4 +48,4 @@ def longest_part(quote: str) -> str:
 @pytest.mark.parametrize("quote", QUOTED)
 def test_what_is_quoted_is_said(quote: str) -> None:
     assert len(longest_part(quote)) >= len("is empty")
-    assert longest_part(quote) in said()
+    assert longest_part(quote) in code_text()

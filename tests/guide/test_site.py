@@ -56,15 +56,21 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @contextmanager
 def opened(browser: Browser, page: Path, **options: object) -> Iterator[WatchedPage]:
     """A page of the site, which asks for nothing but the site's files and complains of nothing."""
-    with watched(browser, **options) as own:
-        own.open(page)
-        yield own
-        foreign = [address for address in own.requests if not address.startswith(("file:", "data:", "blob:"))]
+    with watched(browser, **options) as watched_page:
+        watched_page.open(page)
+        yield watched_page
+        foreign = [
+            address
+            for address in watched_page.requests
+            if not address.startswith(("file:", "data:", "blob:"))
+        ]
         assert foreign == []
         # To switch languages the theme looks for a list of pages, which browsers let no file read.
-        assert [line for line in own.console if "sitemap.xml" not in line and "ERR_FAILED" not in line] == []
-        own.console.clear()
-        own.requests.clear()
+        assert [
+            line for line in watched_page.console if "sitemap.xml" not in line and "ERR_FAILED" not in line
+        ] == []
+        watched_page.console.clear()
+        watched_page.requests.clear()
 
 
 def test_every_page_is_there_in_both_languages(site: Path) -> None:
@@ -109,19 +115,19 @@ def found_by_search(page: WatchedPage, word: str) -> list[Path]:
 def test_search_works_from_a_file(browser: Browser, site: Path, start: str, word: str, target: str) -> None:
     """The best hit is the page that is about it, and a click leads there."""
     with opened(browser, site / f"{start}.html") as page:
-        found = found_by_search(page, word)
-        assert found[0] == site / f"{target}.html"
-        assert [path for path in found if not path.is_file()] == []
+        hits = found_by_search(page, word)
+        assert hits[0] == site / f"{target}.html"
+        assert [path for path in hits if not path.is_file()] == []
         page.page.locator(".md-search-result__link").first.click()
-        page.wait(f"location.href.startsWith('{found[0].as_uri()}')")
+        page.wait(f"location.href.startsWith('{hits[0].as_uri()}')")
         assert word in page.page.locator("article").inner_text().lower()
 
 
 @pytest.mark.parametrize("width", [390, 1280])
 @pytest.mark.parametrize("page", PAGES)
 def test_nothing_is_wider_than_the_page(browser: Browser, site: Path, page: str, width: int) -> None:
-    with opened(browser, site / f"{page}.html", viewport={"width": width, "height": 800}) as own:
-        assert own.value("document.documentElement.scrollWidth") <= width
+    with opened(browser, site / f"{page}.html", viewport={"width": width, "height": 800}) as shown:
+        assert shown.value("document.documentElement.scrollWidth") <= width
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
@@ -129,8 +135,12 @@ def test_nothing_is_wider_than_the_page(browser: Browser, site: Path, page: str,
 def test_axe_finds_nothing_serious(browser: Browser, site: Path, page: str, theme: str) -> None:
     if not AXE.is_file():
         pytest.skip(f"no {AXE}; SHUKOTSU_TOOLS can name another folder")
-    with opened(browser, site / f"{page}.html", color_scheme=theme) as own:
-        own.page.add_script_tag(content=AXE.read_text("utf-8"))
-        found = own.value("async () => (await axe.run({preload: false})).violations")
-        serious = [f"{one['id']}: {one['nodes'][0]['html']}" for one in found if one["impact"] in SERIOUS]
+    with opened(browser, site / f"{page}.html", color_scheme=theme) as shown:
+        shown.page.add_script_tag(content=AXE.read_text("utf-8"))
+        violations = shown.value("async () => (await axe.run({preload: false})).violations")
+        serious = [
+            f"{violation['id']}: {violation['nodes'][0]['html']}"
+            for violation in violations
+            if violation["impact"] in SERIOUS
+        ]
         assert serious == []

@@ -31,11 +31,11 @@ def compared(results: StudyResults) -> StudyResults:
     return with_comparisons(results, compare_models(scored_study(results)))
 
 
-def with_comparisons(results: StudyResults, found: ComparedModels) -> StudyResults:
+def with_comparisons(results: StudyResults, models: ComparedModels) -> StudyResults:
     """The results with these comparisons, every column as the tables have it."""
     empty = dict.fromkeys(("interval_95_low", "interval_95_high", "effect_size", "p"))
-    differences = [empty | row for row in found.differences]
-    return replace(results, model_values=found.values, model_differences=differences)
+    differences = [empty | row for row in models.differences]
+    return replace(results, model_values=models.values, model_differences=differences)
 
 
 def _frame(table: Table, rows: Sequence[Row]) -> pd.DataFrame:

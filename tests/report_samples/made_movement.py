@@ -31,19 +31,15 @@ def write_movement(
     results: Path,
     subjects: Sequence[str],
     *,
-    sessions: Sequence[str] = ("1", "2"),
     models: Sequence[str] = ("whole-hand",),
-    statistics: bool = True,
 ) -> None:
-    """Write the tables; without statistics those of ranges alone."""
+    """Write the tables, of two sessions of every subject."""
     rng = np.random.default_rng(11)
     ranges = [
         _range(subject, session, model, joint, angle, rng)
-        for subject, session, model, joint, angle in product(subjects, sessions, models, JOINTS, ANGLES)
+        for subject, session, model, joint, angle in product(subjects, "12", models, JOINTS, ANGLES)
     ]
     write(results / "ranges_of_motion.parquet", RANGES_OF_MOTION, ranges)
-    if not statistics:
-        return
     of = [(f"{joint} {angle}", rank) for rank, (joint, angle) in enumerate(product(JOINTS, ANGLES))]
     n = len(subjects) // 2
     write(

@@ -64,9 +64,11 @@ def _of_digits(
 
 def joint_error_rows(key: dict[str, str], layout: Layout, models: list[SkeletonModel]) -> Rows:
     """Rows of joint_errors: each model made from either task, and prior-only, which states no error."""
-    made = [(model.name, tasks) for model in models for tasks in ("opposition", "rom")] + [("prior-only", "")]
+    skeletons = [(model.name, tasks) for model in models for tasks in ("opposition", "rom")] + [
+        ("prior-only", "")
+    ]
     rows: Rows = []
-    for name, tasks in made:
+    for name, tasks in skeletons:
         for index, joint in enumerate(seen_joints(layout)):
             row = {**_hand(key), "model": name, "calibrated_on": tasks, "joint": joint, "bone": ""}
             error = (0.12 if name == "whole-hand" else 0.6) * (index + 1)

@@ -243,11 +243,11 @@ def _bone_rows(
 ) -> list[dict[str, Any]]:
     rows, by_name = [], {row["joint"]: row for row in joints}
     for digit in layout.digits.values():
-        for place, bone in enumerate(digit.segments):
-            length = float(np.linalg.norm(centres[digit.joints[-1]])) / (1 + place)
+        for index, bone in enumerate(digit.segments):
+            length = float(np.linalg.norm(centres[digit.joints[-1]])) / (1 + index)
             row = _who(key) | {"model": model.name, "digit": digit.name, "bone": bone, "driven_by": bone}
             ends = (*digit.joints, DISTAL_RECEIVER if model.fitting is None else BONE_TIP)
-            row |= {"starts_at": ends[place], "ends_at": ends[place + 1]}
+            row |= {"starts_at": ends[index], "ends_at": ends[index + 1]}
             varies = 0.8 if bone.endswith("metacarpal") else None
             numbers = {"length_mm": length, "sd_mm": 0.456, "sd_over_frames_mm": varies}
             rows.append(
@@ -282,10 +282,10 @@ def _add_digit(
         for k in range(n_frames)
     ]
     for binding, values in (("first-frame", first), ("least-squares", error)):
-        known = values[np.isfinite(values)]
-        row = of_binding | {"binding": binding, "n_frames": len(known), "median_mm": np.median(known)}
-        row |= {f"{name}_mm": getattr(known, name)() for name in ("max", "min", "mean")}
-        rows["tip_errors"].append(row | {"sd_mm": known.std(), "p95_mm": np.quantile(known, 0.95)})
+        finite = values[np.isfinite(values)]
+        row = of_binding | {"binding": binding, "n_frames": len(finite), "median_mm": np.median(finite)}
+        row |= {f"{name}_mm": getattr(finite, name)() for name in ("max", "min", "mean")}
+        rows["tip_errors"].append(row | {"sd_mm": finite.std(), "p95_mm": np.quantile(finite, 0.95)})
 
 
 def _who(key: dict[str, str]) -> dict[str, str]:

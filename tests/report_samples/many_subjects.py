@@ -37,12 +37,12 @@ def many_subjects(
             for column in TABLES[table].columns
             if table in SCALED and column.name.endswith("_mm") and pa.types.is_floating(column.type)
         ]
-        made = []
+        repeated = []
         for name in names:
             for row in rows:
                 factor = factors.get((name, row.get("model", "")), 1.0)
-                own = {column: factor * row[column] for column in scaled if row[column] is not None}
-                made.append(row | {"subject": name} | own)
-        write(path, TABLES[table], made)
+                numbers = {column: factor * row[column] for column in scaled if row[column] is not None}
+                repeated.append(row | {"subject": name} | numbers)
+        write(path, TABLES[table], repeated)
     compare_study(read_study(study), Results(results))
     return study, results

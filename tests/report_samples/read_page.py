@@ -73,5 +73,5 @@ def read_page(page: str) -> PageReader:
 
 def table_called(page: str, caption: str) -> ReadTable:
     """The one table with that caption."""
-    (found,) = [table for table in read_page(page).tables if table.caption == caption]
-    return found
+    (captioned,) = [table for table in read_page(page).tables if table.caption == caption]
+    return captioned

@@ -20,8 +20,8 @@ def main(folder: str, picture: str) -> None:
     """Run every cell in that folder; a cell that fails ends this with its traceback."""
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     nbformat.validate(notebook)
-    place = {"metadata": {"path": folder}}
-    nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3", resources=place).execute()
+    resources = {"metadata": {"path": folder}}
+    nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
     for output in (one for cell in notebook.cells for one in cell.get("outputs", [])):
         print(output.get("text") or output.get("data", {}).get("text/plain", ""))
         if drawn := output.get("data", {}).get("image/png"):

@@ -41,11 +41,11 @@ class Screenshot:
 
 def screenshots(results: Results, subject: str, recording: Path) -> dict[str, Screenshot]:
     """Every screenshot by the name of its file; recording : the page of one of the subject's recordings."""
-    study, one = results.report, results.subject_page(subject)
+    study, page = results.report, results.subject_page(subject)
     drawn = "document.querySelector('.viewer canvas').width > 0"
     return {
         "study": Screenshot(study, "", 760, ready=drawn),
-        "subject": Screenshot(one, "", 1000),
+        "subject": Screenshot(page, "", 1000),
         "recording": Screenshot(recording, "#time", 720, ready=drawn),
         "viewer": Screenshot(recording, ".viewer", 590, ready=drawn),
     }
@@ -76,8 +76,8 @@ def take_all(results: Results, subject: str, recording: Path, folder: Path) -> l
     folder.mkdir(parents=True, exist_ok=True)
     pictures = []
     wanted = screenshots(results, subject, recording)
-    with chromium() as browser, TemporaryDirectory() as made:
-        wanted["coach"] = coached_page(Path(made))
+    with chromium() as browser, TemporaryDirectory() as folder_of_page:
+        wanted["coach"] = coached_page(Path(folder_of_page))
         for name, screenshot in wanted.items():
             picture = folder / f"{name}.png"
             with watched(browser, device_scale_factor=SCALE, color_scheme="light") as page:
