@@ -29,12 +29,12 @@ STAGES: dict[str, Sequence[str]] = {
     "report.subject": (),
 }
 IN_A_PART = {
-    "check_recordings": "shukotsu.checks.checked_poses.checked_poses",
+    "check_recordings": "shukotsu.stages.check_recordings.checked_subject.checked_poses",
     "align_events": "shukotsu.stages.align_events.recording_events.RecordingEvents.aligned",
     "solve_joints": "shukotsu.stages.solve_joints.part_solutions.solution_rows",
     "project_planes": "shukotsu.stages.project_planes.place.place_joint",
     "fit_hand": "shukotsu.stages.fit_hand.calibration.fit_hand",
-    "estimate_metacarpals": "shukotsu.stages.estimate_metacarpals.hand.build_hand",
+    "estimate_metacarpals": "shukotsu.stages.estimate_metacarpals.part_tables.build_hand",
     "evaluate_tips": "shukotsu.stages.evaluate_tips.replay.replay_recording",
     "evaluate_skeletons": "shukotsu.stages.evaluate_skeletons.evaluation.evaluate_hand",
     "measure_movement": "shukotsu.anatomy.recorded_movement.RecordedMovement.joints",
