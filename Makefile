@@ -44,8 +44,8 @@ pip_settings = eval "$$($(python) -m pip config list 2>/dev/null | sort -r | sed
 
 # What fits hands is compiled beside the demo's first stages; fits wait for it.
 compiled := .venv/compiled
-compile = [ $(compiled) -nt shukotsu/stages/fit_hand/kernel.py ] || { \
-	echo "Compiling what fits hands" && $(python) -m shukotsu.stages.fit_hand.compile_kernel && touch $(compiled); }
+compile = [ $(compiled) -nt shukotsu/fit/kernel.py ] || { \
+	echo "Compiling what fits hands" && $(python) -m shukotsu.fit.compile_kernel && touch $(compiled); }
 
 demo: $(users) ## run the demo study, print what it found and name its report
 	@{ $(compile); } & .venv/bin/shukotsu demo --cores $(cores); code=$$?; wait; exit $$code

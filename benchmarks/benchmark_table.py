@@ -14,8 +14,8 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TypeVar
 
-from shukotsu.files.marked_text import replaced_between
-from shukotsu.files.whole_files import write_text
+from shukotsu.tables.marked_text import replaced_between
+from shukotsu.tables.whole_files import write_text
 
 T = TypeVar("T")
 Cell = str | float | int | None

@@ -14,15 +14,15 @@ from statistics import median
 
 from benchmarks.benchmark_table import Cell, TextTable
 from benchmarks.processes import ROOT, Usage, run_process, run_python
-from shukotsu.schemas.layout import read_layout
-from shukotsu.stages.fit_hand.fingertips import fingertips
-from shukotsu.stages.fit_hand.fit import fit_hand
-from shukotsu.stages.fit_hand.fitted_motion import pose_hand
-from shukotsu.stages.fit_hand.frame_uncertainty import posed_errors
-from shukotsu.stages.fit_hand.gains import gains
-from shukotsu.stages.fit_hand.loose_receivers import displaced_in
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import LAYOUT, simulate
+from shukotsu.fit.fingertips import fingertips
+from shukotsu.fit.fit import fit_hand
+from shukotsu.fit.fitted_motion import pose_hand
+from shukotsu.fit.frame_uncertainty import posed_errors
+from shukotsu.fit.gains import gains
+from shukotsu.fit.loose_receivers import displaced_in
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import LAYOUT, simulate
+from shukotsu.study.layout import read_layout
 
 WRITTEN_TO = "benchmarks.md", "tables"
 SEED, CORES, SIMULATED = 42, 2, 2
@@ -46,7 +46,7 @@ def run(subjects: Sequence[int] = (1, 10), rounds: int = 5) -> Iterator[TextTabl
             for hand, task in _recordings():
                 who = (f"--subject={index}", f"--hand={hand}", f"--task={task}", f"--seed={SEED}")
                 file = f"--out={simulated}/{index}_{hand}_{task}.parquet"
-                run_python("-m", "shukotsu.stages.simulate", *who, f"--frames={FRAMES[task]}", file)
+                run_python("-m", "shukotsu.simulate", *who, f"--frames={FRAMES[task]}", file)
         for count in subjects:
             folder = Path(name, f"study-{count}")
             rows.append(_row(f"{count} subjects, cold", run_study(folder, simulated, count)))

@@ -13,15 +13,15 @@ from benchmarks import other_hands
 from benchmarks.other_hands.person import Facing
 from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.declared import TIDY, Declared
-from shukotsu.schemas.findings import NOTE, Finding
-from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.rotations import Array, about_axis, conjugate, multiply, rotate
-from shukotsu.stages.simulate import random_hand
-from shukotsu.stages.simulate.random_hand import FLEXION, JOINTS, Hand
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import LAYOUT, Simulated, simulate
-from shukotsu.stages.simulate.task_motion import Motion
+from shukotsu.hand.rotations import Array, about_axis, conjugate, multiply, rotate
+from shukotsu.simulate import random_hand
+from shukotsu.simulate.random_hand import FLEXION, JOINTS, Hand
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import LAYOUT, Simulated, simulate
+from shukotsu.simulate.task_motion import Motion
+from shukotsu.study.findings import NOTE, Finding
+from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import Poses
 
 FRAMES = {"rom": 1800, "opposition": 1200}
 FINGERS = ("index", "middle", "ring", "little")
@@ -183,7 +183,7 @@ def _deformed(seed: int, hand: str, task: str, rng: np.random.Generator) -> Plan
             rest[joint] = multiply(rest[joint], drift)
         return replace(usual, length_mm=length, rest=rest)
 
-    with mock.patch("shukotsu.stages.simulate.simulation.hand_of", hand_of):
+    with mock.patch("shukotsu.simulate.simulation.hand_of", hand_of):
         return own_hand(seed, hand, task)
 
 

@@ -18,11 +18,11 @@ from benchmarks import pianist
 from benchmarks.benchmark_table import Cell, TextTable, workers
 from benchmarks.pianist import Struck
 from benchmarks.processes import ROOT, run_python
-from shukotsu.read_results import read
-from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.hand.read_results import read
+from shukotsu.hand.rotations import Array
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import simulate
+from shukotsu.tables.poses import Poses
 
 WRITTEN_TO = "keystrokes.md", "tables"
 FIRST_SEED = 9900

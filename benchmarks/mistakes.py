@@ -16,9 +16,9 @@ from benchmarks.faultless_hands import FINGERS, Planted, changed, exchanged, fau
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
 from shukotsu.checks.compared_recordings import compared
 from shukotsu.checks.declared import Declared
-from shukotsu.schemas.layout import read_layout
-from shukotsu.skeleton.rotations import Array, about_axis, conjugate, from_matrix, matrix, multiply, unit
-from shukotsu.stages.simulate.simulation import LAYOUT
+from shukotsu.hand.rotations import Array, about_axis, conjugate, from_matrix, matrix, multiply, unit
+from shukotsu.simulate.simulation import LAYOUT
+from shukotsu.study.layout import read_layout
 
 WRITTEN_TO = "mistakes-benchmark.md", "tables"
 FIRST_SEED = 9000

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.benchmark_table import Cell, TextTable, workers
-from shukotsu.statistics.paired_statistics import LEVEL, group_difference, holm, sign_flip_p
+from shukotsu.scores.paired_statistics import LEVEL, group_difference, holm, sign_flip_p
 
 Array = npt.NDArray[np.float64]
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.rotations import Array, from_matrix, rotate
-from shukotsu.stages.simulate.forward import bone_poses, coupled_angles
-from shukotsu.stages.simulate.random_hand import DIGITS, JOINTS, TIP_BONES, Hand, hand_of
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import simulate
-from shukotsu.stages.simulate.task_motion import Motion, posture, rest_posture
+from shukotsu.hand.rotations import Array, from_matrix, rotate
+from shukotsu.simulate.forward import bone_poses, coupled_angles
+from shukotsu.simulate.random_hand import DIGITS, JOINTS, TIP_BONES, Hand, hand_of
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import simulate
+from shukotsu.simulate.task_motion import Motion, posture, rest_posture
+from shukotsu.tables.poses import Poses
 
 KEY_MM, DIP_MM, RATE_HZ = 23.5, 14.0, 240.0
 FIRST_PITCH, LIFTS_MM = 60, (4.0, 12.0)

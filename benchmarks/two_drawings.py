@@ -12,17 +12,17 @@ import numpy as np
 from benchmarks import other_hands
 from benchmarks.benchmark_table import TextTable, add_people, of_each_person
 from benchmarks.faultless_hands import FACINGS, true_halves
-from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.poses import Poses
-from shukotsu.schemas.verdict import BELIEVE, RADIUS_SD, judged_joint
-from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.fit_hand.chain_builder import KINDS
-from shukotsu.stages.fit_hand.fit import HandFit, fit_hand
-from shukotsu.stages.fit_hand.fitted_motion import pose_hand
-from shukotsu.stages.fit_hand.hand_tables import joint_rows
-from shukotsu.stages.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import LAYOUT, simulate
+from shukotsu.fit.chain_builder import KINDS
+from shukotsu.fit.fit import HandFit, fit_hand
+from shukotsu.fit.fitted_motion import pose_hand
+from shukotsu.fit.hand_tables import joint_rows
+from shukotsu.hand.rotations import Array
+from shukotsu.simulate.random_hand import BONES, FINGERS, FLEXION, JOINTS
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import LAYOUT, simulate
+from shukotsu.study.layout import read_layout
+from shukotsu.study.verdict import BELIEVE, RADIUS_SD, judged_joint
+from shukotsu.tables.poses import Poses
 
 WRITTEN_TO = "accuracy.md", "two drawings"
 FIRST_SEED, DURATION_S = 9500, 25.0

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
-from shukotsu.files.marked_text import replaced_between
-from shukotsu.files.whole_files import write_text
+from shukotsu.tables.marked_text import replaced_between
+from shukotsu.tables.whole_files import write_text
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "architecture.md"

@@ -12,11 +12,11 @@ from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
 
-from shukotsu.schemas.catalogue import HAND_KEY, RECORDING_KEY, TABLES, shared_columns
-from shukotsu.schemas.config_files import json_schema, shipped
-from shukotsu.schemas.findings import kinds
-from shukotsu.schemas.sheets import SHEETS, Cell
-from shukotsu.schemas.tables import Column, Table
+from shukotsu.study.config_files import json_schema, shipped
+from shukotsu.study.findings import kinds
+from shukotsu.study.sheets import SHEETS, Cell
+from shukotsu.tables.catalogue import HAND_KEY, RECORDING_KEY, TABLES, shared_columns
+from shukotsu.tables.typed_table import Column, Table
 
 NOTE = "<!-- Made by `make docs` from the schemas; change those, not this page. -->"
 

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from shukotsu.schemas import VERSION
-
 if TYPE_CHECKING:
-    from shukotsu.read_results import bend, pose, read
-    from shukotsu.skeleton.posing import PosedRecording
+    from shukotsu.hand.posing import PosedRecording
+    from shukotsu.hand.read_results import bend, pose, read
 
-__version__ = VERSION
+PROGRAM = "shukotsu"
+VERSION = __version__ = "0.2.0"
 
 __all__ = ["PosedRecording", "bend", "pose", "read"]
 
 _HOME = {
-    "PosedRecording": "skeleton.posing",
-    "bend": "read_results",
-    "pose": "read_results",
-    "read": "read_results",
+    "PosedRecording": "hand.posing",
+    "bend": "hand.read_results",
+    "pose": "hand.read_results",
+    "read": "hand.read_results",
 }
 
 

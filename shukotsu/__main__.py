@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 
+from shukotsu import command_line
 from shukotsu.commands import COMMANDS, build_parser
 from shukotsu.errors import InputError
-from shukotsu.schemas.left import instead
-from shukotsu.stages import command_line
+from shukotsu.left import instead
 
 
 def main(argv: list[str] | None = None) -> int:

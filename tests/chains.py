@@ -13,11 +13,11 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from shukotsu.schemas.layout import Digit, Joint, Layout, Plane, Segment
-from shukotsu.schemas.poses import Poses, PosesReader
-from shukotsu.skeleton.rotations import Array, matrix
-from shukotsu.stages.solve_joints.moments import JointMoments
-from shukotsu.stages.solve_joints.solve import add_block
+from shukotsu.hand.rotations import Array, matrix
+from shukotsu.paper.moments import JointMoments
+from shukotsu.paper.solve import add_block
+from shukotsu.study.layout import Digit, Joint, Layout, Plane, Segment
+from shukotsu.tables.poses import Poses, PosesReader
 
 
 @dataclass(frozen=True)

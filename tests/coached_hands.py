@@ -7,7 +7,7 @@ from pathlib import Path
 from simulated_poses import recorded, write_poses
 
 from shukotsu.__main__ import main as capture
-from shukotsu.schemas.poses import Poses
+from shukotsu.tables.poses import Poses
 
 SEED, RATE_HZ = 7001, 240
 

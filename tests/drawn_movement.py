@@ -8,12 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.schemas.catalogue import (
-    FINGERTIP_PATHS,
-    RANGES_OF_MOTION,
-)
-from shukotsu.schemas.results import Results
-from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, write_table
+from shukotsu.study.results import Results
+from shukotsu.tables.catalogue import FINGERTIP_PATHS, RANGES_OF_MOTION
+from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, write_table
 
 Row = dict[str, Any]
 JOINTS = ("index_mcp", "index_pip")

@@ -12,10 +12,10 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from shukotsu.schemas.catalogue import POSES
-from shukotsu.schemas.tables import Provenance, Table, write_table
-from shukotsu.trackers.archive import ArchiveWriter
-from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.typed_table import Provenance, Table, write_table
+from shukotsu.tracker.archive import ArchiveWriter
+from shukotsu.tracker.protocols.stream_settings import StreamSettings
 
 RATE_HZ = 240.0
 TICKS_A_SECOND = 960

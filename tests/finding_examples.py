@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from shukotsu.schemas.findings import SUSPECT, Finding
+from shukotsu.study.findings import SUSPECT, Finding
 
 AT = {"first_s": 3.25}
 PAIR = {"segment": "index_middle", "segment_2": "index_distal"}

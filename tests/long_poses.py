@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from shukotsu.schemas.catalogue import POSES
-from shukotsu.schemas.tables import ROW_GROUP_ROWS, Provenance, write_table_in_parts
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import simulate
+from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.typed_table import ROW_GROUP_ROWS, Provenance, write_table_in_parts
 
 _FRAMES = 2400
 _NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")

@@ -10,11 +10,11 @@ from typing import Any
 import stage_runs
 
 from shukotsu.__main__ import main as capture
-from shukotsu.schemas.catalogue import TABLES
-from shukotsu.schemas.parts import open_parts
-from shukotsu.schemas.plan import option_of
-from shukotsu.schemas.tables import Table, read_table, rows_of
-from shukotsu.skeleton.rotations import Array
+from shukotsu.hand.rotations import Array
+from shukotsu.study.plan import option_of
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.parts import open_parts
+from shukotsu.tables.typed_table import Table, read_table, rows_of
 
 Row = dict[str, Any]
 

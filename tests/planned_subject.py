@@ -15,12 +15,12 @@ from simulated_poses import recorded, write_poses
 from small_study import run_stages, write_plans, write_study
 from stage_runs import fit_hand, of_plan
 
-from shukotsu.schemas.catalogue import TABLES
-from shukotsu.schemas.config_files import REFERENCE
-from shukotsu.schemas.parts import Part, read_part
-from shukotsu.schemas.plan import SubjectPlan, plan_of_results
-from shukotsu.schemas.tables import METADATA_KEY, Provenance, rows_of
-from shukotsu.stages.simulate.written_truth import write_truth
+from shukotsu.simulate.written_truth import write_truth
+from shukotsu.study.config_files import REFERENCE
+from shukotsu.study.plan import SubjectPlan, plan_of_results
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.parts import Part, read_part
+from shukotsu.tables.typed_table import METADATA_KEY, Provenance, rows_of
 
 QUICK = """model: quick
 description: a whole hand, fitted in few frames

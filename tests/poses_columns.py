@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from shukotsu.stages.capture.poses_table import PosesTable, poses_table
-from shukotsu.stages.capture.samples import NUMBERS, Samples
-from shukotsu.stages.solve_joints.closed import JointSolution, solve_closed
-from shukotsu.stages.solve_joints.moments import JointMoments, relative_poses
+from shukotsu.paper.closed import JointSolution, solve_closed
+from shukotsu.paper.moments import JointMoments, relative_poses
+from shukotsu.readers.poses_table import PosesTable, poses_table
+from shukotsu.readers.samples import NUMBERS, Samples
 
 
 def poses_columns(samples: Samples, parents: Mapping[str, str] | None = None) -> dict[str, Any]:

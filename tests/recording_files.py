@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.catalogue import GAINS
-from shukotsu.schemas.layout import Layout, read_layout
-from shukotsu.schemas.mapping import mapping_from_config
-from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table
-from shukotsu.stages.capture.formats.readers import find_reader
-from shukotsu.stages.capture.samples import Samples
+from shukotsu.readers.formats.readers import find_reader
+from shukotsu.readers.samples import Samples
+from shukotsu.study.layout import Layout, read_layout
+from shukotsu.study.mapping import mapping_from_config
+from shukotsu.tables.catalogue import GAINS
+from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
 
 EXAMPLES = int(os.environ.get("RECORDING_EXAMPLES", "8"))
 """Random recordings of each format that a test makes; a thousand are made by hand."""

@@ -51,7 +51,7 @@ def _numbers(frame: int) -> list[float]:
 
 def capture_bytes() -> bytes:
     """A raw capture of a LIBERTY with two stations."""
-    from shukotsu.trackers.archive import ArchiveWriter
+    from shukotsu.tracker.archive import ArchiveWriter
 
     items = (8, 9, 11, 10, 12, 3, 7)
     with tempfile.TemporaryDirectory() as name:

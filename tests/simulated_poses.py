@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.faultless_hands import Planted
-from shukotsu.schemas.catalogue import POSES
-from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.poses import Poses
-from shukotsu.schemas.tables import Provenance, write_table
-from shukotsu.stages.fit_hand.fit import HandFit, Settings, fit_hand
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import Simulated, simulate
+from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import Simulated, simulate
+from shukotsu.study.layout import read_layout
+from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.poses import Poses
+from shukotsu.tables.typed_table import Provenance, write_table
 
 
 @cache

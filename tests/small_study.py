@@ -9,13 +9,13 @@ import pipeline
 import stage_runs
 from stage_runs import of_plan, outputs
 
-from shukotsu.files.whole_files import write_text
-from shukotsu.schemas.plan import StudyPlans, SubjectPlan, plan_text, read_plan
-from shukotsu.schemas.results import Results
-from shukotsu.schemas.study import read_study
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.recording import write_recording
-from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_recording
+from shukotsu.simulate.simulation import simulate
+from shukotsu.study.plan import StudyPlans, SubjectPlan, plan_text, read_plan
+from shukotsu.study.results import Results
+from shukotsu.study.study import read_study
+from shukotsu.tables.whole_files import write_text
 
 HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude\taccept"
 

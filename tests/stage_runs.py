@@ -6,16 +6,16 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
-from shukotsu.schemas.config_files import REFERENCE
-from shukotsu.schemas.plan import SubjectPlan, option_of, read_plan
-from shukotsu.schemas.results import FIT_TABLES
-from shukotsu.stages import command_line
+from shukotsu import command_line
+from shukotsu.study.config_files import REFERENCE
+from shukotsu.study.plan import SubjectPlan, option_of, read_plan
+from shukotsu.study.results import FIT_TABLES
 
 Stage = Callable[[Sequence[str]], int]
 
 
 def _stage(name: str) -> Stage:
-    return partial(command_line.dispatched, f"shukotsu.stages.{name}")
+    return partial(command_line.dispatched, f"shukotsu.{name}")
 
 
 align_events = _stage("align_events")

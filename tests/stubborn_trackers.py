@@ -2,12 +2,12 @@
 
 from tracker_processes import at_a_port
 
-from shukotsu.trackers.emulate.device import EmulatedLiberty
-from shukotsu.trackers.protocols.stream_settings import StreamSettings
-from shukotsu.trackers.record.conversation import Conversation
-from shukotsu.trackers.record.port import open_port
-from shukotsu.trackers.record.request import RecordingRequest
-from shukotsu.trackers.record.session import DRIVERS
+from shukotsu.tracker.emulate.device import EmulatedLiberty
+from shukotsu.tracker.protocols.stream_settings import StreamSettings
+from shukotsu.tracker.record.conversation import Conversation
+from shukotsu.tracker.record.port import open_port
+from shukotsu.tracker.record.request import RecordingRequest
+from shukotsu.tracker.record.session import DRIVERS
 
 EVERYTHING_HEARD = b"not a command"
 

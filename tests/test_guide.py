@@ -20,9 +20,9 @@ import yaml
 from guide_pages import NAMES, PAGES, REPOSITORY, Block, anchors, blocks, commands, links, pictures, prose
 
 from guide.reference_pages import pages
-from shukotsu.schemas.config_files import json_schema
-from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.model import read_model
+from shukotsu.study.config_files import json_schema
+from shukotsu.study.layout import read_layout
+from shukotsu.study.model import read_model
 
 SHELL = [block for page in PAGES for block in blocks(page, "sh", "bash", "shell", "console")]
 YAML = [block for page in PAGES for block in blocks(page, "yaml")]
@@ -175,7 +175,7 @@ LIGHT_HELP = """
 import runpy, sys
 sys.argv = ["stage", "--help"]
 try:
-    runpy.run_module("shukotsu.stages.{}", run_name="__main__")
+    runpy.run_module("shukotsu.{}", run_name="__main__")
 except SystemExit as ended:
     heavy = {{"numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "yaml", "matplotlib"}}
     heavy &= set(sys.modules)

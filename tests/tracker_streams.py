@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shukotsu.trackers.liberty.replies import TAGS
-from shukotsu.trackers.protocols.records import Decoded, PiecewiseDecoder, Reply, concatenated
-from shukotsu.trackers.protocols.stream_settings import StreamSettings
+from shukotsu.tracker.liberty.replies import TAGS
+from shukotsu.tracker.protocols.records import Decoded, PiecewiseDecoder, Reply, concatenated
+from shukotsu.tracker.protocols.stream_settings import StreamSettings
 
 Numbers = tuple[float, ...]
 

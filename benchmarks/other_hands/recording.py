@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.other_hands.gestures import Motion, carry, move_arm, move_joints, placed, wander
 from benchmarks.other_hands.person import SKIN_SHARE, Array, Person, Worn, unit
-from shukotsu.schemas.poses import Poses
+from shukotsu.tables.poses import Poses
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 """A left hand is a right hand in a mirror that stands in the room's x-z plane."""

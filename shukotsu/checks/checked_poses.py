@@ -9,10 +9,10 @@ import pyarrow.compute as pc
 
 from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_recording
 from shukotsu.checks.declared import Declared
-from shukotsu.schemas.catalogue import POSES
-from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.poses import read_poses, recording_name
-from shukotsu.schemas.tables import read_metadata, read_row_groups
+from shukotsu.study.layout import Layout
+from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.poses import read_poses, recording_name
+from shukotsu.tables.typed_table import read_metadata, read_row_groups
 
 
 def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> CheckedRecording:

@@ -17,11 +17,11 @@ from shukotsu.checks.hypotheses import Recorded, hypotheses
 from shukotsu.checks.mistake_search import Search, effect, explained, find_mistakes
 from shukotsu.checks.sampled_motion import motion_of, receiver_axes
 from shukotsu.checks.timeline import BLOCK_ROWS, Timeline
-from shukotsu.schemas.device_clock import ClockBreak, device_clock
-from shukotsu.schemas.findings import NOTE, REFUSED, SUSPECT, Finding
-from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.poses import Poses
-from shukotsu.sentences.finding_sentences import Values
+from shukotsu.study.finding_sentences import Values
+from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding
+from shukotsu.study.layout import Layout
+from shukotsu.tables.device_clock import ClockBreak, device_clock
+from shukotsu.tables.poses import Poses
 
 SHORT_FRAMES, SHORT_S, NO_FRAMES = 50, 1.0, 10
 LEAST_LEFT = 25.0

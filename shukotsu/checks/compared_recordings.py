@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shukotsu.anatomy import average_hand as average
 from shukotsu.checks.checked_recording import CheckedRecording
-from shukotsu.schemas.findings import NOTE, SUSPECT, Finding, same_file
-from shukotsu.schemas.study import Recording
-from shukotsu.skeleton.rotations import Array
+from shukotsu.hand import average_hand as average
+from shukotsu.hand.rotations import Array
+from shukotsu.study.findings import NOTE, SUSPECT, Finding, same_file
+from shukotsu.study.study import Recording
 
 FINGERS = tuple(name for name in average.DIGITS if name != "thumb")
 PHALANX_MM, KNUCKLE_MM = ((2.0, 5.2), (1.9, 3.5)), ((1.9, 3.5), (1.3, 2.9), (1.4, 2.7))

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.anatomy import average_hand as average
-from shukotsu.anatomy.known_digits import known_digits, root_of
 from shukotsu.checks.sampled_motion import receiver_axes
-from shukotsu.schemas.layout import Digit, Joint, Layout
-from shukotsu.skeleton.rotations import Array, cross_matrix
+from shukotsu.hand import average_hand as average
+from shukotsu.hand.known_digits import known_digits, root_of
+from shukotsu.hand.rotations import Array, cross_matrix
+from shukotsu.study.layout import Digit, Joint, Layout
 
 SHARED = 7
 """What all joints of a hand share: its scale, and where the hand's receiver sits and how it is turned."""

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from shukotsu.checks.expected_body import FREE_SCALE_SD, SCALE_SD, SHARED, ExpectedBody
 from shukotsu.checks.sampled_motion import Motion
-from shukotsu.skeleton.rotations import Array
+from shukotsu.hand.rotations import Array
 
 INDEPENDENT_FRAMES = 8.0
 """As many tell something of their own, however many were recorded."""

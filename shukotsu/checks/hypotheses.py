@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from shukotsu.checks.declared import SENSES, TIDY, Declared
 from shukotsu.checks.sampled_motion import MIRROR, Motion
-from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.units import MM_PER_UNIT
-from shukotsu.sentences.finding_sentences import Values
-from shukotsu.skeleton.rotations import Array, from_matrix, matrix
+from shukotsu.hand.rotations import Array, from_matrix, matrix
+from shukotsu.study.finding_sentences import Values
+from shukotsu.study.layout import Layout
+from shukotsu.tables.units import MM_PER_UNIT
 
 
 @dataclass(frozen=True)

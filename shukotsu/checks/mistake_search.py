@@ -12,8 +12,8 @@ from shukotsu.checks.expected_body import ExpectedBody
 from shukotsu.checks.explanation import Explanation, explain, joint_shares
 from shukotsu.checks.hypotheses import Hypothesis
 from shukotsu.checks.sampled_motion import MIRROR, Motion
-from shukotsu.sentences.finding_sentences import Values
-from shukotsu.skeleton.rotations import Array
+from shukotsu.hand.rotations import Array
+from shukotsu.study.finding_sentences import Values
 
 DECISIVE = 4.0
 """Log of the odds, the mistake's own rareness taken off, from which on it is named."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.schemas.layout import Layout
-from shukotsu.skeleton.rotations import Array, matrix
+from shukotsu.hand.rotations import Array, matrix
+from shukotsu.study.layout import Layout
 
 FRAMES = 60
 """Frames that hypotheses are compared on, spread over the recording."""

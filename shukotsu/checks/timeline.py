@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.checks.mirror_jumps import own_sides
-from shukotsu.skeleton.rotations import Array
+from shukotsu.hand.rotations import Array
+from shukotsu.readers.mirror_jumps import own_sides
 
 Bools = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.int64]

@@ -18,14 +18,14 @@ from shukotsu.coach.estimate import CoachedHand, Estimate, estimate
 from shukotsu.coach.live_poses import EvenFrames
 from shukotsu.coach.movements import FIRST, MOVEMENTS, Movement
 from shukotsu.errors import InputError
-from shukotsu.schemas.findings import NOTE
-from shukotsu.schemas.poses import Poses
-from shukotsu.schemas.verdict import BELIEVE
-from shukotsu.sentences.finding_sentences import in_quotes
-from shukotsu.stages.fit_hand.gains import gains
-from shukotsu.stages.fit_hand.loose_receivers import displaced_in
-from shukotsu.stages.fit_hand.receiver_frames import concatenated
-from shukotsu.stages.report.belief import gain_lines, reasons_of
+from shukotsu.fit.gains import gains
+from shukotsu.fit.loose_receivers import displaced_in
+from shukotsu.fit.receiver_frames import concatenated
+from shukotsu.report.belief import gain_lines, reasons_of
+from shukotsu.study.finding_sentences import in_quotes
+from shukotsu.study.findings import NOTE
+from shukotsu.study.verdict import BELIEVE
+from shukotsu.tables.poses import Poses
 
 STEP_S = 1.5
 CHECKED_S = 4.0

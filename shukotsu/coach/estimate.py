@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.model import HandFitting, SkeletonModel
-from shukotsu.schemas.poses import Poses
-from shukotsu.schemas.verdict import BELIEVE, judged_joint
-from shukotsu.stages.fit_hand.fingertips import Fingertips, fingertips
-from shukotsu.stages.fit_hand.fit import Settings, fit_hand
-from shukotsu.stages.fit_hand.hand_tables import joint_rows
-from shukotsu.stages.fit_hand.measurements import Measurement
+from shukotsu.fit.fingertips import Fingertips, fingertips
+from shukotsu.fit.fit import Settings, fit_hand
+from shukotsu.fit.hand_tables import joint_rows
+from shukotsu.fit.measurements import Measurement
+from shukotsu.study.layout import Layout
+from shukotsu.study.model import HandFitting, SkeletonModel
+from shukotsu.study.verdict import BELIEVE, judged_joint
+from shukotsu.tables.poses import Poses
 
 LEAST_FRAMES = 240
 MOST_FITTED = 60

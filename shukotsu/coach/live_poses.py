@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.rotations import Array
-from shukotsu.stages.capture.formats.raw_capture import segments_of_receivers
-from shukotsu.stages.capture.poses_table import NORM_TOLERANCE
-from shukotsu.stages.capture.spikes import spikes
-from shukotsu.stages.fit_hand.receiver_frames import concatenated
-from shukotsu.trackers.archive import Piece
-from shukotsu.trackers.decode.stream import PieceReader, Tally
-from shukotsu.trackers.decode.survey import SOURCE_FAILURES
+from shukotsu.fit.receiver_frames import concatenated
+from shukotsu.hand.rotations import Array
+from shukotsu.readers.formats.raw_capture import segments_of_receivers
+from shukotsu.readers.poses_table import NORM_TOLERANCE
+from shukotsu.readers.spikes import spikes
+from shukotsu.study.layout import Layout
+from shukotsu.tables.poses import Poses
+from shukotsu.tracker.archive import Piece
+from shukotsu.tracker.decode.stream import PieceReader, Tally
+from shukotsu.tracker.decode.survey import SOURCE_FAILURES
 
 MOST_FRAMES = 6000
 """Kept of a recording: of a longer one every second, every fourth frame. Who chooses frames to fit looks at

@@ -12,12 +12,12 @@ from markupsafe import Markup
 
 from shukotsu.coach.coach import ENDED, Coach, first_reason
 from shukotsu.errors import InputError
-from shukotsu.files.whole_files import write_text
-from shukotsu.stages.report.belief import belief
-from shukotsu.stages.report.hand_motion import hand_motion, receiver_skeleton
-from shukotsu.stages.report.palette import css
-from shukotsu.stages.report.plots.hand import hand_panel
-from shukotsu.stages.report.plots.panels import page_picture
+from shukotsu.report.belief import belief
+from shukotsu.report.hand_motion import hand_motion, receiver_skeleton
+from shukotsu.report.palette import css
+from shukotsu.report.plots.hand import hand_panel
+from shukotsu.report.plots.panels import page_picture
+from shukotsu.tables.whole_files import write_text
 
 EVERY_S = 1.0
 """How often it is written, and loads itself again."""

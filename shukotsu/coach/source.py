@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Protocol
 
-from shukotsu.trackers.archive import FollowedArchive, Piece, open_archive
+from shukotsu.tracker.archive import FollowedArchive, Piece, open_archive
 
 ENDS_WITHIN_S = 20.0
 

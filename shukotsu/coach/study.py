@@ -8,28 +8,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from shukotsu.anatomy.known_digits import no_whole_hand
 from shukotsu.coach.estimate import CoachedHand
 from shukotsu.errors import InputError
-from shukotsu.files import limits
-from shukotsu.files.limits import read_whole
-from shukotsu.files.text_files import decoded, reading
-from shukotsu.files.whole_files import replacing
-from shukotsu.schemas.config_files import read_config
-from shukotsu.schemas.layout import Layout, read_layout
-from shukotsu.schemas.model import SkeletonModel, read_model
-from shukotsu.schemas.plan import rows_of_session
-from shukotsu.schemas.sheets import (
-    MEASUREMENTS,
-    PARTICIPANTS,
-    RECORDINGS,
-    SHEETS,
-    Row,
-    read_sheet,
-    sheet_rows,
-)
-from shukotsu.schemas.study import path_token
-from shukotsu.stages.fit_hand.measurements import Measurement
+from shukotsu.fit.measurements import Measurement
+from shukotsu.hand.known_digits import no_whole_hand
+from shukotsu.study.config_files import read_config
+from shukotsu.study.layout import Layout, read_layout
+from shukotsu.study.model import SkeletonModel, read_model
+from shukotsu.study.plan import rows_of_session
+from shukotsu.study.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet, sheet_rows
+from shukotsu.study.study import path_token
+from shukotsu.tables import limits
+from shukotsu.tables.limits import read_whole
+from shukotsu.tables.text_files import decoded, reading
+from shukotsu.tables.whole_files import replacing
 
 CAPTURES = "captures"
 """Folder of archives, beside the study file or in the working folder."""

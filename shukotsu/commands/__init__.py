@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import NamedTuple
 
-_CAPTURE = "shukotsu.stages.capture"
+_CAPTURE = "shukotsu.readers"
 
 
 class Command(NamedTuple):

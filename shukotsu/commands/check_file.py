@@ -7,13 +7,13 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shukotsu import command_line
 from shukotsu.commands.study_file import USUAL
 from shukotsu.errors import InputError
-from shukotsu.files.text_files import reading
-from shukotsu.stages import command_line
+from shukotsu.tables.text_files import reading
 
 if TYPE_CHECKING:
-    from shukotsu.schemas.layout import Layout
+    from shukotsu.study.layout import Layout
 
 STUDY_ENDINGS = (".yaml", ".yml", ".json")
 
@@ -57,10 +57,10 @@ def check(arguments: argparse.Namespace) -> None:
 def check_recording(arguments: argparse.Namespace) -> None:
     """Import a recording for the moment; print its findings, or else what would improve its hand."""
     from shukotsu.checks.checked_poses import checked_poses
-    from shukotsu.schemas.findings import SUSPECT
-    from shukotsu.schemas.layout import read_layout
-    from shukotsu.sentences.finding_sentences import in_quotes
-    from shukotsu.stages.capture import import_recording
+    from shukotsu.readers import import_recording
+    from shukotsu.study.finding_sentences import in_quotes
+    from shukotsu.study.findings import SUSPECT
+    from shukotsu.study.layout import read_layout
 
     path, hand, layout, mapping = arguments.file, arguments.hand, arguments.layout, arguments.mapping
     with reading(path, "a study or a recording"):
@@ -92,12 +92,12 @@ def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
     """Format what would make the hand fitted to these poses better; nothing of a layout of no hand."""
     from numpy.linalg import LinAlgError
 
-    from shukotsu.anatomy.known_digits import no_whole_hand
-    from shukotsu.stages.fit_hand.calibration import read_thinned
-    from shukotsu.stages.fit_hand.fingertips import fingertips
-    from shukotsu.stages.fit_hand.fit import fit_hand
-    from shukotsu.stages.fit_hand.gains import gains
-    from shukotsu.stages.report.belief import gain_lines
+    from shukotsu.fit.calibration import read_thinned
+    from shukotsu.fit.fingertips import fingertips
+    from shukotsu.fit.fit import fit_hand
+    from shukotsu.fit.gains import gains
+    from shukotsu.hand.known_digits import no_whole_hand
+    from shukotsu.report.belief import gain_lines
 
     if no_whole_hand(layout, "whole-hand"):
         return []
@@ -109,8 +109,8 @@ def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:
 
 def _without_mapping(path: Path, layout: str, error: InputError) -> InputError:
     """Return the same error, or where the file can be read by a mapping, what leads to one."""
-    from shukotsu.schemas.layout import read_layout
-    from shukotsu.stages.capture.inspect_file import describe
+    from shukotsu.commands.inspect_file import describe
+    from shukotsu.study.layout import read_layout
 
     try:
         drafted = bool(describe(path, read_layout(layout)).draft)

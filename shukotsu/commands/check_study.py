@@ -16,18 +16,19 @@ from typing import TYPE_CHECKING
 
 from shukotsu.commands.study_file import read_files
 from shukotsu.errors import InputError, listed
-from shukotsu.files.line_printer import progress
+from shukotsu.study.config_files import CONFIG_FOLDER
+from shukotsu.tables.line_printer import progress
 
 if TYPE_CHECKING:
-    from shukotsu.schemas.findings import Finding
-    from shukotsu.schemas.plan import SubjectPlan
-    from shukotsu.schemas.study import Recording
+    from shukotsu.study.findings import Finding
+    from shukotsu.study.plan import SubjectPlan
+    from shukotsu.study.study import Recording
     from shukotsu.workflow.study_files import StudyFiles
 
 
 def check_study(path: Path) -> None:
     """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict."""
-    from shukotsu.schemas.study import columns_handed_on, unmatched_rows
+    from shukotsu.study.study import columns_handed_on, unmatched_rows
 
     files = read_files(path)
     study = files.study
@@ -46,7 +47,7 @@ def check_study(path: Path) -> None:
 
 def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
     """List what a study reads outside its folder, links followed, a sentence a folder."""
-    shipped, folder = (Path(__file__).parents[1] / "config").resolve(), path.resolve().parent
+    shipped, folder = CONFIG_FOLDER, path.resolve().parent
     read = [*map(Path, files.configuration), *(recording.file for recording in files.study.recordings)]
     read += [recording.mapping for recording in files.study.recordings if recording.mapping is not None]
     real = {Path(os.path.realpath(each)) for each in read}  # of a link to itself, itself
@@ -63,7 +64,7 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
     """Import every recording into a folder that is removed again; return names and what is to say."""
     from shukotsu.checks.compared_recordings import copies
-    from shukotsu.stages.capture import import_recording
+    from shukotsu.readers import import_recording
     from shukotsu.workflow.study_files import import_options
 
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
@@ -95,8 +96,8 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
 
 def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[tuple[str, str]]:
     """Findings on a subject's recordings, or why one cannot be read; digests of the poses join the others."""
-    from shukotsu.schemas.poses import usable_poses
-    from shukotsu.stages.check_recordings.checked_subject import check_subject
+    from shukotsu.checks.checked_subject import check_subject
+    from shukotsu.tables.poses import usable_poses
 
     findings = [
         (_name(recording), f"cannot be read: {reason}")

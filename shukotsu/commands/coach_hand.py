@@ -9,15 +9,15 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shukotsu import command_line
 from shukotsu.errors import InputError
-from shukotsu.stages import command_line
 
 if TYPE_CHECKING:
     from shukotsu.coach.coach import Coach
     from shukotsu.coach.estimate import CoachedHand
     from shukotsu.coach.source import Source
-    from shukotsu.trackers.archive import Piece
-    from shukotsu.trackers.record.request import StopRequest
+    from shukotsu.tracker.archive import Piece
+    from shukotsu.tracker.record.request import StopRequest
 
 USUAL = Path("study.yaml")
 PUT_RIGHT = "receivers were put right in it"
@@ -65,7 +65,7 @@ def coach(arguments: argparse.Namespace) -> None:
     """Coach one hand. Raises InputError where there is nothing to coach."""
     _check(arguments)
     from shukotsu.coach.study import hand_alone, hand_of
-    from shukotsu.trackers.record.request import StopRequest, stop_on_signals
+    from shukotsu.tracker.record.request import StopRequest, stop_on_signals
 
     if arguments.port is not None and arguments.study is None and USUAL.is_file():
         arguments.study = USUAL
@@ -100,7 +100,7 @@ def _check(arguments: argparse.Namespace) -> None:
 def _coach_archive(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest) -> None:
     from shukotsu.coach.coach import Coach
     from shukotsu.coach.source import Replayed
-    from shukotsu.trackers.archive import FollowedArchive
+    from shukotsu.tracker.archive import FollowedArchive
 
     coached = Coach(hand)
     if arguments.replay is not None:
@@ -119,8 +119,8 @@ def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest)
     from shukotsu.coach.coach import Coach
     from shukotsu.coach.source import Recorder
     from shukotsu.coach.study import enter_recording, new_archive
-    from shukotsu.stages.capture.record_tracker import EXIT_CUT_SHORT
-    from shukotsu.stages.fit_hand.compile_kernel import compile_all
+    from shukotsu.commands.record_tracker import EXIT_CUT_SHORT
+    from shukotsu.fit.compile_kernel import compile_all
 
     folder = Path() if arguments.study is None else arguments.study.parent
     compile_all()  # before anything comes
@@ -158,7 +158,7 @@ def _run(
     from shukotsu.coach.live_poses import LivePoses
     from shukotsu.coach.page import EVERY_S, write_page
     from shukotsu.coach.source import Recorder
-    from shukotsu.stages.fit_hand.receiver_frames import concatenated
+    from shukotsu.fit.receiver_frames import concatenated
 
     title, poses = f"{archive.name}, {coached.hand.hand} hand", LivePoses(coached.hand.layout, archive)
     written_s, heard_s, lost = -EVERY_S, time.monotonic(), ""

@@ -13,8 +13,8 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import NamedTuple
 
+from shukotsu import command_line
 from shukotsu.commands.run_study import SNAKEFILE
-from shukotsu.stages import command_line
 
 LEAST_DISK_GB = 1.0
 """A study of the demo's kind takes as much."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from shukotsu.commands.inspect_file import describe
 from shukotsu.errors import InputError
-from shukotsu.schemas.config_files import loaded_yaml
-from shukotsu.schemas.layout import Layout
-from shukotsu.stages.capture.inspect_file import describe
-from shukotsu.stages.capture.inspection.description import CHECK
+from shukotsu.readers.inspection.description import CHECK
+from shukotsu.study.config_files import loaded_yaml
+from shukotsu.study.layout import Layout
 
 
 @dataclass(frozen=True)

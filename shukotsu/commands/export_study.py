@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from shukotsu import command_line
 from shukotsu.commands.study_file import add_study, read_files
 from shukotsu.errors import InputError
-from shukotsu.stages import command_line
-from shukotsu.stages.export.registry import DESCRIPTION, add_options
+from shukotsu.export.registry import DESCRIPTION, add_options
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -36,8 +36,8 @@ def plans(study: Path) -> list[Path]:
 
 def export_study(arguments: argparse.Namespace) -> None:
     """Export what is asked for of every subject."""
-    from shukotsu.schemas.plan import plan_of_results
-    from shukotsu.stages.export.exported_plans import export_plans
+    from shukotsu.export.exported_plans import export_plans
+    from shukotsu.study.plan import plan_of_results
 
     arguments.plan, arguments.record_failure = plans(arguments.study), False
     export_plans({path: plan_of_results(path) for path in arguments.plan}, arguments)

@@ -7,9 +7,9 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from shukotsu import command_line
 from shukotsu.errors import InputError, listed
-from shukotsu.files.line_printer import progress
-from shukotsu.stages import command_line
+from shukotsu.tables.line_printer import progress
 
 TEMPLATES = Path(__file__).parent / "templates"
 STUDY = {"en": "study.yaml", "ja": "study.ja.yaml"}
@@ -56,8 +56,8 @@ def new_study(arguments: argparse.Namespace) -> None:
 
     Raises InputError where one is there, for a name or layout that cannot be, and without a recording.
     """
-    from shukotsu.files.whole_files import write_text
-    from shukotsu.schemas.config_files import config_path, shipped
+    from shukotsu.study.config_files import config_path, shipped
+    from shukotsu.tables.whole_files import write_text
 
     folder: Path = arguments.folder
     name = folder.resolve().name
@@ -89,7 +89,7 @@ def _drafted(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[s
     """Draft the sheet of recordings, header first, and the mappings' files; say what is wrong with any."""
     from shukotsu.commands.drafted_mappings import draft_mappings
     from shukotsu.commands.recording_names import parts_of_names
-    from shukotsu.schemas.layout import read_layout
+    from shukotsu.study.layout import read_layout
 
     layout = read_layout(arguments.layout)
     if arguments.recordings is None:

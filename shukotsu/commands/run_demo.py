@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from shukotsu import command_line
 from shukotsu.commands import run_study
-from shukotsu.files.whole_files import write_text
-from shukotsu.stages import command_line
+from shukotsu.resources import ROOT
+from shukotsu.tables.whole_files import write_text
 
-PACKAGE = Path(__file__).parents[1]
 STUDY = Path("config", "demo.yaml")
 SHEETS = Path("data", "demo")
 
@@ -29,8 +29,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 def write_study() -> None:
     """Write the study file and its sheets into this folder, those that are not there."""
-    for shipped in (PACKAGE / STUDY, *sorted((PACKAGE / SHEETS).glob("*.tsv"))):
-        path = shipped.relative_to(PACKAGE)
+    for shipped in (ROOT / STUDY, *sorted((ROOT / SHEETS).glob("*.tsv"))):
+        path = shipped.relative_to(ROOT)
         if not path.exists():
             write_text(path, shipped.read_text("utf-8"))
 

@@ -14,12 +14,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TextIO
 
+from shukotsu import command_line
 from shukotsu.commands.study_file import add_study, read_files
 from shukotsu.errors import InputError
-from shukotsu.stages import command_line
+from shukotsu.resources import ROOT
 from shukotsu.workflow import one_run
 
-SNAKEFILE = (Path(__file__).parents[1] / "Snakefile").resolve()
+SNAKEFILE = ROOT / "Snakefile"
 UNWANTED = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
 """Variables of the person's environment that would have a run do something else."""
 
@@ -64,8 +65,8 @@ def run_study(arguments: argparse.Namespace) -> int:
     if status:
         return status if status > 0 else 128 - status
     if not arguments.dry_run and not arguments.more and report.is_file():
-        from shukotsu.stages.report.headline import outcome_text
-        from shukotsu.stages.report.study_results import read_results
+        from shukotsu.report.headline import outcome_text
+        from shukotsu.report.study_results import read_results
 
         print(outcome_text(read_results(files.study, files.results.folder)))
         print(f"report: {report}")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
+from shukotsu import command_line
 from shukotsu.commands.study_file import add_study, read_files
 from shukotsu.errors import InputError
-from shukotsu.stages import command_line
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -38,8 +38,8 @@ def show_report(arguments: argparse.Namespace) -> None:
             f"{report}: is not there yet; run `shukotsu run {arguments.study}` in this folder first"
         )
     if arguments.to_terminal:
-        from shukotsu.stages.report.headline import outcome_text
-        from shukotsu.stages.report.study_results import read_results
+        from shukotsu.report.headline import outcome_text
+        from shukotsu.report.study_results import read_results
 
         print(outcome_text(read_results(files.study, files.results.folder)))
     print(report)

@@ -9,13 +9,12 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
+from shukotsu import VERSION
 from shukotsu.errors import InputError
-from shukotsu.files.whole_files import file_sha256, file_state, write_text
-from shukotsu.schemas import VERSION
+from shukotsu.resources import IN_CHECKOUT, ROOT
+from shukotsu.tables.whole_files import file_sha256, file_state, write_text
 
 CACHE = Path(".snakemake", "shukotsu-files.json")
-
-PACKAGE = Path(__file__).resolve().parents[1]
 
 STAMP = ".snakemake_timestamp"
 """Snakemake's file in a folder that is an output: its time is the folder's."""
@@ -25,16 +24,15 @@ SETTLED_NS = 60 * 10**9
 seconds, or by another computer's clock, one more change may leave its times as they are."""
 
 
-def program_digest(package: Path = PACKAGE) -> str:
+def program_digest(root: Path = ROOT) -> str:
     """Return the program's version; in a checkout, where code changes under it, and a digest of all files."""
-    top = package.parent
-    if not (top / "Snakefile").is_file():  # installed: it is in the package
+    if not IN_CHECKOUT:
         return VERSION
     digest = hashlib.sha256()
-    for folder in (package, top / "schemas", top / "stages"):
-        for path in sorted(folder.rglob("*")):
+    for folder in ("shukotsu", "stages", "schemas"):
+        for path in sorted((root / folder).rglob("*")):
             if path.is_file() and "__pycache__" not in path.parts:
-                digest.update(path.relative_to(top).as_posix().encode() + path.read_bytes())
+                digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     return f"{VERSION} {digest.hexdigest()[:16]}"
 
 

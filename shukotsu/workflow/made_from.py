@@ -21,8 +21,8 @@ from snakemake.persistence import RECORD_FORMAT_VERSION, MetadataRecord
 from snakemake.persistence.file import FilePersistence
 
 from shukotsu.errors import InputError
-from shukotsu.files.whole_files import write_text
-from shukotsu.schemas.config_files import CONFIG_FOLDER
+from shukotsu.study.config_files import CONFIG_FOLDER
+from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import STAMP, FileDigests
 
 COMPARED = {"rule", "input", "params", "code", "software_stack_hash", "record_format_version"}

@@ -13,11 +13,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from shukotsu.anatomy.known_digits import known_digits, refusal
 from shukotsu.errors import InputError, listed
-from shukotsu.files.whole_files import write_text
-from shukotsu.schemas import results
-from shukotsu.schemas.config_files import (
+from shukotsu.hand.known_digits import known_digits, refusal
+from shukotsu.study import results
+from shukotsu.study.config_files import (
     CONFIG_FOLDER,
     REFERENCE,
     as_yaml_1_1,
@@ -26,7 +25,7 @@ from shukotsu.schemas.config_files import (
     read_yaml,
     yaml_text,
 )
-from shukotsu.schemas.plan import (
+from shukotsu.study.plan import (
     StudyPlans,
     SubjectPlan,
     fit_part,
@@ -37,7 +36,8 @@ from shukotsu.schemas.plan import (
     recordings_part,
     truth_folder,
 )
-from shukotsu.schemas.study import Recording, Study, SubjectSession, path_token, read_study
+from shukotsu.study.study import Recording, Study, SubjectSession, path_token, read_study
+from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import STAMP, FileDigests
 
 DEMO = Path("config", "demo.yaml")
@@ -63,7 +63,7 @@ class StudyFiles:
         self._check_models()
         self._models = {path_token(name): name for name in (*self.study.models, REFERENCE)}
         if self.study.language != "en":  # at once, not after hours of computing
-            from shukotsu.stages.report.plots.style import check_font
+            from shukotsu.report.plots.style import check_font
 
             check_font(self.study.language)
         folders = [_relative(self._simulation_folder())] if self.study.simulation else []

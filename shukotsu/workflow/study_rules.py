@@ -18,8 +18,8 @@ from shukotsu.workflow import failed_jobs, made_from, warm_process
 from shukotsu.workflow.file_digests import program_digest
 from shukotsu.workflow.study_files import StudyFiles, study_file
 
-RUN = f"PYTHONSAFEPATH=1 {shlex.quote(sys.executable)} -m shukotsu.workflow.job"
-"""What runs a stage's command as a job: in a warm process where there is one."""
+PYTHON = shlex.quote(sys.executable)
+"""The Python that a workflow runs its scripts by."""
 WILDCARDS = {
     "subject": "[^/]+",
     "hand": "right|left",
@@ -109,7 +109,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
 def report_page(study: StudyFiles) -> Any:
     """Return the study's page, as a result of `snakemake --report`."""
     page, labels = str(study.results.report), {"page": study.study.name}
-    return report(page, caption="captions/report.rst", category="Study", labels=labels)
+    return report(page, caption="shukotsu/report/captions/report.rst", category="Study", labels=labels)
 
 
 def report_figures(study: StudyFiles) -> list[Any]:

@@ -1,4 +1,4 @@
-"""A process that has imported what the jobs of a subject need, and forks for each (see `workflow.job`).
+"""A process that has imported what the jobs of a subject need, and forks for each (see `shukotsu.job`).
 
 It lives as long as the workflow that started it, on Linux and on one machine. It never computes anything
 itself, so that there is no thread that a fork would lose.
@@ -25,16 +25,13 @@ from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 
-from shukotsu.stages import command_line
-from shukotsu.workflow import job
+from shukotsu import command_line, job
 
-PACKAGES = (
-    "shukotsu.stages",
-    "shukotsu.workflow.write_plan",
-    "pyarrow.compute",
-    "pyarrow.parquet",
-    "jsonschema",
+ROOMS = (
+    *("checks", "export", "fit", "hand", "movement", "paper", "readers", "report", "scores", "simulate"),
+    *("study", "tables"),
 )
+PACKAGES = ("pyarrow.compute", "pyarrow.parquet", "jsonschema", *(f"shukotsu.{room}" for room in ROOMS))
 """These are imported before the first fork, every module of a package of this project."""
 WAITING = 128
 
@@ -69,8 +66,8 @@ def serve(listener: socket.socket) -> None:
     command_line.begin()
     for name in PACKAGES:
         package: ModuleType = importlib.import_module(name)
-        if name == "shukotsu.stages":
-            for module in pkgutil.walk_packages(package.__path__, "shukotsu.stages."):
+        if name.startswith("shukotsu."):
+            for module in pkgutil.walk_packages(package.__path__, f"{name}."):
                 importlib.import_module(module.name)
     gc.freeze()  # what is here stays, and is shared with the forks
     forks: set[int] = set()
@@ -116,7 +113,7 @@ def _status_of_job(connection: socket.socket) -> int:
         argv = _become_the_client(connection)
         connection.sendall(job.STARTED)
         threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
-        return job.run(argv)
+        return command_line.run_script(argv[0], argv[1:])
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except BaseException:  # as Python itself ends: a traceback in the job's log, and exit code 1

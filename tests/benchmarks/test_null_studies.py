@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import binom
 
 from benchmarks.null_studies import any_shown, numbers
-from shukotsu.statistics.paired_statistics import group_difference, sign_flip_p
+from shukotsu.scores.paired_statistics import group_difference, sign_flip_p
 
 STUDIES = 600
 

@@ -11,13 +11,13 @@ from benchmarks.faultless_hands import Planted, changed, exchanged, faultless, o
 from benchmarks.mistakes import MISTAKES
 from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.declared import Declared
-from shukotsu.schemas.config_files import config_path, read_config
-from shukotsu.schemas.findings import SUSPECT
-from shukotsu.schemas.layout import layout_from_config, read_layout
-from shukotsu.schemas.poses import Poses
-from shukotsu.skeleton.rotations import conjugate, from_matrix, matrix, multiply
-from shukotsu.stages.capture.formats.readers import find_parts_reader
-from shukotsu.stages.capture.samples import joined
+from shukotsu.hand.rotations import conjugate, from_matrix, matrix, multiply
+from shukotsu.readers.formats.readers import find_parts_reader
+from shukotsu.readers.samples import joined
+from shukotsu.study.config_files import config_path, read_config
+from shukotsu.study.findings import SUSPECT
+from shukotsu.study.layout import layout_from_config, read_layout
+from shukotsu.tables.poses import Poses
 
 LAYOUT = read_layout("liberty16")
 

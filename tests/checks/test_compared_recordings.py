@@ -9,8 +9,8 @@ from simulated_poses import hand_of
 from benchmarks.faultless_hands import Planted
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
 from shukotsu.checks.compared_recordings import compared
-from shukotsu.schemas.findings import NOTE, SUSPECT
-from shukotsu.schemas.layout import read_layout
+from shukotsu.study.findings import NOTE, SUSPECT
+from shukotsu.study.layout import read_layout
 
 
 def checked(planted: Planted) -> CheckedRecording:

@@ -15,8 +15,8 @@ from simulated_poses import hand_of
 
 from benchmarks.faultless_hands import Planted, changed
 from benchmarks.mistakes import MISTAKES
-from shukotsu.schemas.findings import kinds
-from shukotsu.skeleton.rotations import about_axis, conjugate, multiply, unit
+from shukotsu.hand.rotations import about_axis, conjugate, multiply, unit
+from shukotsu.study.findings import kinds
 
 Plant = Callable[[Planted, Door, np.random.Generator], Brought]
 

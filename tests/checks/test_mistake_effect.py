@@ -9,8 +9,8 @@ from benchmarks.mistakes import MISTAKES, Planted
 from shukotsu.checks.expected_body import expected_body
 from shukotsu.checks.mistake_search import effect, explained
 from shukotsu.checks.sampled_motion import motion_of, receiver_axes
-from shukotsu.schemas.findings import Finding
-from shukotsu.schemas.layout import read_layout
+from shukotsu.study.findings import Finding
+from shukotsu.study.layout import read_layout
 
 LAYOUT = read_layout("liberty16")
 

@@ -5,16 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shukotsu.checks.timeline import (
-    Timeline,
-    alike,
-    away,
-    sides,
-    spikes,
-    stuck,
-    zeros,
-)
-from shukotsu.skeleton.rotations import about_axis
+from shukotsu.checks.timeline import Timeline, alike, away, sides, spikes, stuck, zeros
+from shukotsu.hand.rotations import about_axis
 
 FRAMES = 600
 T = np.arange(FRAMES) / 100

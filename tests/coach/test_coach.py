@@ -19,11 +19,11 @@ from shukotsu.coach.estimate import Estimate
 from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames, LivePoses
 from shukotsu.coach.movements import FIRST, MOVEMENTS
 from shukotsu.coach.study import hand_alone
-from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.poses import Poses, read_poses
-from shukotsu.schemas.verdict import BELIEVE, CARE
-from shukotsu.stages.fit_hand.receiver_frames import concatenated
-from shukotsu.trackers.archive import open_archive
+from shukotsu.fit.receiver_frames import concatenated
+from shukotsu.study.layout import read_layout
+from shukotsu.study.verdict import BELIEVE, CARE
+from shukotsu.tables.poses import Poses, read_poses
+from shukotsu.tracker.archive import open_archive
 
 SWAPPED = ("index_middle", "middle_middle")
 

@@ -15,14 +15,14 @@ from coached_hands import calibration, played
 from tracker_processes import PATIENCE_S, emulator
 
 from shukotsu.coach.study import enter_recording, hand_of, new_archive
+from shukotsu.commands import record_tracker
 from shukotsu.commands.coach_hand import build_parser
 from shukotsu.commands.coach_hand import main as coach
 from shukotsu.commands.new_study import main as new_study
 from shukotsu.errors import InputError
-from shukotsu.schemas.sheets import RECORDINGS, read_sheet
-from shukotsu.stages.capture import record_tracker
-from shukotsu.stages.fit_hand.measurements import Measurement
-from shukotsu.trackers.archive import FollowedArchive
+from shukotsu.fit.measurements import Measurement
+from shukotsu.study.sheets import RECORDINGS, read_sheet
+from shukotsu.tracker.archive import FollowedArchive
 
 COACH = [sys.executable, "-m", "shukotsu", "coach"]
 

@@ -9,13 +9,13 @@ from small_study import write_plans, write_study
 from stage_runs import check_recordings as check_recordings
 
 from shukotsu.commands.check_file import main as check
-from shukotsu.schemas.catalogue import FINDINGS
-from shukotsu.schemas.plan import read_plan
-from shukotsu.schemas.tables import read_table, rows_of
-from shukotsu.stages.capture.import_recording import main as import_recording
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.recording import write_recording
-from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.readers.import_recording import main as import_recording
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_recording
+from shukotsu.simulate.simulation import simulate
+from shukotsu.study.plan import read_plan
+from shukotsu.tables.catalogue import FINDINGS
+from shukotsu.tables.typed_table import read_table, rows_of
 from shukotsu.workflow.study_files import import_options
 
 ROWS = (

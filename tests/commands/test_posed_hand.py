@@ -8,7 +8,7 @@ from export_samples.known_hands import make_hand
 
 import shukotsu
 from shukotsu.errors import InputError
-from shukotsu.skeleton.joint_angles import joint_angles
+from shukotsu.hand.joint_angles import joint_angles
 
 ANGLES = {"index_mcp": (60.0, 8.0, -5.0), "index_pip": (80.0, 0.0, 0.0), "thumb_mcp": (20.0, -6.0, 4.0)}
 

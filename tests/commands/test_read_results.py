@@ -11,9 +11,9 @@ from export_samples.known_hands import FITTED, REPLAYED, KnownHand, make_hand
 
 import shukotsu
 from shukotsu.errors import InputError
-from shukotsu.schemas.catalogue import JOINT_CENTRES
-from shukotsu.schemas.tables import column_array, read_table
-from shukotsu.skeleton.posed_recording import recording_reader
+from shukotsu.hand.posed_recording import recording_reader
+from shukotsu.tables.catalogue import JOINT_CENTRES
+from shukotsu.tables.typed_table import column_array, read_table
 
 
 @pytest.fixture(scope="module", params=["right", "left"])

@@ -17,15 +17,15 @@ import pyarrow.csv
 
 from benchmarks.faultless_hands import Planted
 from shukotsu.checks.checked_poses import checked_poses
-from shukotsu.schemas.config_files import config_path, read_config, yaml_text
-from shukotsu.schemas.findings import Finding
-from shukotsu.schemas.layout import Layout, read_layout
-from shukotsu.schemas.poses import Poses, read_poses
-from shukotsu.schemas.units import MM_PER_UNIT
-from shukotsu.skeleton.rotations import Array, conjugate, matrix
-from shukotsu.stages.capture import import_recording
-from shukotsu.stages.fit_hand.fit import Settings, fit_hand
-from shukotsu.stages.simulate.simulation import LAYOUT
+from shukotsu.fit.fit import Settings, fit_hand
+from shukotsu.hand.rotations import Array, conjugate, matrix
+from shukotsu.readers import import_recording
+from shukotsu.simulate.simulation import LAYOUT
+from shukotsu.study.config_files import config_path, read_config, yaml_text
+from shukotsu.study.findings import Finding
+from shukotsu.study.layout import Layout, read_layout
+from shukotsu.tables.poses import Poses, read_poses
+from shukotsu.tables.units import MM_PER_UNIT
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 PARTS = {"quaternion": ("1", "2", "3", "4"), "euler": ("az", "el", "ro")}

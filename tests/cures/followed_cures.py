@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from cures.brought_files import SECONDS, Brought, Result, check
 
-from shukotsu.schemas.config_files import loaded_yaml
+from shukotsu.study.config_files import loaded_yaml
 
 MOST_TIMES = 6
 

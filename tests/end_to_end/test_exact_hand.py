@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from pipeline import HandResults, Row, import_recording, run_hand
 
-from shukotsu.schemas.catalogue import METACARPALS
-from shukotsu.schemas.tables import column_array, read_table
-from shukotsu.skeleton.rotations import Array, angle, conjugate, multiply
-from shukotsu.stages.simulate.random_hand import BONES
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.recording import write_recording
-from shukotsu.stages.simulate.simulation import Simulated, simulate
+from shukotsu.hand.rotations import Array, angle, conjugate, multiply
+from shukotsu.simulate.random_hand import BONES
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_recording
+from shukotsu.simulate.simulation import Simulated, simulate
+from shukotsu.tables.catalogue import METACARPALS
+from shukotsu.tables.typed_table import column_array, read_table
 
 N_FRAMES = 600
 FINGERS = ("index", "middle", "ring", "little")

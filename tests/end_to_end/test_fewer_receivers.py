@@ -12,10 +12,10 @@ from simulated_poses import recorded
 from small_study import write_plans, write_study
 from stage_runs import check_recordings, evaluate_skeletons, of_plan, outputs
 
-from shukotsu.schemas.catalogue import FINDINGS, POSES, SKELETON_SCORES
-from shukotsu.schemas.tables import read_metadata, read_table, rows_of
-from shukotsu.stages.simulate.random_hand import DIGITS
-from shukotsu.stages.simulate.recording import write_recording
+from shukotsu.simulate.random_hand import DIGITS
+from shukotsu.simulate.recording import write_recording
+from shukotsu.tables.catalogue import FINDINGS, POSES, SKELETON_SCORES
+from shukotsu.tables.typed_table import read_metadata, read_table, rows_of
 
 pytestmark = pytest.mark.slow
 

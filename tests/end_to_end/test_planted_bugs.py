@@ -10,12 +10,14 @@ import pytest
 import stage_runs
 from planned_subject import PlannedSubject, planned_subject
 from stage_runs import of_plan, outputs
+from stage_scripts import stage_main
 
-from shukotsu.schemas.catalogue import PROBLEMS
-from shukotsu.schemas.config_files import REFERENCE
-from shukotsu.schemas.results import Results
-from shukotsu.schemas.tables import read_table, rows_of
-from shukotsu.stages.report.subject import main as subject_pages
+from shukotsu.study.config_files import REFERENCE
+from shukotsu.study.results import Results
+from shukotsu.tables.catalogue import PROBLEMS
+from shukotsu.tables.typed_table import read_table, rows_of
+
+subject_pages = stage_main("subject_pages")
 
 pytestmark = pytest.mark.slow
 
@@ -29,23 +31,23 @@ STAGES: dict[str, Sequence[str]] = {
     "report.subject": (),
 }
 IN_A_PART = {
-    "check_recordings": "shukotsu.stages.check_recordings.checked_subject.checked_poses",
-    "align_events": "shukotsu.stages.align_events.recording_events.RecordingEvents.aligned",
-    "solve_joints": "shukotsu.stages.solve_joints.part_solutions.solution_rows",
-    "project_planes": "shukotsu.stages.project_planes.place.place_joint",
-    "fit_hand": "shukotsu.stages.fit_hand.calibration.fit_hand",
-    "estimate_metacarpals": "shukotsu.stages.estimate_metacarpals.part_tables.build_hand",
-    "evaluate_tips": "shukotsu.stages.evaluate_tips.replay.replay_recording",
-    "evaluate_skeletons": "shukotsu.stages.evaluate_skeletons.evaluation.evaluate_hand",
-    "measure_movement": "shukotsu.anatomy.recorded_movement.RecordedMovement.joints",
-    "export": "shukotsu.stages.export.exported_plans.write_format",
-    "report.subject": "shukotsu.stages.report.recording_page.recording_page",
+    "check_recordings": "shukotsu.checks.checked_subject.checked_poses",
+    "align_events": "shukotsu.movement.recording_events.RecordingEvents.aligned",
+    "solve_joints": "shukotsu.paper.part_solutions.solution_rows",
+    "project_planes": "shukotsu.paper.place.place_joint",
+    "fit_hand": "shukotsu.fit.calibration.fit_hand",
+    "estimate_metacarpals": "shukotsu.paper.part_tables.build_hand",
+    "evaluate_tips": "shukotsu.paper.replay.replay_recording",
+    "evaluate_skeletons": "shukotsu.scores.evaluation.evaluate_hand",
+    "measure_movement": "shukotsu.hand.recorded_movement.RecordedMovement.joints",
+    "export": "shukotsu.export.exported_plans.write_format",
+    "report.subject": "shukotsu.report.recording_page.recording_page",
 }
 OUTSIDE = {
-    **dict.fromkeys(STAGES, "shukotsu.stages.subject_stage.poses_files"),
-    "project_planes": "shukotsu.stages.subject_stage.provenance_of",
-    "export": "shukotsu.stages.export.exported_plans.chosen_recordings",
-    "report.subject": "shukotsu.stages.report.study_results.read_subject",
+    **dict.fromkeys(STAGES, "shukotsu.study.subject_stage.poses_files"),
+    "project_planes": "shukotsu.study.subject_stage.provenance_of",
+    "export": "shukotsu.export.exported_plans.chosen_recordings",
+    "report.subject": "shukotsu.report.study_results.read_subject",
 }
 
 

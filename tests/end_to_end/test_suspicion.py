@@ -13,13 +13,13 @@ from planned_subject import PlannedSubject, planned_subject
 from small_study import run_stages
 from stage_runs import of_plan, outputs
 
-from shukotsu.schemas.catalogue import FINDINGS, POSES, TABLES
-from shukotsu.schemas.config_files import REFERENCE
-from shukotsu.schemas.findings import SUSPECT, worded
-from shukotsu.schemas.parts import part_metadata
-from shukotsu.schemas.results import FIT_TABLES, SUBJECT_TABLES
-from shukotsu.schemas.tables import Provenance, columns_from_rows, read_table, write_failure, write_table
-from shukotsu.stages.fit_hand.hand_tables import FIT
+from shukotsu.fit.hand_tables import FIT
+from shukotsu.study.config_files import REFERENCE
+from shukotsu.study.findings import SUSPECT, worded
+from shukotsu.study.results import FIT_TABLES, SUBJECT_TABLES
+from shukotsu.tables.catalogue import FINDINGS, POSES, TABLES
+from shukotsu.tables.parts import part_metadata
+from shukotsu.tables.typed_table import Provenance, columns_from_rows, read_table, write_failure, write_table
 
 pytestmark = pytest.mark.slow
 

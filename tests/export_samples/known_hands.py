@@ -15,22 +15,22 @@ from typing import Any
 import numpy as np
 from simulated_poses import write_poses
 
-from shukotsu.schemas.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
-from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.parts import part_metadata, parts_writer, read_part
-from shukotsu.schemas.plan import StudyPlans, SubjectPlan, plan_of_results, plan_text
-from shukotsu.schemas.poses import Poses, read_poses
-from shukotsu.schemas.study import Recording, read_study
-from shukotsu.schemas.tables import Provenance, Table, rows_of
-from shukotsu.schemas.verdict import UNJUDGED
-from shukotsu.skeleton.posed_recording import recording_reader
-from shukotsu.skeleton.posing import PosedRecording
-from shukotsu.skeleton.rotations import Array, bone_frame, from_matrix, rotate
-from shukotsu.stages.export.motion import read_motion
-from shukotsu.stages.export.registry import Settings, prepared
-from shukotsu.stages.simulate.random_hand import BONES, DIGITS
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.simulation import Simulated, simulate
+from shukotsu.export.motion import read_motion
+from shukotsu.export.registry import Settings, prepared
+from shukotsu.hand.posed_recording import recording_reader
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import Array, bone_frame, from_matrix, rotate
+from shukotsu.simulate.random_hand import BONES, DIGITS
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import Simulated, simulate
+from shukotsu.study.layout import Layout
+from shukotsu.study.plan import StudyPlans, SubjectPlan, plan_of_results, plan_text
+from shukotsu.study.study import Recording, read_study
+from shukotsu.study.verdict import UNJUDGED
+from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
+from shukotsu.tables.parts import part_metadata, parts_writer, read_part
+from shukotsu.tables.poses import Poses, read_poses
+from shukotsu.tables.typed_table import Provenance, Table, rows_of
 
 REPLAYED, FITTED = "paper-fig4", "whole-hand"
 LAYOUT = "liberty16"

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from shukotsu.schemas.poses import Poses, RecordingName
-from shukotsu.skeleton.posing import Origin, PosedRecording, SkeletonJoint
-from shukotsu.skeleton.rotations import about_axis, multiply, rotate
-from shukotsu.stages.export.motion import continuous
+from shukotsu.export.motion import continuous
+from shukotsu.hand.posing import Origin, PosedRecording, SkeletonJoint
+from shukotsu.hand.rotations import about_axis, multiply, rotate
+from shukotsu.tables.poses import Poses, RecordingName
 
 JOINTS = (
     SkeletonJoint("wrist", -1, "hand"),

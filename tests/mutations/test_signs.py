@@ -8,10 +8,8 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-STACKED, MOMENTS, CLOSED = (
-    f"shukotsu/stages/solve_joints/{name}.py" for name in ("stacked", "moments", "closed")
-)
-POSTURE = "shukotsu/stages/estimate_metacarpals/posture.py"
+STACKED, MOMENTS, CLOSED = (f"shukotsu/paper/{name}.py" for name in ("stacked", "moments", "closed"))
+POSTURE = "shukotsu/paper/posture.py"
 
 SIGNS = {
     "Eq. 3, stacked, parent's half": (STACKED, "-matrix(parent_quaternion)", "matrix(parent_quaternion)"),
@@ -39,9 +37,9 @@ SIGNS = {
         "np.arctan2(-np.sqrt(_dot(axis, axis)), ",
     ),
     "Eq. 9, cosine": (POSTURE, "_dot(vector, start))", "-_dot(vector, start))"),
-    "Eq. 10, vector part": ("shukotsu/skeleton/rotations.py", "np.sin(half) * axis", "-np.sin(half) * axis"),
+    "Eq. 10, vector part": ("shukotsu/hand/rotations.py", "np.sin(half) * axis", "-np.sin(half) * axis"),
     "Eq. 10, scalar part": (
-        "shukotsu/skeleton/rotations.py",
+        "shukotsu/hand/rotations.py",
         "np.broadcast_to(np.cos(half)",
         "np.broadcast_to(-np.cos(half)",
     ),
@@ -57,7 +55,7 @@ SIGNS = {
         "multiply(swung, about_axis(unit(vector), twist_rad))",
     ),
     "plane, direction of the slide": (
-        "shukotsu/stages/project_planes/plane.py",
+        "shukotsu/paper/plane.py",
         "(plane_point_mm - own_point)",
         "(own_point - plane_point_mm)",
     ),

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pandas as pd
 
-from shukotsu.schemas.catalogue import JOINT_ERRORS, RECORDINGS, SKELETON_SCORES
-from shukotsu.schemas.tables import Table
-from shukotsu.stages.compare_models.comparisons import ComparedModels, compare_models
-from shukotsu.stages.compare_models.observations import ScoredStudy
-from shukotsu.stages.report.study_results import Row, StudyResults
+from shukotsu.report.study_results import Row, StudyResults
+from shukotsu.scores.comparisons import ComparedModels, compare_models
+from shukotsu.scores.observations import ScoredStudy
+from shukotsu.tables.catalogue import JOINT_ERRORS, RECORDINGS, SKELETON_SCORES
+from shukotsu.tables.typed_table import Table
 
 
 def scored_study(results: StudyResults) -> ScoredStudy:

@@ -10,13 +10,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from report_samples.made_study import lacking_text
-from shukotsu.files.whole_files import write_text
-from shukotsu.schemas.catalogue import FINDINGS, TABLES
-from shukotsu.schemas.parts import Part, parts_writer
-from shukotsu.schemas.plan import StudyPlans, plan_text, read_plan
-from shukotsu.schemas.results import GATHERED_TABLES, Results
-from shukotsu.schemas.study import Hand, Study
-from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, read_table, write_table
+from shukotsu.study.plan import StudyPlans, plan_text, read_plan
+from shukotsu.study.results import GATHERED_TABLES, Results
+from shukotsu.study.study import Hand, Study
+from shukotsu.tables.catalogue import FINDINGS, TABLES
+from shukotsu.tables.parts import Part, parts_writer
+from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
+from shukotsu.tables.whole_files import write_text
 
 FITTED = ("receivers", "gains", "moved_receivers")
 

@@ -13,11 +13,7 @@ from typing import Any
 import numpy as np
 
 from report_samples.made_study import write
-from shukotsu.schemas.catalogue import (
-    MOVEMENT_DIFFERENCES,
-    MOVEMENT_RELIABILITY,
-    RANGES_OF_MOTION,
-)
+from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, RANGES_OF_MOTION
 
 Row = dict[str, Any]
 ANGLES = ("flexion", "abduction", "rotation")

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from shukotsu.schemas.layout import Layout
-from shukotsu.schemas.model import SkeletonModel
+from shukotsu.study.layout import Layout
+from shukotsu.study.model import SkeletonModel
 
 Rows = list[dict[str, Any]]
 

@@ -23,16 +23,16 @@ from report_samples.made_scores import (
     score_rows,
     spoiled,
 )
-from shukotsu.schemas.catalogue import BONE_TIP, DISTAL_RECEIVER, TABLES
-from shukotsu.schemas.layout import Layout, read_layout
-from shukotsu.schemas.model import SkeletonModel, read_model
-from shukotsu.schemas.poses import Poses
-from shukotsu.schemas.results import MODEL_COMPARISONS, STUDY_TABLES, Results
-from shukotsu.schemas.study import path_token, read_study
-from shukotsu.schemas.tables import Provenance, Table, columns_from_rows, write_table
-from shukotsu.schemas.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, noted
-from shukotsu.stages.compare_models.study_comparison import compare_study
-from shukotsu.stages.estimate_metacarpals.hand import is_whole
+from shukotsu.paper.hand import is_whole
+from shukotsu.scores.study_comparison import compare_study
+from shukotsu.study.layout import Layout, read_layout
+from shukotsu.study.model import SkeletonModel, read_model
+from shukotsu.study.results import MODEL_COMPARISONS, STUDY_TABLES, Results
+from shukotsu.study.study import path_token, read_study
+from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, noted
+from shukotsu.tables.catalogue import BONE_TIP, DISTAL_RECEIVER, TABLES
+from shukotsu.tables.poses import Poses
+from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, write_table
 
 HOSTILE = 'A & <b>"x"'
 FITTED_MODELS = ("paper-fig4", "whole-hand")

@@ -8,11 +8,11 @@ import numpy as np
 import pyarrow as pa
 
 from report_samples.made_study import FITTED_MODELS, make_study, write
-from shukotsu.schemas.catalogue import TABLES
-from shukotsu.schemas.results import STUDY_TABLES, Results
-from shukotsu.schemas.study import read_study
-from shukotsu.schemas.tables import read_table
-from shukotsu.stages.compare_models.study_comparison import compare_study
+from shukotsu.scores.study_comparison import compare_study
+from shukotsu.study.results import STUDY_TABLES, Results
+from shukotsu.study.study import read_study
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.typed_table import read_table
 
 FIRST = "S001"
 SCALED = ("skeleton_scores", "joint_errors", "bone_lengths")

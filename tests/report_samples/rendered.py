@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import fields, replace
 
-from shukotsu.schemas.study import Study
-from shukotsu.stages.report.study_page import render_study
-from shukotsu.stages.report.study_results import StudyResults
-from shukotsu.stages.report.subject_page import render_subject
+from shukotsu.report.study_page import render_study
+from shukotsu.report.study_results import StudyResults
+from shukotsu.report.subject_page import render_subject
+from shukotsu.study.study import Study
 
 ROWS = [
     field.name

@@ -18,7 +18,7 @@ from PIL import Image
 from shukotsu.coach.coach import Coach
 from shukotsu.coach.page import write_page
 from shukotsu.coach.study import hand_alone
-from shukotsu.schemas.results import Results
+from shukotsu.study.results import Results
 
 FOLDER = Path("docs/screenshots")
 WIDTH, SCALE = 1000, 1.5

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from shukotsu.stages.report.hand_motion import HandMotion
-from shukotsu.stages.report.templates import ENVIRONMENT, render
-from shukotsu.stages.report.viewer import view_of
+from shukotsu.report.hand_motion import HandMotion
+from shukotsu.report.templates import ENVIRONMENT, render
+from shukotsu.report.viewer import view_of
 
 PAGE = """{% extends "base.html.j2" %}{% block title %}{{ title }}{% endblock %}
 {% block styles %}{% include "viewer/viewer.css" %}{% endblock %}

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from small_study import run_stages, write_plans, write_poses, write_study
 
-from shukotsu.schemas.plan import read_plan
+from shukotsu.study.plan import read_plan
 
 ROWS = (
     "01 right rom calibration a.csv",

@@ -12,10 +12,10 @@ from planned_subject import PlannedSubject, planned_subject
 from small_study import run_stages
 from stage_runs import of_plan, outputs
 
-from shukotsu.anatomy import recorded_movement
-from shukotsu.checks import checked_recording, mirror_jumps, timeline
-from shukotsu.schemas import poses
-from shukotsu.skeleton import posed_recording
+from shukotsu.checks import checked_recording, timeline
+from shukotsu.hand import posed_recording, recorded_movement
+from shukotsu.readers import mirror_jumps
+from shukotsu.tables import poses
 
 FEW = 37
 

@@ -14,15 +14,16 @@ import pyarrow as pa
 import pytest
 from small_study import write_plans, write_study
 
+from shukotsu import command_line
 from shukotsu.errors import InputError, TableError
-from shukotsu.files.parquet_files import naming_damage
-from shukotsu.files.whole_files import write_text
-from shukotsu.schemas.catalogue import GAINS, JOINT_CENTRES, POSES
-from shukotsu.schemas.parts import Part, part_metadata, parts_writer, read_part
-from shukotsu.schemas.plan import read_plan
-from shukotsu.schemas.tables import Provenance, columns_from_rows, write_table
-from shukotsu.schemas.verdict import UNJUDGED
-from shukotsu.stages import command_line, subject_stage
+from shukotsu.study import subject_stage
+from shukotsu.study.plan import read_plan
+from shukotsu.study.verdict import UNJUDGED
+from shukotsu.tables.catalogue import GAINS, JOINT_CENTRES, POSES
+from shukotsu.tables.parquet_files import naming_damage
+from shukotsu.tables.parts import Part, part_metadata, parts_writer, read_part
+from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
+from shukotsu.tables.whole_files import write_text
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 RIGHT, LEFT = Part("right", "rigid", "", "01"), Part("left", "rigid", "", "01")
@@ -247,8 +248,8 @@ def test_a_part_that_fails_is_recorded_in_every_table(
 WRITING = """
 import sys, time
 from pathlib import Path
-from shukotsu.files.whole_files import replacing
-from shukotsu.stages import command_line, subject_stage
+from shukotsu.tables.whole_files import replacing
+from shukotsu import command_line, subject_stage
 command_line.begin()
 with replacing(Path(sys.argv[1])) as temporary:
     temporary.write_text("half")
@@ -271,7 +272,7 @@ def test_a_job_that_is_ended_while_it_writes_leaves_no_file(tmp_path: Path) -> N
 def ended(work: str, **options: Any) -> subprocess.CompletedProcess[str]:
     """A command of a process of its own, that does the work and ends as every command does."""
     code = (
-        "import sys, os, signal, time; from pathlib import Path; from shukotsu.stages import command_line\n"
+        "import sys, os, signal, time; from pathlib import Path; from shukotsu import command_line\n"
         f"def work():\n    {work}\nsys.exit(command_line.ended(work))"
     )
     command = [sys.executable, "-c", code]
@@ -291,7 +292,7 @@ def test_a_standard_output_that_is_full_is_one_sentence(unbuffered: str) -> None
 
 @pytest.mark.parametrize(("number", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
 def test_what_is_interrupted_leaves_no_file_and_no_traceback(tmp_path: Path, number: str, code: int) -> None:
-    write = "from shukotsu.files.whole_files import replacing\n"
+    write = "from shukotsu.tables.whole_files import replacing\n"
     write += f"    with replacing(Path({str(tmp_path / 'table')!r})) as own: "
     work = f"{write}own.touch(); os.kill(os.getpid(), signal.{number}); time.sleep(9)"
     done = ended(
@@ -314,7 +315,7 @@ def test_libraries_take_one_thread_whatever_the_environment_says() -> None:
 def test_who_reads_only_the_beginning_breaks_nothing() -> None:
     """As `... | head` does."""
     code = (
-        "import sys; from shukotsu.stages import command_line\n"
+        "import sys; from shukotsu import command_line\n"
         "def work(): [print('a line', flush=True) for _ in range(100_000)]\n"
         "sys.exit(command_line.ended(work))"
     )

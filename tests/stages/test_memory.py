@@ -22,7 +22,7 @@ def peak_bytes(stage: str, *argv: object) -> int:
     """Run a stage under paper-fig4 in a process of its own; the most memory that it held."""
     words = [*map(str, argv), "--layout", "liberty16", "--model", "paper-fig4"]
     finished = subprocess.run(
-        [sys.executable, "-c", PEAK, f"shukotsu.stages.{stage}", *words],
+        [sys.executable, "-c", PEAK, f"shukotsu.{stage}", *words],
         env=os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"},
         check=True,
         capture_output=True,

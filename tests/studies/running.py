@@ -15,12 +15,12 @@ from typing import Any
 
 from program_files import LINKED, REPOSITORY
 
-from shukotsu.schemas.catalogue import TABLES
-from shukotsu.schemas.results import Results
-from shukotsu.schemas.tables import read_table, rows_of
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.recording import write_recording
-from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_recording
+from shukotsu.simulate.simulation import simulate
+from shukotsu.study.results import Results
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.typed_table import read_table, rows_of
 
 HEADER = "subject\thand\ttask\trole\tfile\texclude"
 

@@ -10,10 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 from studies.running import Row, StudyRun, leftovers, record, write_study
 
-from shukotsu.schemas.catalogue import TABLES
-from shukotsu.schemas.findings import STAGE
-from shukotsu.schemas.results import STUDY_TABLES
-from shukotsu.schemas.tables import read_table
+from shukotsu.study.findings import STAGE
+from shukotsu.study.results import STUDY_TABLES
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.typed_table import read_table
 
 pytestmark = pytest.mark.slow
 

@@ -10,9 +10,9 @@ import pyarrow.parquet as pq
 import pytest
 from studies.running import Row, StudyRun, copy_of_the_program, leftovers, snakemake
 
-from shukotsu.schemas.catalogue import JOINT_CENTRES, TABLES
-from shukotsu.schemas.tables import read_table, rows_of
-from shukotsu.skeleton.rotations import Array
+from shukotsu.hand.rotations import Array
+from shukotsu.tables.catalogue import JOINT_CENTRES, TABLES
+from shukotsu.tables.typed_table import read_table, rows_of
 
 pytestmark = pytest.mark.slow
 

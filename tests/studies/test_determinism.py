@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from studies.running import StudyRun, hashes, record, write_study
 
-from shukotsu.stages import command_line
+from shukotsu import command_line
 
 pytestmark = pytest.mark.slow
 

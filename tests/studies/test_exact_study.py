@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from studies.running import write_study
 
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.recording import write_recording
-from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_recording
+from shukotsu.simulate.simulation import simulate
 
 pytestmark = pytest.mark.slow
 

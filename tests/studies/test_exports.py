@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from studies.running import StudyRun, record, write_study
 
-from shukotsu.stages.export.registry import FORMATS
+from shukotsu.export.registry import FORMATS
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from studies.running import REPOSITORY, StudyRun, record, write_study
 
-from shukotsu.files.whole_files import file_sha256
+from shukotsu.tables.whole_files import file_sha256
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from studies.running import Job, StudyRun, copy_of_the_program, hashes, record, write_study
 
-from shukotsu.schemas.results import FIT_TABLES, SUBJECT_TABLES
+from shukotsu.study.results import FIT_TABLES, SUBJECT_TABLES
 
 pytestmark = pytest.mark.slow
 
@@ -173,7 +173,7 @@ def test_one_model_more_fits_that_model_only(study: StudyRun) -> None:
 
 
 def test_another_state_of_the_program_reruns_all_but_the_plans(study: StudyRun) -> None:
-    _edit(study.repository / "stages/project_planes/plane.py", lambda before: f"{before}\nassert True\n")
+    _edit(study.repository / "shukotsu/paper/plane.py", lambda before: f"{before}\nassert True\n")
     jobs = study.planned()
     assert _rules(jobs) == EVERYTHING
     assert _subjects(jobs) == {"01", "02", "late"}

@@ -7,10 +7,10 @@ from itertools import product
 import pytest
 from studies.running import StudyRun, record, write_study
 
-from shukotsu.schemas.catalogue import TABLES
-from shukotsu.schemas.results import STUDY_TABLES, Results
-from shukotsu.schemas.study import path_token
-from shukotsu.schemas.tables import read_table, rows_of
+from shukotsu.study.results import STUDY_TABLES, Results
+from shukotsu.study.study import path_token
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.typed_table import read_table, rows_of
 
 pytestmark = pytest.mark.slow
 

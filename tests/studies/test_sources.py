@@ -7,8 +7,8 @@ import pytest
 from studies.running import StudyRun, record, write_study
 from tracker_processes import capture, emulator
 
-from shukotsu.schemas.layout import read_layout
-from shukotsu.schemas.poses import Poses, read_poses
+from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import Poses, read_poses
 
 SECONDS = 10
 NEAR_MM, NEAR = 1e-4, 1e-6

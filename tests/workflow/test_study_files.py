@@ -9,14 +9,16 @@ from types import SimpleNamespace
 import pytest
 import yaml
 from small_study import write_study
+from stage_scripts import stage_main
 
 from shukotsu.errors import InputError
-from shukotsu.schemas.config_files import CONFIG_FOLDER, REFERENCE
-from shukotsu.schemas.plan import plan_text, read_plan
-from shukotsu.schemas.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES
-from shukotsu.stages.report.plots import style
+from shukotsu.report.plots import style
+from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
+from shukotsu.study.plan import plan_text, read_plan
+from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES
 from shukotsu.workflow.study_files import StudyFiles, study_file
-from shukotsu.workflow.write_plan import main as write_plan
+
+write_plan = stage_main("plan")
 
 ROWS = (
     "A&b right rom calibration data/a.csv",

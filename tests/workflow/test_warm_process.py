@@ -14,18 +14,18 @@ import psutil
 import pytest
 
 from shukotsu.__main__ import main as capture
-from shukotsu.stages.simulate.realism import Realism
-from shukotsu.stages.simulate.recording import write_recording
-from shukotsu.stages.simulate.simulation import simulate
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_recording
+from shukotsu.simulate.simulation import simulate
 from shukotsu.workflow import job, warm_process
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 JOB = (sys.executable, "-m", "shukotsu.workflow.job")
-HELP = ("shukotsu.stages.solve_joints", "--help")
+HELP = ("shukotsu.paper", "--help")
 WAITING = "tests.workflow.waiting_job"
 LIGHT = (
     "import socket, sys; from shukotsu.workflow import warm_process as w; "
-    "w.PACKAGES = ['shukotsu.stages.solve_joints']; w.serve(socket.socket(fileno=int(sys.argv[1])))"
+    "w.PACKAGES = ['shukotsu.paper']; w.serve(socket.socket(fileno=int(sys.argv[1])))"
 )
 """A warm process that imports one stage, not all."""
 
@@ -74,7 +74,7 @@ def done(
 
 def solve(poses: Path, model: str = "rigid") -> list[object]:
     options = ["--poses", poses, "--layout=liberty16", f"--model={model}"]
-    return ["shukotsu.stages.solve_joints", *options, "--out=joints.parquet"]
+    return ["shukotsu.paper", *options, "--out=joints.parquet"]
 
 
 def wait_for(true: Callable[[], object]) -> None:
@@ -110,11 +110,11 @@ def test_bad_input_is_the_same_sentence_and_exit_code(poses: Path, tmp_path: Pat
     assert "did you mean 'rigid'" in finished.stderr
     assert "Traceback" not in finished.stderr
     assert done(HELP, tmp_path).returncode == 0
-    assert done(["shukotsu.stages.solve_joints"], tmp_path).returncode == 2
+    assert done(["shukotsu.paper"], tmp_path).returncode == 2
 
 
 def test_a_bug_is_a_traceback_in_the_clients_log(warm: psutil.Process, tmp_path: Path) -> None:
-    finished = done(["shukotsu.stages.nothing_of_that_name"], tmp_path)
+    finished = done(["shukotsu.nothing_of_that_name"], tmp_path)
     assert finished.returncode == 1
     assert "ModuleNotFoundError" in finished.stderr
     assert warm.is_running()

@@ -1,0 +1,273 @@
+"""Every command begins and ends here: exit code, the one sentence where it fails, interruption."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import importlib
+import io
+import os
+import runpy
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TextIO
+
+from shukotsu.errors import INTERNAL, InputError, TableError, on_one_line
+from shukotsu.left import instead
+from shukotsu.tables.limits import FILE_NAME_BYTES
+
+EXIT_BAD_INPUT = 2
+_SIGPIPE = 13
+OF_THE_MACHINE = {
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE,
+    errno.EAGAIN, errno.ESTALE, errno.ETIMEDOUT,
+}  # fmt: skip
+"""Errors of the system that come and go with the machine: nothing that a table should say of a subject."""
+ONE_THREAD = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
+)  # fmt: skip
+"""Variables by which libraries are told how many threads to take, all set to 1 before any is imported: sums
+are added up in one order, whatever the machine has, and small matrices gain nothing from threads."""
+
+
+def parser(
+    program: str, description: str, example: str, *, records_failure: bool = True
+) -> argparse.ArgumentParser:
+    """Return a parser in the house's style: what it does, an example, one way to record failures."""
+    built = argparse.ArgumentParser(
+        prog=program,
+        description=description,
+        epilog=f"example:\n  {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    built.register("type", Path, _path)
+    built.set_defaults(stage=program.removeprefix("shukotsu stage "))
+    if records_failure:
+        built.add_argument(
+            "--record-failure",
+            action="store_true",
+            help="on bad input write the reason into the output tables and end with 0: a study goes on",
+        )
+    return built
+
+
+def add_outputs(parser: argparse.ArgumentParser, **outputs: str) -> None:
+    """Add a required option for each file or folder to write: its argument's name and its help."""
+    for name, help_text in outputs.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", type=Path, required=True, help=help_text)
+
+
+def _path(text: str) -> Path:
+    """Return an argument as a path; an empty one, as of a shell's variable that is not set, is no folder."""
+    if not text:
+        raise argparse.ArgumentTypeError("is empty; expected a path")
+    return Path(text)
+
+
+def run(
+    build_parser: Callable[[], argparse.ArgumentParser],
+    argv: Sequence[str] | None,
+    work: Callable[[argparse.Namespace], int | None],
+    record_failure: Callable[[argparse.Namespace, str], None] | None = None,
+    record_bug: Callable[[argparse.Namespace, str], None] | None = None,
+) -> int:
+    """Read the arguments and do the work, which may give an exit code; give how it ended.
+
+    record_failure : of a stage whose outputs have no parts; with --record-failure called with the message in
+    place of ending with 2, also for a bug, which must not cost a study its other subjects. record_bug : of a
+    stage whose outputs have parts, called so for a bug that is in none of them.
+    """
+
+    def command() -> int | None:
+        status = None
+        built = build_parser()
+        _refuse_what_left(built.prog, sys.argv[1:] if argv is None else argv)
+        arguments = built.parse_args(argv)
+        record = record_failure or record_bug
+        _refuse_odd_text(arguments)
+        _refuse_outputs_over_inputs(arguments)
+        asked = record is not None and arguments.record_failure
+        with recorded(arguments, asked, only_bugs=record_failure is None) as messages:
+            status = work(arguments)
+        if messages and record is not None:
+            record(arguments, messages[0])
+        return status
+
+    return ended(command)
+
+
+def ended(command: Callable[[], int | None]) -> int:
+    """Do a command, the one that another one hands over to too, and give its exit code.
+
+    0 or what the command gives; 2, and one sentence on stderr, where it is the input, the configuration or
+    the machine; 130 after Ctrl-C, 141 where nobody reads on; anything else is a bug, whose traceback stays.
+    """
+    begin()
+    try:
+        try:
+            return command() or 0
+        finally:
+            sys.stdout.flush()  # and not when Python ends, in its own words
+    except InputError as error:
+        return _refused(str(error))
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("shukotsu"):
+            raise  # one of this program's own
+        return _refused(
+            f"{error.name} is not installed for {sys.executable}; install this program again, with all that "
+            "it needs (`pip install`, or `make demo` in its folder)"
+        )
+    except UnicodeEncodeError as error:  # of a path: what is printed was seen to
+        return _refused(
+            f"{error.object!a}: no file can have this name in this system's encoding ({error.encoding}); set "
+            "LC_ALL=C.UTF-8"
+        )
+    except MemoryError as error:
+        return _refused(
+            f"not enough memory ({error or 'none is left'}); run fewer jobs at once, give the job more of "
+            "it, or cut the recording"
+        )
+    except BrokenPipeError:  # whoever read what is printed has read enough
+        sys.stdout = _nowhere()
+        return 128 + _SIGPIPE
+    except KeyboardInterrupt:
+        _refused("interrupted")
+        return 128 + signal.SIGINT
+    except OSError as error:
+        if error.filename is None:
+            if error.errno not in OF_THE_MACHINE:
+                raise
+            sys.stdout = _nowhere()
+        where = error.filename or "standard output, or a file"
+        return _refused(f"{where}: cannot be read or written ({error.strerror or error})")
+
+
+def _refused(why: str) -> int:
+    """Print why on stderr, where that can be written; return the exit code."""
+    try:
+        print(f"error: {why}", file=sys.stderr, flush=True)
+    except OSError:
+        sys.stderr = _nowhere()
+    return EXIT_BAD_INPUT
+
+
+def _nowhere() -> TextIO:
+    """Return what stands for a standard stream that is closed or takes no more, where Python would fail
+    at what is left in it once more when it ends.
+    """
+    return open(os.devnull, "r+", encoding="utf-8")  # noqa: PTH123
+
+
+def _refuse_what_left(program: str, argv: Sequence[str]) -> None:
+    """Raise InputError for an option that a command had once."""
+    command = program.removeprefix("shukotsu ")
+    for word in argv:
+        if word.startswith("--") and (why := instead("option", f"{command} {word.partition('=')[0]}")):
+            raise InputError(why)
+
+
+def _refuse_odd_text(arguments: argparse.Namespace) -> None:
+    """Raise InputError where an argument is not in UTF-8, as tables and captures have it, or no path."""
+    for name, value in vars(arguments).items():
+        option = f"--{name.replace('_', '-')}"
+        for each in value if isinstance(value, list | tuple) else [value]:
+            text = str(each)
+            if any("\ud800" <= letter <= "\udfff" for letter in text):
+                raise InputError(f"{option}: {text}: is not UTF-8 text; write it in UTF-8")
+            if not isinstance(each, Path):
+                continue
+            longest = max((len(part.encode()) for part in each.parts), default=0)
+            if "\0" in text or longest > FILE_NAME_BYTES:
+                raise InputError(f"{option}: {text}: no file can have this name; give a shorter, plain one")
+
+
+def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
+    """Raise InputError where a file to write is one to read, which would be lost, or another one to write."""
+    named = [
+        (name, path)
+        for name, value in vars(arguments).items()
+        for path in (value if isinstance(value, list | tuple) else [value])
+        if isinstance(path, Path)
+    ]
+    for at, (name, path) in enumerate(named):
+        if not name.startswith("out"):
+            continue
+        option = f"--{name.replace('_', '-')}"
+        for other, read in named:
+            if not other.startswith("out") and _same_file(path, read):
+                raise InputError(
+                    f"{option}: {path}: is the file that is read, which would be lost; give another name"
+                )
+        if any(other.startswith("out") and _same_file(path, own) for other, own in named[:at]):
+            raise InputError(f"{option}: {path}: is to hold another output too; give each a name of its own")
+
+
+def _same_file(first: Path, second: Path) -> bool:
+    """Return whether two paths are of one file, be it by a link; a folder takes several."""
+    try:
+        if first.is_dir() or second.is_dir():
+            return False
+        return first.resolve() == second.resolve() or first.samefile(second)
+    except (OSError, RuntimeError):  # not there, or a link to itself: whoever opens it says so
+        return False
+
+
+@contextmanager
+def recorded(arguments: argparse.Namespace, record: bool, *, only_bugs: bool = False) -> Iterator[list[str]]:
+    """Keep and print the message of what is raised inside; raise it without `record`.
+
+    A TableError is raised, and that memory or the disk's room ran out or a package is not installed: no
+    results of a subject's. only_bugs : raise bad input too.
+    """
+    messages: list[str] = []
+    try:
+        yield messages
+    except (TableError, MemoryError, ModuleNotFoundError):
+        raise
+    except InputError as error:
+        if not record or only_bugs:
+            raise
+        messages.append(error.message)
+        print(f"error: {error}", file=sys.stderr)
+    except Exception as error:  # also a bug must not cost the study its other parts
+        if not record or (isinstance(error, OSError) and error.errno in OF_THE_MACHINE):
+            raise
+        traceback.print_exc()
+        text = on_one_line(f"{type(error).__name__}: {error}")
+        messages.append(f"{INTERNAL} {arguments.stage} ({text}); please report it with the log")
+
+
+def begin() -> None:
+    """Begin a process, be it one of hundreds that a cluster may end at any moment, or go on with it.
+
+    Where it is asked to end, it removes what it had half written first. A standard stream that is closed is
+    opened, lest a table that is written comes under its number.
+    """
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    for name in ("stdin", "stdout", "stderr"):  # in the order of their numbers, the lowest of which is free
+        if getattr(sys, name) is None:
+            setattr(sys, name, _nowhere())
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a name that the terminal's encoding lacks must not end it
+        sys.stdout.reconfigure(errors="backslashreplace")
+    for number in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # Windows has the first alone
+        with suppress(ValueError):  # not in the main thread
+            if signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, lambda number, _: sys.exit(128 + number))
+
+
+def dispatched(module: str, argv: Sequence[str]) -> int:
+    """Hand over to the `main` of a module."""
+    status: int = importlib.import_module(module).main(argv)
+    return status
+
+
+def run_script(path: str | Path, argv: Sequence[str]) -> int:
+    """Run a stage's script in this process; return its exit code."""
+    status: int = runpy.run_path(str(path))["main"](argv)
+    return status

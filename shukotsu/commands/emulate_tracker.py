@@ -1,0 +1,118 @@
+"""Command line of the emulator."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shukotsu import command_line
+from shukotsu.errors import InputError
+
+if TYPE_CHECKING:
+    from shukotsu.tracker.emulate.pose_sources import Motion
+
+_LOCAL_HOSTS = ("127.0.0.1", "localhost")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the command's argument parser."""
+    parser = command_line.parser(
+        "shukotsu emulate",
+        "Be a Polhemus LIBERTY for a recorder: on a pseudo-terminal, on a TCP port of this machine, or\n"
+        "straight into a raw capture. Prints what a client is to open; ends with Ctrl-C.",
+        "shukotsu emulate --pty /tmp/tracker --stations 1-8\n"
+        "  shukotsu emulate --tcp 4001 --recording rom.parquet --layout liberty16 --loop",
+        records_failure=False,
+    )
+    where = parser.add_mutually_exclusive_group(required=True)
+    add = where.add_argument
+    link: dict[str, Any] = {"nargs": "?", "const": Path(), "type": Path, "metavar": "LINK"}
+    add("--pty", **link, help="on a pseudo-terminal, linked to LINK")
+    add("--tcp", metavar="[HOST:]PORT", help="on a TCP port of 127.0.0.1; 0 takes any")
+    add("--archive", type=Path, metavar="OUT", help="write a raw capture (.arrows) of --recording, at once")
+    add = parser.add_argument
+    add("--stations", metavar="1-16", help="plugged receivers, such as 1-4,7 (default: all)")
+    add("--rate", type=int, choices=(240, 120), default=240, help="frames a second at power-up")
+    add("--recording", type=Path, help="play this recording instead of the built-in motion")
+    add("--layout", default="liberty16", help="which segment sits on which station (default: liberty16)")
+    add("--loop", action="store_true", help="begin the recording again at its end")
+    return parser
+
+
+def main(argv: list[str]) -> int:
+    """Run the emulator until Ctrl-C, SIGTERM or its own end; return the exit code."""
+    return command_line.run(build_parser, argv, emulate)
+
+
+def emulate(options: argparse.Namespace) -> None:
+    """Check the options; then serve a port, or write an archive."""
+    from shukotsu.tracker.emulate.device import EmulatedLiberty
+    from shukotsu.tracker.emulate.pose_sources import built_in_motion
+    from shukotsu.tracker.emulate.server import Emulator, PtyPort, TcpPort, serve, write_archive
+    from shukotsu.tracker.record.request import parse_stations
+
+    if options.archive is not None:
+        if options.recording is None:
+            raise InputError("--archive: needs a recording to write; give --recording")
+        if options.archive.suffix != ".arrows":
+            raise InputError(f"{options.archive}: is to be a raw capture; give it the ending .arrows")
+        if options.loop:
+            raise InputError("--loop: needs a port; leave it out with --archive")
+    motion = built_in_motion()
+    if options.recording is not None:
+        motion = read_motion(options.recording, options.layout, loop=options.loop)
+        for note in motion.notes:
+            print(f"note: {options.recording}: {note}", file=sys.stderr)
+    stations = motion.stations if options.stations is None else parse_stations(options.stations)
+    device = EmulatedLiberty(motion, frozenset(stations), rate_hz=options.rate)
+    if options.archive is not None:
+        write_archive(device, options.archive, {"recording": options.recording.name})
+        return
+    host, _, number = (options.tcp or "0").rpartition(":")
+    host = host or _LOCAL_HOSTS[0]
+    if host not in _LOCAL_HOSTS or not number.isdecimal() or int(number) > 65535:
+        raise InputError(f"--tcp: is {options.tcp!r}; expected a port of this machine, such as 4001")
+    link = None if options.pty == Path() else options.pty
+    port = PtyPort(link) if options.tcp is None else TcpPort(host, int(number))
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _frame: signals.append(received))
+    print(port.name, flush=True)
+    try:
+        serve(Emulator(device, port.write, time.perf_counter_ns()), port, lambda: bool(signals))
+    finally:
+        port.close()
+
+
+def read_motion(path: Path, layout_name: str, *, loop: bool = False) -> Motion:
+    """Read a recording in any format that needs no mapping; each segment plays on its receiver's station.
+
+    Segments without a station are left out and noted. Raises InputError where the file is no recording, or
+    where none of its segments has a station.
+    """
+    import numpy as np
+
+    from shukotsu.readers.formats.readers import AUTO, find_reader
+    from shukotsu.study.layout import read_layout
+    from shukotsu.tracker.emulate.pose_sources import MAX_STATION, recorded_motion
+
+    layout = read_layout(layout_name)
+    samples = find_reader(path, AUTO)(path, layout, None)
+    receivers = np.array([layout.segments[name].receiver or 0 for name in samples.segments])
+    receivers[receivers > MAX_STATION] = 0
+    station = receivers[samples.segment]
+    if not station.any():
+        raise InputError(
+            f"{path}: none of its segments has a station from 1 to {MAX_STATION} in layout {layout.name}; "
+            "give the layout's segments such `receiver:` numbers"
+        )
+    notes = [
+        f"segment {samples.segments[index]} has no station from 1 to {MAX_STATION}; not played"
+        for index in np.unique(samples.segment[station == 0])
+    ]
+    poses = samples.numbers
+    return recorded_motion(samples.frame, station, poses[:, :3], poses[:, 3:], loop=loop, notes=notes)

@@ -1,0 +1,162 @@
+"""Biovision hierarchy: a person's bones and their rotations, for animation programs; facts as text beside it.
+
+The HIERARCHY is the skeleton at rest, its root's bone frame along the world's axes: fingers straight towards
+-Z, the back of the hand up (+Y). A joint's rotations turn its bone from there: none are the rest pose.
+Channels are Zrotation, Yrotation, Xrotation, so R = Rz Ry Rx: flexion of a finger is about X, which may go
+beyond 90 deg, deviation about Y, which stands in the middle and may not. Angles are continuous over time
+and may leave (-180, 180].
+
+A joint that stays at its OFFSET has these three channels. One that moves against the bone before is two:
+NAME_rest, which has the OFFSET and never turns, and in it NAME with positions, rotations and an OFFSET of
+zero. For programs do not agree on positions beside an OFFSET: Blender and bvhsdk put them in its place,
+three.js adds the two. `--bones stiff` gives a file with rotations alone. The last tip of a digit is an End
+Site, or where it moves a joint with an End Site of no length: after index_tip, the end of the bone, an End
+Site is where the skin ends. The root's OFFSET is zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.export.file_facts import facts_text
+from shukotsu.export.gaps import largest_time_error_s
+from shukotsu.export.motion import MOVES_MM, continuous_angles, local_motion, require_whole, rest_pose
+from shukotsu.export.registry import FORMATS
+from shukotsu.export.rigging import ascii_name
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import Array, conjugate, matrix, multiply
+from shukotsu.tables.whole_files import replacing, write_text
+
+ANGLE_DECIMALS = 7
+LENGTH_DECIMALS = 7
+CM_PER_MM = 0.1
+ALONE_S = 1 / 60
+"""Frame Time of a file of one frame, whose rate nobody knows."""
+
+AT_REST = "_rest"
+"""Ends the name of the joint that has the OFFSET of one that moves."""
+
+_PLACES, _TURNS = "Xposition Yposition Zposition", "Zrotation Yrotation Xrotation"
+_TEXT_FRAMES = 1024
+_NOTABLE_S = 5e-4
+
+
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
+    """Write the motion, which has no gap, as one file, in cm with y up; return what it does not hold.
+
+    Raises InputError where a pose is missing, where there is no frame, or no rate is known for more than one.
+    """
+    require_whole(motion, path, "BVH")
+    seconds = _frame_time_s(motion, path)
+    rest_mm, rest_turn = rest_pose(motion)
+    offset_mm = rest_mm.copy()
+    offset_mm[1:] -= rest_mm[motion.parents[1:]]
+    # in frames that stand like the world's at rest: each bone's own, turned back by its rest rotation
+    world = motion.quaternion.copy()
+    for index, turn in enumerate(rest_turn):
+        world[:, index] = multiply(world[:, index], conjugate(turn))
+    local_mm, local = local_motion(replace(motion, quaternion=world))
+    moves = np.zeros(len(offset_mm), bool)
+    channels: list[Array] = []
+    formats: list[str] = []
+    order, left = list[int](), [0]
+    while left:  # as a hierarchy names them
+        order.append(left.pop())
+        left += np.flatnonzero(motion.parents == order[-1])[::-1].tolist()
+    for index in order:
+        beyond = (local_mm[:, index] - (offset_mm[index] if index else 0.0)) * CM_PER_MM
+        moves[index] = not index or np.abs(beyond).max() > MOVES_MM * CM_PER_MM
+        if moves[index]:
+            if index:  # the joint NAME_rest, which never turns
+                channels.append(np.zeros_like(beyond))
+                formats += ["%.0f"] * 3
+            channels.append(beyond)
+            formats += [f"%.{LENGTH_DECIMALS}f"] * 3
+        if moves[index] or not _is_end(motion, index):
+            channels.append(euler_zyx_deg(local[:, index]))
+            formats += [f"%.{ANGLE_DECIMALS}f"] * 3
+    numbers, pattern = np.concatenate(channels, 1), " ".join(formats) + "\n"
+    with replacing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as stream:
+        stream.writelines(f"{line}\n" for line in _hierarchy(motion, offset_mm * CM_PER_MM, moves))
+        stream.write(f"MOTION\nFrames: {len(motion.frame)}\nFrame Time: {seconds:.10f}\n")
+        for start in range(0, len(motion.frame), _TEXT_FRAMES):
+            part = numbers[start : start + _TEXT_FRAMES]
+            stream.write(pattern * len(part) % tuple(part.ravel().tolist()))
+    dropped = _dropped(motion, moves)
+    facts = facts_text(motion, "cm", "y", (FORMATS["bvh"].drops, *dropped))
+    write_text(path.with_name(f"{path.name}.txt"), facts)
+    return dropped
+
+
+def euler_zyx_deg(quaternion: Array) -> Array:
+    """Angles (T, ..., 3) about z, y, x in degrees of rotations (T, ..., 4), R = Rz Ry Rx.
+
+    Continuous over time; the first frame has y within [-90, 90]. At 90, where z and x are not apart, x is
+    what z leaves of the rotation.
+    """
+    m = matrix(quaternion)
+    z = np.arctan2(m[..., 1, 0], m[..., 0, 0])
+    y = np.arctan2(-m[..., 2, 0], np.hypot(m[..., 0, 0], m[..., 1, 0]))
+    x = np.arctan2(
+        np.sin(z) * m[..., 0, 2] - np.cos(z) * m[..., 1, 2],
+        np.cos(z) * m[..., 1, 1] - np.sin(z) * m[..., 0, 1],
+    )
+    return np.degrees(continuous_angles(np.stack([z, y, x], -1)))
+
+
+def _frame_time_s(motion: PosedRecording, path: Path) -> float:
+    if np.isfinite(motion.rate_hz):
+        return 1.0 / motion.rate_hz
+    if len(motion.frame) == 1:
+        return ALONE_S
+    raise InputError(
+        f"{path}: the recording has no device time, and BVH needs a rate; give rate_hz in a mapping"
+    )
+
+
+def _is_end(motion: PosedRecording, index: int) -> bool:
+    """Return whether a joint is a digit's last tip, which may be an End Site."""
+    return motion.joints[index].tip and index not in motion.parents
+
+
+def _hierarchy(motion: PosedRecording, offset: Array, moves: Array) -> list[str]:
+    def block(head: str, values: Array, channels: str, inner: Sequence[str]) -> list[str]:
+        offset_line = "OFFSET " + " ".join(f"{value:.{LENGTH_DECIMALS}f}" for value in values)
+        lines = (offset_line, *([f"CHANNELS {channels}"] if channels else []), *inner)
+        return [head, "{", *(f"\t{line}" for line in lines), "}"]
+
+    def below(index: int) -> list[str]:
+        children = np.flatnonzero(motion.parents == index).tolist()
+        name, apart = ascii_name(motion.names[index]), bool(index and moves[index])
+        at = np.zeros(3) if apart or not index else offset[index]
+        if _is_end(motion, index) and not moves[index]:
+            return block("End Site", at, "", [])
+        inner = [line for child in children for line in below(child)]
+        inner = inner or block("End Site", np.zeros(3), "", [])
+        channels = f"6 {_PLACES} {_TURNS}" if moves[index] else f"3 {_TURNS}"
+        joint = block(f"{'JOINT' if index else 'ROOT'} {name}", at, channels, inner)
+        return block(f"JOINT {name}{AT_REST}", offset[index], f"3 {_TURNS}", joint) if apart else joint
+
+    return ["HIERARCHY", *below(0)]
+
+
+def _dropped(motion: PosedRecording, moves: Array) -> tuple[str, ...]:
+    sentences = []
+    moving = [motion.names[i] for i in range(1, len(moves)) if moves[i]]
+    if moving:
+        sentences.append(
+            f"a skeleton of rotations alone: {len(moving)} joints move against the bone before and have "
+            "positions, in a joint of their own; --bones stiff keeps bones at their length"
+        )
+    late_s = largest_time_error_s(motion)
+    if late_s > _NOTABLE_S:
+        sentences.append(
+            f"device times, which are up to {late_s * 1000:.1f} ms off the even Frame Time; --fps resamples "
+            "over them"
+        )
+    return tuple(sentences)

@@ -1,0 +1,243 @@
+"""C3D by ezc3d: joints and receivers as points, bones and receivers as poses, for motion-capture programs.
+
+Points are the joints, by their names, then four of each receiver: `<segment>_receiver`, its origin, and
+`_x`, `_y` and `_z`, 20 mm along its axes. The ROTATION group has the poses: of bones, by the joint that they
+start at (WebXR bone frame to world), and of receivers, `<segment>_receiver`. A gap stays a gap: residual -1,
+reliability -1. Frames that the recording lost are there, without a point, so that the rate holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import wrap
+
+import numpy as np
+
+from shukotsu import PROGRAM, VERSION
+from shukotsu.errors import InputError
+from shukotsu.export.file_facts import facts_text
+from shukotsu.export.motion import with_seen_receivers
+from shukotsu.export.rigging import ascii_name
+from shukotsu.hand.posing import Index, PosedRecording
+from shukotsu.hand.rotations import Array, matrix
+from shukotsu.tables.whole_files import replacing
+
+ARM_MM = 20.0
+"""From a receiver's origin to the points on its axes."""
+
+LONGEST_LABEL = 127
+"""Characters; what a reader can count that takes the byte as signed."""
+
+ALONE_HZ = 60.0
+"""Rate of a file of one frame, whose rate nobody knows."""
+
+MOST_FRAMES = 65534
+"""What the header's 16 bits count, where one more means so many or more."""
+
+_MOST_POINTS = 255
+"""Labels that one parameter holds."""
+_BLOCK, _LAST_START, _PARAMETER_BLOCKS = 512, 32767, 255
+"""Bytes of a block; the last block that rotations can start at; blocks before the points, at most."""
+
+_NOTE_WIDTH = 120
+_NOTABLE_S = 5e-4
+NO_POINT = np.array([0.0, 0.0, 0.0, -1.0])
+"""x, y, z and residual of a point that is not known."""
+
+
+@dataclass(frozen=True)
+class _Timing:
+    """Frames' places: row (T,) of each among all, at that rate; how far times are off it, in s."""
+
+    row: Index
+    rate_hz: float
+    error_s: float
+
+
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
+    """Write the motion as one file, in mm with z up; return what it does not hold.
+
+    Lengths are 32-bit floats, to about 3e-5 mm half a metre from the transmitter. Raises InputError where
+    there is no frame, no rate is known, frames are too uneven in time for one rate, or are too many.
+    """
+    if not len(motion.frame):
+        raise InputError(f"{path}: C3D holds no file without a frame; widen --frames")
+    import ezc3d
+
+    motion, unseen = with_seen_receivers(motion)
+    timing = _timing(motion, path)
+    frames, labels = int(timing.row[-1]) + 1, point_labels(motion)
+    if frames > MOST_FRAMES or len(labels) > _MOST_POINTS:
+        raise InputError(
+            f"{path}: has {frames} frames of {len(labels)} points, and C3D holds at most {MOST_FRAMES} of "
+            f"{_MOST_POINTS}; give --frames for shorter files, or a lower --fps"
+        )
+    first = int(motion.frame[0])
+    numbered = np.array_equal(motion.frame - first, timing.row) and 1 <= first <= MOST_FRAMES - frames
+    room = frames * len(labels) * 16 <= (_LAST_START - _PARAMETER_BLOCKS) * _BLOCK
+    dropped = _dropped(motion, timing, numbered, room)
+    file = ezc3d.c3d()
+    file["header"]["points"]["first_frame"] = first - 1 if numbered else 0
+    for name, value in {
+        "RATE": [timing.rate_hz],
+        "UNITS": ["mm"],
+        "LABELS": list(labels),
+        "DESCRIPTIONS": _descriptions(motion),
+    }.items():
+        file["parameters"]["POINT"][name]["value"] = value
+    file.add_parameter("POINT", "X_SCREEN", ["+X"])
+    file.add_parameter("POINT", "Y_SCREEN", ["+Z"])
+    file.add_parameter("MANUFACTURER", "SOFTWARE", [PROGRAM])
+    file.add_parameter("MANUFACTURER", "VERSION_LABEL", [VERSION])
+    file.add_parameter("SHUKOTSU", "NOTE", _note(motion, dropped))
+    points = np.tile(NO_POINT, (frames, len(labels), 1))
+    points[timing.row] = _points(motion)
+    residuals, points[..., 3] = points[..., 3].copy(), 1.0
+    file["data"]["points"] = points.transpose(2, 1, 0)
+    file["data"]["meta_points"]["residuals"] = residuals.T[None]
+    if room:
+        file.add_parameter("ROTATION", "LABELS", list(rotation_labels(motion)))
+        file.add_parameter("ROTATION", "RATE", [timing.rate_hz])
+        poses = np.full((frames, len(rotation_labels(motion)), 4, 4), np.nan)
+        poses[timing.row] = _poses(motion)
+        file["data"]["rotations"] = poses.transpose(2, 3, 1, 0)
+    with replacing(path) as temporary:
+        file.write(f"{temporary}.c3d")  # an ending that ezc3d would add by itself
+        Path(f"{temporary}.c3d").replace(temporary)
+    return (*unseen, *dropped)
+
+
+def point_labels(motion: PosedRecording) -> tuple[str, ...]:
+    """Labels of the points, in their order: ASCII, at most 127 characters, no two alike in capitals."""
+    return _labels([*motion.names, *(name for name, _ in _receiver_points(motion))])
+
+
+def rotation_labels(motion: PosedRecording) -> tuple[str, ...]:
+    """Labels of the poses: of bones that start at a joint, then of receivers; as those of the points."""
+    bones = [joint.name for joint in motion.joints if not joint.tip]
+    return _labels([*bones, *(f"{segment}_receiver" for segment in motion.receivers.segments)])
+
+
+def _labels(names: Sequence[str]) -> tuple[str, ...]:
+    labels: list[str] = []
+    taken: set[str] = set()
+    for name in names:
+        plain, count = ascii_name(name)[:LONGEST_LABEL], 1
+        label = plain
+        while label.upper() in taken:
+            count += 1
+            label = f"{plain[: LONGEST_LABEL - len(str(count)) - 1]}-{count}"
+        taken.add(label.upper())
+        labels.append(label)
+    return tuple(labels)
+
+
+def _receiver_points(motion: PosedRecording) -> Iterator[tuple[str, str]]:
+    """Name and description of each receiver's four points."""
+    for segment in motion.receivers.segments:
+        yield f"{segment}_receiver", f"origin of the receiver on {segment}"
+        for axis in "xyz":
+            yield f"{segment}_receiver_{axis}", f"{ARM_MM:g} mm along {axis} of the receiver on {segment}"
+
+
+def _descriptions(motion: PosedRecording) -> list[str]:
+    descriptions = [
+        f"joint {joint.name}"
+        + (f", after {motion.names[joint.parent]}" if joint.parent >= 0 else ", the root")
+        for joint in motion.joints
+    ]
+    descriptions += [what for _, what in _receiver_points(motion)]
+    return [_escaped(text)[:LONGEST_LABEL] for text in descriptions]
+
+
+def _escaped(text: str) -> str:
+    r"""ASCII; any other character as Python and JSON write it, \uXXXX."""
+    return text.encode("ascii", "backslashreplace").decode("ascii")
+
+
+def _timing(motion: PosedRecording, path: Path) -> _Timing:
+    """Rows and rate; a frame counts as lost where its number and, if there is one, its time say so.
+
+    The nominal rate where times keep to it, else the mean one. InputError where a time is more than half a
+    frame off, or no rate is known.
+    """
+    frames, time_s = motion.frame, motion.time_s
+    if len(frames) == 1:
+        return _Timing(np.zeros(1, np.int64), ALONE_HZ, 0.0)
+    if not np.isfinite(motion.rate_hz):
+        raise InputError(
+            f"{path}: the recording has no device time, and C3D needs a rate; give rate_hz in a mapping"
+        )
+    step = np.diff(frames)
+    steps = step // max(1, int(np.median(step)))
+    timed = np.isfinite(time_s).all()
+    if timed:
+        steps = np.minimum(steps, np.rint(np.diff(time_s) * motion.rate_hz).astype(np.int64))
+    row = np.concatenate([[0], np.cumsum(np.maximum(steps, 1))])
+    if not timed:
+        return _Timing(row, motion.rate_hz, 0.0)
+    span_s = float(time_s[-1] - time_s[0])
+    rates = [motion.rate_hz, *([float(row[-1]) / span_s] if span_s > 0 else [])]
+    errors = [float(np.abs(time_s - time_s[0] - row / rate).max()) for rate in rates]
+    best = 0 if errors[0] <= _NOTABLE_S else int(np.argmin(errors))
+    if errors[best] > 0.5 / rates[best]:
+        raise InputError(
+            f"{path}: frames are up to {errors[best] * 1000:.1f} ms off an even {rates[best]:.6g} Hz, more "
+            "than half a frame, and C3D holds one rate; choose an even one with --fps"
+        )
+    return _Timing(row, rates[best], errors[best])
+
+
+def _dropped(motion: PosedRecording, timing: _Timing, numbered: bool, room: bool) -> tuple[str, ...]:
+    """Sentences on what the file lacks."""
+    dropped = []
+    if not room:
+        dropped.append(
+            "ROTATION, the bones' and receivers' poses: it would begin beyond what its 16 bits can say; the "
+            "points hold the receivers' poses, and with fewer --frames there is room for all"
+        )
+    if not numbered:
+        dropped.append(f"frame numbers: its frame 1 is the tracker's frame {int(motion.frame[0])}")
+    if timing.error_s > _NOTABLE_S:
+        dropped.append(
+            f"device times, which are up to {timing.error_s * 1000:.1f} ms off its even "
+            f"{timing.rate_hz:.6g} Hz; --fps resamples over them"
+        )
+    return tuple(dropped)
+
+
+def _note(motion: PosedRecording, dropped: Sequence[str]) -> list[str]:
+    """Return whose motion it is, in lines."""
+    start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
+    lines = [
+        *_escaped(facts_text(motion, "mm", "z", dropped)).splitlines(),
+        f"points: joints; of every receiver its origin and what is {ARM_MM:g} mm along its x, y and z",
+        "rotations: bones by the joint they start at, in the bone frame above; receivers",
+        f"first frame: the tracker's {motion.frame[0]}, device time {start}",
+    ]
+    return [part for line in lines for part in wrap(line, _NOTE_WIDTH, subsequent_indent="  ")]
+
+
+def _points(motion: PosedRecording) -> Array:
+    """The points of those frames, (n, P, 4)."""
+    receivers = motion.receivers
+    origin = receivers.position_mm[:, :, None]
+    axes = np.swapaxes(matrix(receivers.quaternion), -1, -2)
+    four = np.concatenate([origin, origin + ARM_MM * axes], 2).reshape(len(origin), -1, 3)
+    position = np.concatenate([motion.position_mm, four], 1)
+    out = np.concatenate([position, np.zeros((*position.shape[:2], 1))], -1)
+    return np.where(np.isfinite(out).all(-1, keepdims=True), out, NO_POINT)
+
+
+def _poses(motion: PosedRecording) -> Array:
+    """The poses of those frames as matrices (n, R, 4, 4), NaN where any number is missing."""
+    bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
+    receivers = motion.receivers
+    position = np.concatenate([motion.position_mm[:, bones], receivers.position_mm], 1)
+    out = np.zeros((*position.shape[:2], 4, 4))
+    out[..., :3, :3] = matrix(np.concatenate([motion.quaternion[:, bones], receivers.quaternion], 1))
+    out[..., :3, 3] = position
+    out[..., 3, 3] = 1.0
+    return np.where(np.isfinite(out).all((-2, -1), keepdims=True), out, np.nan)

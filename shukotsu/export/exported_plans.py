@@ -1,0 +1,163 @@
+"""Every chosen recording of subjects under every chosen model, written in every chosen format."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+from shukotsu import command_line
+from shukotsu.errors import InputError, StorageError
+from shukotsu.export.file_facts import file_stem
+from shukotsu.export.motion import read_motion
+from shukotsu.export.motion_bids import write_dataset_files
+from shukotsu.export.registry import FORMATS, Settings, chosen_formats, settings_of, write_format
+from shukotsu.hand.posed_recording import recording_reader
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.sheets import PARTICIPANTS, read_sheet
+from shukotsu.study.study import Recording
+from shukotsu.tables.whole_files import write_text
+
+T = TypeVar("T")
+
+
+def export_plans(plans: Mapping[Path, SubjectPlan], arguments: argparse.Namespace) -> None:
+    """Write every format of every chosen recording and model, say on stderr what was done.
+
+    What cannot be written does not keep the rest from being written. Its InputError is raised at the end, or
+    with --record-failure written into STEM_FORMAT.failed.txt, or STEM.failed.txt where no format could be.
+    """
+    formats, settings = chosen_formats(arguments.formats), settings_of(arguments)
+    chosen = [
+        (plan, model, recording)
+        for path, plan in plans.items()
+        for model in chosen_models(plan, path, arguments.model)
+        for recording in chosen_recordings(plan, path, arguments.hand, arguments.recording)
+    ]
+    if "bids" in formats:
+        _describe_dataset(list(plans.values()), arguments)
+    failures: list[tuple[str, str]] = []
+    _forget_failures(arguments.out, _failure_name(arguments))
+    for plan, model, recording in chosen:
+        failures += _export_recording(plan, recording, model, formats, settings, arguments)
+    for stem, message in failures if arguments.record_failure else ():
+        print(f"error: {message}", file=sys.stderr)
+        write_text(arguments.out / f"{stem}.failed.txt", f"{message}\n")
+    if arguments.record_failure:  # also of a subject that has nothing to export
+        arguments.out.mkdir(parents=True, exist_ok=True)
+    elif failures:
+        raise InputError("; ".join(dict.fromkeys(message for _, message in failures)))
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write why nothing could be exported into a text file, named as the folder of the first plan."""
+    write_text(arguments.out / f"{_failure_name(arguments)}.failed.txt", f"{message}\n")
+
+
+def _describe_dataset(plans: Sequence[SubjectPlan], arguments: argparse.Namespace) -> None:
+    """Write the files of a whole dataset; one that is there keeps its own when a subject is added."""
+    path = arguments.out / FORMATS["bids"].shared
+    if path.exists() and len(plans) == 1 and arguments.participants is None:
+        return
+    participants: dict[str, dict[str, object]] = {plan.subject: {} for plan in plans}
+    for row in read_sheet(arguments.participants, PARTICIPANTS):
+        if row["subject"] in participants:
+            participants[row["subject"]] = {n: value for n, value in row.values.items() if n != "subject"}
+    write_dataset_files(path.parent, plans[0].study, participants, arguments.licence)
+
+
+def _export_recording(
+    plan: SubjectPlan,
+    recording: Recording,
+    model: str,
+    formats: Sequence[str],
+    settings: Settings,
+    arguments: argparse.Namespace,
+) -> Iterator[tuple[str, str]]:
+    """Write one recording under one model; yield stem and message of failures."""
+    stem = file_stem(plan.who, recording.hand.hand, recording.task, recording.trial, model)
+    _forget_failures(arguments.out, stem, *(f"{stem}_{name}" for name in formats))
+    reader = recording_reader(plan, recording, model)
+    motion, trouble = _tried(arguments, lambda: read_motion(reader, arguments.licence, arguments.frames))
+    if motion is None:
+        yield stem, trouble
+        return
+    for note in motion.notes:
+        print(f"note: {note}", file=sys.stderr)
+    for name in formats:
+        path = arguments.out / (FORMATS[name].shared or f"{stem}{FORMATS[name].extensions[0]}")
+        remarks, trouble = _tried(arguments, partial(write_format, motion, settings, name, path))
+        if remarks is None:
+            yield f"{stem}_{name}", trouble
+            continue
+        for remark in remarks:
+            print(f"{name}: {remark}", file=sys.stderr)
+        print(path)
+
+
+def _tried(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | None, str]:
+    """Make it, or return None and why it cannot be: bad input or, with --record-failure, a bug."""
+    try:
+        with command_line.recorded(arguments, arguments.record_failure, only_bugs=True) as messages:
+            return make(), ""
+    except StorageError:
+        raise  # the disk's trouble, and not that of this recording
+    except InputError as error:
+        return None, str(error)
+    return None, messages[0]
+
+
+def _failure_name(arguments: argparse.Namespace) -> str:
+    """Return the name for the note on a failure of everything: the folder of the first plan."""
+    return str(arguments.plan[0].absolute().parent.name)
+
+
+def _forget_failures(folder: Path, *names: str) -> None:
+    """Remove the notes on failures of an earlier run."""
+    for name in names:
+        with suppress(PermissionError):  # then nothing can be written here either, and that is said
+            (folder / f"{name}.failed.txt").unlink(missing_ok=True)
+
+
+def chosen_models(plan: SubjectPlan, path: Path, names_list: str) -> list[str]:
+    """Return models of a comma-separated list, all of the plan's where it is empty.
+
+    path : of the plan, for messages. Raises InputError where one is none.
+    """
+    names = list(dict.fromkeys(name.strip() for name in names_list.split(",") if name.strip()))
+    for name in names:
+        if name not in plan.models:
+            raise InputError(f"--model: {path} has no model {name!r}; it has {', '.join(plan.models)}")
+    return names or list(plan.models)
+
+
+def chosen_recordings(plan: SubjectPlan, path: Path, hand: str, name: str) -> list[Recording]:
+    """Return the recordings to export.
+
+    hand : right or left, empty for both. name : the task, or TASK_TRIAL, which need not be evaluated, for its
+    tables say more; empty for every recording that tips are evaluated on. Raises InputError where there is
+    none, or several have the name.
+    """
+    if hand and hand not in plan.hands:
+        raise InputError(
+            f"--hand: {path} has no {hand} hand of {plan.who.label!r}; it has {', '.join(plan.hands)}"
+        )
+    chosen: list[Recording] = []
+    for side in (hand,) if hand else plan.hands:
+        if not name:
+            chosen += plan.evaluated(side)
+            continue
+        of_hand = [recording for recording in plan.recordings if recording.hand.hand == side]
+        named = [r for r in of_hand if name in (r.name, r.task, f"{r.task}_{r.trial}")]
+        exact = [r for r in named if name in (r.name, f"{r.task}_{r.trial}") or not r.trial]
+        if len(exact or named) != 1:
+            raise InputError(
+                f"--recording: {name!r} is not one recording of the {side} hand of {path}; expected one of "
+                f"{', '.join(recording.name for recording in of_hand)}"
+            )
+        chosen += exact or named
+    return chosen

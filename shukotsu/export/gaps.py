@@ -1,0 +1,298 @@
+"""Frames without a pose, and an even rate made from uneven times.
+
+A gap is a run of frames in which a joint has no whole pose, or which the recording lost: their numbers are
+missing. Gaps are refused, held, cut away or interpolated, as the user says, and always told. What is filled
+is filled in the frame of the bone before, so that a held finger still goes with the hand; the root is filled
+in the transmitter's frame. Frames that are known keep their numbers to the bit. Between samples positions are
+linear, and rotations go by the shortest arc at constant angular velocity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.export.motion import continuous
+from shukotsu.hand.posing import Bools, Index, PosedRecording, known_points
+from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
+
+FILLED_FRAMES = 100_000
+"""The most that are made where a recording has none: seven minutes at 240 Hz."""
+
+_SAME_S = 1e-9
+_WIDEST_STEPS = 1.5
+"""Frames further apart than this many usual intervals have a gap between them."""
+
+
+def resampled(motion: PosedRecording, fps: float, widest_s: float = 0.0) -> PosedRecording:
+    """Return the motion at an even rate from its first time on: positions linear, rotations by slerp.
+
+    Device times count, not frame numbers. A new frame in a gap that was kept, or between frames that are
+    further apart than 1.5 usual intervals and than widest_s, has no pose (NaN). Nothing is filtered: a rate
+    below twice the motion's own aliases. Raises InputError where times are missing or do not grow, or where
+    pauses would make more than FILLED_FRAMES.
+    """
+    time_s = motion.time_s
+    if not np.isfinite(time_s).all():
+        raise InputError("--fps: the recording has no device time; give its rate_hz in a mapping")
+    still = np.flatnonzero(np.diff(time_s) <= 0)
+    if len(still):
+        raise InputError(
+            f"--fps: device time does not grow from frame {motion.frame[still[0]]} to the next; it must, to "
+            "be resampled"
+        )
+    if len(time_s) < 2:
+        return replace(motion, rate_hz=fps)
+    if (pauses := _count(time_s, fps) - len(time_s) * fps / motion.rate_hz) > FILLED_FRAMES:
+        wide = int(np.argmax(np.diff(time_s)))
+        raise InputError(
+            f"--fps: pauses of the recording, the longest after frame {motion.frame[wide]}, would make "
+            f"{pauses:.0f} frames, more than {FILLED_FRAMES}; export the parts before and after it with "
+            "--frames"
+        )
+    at = np.minimum(time_s[0] + np.arange(_count(time_s, fps)) / fps, time_s[-1])
+    before, after, share = bracketed(at, time_s)
+    share = np.where(at - time_s[before] < _SAME_S, 0.0, np.where(time_s[after] - at < _SAME_S, 1.0, share))
+    apart = time_s[after] - time_s[before] > max(_WIDEST_STEPS / motion.rate_hz, widest_s)
+    share = np.where(apart & (share > 0) & (share < 1), np.nan, share)
+    out = motion.mapped(
+        lambda places: blended(places[before], places[after], share[:, None]),
+        lambda turns: continuous(slerped(turns[before], turns[after], share[:, None])),
+        frame=motion.frame[np.where(share > 0.5, after, before)],
+        time_s=at,
+    )
+    valid = known_points(out.receivers.position_mm, out.receivers.quaternion)
+    out = replace(out, rate_hz=fps, receivers=replace(out.receivers, valid=valid))
+    return out.noting(
+        f"resampled from {len(time_s)} frames ({motion.rate_hz:g} Hz) to {len(at)} ({fps:g} Hz) over device "
+        "time, unfiltered"
+    )
+
+
+def _count(time_s: Array, fps: float) -> int:
+    return int(np.floor((time_s[-1] - time_s[0]) * fps + 1e-6)) + 1
+
+
+def largest_time_error_s(motion: PosedRecording) -> float:
+    """Return the most that a device time is off an even rate that starts with the first; 0 without times.
+
+    What a file loses that holds a rate and no times.
+    """
+    if len(motion.time_s) < 2 or not np.isfinite(motion.time_s).all():
+        return 0.0
+    even = motion.time_s[0] + np.arange(len(motion.time_s)) / motion.rate_hz
+    return float(np.abs(motion.time_s - even).max())
+
+
+def bracketed(at: Array, x: Array) -> tuple[Index, Index, Array]:
+    """Rows before and after each value of `at` in the growing x (n,), and how far it is between them, 0 to 1.
+
+    Beyond either end both rows are that end's.
+    """
+    after = np.clip(np.searchsorted(x, at, side="right"), 1, max(len(x) - 1, 1))
+    before, after = after - 1, np.minimum(after, len(x) - 1)
+    width = x[after] - x[before]
+    share = np.divide(at - x[before], width, out=np.zeros(len(at)), where=width > 0)
+    return before, after, np.clip(share, 0.0, 1.0)
+
+
+def blended(first: Array, second: Array, share: Array) -> Array:
+    """Linear between (..., n) and (..., n) at shares (...) 0 to 1; at 0 and 1 exactly either end's value."""
+    part = share[..., None]
+    return np.where(part <= 0, first, np.where(part >= 1, second, first + part * (second - first)))
+
+
+def slerped(first: Array, second: Array, share: Array) -> Array:
+    """Unit quaternions (..., 4) on the shortest arc (Shoemake 1985) at shares (...) 0 to 1, constant speed.
+
+    At 0 and 1 exactly either end's, so that a NaN beside a sample does not spoil it; signs as of the first.
+    """
+    cosine = np.sum(first * second, -1)
+    near = np.where(cosine[..., None] < 0, -second, second)
+    half = np.arctan2(np.linalg.norm(near - first, axis=-1), np.linalg.norm(near + first, axis=-1))
+    arc = 2 * half
+    sine = np.sin(arc)
+    close: Bools = sine < 1e-9
+    safe = np.where(close, 1.0, sine)
+    left = np.where(close, 1 - share, np.sin((1 - share) * arc) / safe)
+    right = np.where(close, share, np.sin(share * arc) / safe)
+    mixed = left[..., None] * first + right[..., None] * near
+    mixed = mixed / np.linalg.norm(mixed, axis=-1, keepdims=True)
+    part = share[..., None]
+    return np.where(part <= 0, first, np.where(part >= 1, near, mixed))
+
+
+_MOST_LISTED = 10
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Frames first to last, by their numbers, without a pose.
+
+    joint : the first joint in it that has none, empty where the recording lost the frames themselves.
+    length_s : from the known frame before to the next, NaN where there are no times.
+    """
+
+    first: int
+    last: int
+    joint: str
+    length_s: float
+
+    def __str__(self) -> str:
+        what = f"joint {self.joint} has no pose in" if self.joint else "the recording lost"
+        frames = f"frame {self.first}" if self.first == self.last else f"frames {self.first} to {self.last}"
+        return f"{what} {frames}" + (f" ({self.length_s:.3f} s)" if np.isfinite(self.length_s) else "")
+
+
+def closed(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRecording:
+    """Return the motion without gaps, by the policy; a note says what was done.
+
+    refuse : InputError that names the first gap. hold : the pose before goes on, at the start that after.
+    cut : only the longest stretch of frames without a gap stays. interpolate : positions linearly, rotations
+    by slerp over device time; InputError where a gap is longer than max_gap_s or open to one end.
+    Raises InputError as well where no frame is left, or a joint has no pose at all.
+    """
+    gaps = find_gaps(motion)
+    if not len(motion.frame):
+        raise InputError(f"{motion.origin}: no frame to export; widen --frames or look at the recording")
+    if not gaps:
+        return motion
+    if policy == "refuse":
+        raise InputError(
+            f"{motion.origin}: {gaps[0]}, the first of {len(gaps)} gaps, which this format cannot hold; "
+            "choose --gaps hold, cut or interpolate, or a --frames range without one"
+        )
+    if policy == "cut":
+        return _cut(motion)
+    never = ~motion.known.any(0)
+    if never.any():
+        raise InputError(
+            f"{motion.origin}: joint {motion.names[int(np.argmax(never))]} has no pose in any of these "
+            "frames, so there is nothing to fill from; widen --frames"
+        )
+    if _lost(motion).sum() > FILLED_FRAMES:  # one wrong frame number may ask for more than a disk holds
+        widest = max((gap for gap in gaps if not gap.joint), key=lambda gap: gap.last - gap.first)
+        raise InputError(
+            f"{motion.origin}: {widest}, more than the {FILLED_FRAMES} frames that are filled; use --frames "
+            "to leave it out, or --gaps cut"
+        )
+    open_end = next((gaps[row] for row in (0, -1) if not motion.whole[row]), None)
+    if policy == "interpolate" and open_end:
+        raise InputError(
+            f"{motion.origin}: {open_end}, open to one end of the recording, where nothing can be "
+            "interpolated; use --frames to leave it out, or --gaps cut or hold"
+        )
+    for gap in gaps if policy == "interpolate" else ():
+        if not gap.length_s <= max_gap_s:
+            raise InputError(
+                f"{motion.origin}: {gap}, longer than --max-gap-s {max_gap_s:g}; raise it, or use --gaps cut "
+                "or hold"
+            )
+    return _filled(with_lost_frames(motion), gaps, policy)
+
+
+def find_gaps(motion: PosedRecording) -> list[Gap]:
+    """All gaps, in the order of their frames."""
+    whole, time_s = motion.whole, motion.time_s
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], whole, [True]]).astype(int)))
+    gaps = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        joint = motion.names[int(np.argmin(motion.take(slice(start, start + 1)).known[0]))]
+        before, after = max(start - 1, 0), min(stop, len(whole) - 1)
+        length = float(time_s[after] - time_s[before])
+        gaps.append(Gap(int(motion.frame[start]), int(motion.frame[stop - 1]), joint, length))
+    for row in np.flatnonzero(_lost(motion)):
+        first, last = int(motion.frame[row]) + 1, int(motion.frame[row + 1]) - 1
+        gaps.append(Gap(first, last, "", float(time_s[row + 1] - time_s[row])))
+    return sorted(gaps, key=lambda gap: gap.first)
+
+
+def _lost(motion: PosedRecording) -> Index:
+    """Count frames that are missing after each but the last (T - 1,), by the usual step of their numbers."""
+    step = np.diff(motion.frame)
+    if not len(step):
+        return np.zeros(0, np.int64)
+    usual = max(1, int(np.median(step)))
+    return np.maximum(np.rint(step / usual).astype(np.int64) - 1, 0)
+
+
+def with_lost_frames(motion: PosedRecording) -> PosedRecording:
+    """The motion with a frame without poses for every one that the recording lost, its time in proportion."""
+    lost = _lost(motion)
+    if not lost.any():
+        return motion
+    position = np.concatenate([[0], np.cumsum(1 + lost)])
+    rows = np.arange(position[-1] + 1)
+    recorded = np.isin(rows, position)
+    blank = ~recorded[:, None, None]
+    wide = motion.take(np.cumsum(recorded) - 1)
+    return wide.mapped(
+        lambda mm: np.where(blank, np.nan, mm),
+        lambda turns: np.where(blank, np.nan, turns),
+        valid=wide.receivers.valid & recorded[:, None],
+        frame=np.rint(np.interp(rows, position, motion.frame)).astype(np.int64),
+        time_s=np.interp(rows, position, motion.time_s),
+    )
+
+
+def _cut(motion: PosedRecording) -> PosedRecording:
+    whole = motion.whole
+    joined = np.zeros(len(whole), bool)
+    joined[1:] = whole[1:] & whole[:-1] & (_lost(motion) == 0)
+    starts = np.flatnonzero(whole & ~joined)
+    if not len(starts):
+        raise InputError(
+            f"{motion.origin}: no frame in which every joint has a pose, so --gaps cut leaves nothing"
+        )
+    ends = np.flatnonzero(whole & ~np.append(joined[1:], False)) + 1
+    best = int(np.argmax(ends - starts))
+    kept = np.zeros(len(whole), bool)
+    kept[starts[best] : ends[best]] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], kept, [True]]).astype(int)))
+    pairs = zip(motion.frame[edges[::2]], motion.frame[edges[1::2] - 1], strict=True)
+    away = [f"{first}" if first == last else f"{first}-{last}" for first, last in pairs]
+    more = f" and {len(away) - _MOST_LISTED} more" if len(away) > _MOST_LISTED else ""
+    listed = ", ".join(away[:_MOST_LISTED]) + more
+    out = motion.take(kept)
+    return out.noting(
+        f"gaps cut: frames {out.frame[0]} to {out.frame[-1]} stay, the longest stretch without a gap "
+        f"({len(out.frame)} of {len(whole)}); cut away: {listed or 'none'}"
+    )
+
+
+def _filled(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRecording:
+    """Every gap filled, parents before children, so that a child is filled in its parent's frame."""
+    whole, times = motion.known, motion.time_s
+    x = times if np.isfinite(times).all() else np.arange(len(times), dtype=float)
+    position, turn = motion.position_mm.copy(), motion.quaternion.copy()
+    for index, joint in enumerate(motion.joints):
+        blank = ~whole[:, index]
+        if not blank.any():
+            continue
+        places, turns = position[:, index], turn[:, index]
+        if joint.parent >= 0:
+            above = turn[:, joint.parent]
+            places = rotate(conjugate(above), places - position[:, joint.parent])
+            turns = multiply(conjugate(above), turns)
+        rows = np.flatnonzero(whole[:, index])
+        before, after, share = bracketed(x, x[rows])
+        if policy == "hold":
+            share = np.where(np.arange(len(x)) >= rows[after], 1.0, 0.0)
+        before, after = rows[before], rows[after]
+        places = blended(places[before], places[after], share)
+        turns = slerped(turns[before], turns[after], share)
+        if joint.parent >= 0:
+            places, turns = position[:, joint.parent] + rotate(above, places), multiply(above, turns)
+        position[blank, index], turn[blank, index] = places[blank], turns[blank]
+    frames = int((~motion.whole).sum())
+    longest = max(gap.length_s for gap in gaps)
+    how = {
+        "hold": "by the pose before, held in the frame of the bone before",
+        "interpolate": "between the poses before and after, in the frame of the bone before",
+    }[policy]
+    length = f", the longest {longest:.3f} s" if np.isfinite(longest) else ""
+    return replace(motion, position_mm=position, quaternion=continuous(turn)).noting(
+        f"{len(gaps)} gaps ({frames} frames{length}) filled {how}"
+    )

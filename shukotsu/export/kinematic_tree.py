@@ -1,0 +1,254 @@
+"""The tree of bodies and joints of an OpenSim model: which coordinates each joint has, about which axes, and
+their values over a motion.
+
+A joint's frame stands where its angles are zero, on the parent's bone at the joint's rest offset; turns are
+carried one by the other, R = R(axis 1, q1) R(axis 2, q2) R(axis 3, q3), after the translations along the
+frame's own axes. So every relative pose of two bones has its coordinates, and nothing of it is lost.
+
+- A joint of known anatomy turns by the angles of `docs/joint-angles.md`, in their order and with their signs:
+  flexion, abduction, rotation.
+- One with an estimated axis turns about that first. Its zero is the rotation nearest to the anatomical zero
+  of all that have the axis where the parent has it; abduction and rotation are about the two axes at right
+  angles to it. Where these two stay zero, a true hinge, the joint has flexion alone.
+- One of unknown anatomy turns from its mean about the axes that it turned about most, next and least.
+- One that was given no degree of freedom and moves all the same, a palm's, turns from its mean about the axes
+  of its bone, named as the angles are.
+- The root turns about the ground's axes, in the order that keeps its second angle furthest from 90 deg.
+- A bone that keeps still against its parent, and was given no degree of freedom, is welded to it.
+
+Masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone: enough to build a
+model, not for forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from shukotsu.export.motion import BONE_TO_WEBXR, DISTAL, MOVES_MM, carrier, continuous_angles, local_motion
+from shukotsu.export.rigging import plain_names
+from shukotsu.hand.neutral_bones import angle_axes
+from shukotsu.hand.posing import PosedRecording, SkeletonJoint
+from shukotsu.hand.rotations import (
+    Array,
+    about_axis,
+    angle,
+    conjugate,
+    matrix,
+    mean_rotation,
+    multiply,
+    rotate,
+    unit,
+)
+
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+STILL_RAD = 1e-7
+"""A rotation below this is none: it moves the end of a 100 mm bone by 10 nm."""
+
+TISSUE_KG_M3 = 1100.0
+_SLENDER = 0.2
+_THINNEST_MM = 6.0
+_SHORTEST_MM = 10.0
+_M_PER_MM = 1e-3
+
+_SIGN = {"right": -1.0, "left": 1.0}
+_ANGLES = ("flexion", "abduction", "rotation")
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number a frame that a joint moves by: values (T,), rad for a turn, continuous, or mm."""
+
+    name: str
+    values: Array
+
+
+@dataclass(frozen=True)
+class JointForm:
+    """A joint and the body after it.
+
+    index : of the joint in the motion. dof : what the skeleton model gave it. parent : index of the parent's
+    form in the list, -1 for the ground. offset_mm, quaternion : the joint's frame in the parent's bone frame.
+    axes : (3, 3) rows, all that the joint could turn about. turns : about them, 3, a hinge's 1, or none.
+    shifts : along the frame's own axes, 3 or none.
+    """
+
+    index: int
+    name: str
+    body: str
+    dof: int
+    parent: int
+    offset_mm: Array
+    quaternion: Array
+    axes: Array
+    turns: tuple[Coordinate, ...]
+    shifts: tuple[Coordinate, ...]
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Turns, then shifts."""
+        return (*self.turns, *self.shifts)
+
+
+def joint_forms(motion: PosedRecording) -> tuple[JointForm, ...]:
+    """Forms of all joints but the tips, parents first; the motion has no gap and at least one frame."""
+    local_mm, local = local_motion(motion)
+    kept = [index for index, joint in enumerate(motion.joints) if not joint.tip]
+    places = {index: number for number, index in enumerate(kept)}
+    names = plain_names(motion.names[index] for index in kept)
+    bodies = plain_names(motion.joints[index].segment for index in kept)
+    forms = []
+    for index, name, body in zip(kept, names, bodies, strict=True):
+        joint, turn = motion.joints[index], local[:, index]
+        if joint.parent < 0:
+            zero, best = IDENTITY, -1.0
+            for order in permutations(range(3)):  # the ground's axes in the best of their six orders
+                ground = np.eye(3)[list(order)]
+                turned = turn_angles(turn, ground)
+                upright = float(np.abs(np.cos(turned[:, 1])).min())
+                if upright > best:
+                    best, axes, values = upright, ground, turned
+                    labels: tuple[str, ...] = tuple(f"r{'xyz'[number]}" for number in order)
+        else:
+            zero, axes, labels = _frame(motion, index, turn)
+            values = turn_angles(multiply(conjugate(zero), turn), axes)
+        offset = motion.rest_offset_mm[index]
+        beyond = rotate(conjugate(zero), local_mm[:, index] - offset)
+        turns = _turns(joint, name, labels, values)
+        shifts: tuple[Coordinate, ...] = ()
+        if joint.parent < 0 or np.abs(beyond).max() > MOVES_MM:
+            shifts = tuple(Coordinate(f"{name}_t{axis}", beyond[:, n]) for n, axis in enumerate("xyz"))
+        parent = places.get(joint.parent, -1)
+        forms.append(JointForm(index, name, body, joint.dof, parent, offset, zero, axes, turns, shifts))
+    return tuple(forms)
+
+
+@dataclass(frozen=True)
+class Body:
+    """What a joint carries, in its bone frame: a bone to each joint and tip that follows.
+
+    spans_mm : (n, 3) their places, none at the origin. length_mm : of the longest. mass_kg; middle_mm : (3,)
+    its centre; inertia_kg_m2 : (3,) about the frame's axes.
+    """
+
+    spans_mm: Array
+    length_mm: float
+    mass_kg: float
+    middle_mm: Array
+    inertia_kg_m2: Array
+
+
+def body_of(motion: PosedRecording, form: JointForm) -> Body:
+    """Return the body after a joint."""
+    after = [index for index, joint in enumerate(motion.joints) if joint.parent == form.index]
+    ends_mm = motion.rest_offset_mm[after].reshape(-1, 3)
+    lengths = np.linalg.norm(ends_mm, axis=1)
+    spans = ends_mm[lengths > 0]
+    length = max(float(lengths.max(initial=0.0)), _SHORTEST_MM)
+    radius = max(_SLENDER * length, _THINNEST_MM)
+    mass = TISSUE_KG_M3 * np.pi * radius**2 * length * _M_PER_MM**3
+    middle = unit(spans.sum(0)) if len(spans) else DISTAL
+    across, along = mass * (3 * radius**2 + length**2) / 12, mass * radius**2 / 2
+    inertia = np.array([across, across, along]) * _M_PER_MM**2
+    return Body(spans, length, float(mass), middle * length / 2, inertia)
+
+
+def fixed_points(
+    motion: PosedRecording, forms: Sequence[JointForm], taken: Sequence[str]
+) -> list[tuple[str, JointForm, Array]]:
+    """Name, carrier and place (3,) mm of the tips, which are no joints but points of a body.
+
+    taken : names that no tip may have.
+    """
+    places = {form.index: form for form in forms}
+    tips = [index for index, joint in enumerate(motion.joints) if joint.tip]
+    names = plain_names([*taken, *(motion.names[index] for index in tips)])[len(taken) :]
+    carried = [carrier(motion, index) for index in tips]
+    return [(name, places[above], at_mm) for name, (above, at_mm) in zip(names, carried, strict=True)]
+
+
+def turn_angles(relative: Array, axes: Array) -> Array:
+    """Turns (T, 3) in rad of rotations (T, 4) about three axes at right angles, carried one by the other.
+
+    axes : (3, 3) rows, right- or left-handed. R = R(axes[0], q1) R(axes[1], q2) R(axes[2], q3); continuous
+    over the frames, so that values may leave a turn; q2 of the first frame is within [-pi / 2, pi / 2].
+    """
+    hand = np.array([1.0, 1.0, np.sign(np.linalg.det(axes))])
+    basis = axes * hand[:, None]
+    angles = body_fixed_rad(matrix(np.concatenate([relative[:, :1], relative[:, 1:] @ basis.T], -1)))
+    return np.asarray(continuous_angles(angles) * hand)
+
+
+def body_fixed_rad(rotation: Array) -> Array:
+    """Angles (..., 3) about x, y, z of rotation matrices (..., 3, 3), R = Rx Ry Rz, as OpenSim turns frames.
+
+    The last is what the first two leave over, so that R comes back at 90 deg about y as well.
+    """
+    m = rotation
+    first = np.arctan2(-m[..., 1, 2], m[..., 2, 2])
+    sine, cosine = np.sin(first)[..., None], np.cos(first)[..., None]
+    side, front = cosine * m[..., 1, :] + sine * m[..., 2, :], cosine * m[..., 2, :] - sine * m[..., 1, :]
+    second = np.arctan2(m[..., 0, 2], front[..., 2])
+    return np.stack([first, second, np.arctan2(side[..., 0], side[..., 1])], -1)
+
+
+def _turns(joint: SkeletonJoint, name: str, labels: Sequence[str], values: Array) -> tuple[Coordinate, ...]:
+    """The coordinates that a joint needs of the three that it could have."""
+    turns = tuple(Coordinate(f"{name}_{label}", value) for label, value in zip(labels, values.T, strict=True))
+    if joint.parent < 0:
+        return turns
+    if joint.dof == 0 and np.abs(values).max() < STILL_RAD:
+        return ()
+    if joint.dof == 1 and np.abs(values[:, 1:]).max() < STILL_RAD:
+        return turns[:1]
+    return turns
+
+
+def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Array, tuple[str, ...]]:
+    """A joint's frame (4,) in its parent's bone, its axes (3, 3) and what turns about them are called."""
+    joint, neutral, hinge = motion.joints[index], motion.neutral[index], motion.axis[index]
+    mean = mean_rotation(turn)
+    anatomical = bool(np.isfinite(neutral).all())
+    zero = neutral if anatomical else mean
+    if joint.dof == 0 and angle(multiply(conjugate(mean), turn)).max() < STILL_RAD:
+        zero = mean
+    sign = _SIGN[motion.hand]
+    axes = np.array([[-1.0, 0.0, 0.0], [0.0, sign, 0.0], [0.0, 0.0, -sign]])
+    turned = multiply(conjugate(BONE_TO_WEBXR), multiply(angle_axes(joint, motion.hand), BONE_TO_WEBXR))
+    axes = rotate(turned, axes)
+    labels = _ANGLES
+    if not anatomical and joint.dof:
+        axes, labels = _principal_axes(multiply(conjugate(mean), turn)), ("turn1", "turn2", "turn3")
+    if joint.dof != 1 or not np.isfinite(hinge).all():
+        return zero, axes, labels
+    first = hinge if axes[0] @ hinge >= 0 else -hinge
+    seen = unit(rotate(turn, first).mean(0))
+    return multiply(shortest_turn(rotate(zero, first), seen), zero), _completed(first, axes), labels
+
+
+def _principal_axes(change: Array) -> Array:
+    """Right-handed axes (3, 3) that rotations (T, 4) are mostly about, the first most."""
+    vector = change[:, 1:] * np.where(change[:, :1] < 0, -1.0, 1.0)
+    axes = np.linalg.eigh(vector.T @ vector)[1].T[::-1]
+    axes = axes * np.sign(axes[np.arange(3), np.abs(axes).argmax(1)])[:, None]
+    return np.stack([axes[0], axes[1], np.cross(axes[0], axes[1])])
+
+
+def _completed(first: Array, axes: Array) -> Array:
+    """Right-handed axes (3, 3) of which one is given, the second nearest to that of right-handed `axes`."""
+    near = axes[1] if abs(first @ axes[1]) < 0.9 else axes[0]
+    second = unit(near - (near @ first) * first)
+    return np.stack([first, second, np.cross(first, second)])
+
+
+def shortest_turn(start: Array, end: Array) -> Array:
+    """The smallest rotation (4,) that takes one unit vector (3,) to another."""
+    across = np.cross(start, end)
+    sine = float(np.linalg.norm(across))
+    if sine == 0.0 and start @ end > 0:
+        return IDENTITY.copy()
+    axis = across / sine if sine else _completed(start, np.eye(3))[1]
+    return about_axis(axis, float(np.arctan2(sine, start @ end)))

@@ -1,0 +1,343 @@
+"""What every format is written from: one hand's skeleton and its motion over a recording, in WebXR frames.
+
+Bone frames. Every joint carries the frame of the bone that starts there, as WebXR Hand Input and OpenXR
+define it: -Z along the bone, away from the wrist; +Y out of the back of the bone (of a thumb, the nail's
+side); +X = Y x Z, which is to the right of a hand that points forward with its back up, right and left hand
+alike. No frame is mirrored: a left hand is left because its joints are. In the frames of our tables (x
+distal, z dorsal, y = z x x) these are X = -y, Y = z, Z = -x: `BONE_TO_WEBXR`.
+
+World. Positions and rotations are in the transmitter's frame, mm, as measured; `registry.prepared` turns them
+to what a format expects.
+
+Tree. Bone 0 is the root, the wrist of a hand. A digit ends in tips, which have its last bone's rotation. Of a
+fitted hand these are `<digit>_tip`, the end of the bone, and after it `<digit>_skin_tip`, the end of the
+digit, skin and all; of other skeletons `<digit>_receiver_tip`, the origin of the distal receiver
+(docs/conventions.md). At rest digits are straight, the first bone of each as it stands on average.
+
+Translations. Bones are as long as the tables say (`rest_offset_mm`), but joint centres that were solved
+joint by joint leave a gap, and skin leaves one in a fitted hand: what is in a frame beyond the rest offset
+is a joint's own small translation. `position_mm` holds it, so that every joint is where the tables have it.
+`stiffened` gives the skeleton without: the bones' rotations, every bone as long as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError
+from shukotsu.hand.neutral_bones import at_rest
+from shukotsu.hand.posed_recording import RecordingReader
+from shukotsu.hand.posing import Bools, Index, PosedRecording, rigid_positions
+from shukotsu.hand.rotations import Array, conjugate, from_matrix, multiply, rotate
+from shukotsu.study.layout import Layout
+from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
+from shukotsu.tables.poses import Poses, joined_poses
+from shukotsu.tables.whole_files import file_sha256
+
+
+def continuous_angles(angles_rad: Array) -> Array:
+    """Angles (T, ..., 3) in rad of turns about three axes at right angles, continuous over time.
+
+    angles_rad : those of each frame by itself. Of the two triples of every rotation, (a, b, c) and
+    (a + 180, 180 - b, c + 180 deg), that which is nearer to the frame before; then unwrapped. The first frame
+    stays as it is.
+    """
+    other = angles_rad * np.array([1.0, -1.0, 1.0]) + np.pi
+    swapped = _distance(other[1:], angles_rad[:-1]) < _distance(angles_rad[1:], angles_rad[:-1])
+    # second to second is as far as first to first
+    swapped = np.concatenate([np.zeros((1, *swapped.shape[1:]), bool), swapped])
+    second = np.logical_xor.accumulate(swapped, axis=0)
+    return np.asarray(np.unwrap(np.where(second[..., None], other, angles_rad), axis=0))
+
+
+def _distance(first: Array, second: Array) -> Array:
+    """Sum of three angles' distances (...) in rad, whole turns aside."""
+    return np.asarray(np.abs(np.mod(first - second + np.pi, 2 * np.pi) - np.pi).sum(-1))
+
+
+BONE_TO_WEBXR = from_matrix(np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+"""Quaternion (4,) from the WebXR frame of a bone to its frame in our tables: q_webxr = q_bone * this."""
+
+DISTAL = np.array([0.0, 0.0, -1.0])
+"""Along a bone, in its own frame."""
+
+SKIN_TIP, RECEIVER_TIP = "_skin_tip", "_receiver_tip"
+"""How the names of tips end that are not the end of a bone."""
+
+BLOCK_FRAMES = 4096
+"""Frames that a table is written of at a time."""
+
+MOVES_MM = 1e-5
+"""A joint that leaves its rest offset by more than this moves against the bone before."""
+
+MOST_FRAMES = 100_000
+"""Frames that are exported of a recording, seven minutes at 240 Hz: within 2 GB of memory."""
+
+Range = tuple[int | None, int | None]
+
+
+def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (None, None)) -> PosedRecording:
+    """Read one hand's skeleton under one model and its motion in one recording.
+
+    licence : the terms of use, to go into every file. frames : the first and the last to read by their
+    recorded numbers; None: to that end. Of more than MOST_FRAMES one in so many is read. Digits whose joints
+    failed, or that have no pose in any frame, are left out. Notes say so. Raises InputError where a table is
+    absent or its making failed, where no frame is in the range, where no digit is left, or where the layout's
+    digits do not hang together.
+    """
+    poses, thinned = _poses(reader, frames)
+    bones = reader.bones(poses)
+    if not reader.is_fitted:
+        joints = (replace(j, name=f"{j.digit}{RECEIVER_TIP}") if j.tip else j for j in bones.joints)
+        bones = replace(bones, joints=tuple(joints))
+    folder = reader.tables(JOINT_CENTRES.name).parent
+    where = f"{folder}: {reader.part.hand} hand, model {reader.model.name}"
+    if bones.root_failure:
+        raise InputError(f"{where}: {bones.root_failure}, and it is the skeleton's root")
+    for joint, offset in zip(bones.joints[1:], bones.rest_offset_mm[1:], strict=True):
+        if joint.parent < 0:
+            raise InputError(
+                f"digit {joint.digit} hangs from {reader.layout.digits[joint.digit].base}, which is no bone "
+                "of the skeleton; an export needs one tree, so give each part a layout of its own"
+            )
+        # of bones before a digit's first joint the motion tells the length
+        if joint.parent > 0 and not np.isnan(offset).all() and not offset[0] > 0:
+            raise InputError(
+                f"{where}: bone {bones.joints[joint.parent].segment} is {offset[0]} mm long in bone_lengths; "
+                "expected a length above 0, so look at its joints' status"
+            )
+    bones, unseen = _seen_digits(bones)
+    notes = [f"{digit} left out: {reason}" for digit, reason in {**bones.left_out, **unseen}.items()]
+    if len(bones.joints) < 2:
+        reasons = "; ".join(notes) or "the layout has none"
+        raise InputError(f"{where}: no digit of {reader.recording.name} can be exported: {reasons}")
+    of_model = (BONE_POSES, POSED_TIPS) if reader.is_fitted else (METACARPALS,)
+    files = (reader.tables(table.name) for table in (JOINT_CENTRES, BONE_LENGTHS, *of_model))
+    inputs = {
+        (file.relative_to(folder.parent).as_posix() if file.is_relative_to(folder.parent) else file.name): (
+            file_sha256(file)
+        )
+        for file in (reader.poses_file, *files)
+        if file.is_file()
+    }
+    origin = replace(bones.origin, inputs=inputs, licence=licence)
+    motion = in_webxr(replace(bones, origin=origin, notes=(*notes, *thinned)), reader.layout)
+    if frames == (None, None):
+        return motion
+    inside = _inside(motion.frame, frames)
+    if not len(inside):
+        first, last = ("" if end is None else end for end in frames)
+        whole = f"; it has {motion.frame[0]} to {motion.frame[-1]}" if len(motion.frame) else ""
+        raise InputError(f"--frames: no frame of the recording is in {first}:{last}{whole}")
+    motion = motion.take(inside)
+    return motion.noting(f"frames {motion.frame[0]} to {motion.frame[-1]} only, as asked")
+
+
+def _poses(reader: RecordingReader, frames: Range) -> tuple[Poses, list[str]]:
+    """Read receivers, of a long recording in that range and no more than MOST_FRAMES; and a note on these."""
+    every = -(-reader.n_frames // MOST_FRAMES)
+    if every > 1 and frames != (None, None):
+        poses = joined_poses([block.take(_inside(block.frame, frames)) for block in reader.pose_blocks()])
+        every = -(-len(poses.frame) // MOST_FRAMES)
+        poses = poses.take(slice(None, None, every or 1))
+    else:
+        poses = reader.poses(every)
+    some = f"one frame in {every}, as no more than {MOST_FRAMES} are exported; --frames has all of a part"
+    return poses, [some] if every > 1 else []
+
+
+def _inside(frame: Index, frames: Range) -> Index:
+    """Return the rows of frames (T,) that are in the range."""
+    first, last = frames
+    low, high = -np.inf if first is None else first, np.inf if last is None else last
+    return np.flatnonzero((frame >= low) & (frame <= high))
+
+
+def in_webxr(bones: PosedRecording, layout: Layout) -> PosedRecording:
+    """Return the motion in WebXR frames, a thumb's facing its nail, with rotations that are continuous.
+
+    bones : one tree, every digit with a pose in some frame.
+    """
+    unsaid = np.asarray(np.isnan(bones.rest_offset_mm).all(-1))  # of digits' first bones: as on average
+    bones = at_rest(layout, bones)
+    offset_mm = np.where(unsaid[:, None], np.nan_to_num(bones.rest_offset_mm), bones.rest_offset_mm)
+    rest = np.where(unsaid[:, None], bones.rest, [1.0, 0.0, 0.0, 0.0])
+    back, there = conjugate(BONE_TO_WEBXR), bones.receivers
+    valid = there.valid[..., None]
+    return replace(
+        bones,
+        quaternion=continuous(multiply(bones.quaternion, BONE_TO_WEBXR)),
+        receivers=replace(
+            there,
+            position_mm=np.where(valid, there.position_mm, np.nan),
+            quaternion=continuous(np.where(valid, there.quaternion, np.nan)),
+        ),
+        rest_offset_mm=rotate(back, offset_mm),
+        axis=rotate(back, bones.axis),
+        rest=multiply(back, multiply(rest, BONE_TO_WEBXR)),
+        neutral=multiply(back, multiply(bones.neutral, BONE_TO_WEBXR)),
+        rate_hz=nominal_rate_hz(there.frame, there.time_s),
+    )
+
+
+def _seen_digits(bones: PosedRecording) -> tuple[PosedRecording, dict[str, str]]:
+    """Return the bones without the digits of which a joint has no pose in any frame, and the reasons.
+
+    What hangs from such a digit goes with it. An end of the skin that is known in no frame, as of digits
+    without known anatomy, goes alone.
+    """
+    seen = np.asarray(bones.known.any(0))
+    some = bool(len(bones.position_mm))
+    unseen: dict[str, str] = {}
+    kept = [0]
+    for index, joint in enumerate(bones.joints[1:], 1):
+        if joint.name.endswith(SKIN_TIP) and not np.isfinite(bones.position_mm[:, index]).any():
+            continue
+        kept.append(index)
+        if some and (bones.joints[joint.parent].digit in unseen or not seen[index]):
+            unseen.setdefault(joint.digit, f"{joint.name} has no pose in any frame")
+    kept = [index for index in kept if bones.joints[index].digit not in unseen]
+    return (bones if len(kept) == len(bones.joints) else bones.only(kept)), unseen
+
+
+def blocks(motion: PosedRecording, size: int = BLOCK_FRAMES) -> Iterator[PosedRecording]:
+    """Yield the motion so many frames at a time, in order; none where there is no frame."""
+    for start in range(0, len(motion.frame), size):
+        yield motion.take(slice(start, start + size))
+
+
+def carrier(motion: PosedRecording, tip: int) -> tuple[int, Array]:
+    """Return the index of the joint whose bone a tip ends, and where on the bone it rests, (3,)."""
+    offset_mm, above = motion.rest_offset_mm[tip], motion.joints[tip].parent
+    while motion.joints[above].tip:  # tips have the bone's own rotation
+        offset_mm, above = offset_mm + motion.rest_offset_mm[above], motion.joints[above].parent
+    return above, offset_mm
+
+
+def with_receivers(motion: PosedRecording, kept: Bools) -> PosedRecording:
+    """Return the motion with some of the receivers (R,)."""
+    there = motion.receivers
+    segments = tuple(np.array(there.segments, object)[kept])
+    arrays = (there.position_mm[:, kept], there.quaternion[:, kept], there.valid[:, kept])
+    return replace(motion, receivers=Poses(segments, there.frame, there.time_s, *arrays))
+
+
+def with_seen_receivers(motion: PosedRecording) -> tuple[PosedRecording, tuple[str, ...]]:
+    """Return the motion without receivers that have no pose in any frame, and a sentence where it had some.
+
+    A layout may name receivers that a recording was made without, a forearm's for one.
+    """
+    seen = np.asarray(motion.receivers.valid.any(0))
+    if seen.all():
+        return motion, ()
+    absent = ", ".join(np.array(motion.receivers.segments, object)[~seen])
+    return with_receivers(motion, seen), (f"receivers that have no pose in any frame: {absent}",)
+
+
+def local_motion(motion: PosedRecording) -> tuple[Array, Array]:
+    """Return each joint's pose in its parent's bone frame, of the root in the world: (T, J, 3), (T, J, 4).
+
+    The offset is the rest offset plus the joint's own translation in that frame; signs of the quaternions are
+    continuous; NaN in gaps of either bone.
+    """
+    parents, position, turn = motion.parents, motion.position_mm, motion.quaternion
+    back = conjugate(turn[:, parents])
+    offset, local = rotate(back, position - position[:, parents]), multiply(back, turn)
+    offset[:, parents < 0], local[:, parents < 0] = position[:, parents < 0], turn[:, parents < 0]
+    return offset, continuous(local)
+
+
+def rest_pose(motion: PosedRecording) -> tuple[Array, Array]:
+    """Return positions (B, 3) mm and rotations (B, 4) of bone frames at rest, in the root's bone frame."""
+    position, turn = np.zeros((len(motion.joints), 3)), motion.rest.copy()
+    for index, joint in enumerate(motion.joints[1:], 1):
+        above = turn[joint.parent]
+        position[index] = position[joint.parent] + rotate(above, motion.rest_offset_mm[index])
+        turn[index] = multiply(above, motion.rest[index])
+    return position, turn
+
+
+def stiffened(motion: PosedRecording) -> PosedRecording:
+    """Return the motion with rotations only: joints at their rest offsets, the root where it is.
+
+    For programs that know no stretching bones. Rotations stay; a note says how far a joint is moved at
+    most. Of a skeleton that is no fitted hand this is the replay with the least-squares binding, and its tips
+    are those of the tips table.
+    """
+    position = rigid_positions(motion)
+    moved_mm = np.linalg.norm(position - motion.position_mm, axis=-1)
+    note = "bones kept at their length"
+    if np.isfinite(moved_mm).any():
+        largest = np.nan_to_num(moved_mm, nan=-1.0).max(0)
+        note += (
+            f", which moves joints by up to {largest.max():.3f} mm ({motion.names[int(largest.argmax())]}), "
+            f"rms {np.sqrt(np.nanmean(moved_mm**2)):.3f} mm"
+        )
+    return replace(motion, position_mm=position).noting(note)
+
+
+def continuous(quaternion: Array) -> Array:
+    """Return quaternions (T, N, 4) of every point as `continuous_series` has them."""
+    out = quaternion.copy()
+    for index in range(quaternion.shape[1]):
+        out[:, index] = continuous_series(quaternion[:, index])
+    return out
+
+
+def continuous_series(quaternion: Array) -> Array:
+    """Return quaternions (T, 4) with signs that bring known neighbours in time within 90 deg as 4-vectors.
+
+    The first known has w >= 0. NaN stays.
+    """
+    out, finite = quaternion.copy(), np.flatnonzero(np.isfinite(quaternion).all(-1))
+    if len(finite):
+        series = quaternion[finite]
+        start = -1.0 if series[0, 0] < 0 else 1.0
+        turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
+        out[finite] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
+    return out
+
+
+def nominal_rate_hz(frame: Index, time_s: Array) -> float:
+    """Return frames a second: the median over neighbours; NaN where there are none with times that grow."""
+    step = np.diff(frame)
+    usual = step == (np.median(step) if len(step) else 0)
+    interval = np.diff(time_s)[usual]
+    interval = interval[np.isfinite(interval) & (interval > 0)]
+    return float(1.0 / np.median(interval)) if len(interval) else float("nan")
+
+
+def require_whole(motion: PosedRecording, path: Path, name: str) -> None:
+    """Raise InputError where the motion has no frame, or one without a pose of every joint.
+
+    name : of the format, in the sentence.
+    """
+    if not len(motion.frame) or not motion.whole.all():
+        raise InputError(
+            f"{path}: {name} holds no frame without a pose and no file without a frame; choose --gaps hold, "
+            "cut or interpolate"
+        )
+
+
+def require_times(motion: PosedRecording, times: npt.NDArray[np.floating], path: Path, name: str) -> None:
+    """Raise InputError where the frames have no device time, or it does not grow.
+
+    times : (T,) as the format holds them, from the motion's device time.
+    """
+    if len(times) < 2:
+        return
+    if not np.isfinite(motion.time_s).all():
+        raise InputError(
+            f"{path}: the recording has no device time, and {name} needs it; give its rate_hz in a mapping"
+        )
+    still = np.flatnonzero(~(np.diff(times) > 0))
+    if len(still):
+        raise InputError(
+            f"{path}: device time does not grow from frame {motion.frame[still[0]]} to the next, as in "
+            f"{name} it must; choose --frames that leave this out"
+        )

@@ -1,0 +1,301 @@
+"""Motion-BIDS: a dataset that gathers recordings, for neuroscience and human-computer interaction.
+
+Of every recording two tracking systems are written: `tracksys-righthand`, the receivers, and
+`tracksys-righthandskeleton` with the model's name, joints, bones and joint angles. Positions are in metres,
+joint angles in degrees. Recordings of one dataset must not be added at the same time.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
+
+from shukotsu import PROGRAM, VERSION
+from shukotsu.errors import InputError
+from shukotsu.export.file_facts import BONE_FRAME, facts
+from shukotsu.export.motion import RECEIVER_TIP, SKIN_TIP, blocks, with_seen_receivers
+from shukotsu.export.tidy_csv import bone_angles_deg
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import Array
+from shukotsu.tables import limits
+from shukotsu.tables.poses import RecordingName
+from shukotsu.tables.text_files import read_text
+from shukotsu.tables.whole_files import replacing, write_text
+
+DESCRIPTION, PARTICIPANTS = "dataset_description.json", "participants.tsv"
+BEFORE_DESCRIPTION = ("README", PARTICIPANTS, "participants.json")
+"""Files of a dataset that are written before its description."""
+EXTRA_KEY = "Shukotsu"
+"""Key of motion.json under which stands what BIDS has no key for."""
+TYPES = ("ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL")
+ALONE_HZ = 60.0
+"""SamplingFrequency of a single frame, whose rate nobody knows: the validator takes no n/a there."""
+UNKNOWN = ("Instructions", "Manufacturer", "ManufacturersModelName", "DeviceSerialNumber", "InstitutionName",
+           "InstitutionAddress", "InstitutionalDepartmentName", "SubjectArtefactDescription")  # fmt: skip
+"""Keys of motion.json that BIDS recommends and no table holds."""
+
+README = f"""Hand motion from magnetic receivers, exported by {PROGRAM}.
+
+Tracking systems "righthand" and "lefthand" are the receivers as recorded; with "skeleton" and a model's
+name, that person's joints, bones and joint angles, computed from them. Metres, degrees, unit quaternions to
+the transmitter's frame; n/a where there was no pose. Whole names stand under "{EXTRA_KEY}" in motion.json and
+in participants.tsv. In a label Q starts a stand-in: Qs a blank, Qd a hyphen, Qu an underscore, Qp a point,
+QQ the letter Q, Qx and x around another character's code point in hexadecimal.
+"""
+_UNITS = {"_mm": {"Units": "mm"}}
+_NAME = {"name": {"Description": "The subject's name, of which participant_id is made."}}
+_POSES = (
+    "The transmitter's frame, right-handed. Orientations are unit quaternions that take coordinates of the"
+)
+_JOINT_ANGLES = (
+    "Angles of a bone against the bone before it by the joint coordinate system (Wu et al. 2005, J Biomech "
+    "38:981). Flexion, ulnar deviation and pronation are positive, in both hands. Zero is the straight digit."
+)
+
+
+class Channel(NamedTuple):
+    """A column of motion.tsv: values (T,), NaN or null in gaps, and its row of channels.tsv."""
+
+    values: pa.Array
+    name: str
+    component: str
+    type: str
+    tracked_point: str
+    units: str
+    description: str
+
+    def row(self, rate_hz: str) -> dict[str, str]:
+        """Return its row of channels.tsv."""
+        frames = {"POS": "transmitter", "ORNT": "transmitter", "JNTANG": "parent_bone"}
+        texts = {key: value for key, value in self._asdict().items() if key not in ("values", "description")}
+        placed = {"placement": self.tracked_point, "reference_frame": frames.get(self.type, "n/a")}
+        status = {"status": "good", "status_description": "n/a", "sampling_frequency": rate_hz}
+        return texts | placed | {"description": self.description} | status
+
+
+def label(name: str) -> str:
+    """Return a name as a BIDS label, of ASCII letters and digits; no two names share one."""
+    short = {"Q": "Q", "_": "u", "-": "d", " ": "s", ".": "p"}
+    return re.sub(r"[^A-PR-Za-z0-9]", lambda odd: "Q" + short.get(odd[0], f"x{ord(odd[0]):x}x"), name)
+
+
+def recording_path(name: RecordingName, model: str = "") -> str:
+    """Return the path of a tracking system's files, up to their ending; a trial without a number is `acq`."""
+    who = [f"sub-{label(name.subject)}", *([f"ses-{label(name.session)}"] if name.session else [])]
+    system = f"{label(name.hand)}hand" + (f"skeleton{label(model)}" if model else "")
+    numbered = re.fullmatch(r"[0-9]+", name.trial)
+    trial = f"_run-{name.trial}" if numbered else f"_acq-{label(name.trial)}" if name.trial else ""
+    return f"{'/'.join(who)}/motion/{'_'.join(who)}_task-{label(name.task)}_tracksys-{system}{trial}"
+
+
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
+    """Add a recording to the dataset whose description `path` is, or replace it; return what files lack.
+
+    Raises InputError where there is no frame, no rate is known for several, or the folder is no dataset.
+    """
+    if not len(motion.frame):
+        raise InputError(f"{path}: Motion-BIDS holds no recording without a frame; widen --frames")
+    if len(motion.frame) > 1 and not np.isfinite(motion.rate_hz):
+        raise InputError(
+            f"{path}: the recording has no device time and BIDS needs a rate; give rate_hz in a mapping"
+        )
+    motion, unseen = with_seen_receivers(motion)
+    add_participant(path.parent, motion.origin.recording.subject, motion.origin.licence)
+    all_facts = facts(motion, "m", "")
+    receiver_facts = {key: value for key, value in all_facts.items() if key not in ("model", "bone_frame")}
+    receiver_facts["inputs_sha256"] = {
+        name: sha for name, sha in motion.origin.inputs.items() if name.rpartition("/")[2] == "poses.parquet"
+    }  # receivers are the same by any model
+    _write_system(path.parent, motion, "", receiver_facts, _receiver_channels)
+    _write_system(path.parent, motion, motion.origin.model, all_facts, _skeleton_channels)
+    if np.isfinite(motion.rate_hz):
+        return unseen
+    return (*unseen, f"a sampling frequency, which one frame does not have; {ALONE_HZ:g} Hz stands for it")
+
+
+def _write_system(
+    folder: Path,
+    motion: PosedRecording,
+    model: str,
+    more_facts: Mapping[str, Any],
+    channels_of: Callable[[PosedRecording], Iterable[Channel]],
+) -> None:
+    """Write the four files of a tracking system, motion.tsv last; model : empty of the receivers."""
+    timed = motion.time_s[np.isfinite(motion.time_s)]
+    name, rates = motion.origin.recording, sampling_rates(motion.rate_hz, motion.time_s)
+
+    def channels(part: PosedRecording) -> list[Channel]:
+        return [*_clock_channels(part, timed), *channels_of(part)]
+
+    first = channels(motion.take(slice(0, 1)))
+    types = [channel.type for channel in first]
+    points = list(motion.names if model else motion.receivers.segments)
+    what = f"Skeleton by the model {model}" if model else "Receivers"
+    stem = recording_path(name, model)
+    motion_json = {
+        "TaskName": name.task,
+        "TaskDescription": f"Task {name.task}, {name.hand} hand. {what}.",
+        **rates,
+        "TrackingSystemName": stem.split("_tracksys-")[1].split("_")[0],
+        "SoftwareVersions": f"{PROGRAM} {VERSION}",
+        **dict.fromkeys(UNKNOWN, "n/a"),
+        "MissingValues": "n/a",
+        "TrackedPointsCount": len(points),
+        "MotionChannelCount": len(types),
+        **{f"{kind}ChannelCount": types.count(kind) for kind in TYPES},
+        EXTRA_KEY: {
+            "FrameChannel": "frame",
+            "TimeChannels": dict.fromkeys(points, "time") if len(timed) else {},
+            **more_facts,
+        },
+    }
+    rate = f"{rates['SamplingFrequency']:.6f}".rstrip("0").rstrip(".") if len(rates) > 1 else "n/a"
+    rows = [channel.row(rate) for channel in first]
+    turned = f"bone to this frame. A bone's own frame: {BONE_FRAME}" if model else "receiver to this frame"
+    level = {"SpatialAxes": "n/a", "RotationRule": "n/a", "RotationOrder": "n/a"}
+    posed = {"RotationRule": "right-hand", "Description": f"{_POSES} {turned}. How it lies is not recorded."}
+    levels = {"transmitter": level | posed}
+    if "JNTANG" in types:
+        levels["parent_bone"] = level | {"Description": _JOINT_ANGLES}
+    frames = {"Description": "The frame that positions and orientations are given in.", "Levels": levels}
+    write_text(folder / f"{stem}_channels.tsv", tsv_text([list(rows[0]), *(row.values() for row in rows)]))
+    write_text(folder / f"{stem}_channels.json", json_text({"reference_frame": frames}))
+    write_text(folder / f"{stem}_motion.json", json_text(motion_json))
+    options = pa_csv.WriteOptions(include_header=False, delimiter="\t", quoting_style="none")
+    with replacing(folder / f"{stem}_motion.tsv") as temporary, temporary.open("wb") as stream:
+        for part in blocks(motion):
+            texts = [pc.cast(channel.values, pa.string()).fill_null("n/a") for channel in channels(part)]
+            pa_csv.write_csv(pa.table(texts, [str(i) for i in range(len(texts))]), stream, options)
+
+
+def sampling_rates(rate_hz: float, time_s: Array) -> dict[str, float]:
+    """Return SamplingFrequency and what times (T,), NaN where unknown, add; one frame may have no rate."""
+    if not np.isfinite(rate_hz):
+        return {"SamplingFrequency": ALONE_HZ}
+    rate_hz, timed = round(rate_hz, 6), time_s[np.isfinite(time_s)]
+    span_s = float(timed[-1] - timed[0]) if len(timed) else 0.0
+    return {
+        "SamplingFrequency": rate_hz,
+        "SamplingFrequencyEffective": round((len(timed) - 1) / span_s, 6) if span_s > 0 else rate_hz,
+        "RecordingDuration": round((span_s if span_s > 0 else (len(time_s) - 1) / rate_hz) + 1 / rate_hz, 6),
+    }
+
+
+def _clock_channels(motion: PosedRecording, timed: Array) -> Iterable[Channel]:
+    """Frame numbers; latency as BIDS wants it, from the recording's first time, and device time."""
+    frame = pa.array(motion.frame)
+    yield Channel(frame, "frame", "n/a", "MISC", "n/a", "n/a", "frame number of the tracker")
+    if len(timed):
+        latency = [f"{t - timed[0]:.6f}" if np.isfinite(t) else None for t in motion.time_s]
+        since = "time since the first sample"
+        yield Channel(pa.array(latency, pa.string()), "latency", "n/a", "LATENCY", "n/a", "s", since)
+        device = pa.array(motion.time_s, from_pandas=True)
+        yield Channel(device, "time", "n/a", "MISC", "n/a", "s", "time of the tracker")
+
+
+def _receiver_channels(motion: PosedRecording) -> Iterable[Channel]:
+    """Every receiver's pose, tracked points being the segments that carry them."""
+    receivers = motion.receivers
+    for index, segment in enumerate(receivers.segments):
+        yield from _numbers(segment, "POS", "receiver", receivers.position_mm[:, index])
+        yield from _numbers(segment, "ORNT", "receiver", receivers.quaternion[:, index])
+
+
+def _skeleton_channels(motion: PosedRecording) -> Iterable[Channel]:
+    """Every joint's position, the rotation of the bone that starts there, and angles of known anatomy."""
+    for index, joint in enumerate(motion.joints):
+        ends = {SKIN_TIP: "end of the digit, skin and all", RECEIVER_TIP: "distal receiver's origin"}
+        end = next((kind for name, kind in ends.items() if joint.name.endswith(name)), "end of the last bone")
+        yield from _numbers(joint.name, "POS", end if joint.tip else "joint", motion.position_mm[:, index])
+        if not joint.tip:
+            yield from _numbers(joint.name, "ORNT", "bone", motion.quaternion[:, index])
+    names, angles_deg = bone_angles_deg(motion)
+    for index, joint_name in enumerate(names):
+        signed = "joint, signed as reference_frame says"
+        yield from _numbers(joint_name, "JNTANG", signed, angles_deg[:, index])
+
+
+def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[Channel]:
+    """Channels of positions (T, 3) in mm, rotations (T, 4) or joint angles (T, 3) in degrees, NaN in gaps."""
+    unit, text, names, digits = {
+        "POS": ("m", "position of the {}, {}", ("pos_x", "pos_y", "pos_z"), 12),
+        "ORNT": ("n/a", "{} to transmitter frame, {}", ("quat_w", "quat_x", "quat_y", "quat_z"), 12),
+        "JNTANG": ("deg", "{1} of the {0}", ("flexion", "abduction", "rotation"), 6),
+    }[kind]
+    scaled = (values / 1000 if kind == "POS" else values).round(digits) + 0.0  # + 0.0: no minus zero
+    for name, column in zip(names, scaled.T, strict=True):
+        part = {"POS": name[-1:], "ORNT": name}.get(kind, "n/a")
+        numbers = pa.array(column, from_pandas=True)
+        described = text.format(what, name if kind == "JNTANG" else part)
+        yield Channel(numbers, f"{point}_{name}", part, kind, point, unit, described)
+
+
+def check_folder(folder: Path) -> None:
+    """Raise InputError where a folder to write to is a file or holds something else than a dataset."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; expected a folder for the dataset")
+    others = [path for path in folder.glob("[!.]*") if path.name not in BEFORE_DESCRIPTION]
+    if others and not (folder / DESCRIPTION).is_file():
+        raise InputError(f"{folder}: holds files but no {DESCRIPTION}; expected a new folder or a dataset")
+
+
+def tsv_text(rows: Iterable[Iterable[object]]) -> str:
+    """Format rows as the text of a TSV file: no tab or line break in a cell, n/a for nothing."""
+    cell = lambda value: "n/a" if value is None else " ".join(str(value).split()) or "n/a"  # noqa: E731
+    return "".join("\t".join(map(cell, row)) + "\n" for row in rows)
+
+
+def json_text(content: Mapping[str, Any]) -> str:
+    """Format a JSON object as the text of a sidecar."""
+    return json.dumps(content, ensure_ascii=False, indent=2) + "\n"
+
+
+def write_dataset_files(
+    folder: Path, name: str, participants: Mapping[str, Mapping[str, Any]], licence: str = ""
+) -> None:
+    """Write or replace the files that describe a whole dataset. Raises InputError where the folder is none.
+
+    participants : subject -> more columns of participants.tsv, the same ones of all, None where not known.
+    """
+    check_folder(folder)
+    columns = dict.fromkeys(column for values in participants.values() for column in values)
+    more = [column for column in columns if column not in ("participant_id", "name")]
+    rows = [
+        [f"sub-{label(subject)}", subject, *(values.get(column) for column in more)]
+        for subject, values in participants.items()
+    ]
+    sheet = "as the study's sheet has it."
+    described = _NAME | {n: {"Description": f"{n} {sheet}"} | _UNITS.get(n[-3:], {}) for n in more}
+    write_text(folder / "README", README)
+    write_text(folder / PARTICIPANTS, tsv_text([["participant_id", "name", *more], *sorted(rows)]))
+    write_text(folder / "participants.json", json_text(described))
+    description = {"Name": name, "BIDSVersion": "1.10.0", "DatasetType": "raw"}
+    generated = [{"Name": PROGRAM, "Version": VERSION}]
+    licensed = {"License": licence} if licence else {}
+    write_text(folder / DESCRIPTION, json_text(description | licensed | {"GeneratedBy": generated}))
+
+
+def add_participant(folder: Path, subject: str, licence: str = "") -> None:
+    """Add a subject to a dataset that does not have it; a folder without one becomes one of that subject."""
+    check_folder(folder)
+    path = folder / PARTICIPANTS
+    if not (folder / DESCRIPTION).is_file():
+        write_dataset_files(folder, folder.resolve().name, {subject: {}}, licence)
+        return
+    text = read_text(path, "a dataset's participants", limits.SHEET_BYTES) if path.exists() else ""
+    header, *rows = csv.reader(io.StringIO(text), delimiter="\t", quoting=csv.QUOTE_NONE) if text else [[]]
+    if header[:2] != ["participant_id", "name"]:
+        raise InputError(f"{path}: expected the columns participant_id and name first; found {header[:2]}")
+    if f"sub-{label(subject)}" not in [row[0] for row in rows]:
+        added = [f"sub-{label(subject)}", subject, *["n/a"] * (len(header) - 2)]
+        write_text(path, tsv_text([header, *sorted([*rows, added])]))

@@ -1,0 +1,509 @@
+"""OpenSim: a person's skeleton as a model, its motion, its receivers as markers, and inverse kinematics.
+
+Five files with one stem: `.osim`, the model; `.mot`, its coordinates over time, which place every joint where
+the tables have it; `.trc`, the receivers as they were measured, a triad of markers each; `_ik_setup.xml`,
+which has OpenSim find the coordinates from the markers by its own inverse kinematics, on `_ik.osim`. The
+ground is the transmitter's frame with Y up; metres and degrees, markers in mm.
+
+`_ik.osim` is the same model with coordinates locked that markers do not tell: the joints' own translations,
+and the axial rotation of bones without a receiver. In `.osim` they are free, as OpenSim leaves a locked
+coordinate where it is when it plays a motion, and says nothing.
+
+A triad is a receiver's origin and a point 10 mm along every axis of its solid. On a bone it sits where it was
+on average over the recording; in the laboratory it is where the receiver was measured. What is between the
+two is skin, and the error of the skeleton. `.mot` and `.trc` are tab-separated lines under a header, numbers
+with as few digits as they need.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from shukotsu import PROGRAM, VERSION
+from shukotsu.export.file_facts import facts_text
+from shukotsu.export.kinematic_tree import (
+    Body,
+    JointForm,
+    body_fixed_rad,
+    body_of,
+    fixed_points,
+    joint_forms,
+    shortest_turn,
+)
+from shukotsu.export.motion import BLOCK_FRAMES, carrier, require_times, require_whole
+from shukotsu.export.rigging import plain_names
+from shukotsu.hand.posing import Bools, Origin, PosedRecording, known_points
+from shukotsu.hand.rotations import Array, conjugate, matrix, mean_rotation, multiply, rotate
+from shukotsu.tables.poses import Poses
+from shukotsu.tables.whole_files import replacing, write_text
+
+ARM_MM = 10.0
+POINTS_MM = np.vstack([np.zeros(3), ARM_MM * np.eye(3)])
+POINTS = ("o", "x", "y", "z")
+"""Names of the points of a triad, after the receiver's segment."""
+
+
+@dataclass(frozen=True)
+class Triad:
+    """A receiver and the body that carries it.
+
+    form : index of the body's form. markers : names of its points. local_mm : (4, 3) in the bone's frame.
+    receiver : its place among the motion's. spread_mm : RMS distance of the points from where the bone would
+    have them.
+    """
+
+    segment: str
+    form: int
+    markers: tuple[str, ...]
+    local_mm: Array
+    receiver: int
+    spread_mm: float
+
+    def measured_mm(self, receivers: Poses) -> Array:
+        """Return the points in the ground, (n, 12), in the receivers' frames; NaN where it is not valid."""
+        origin, turn = (values[:, self.receiver] for values in (receivers.position_mm, receivers.quaternion))
+        return (origin[:, None] + rotate(turn[:, None], POINTS_MM)).reshape(-1, 12)
+
+
+def triads(motion: PosedRecording, forms: tuple[JointForm, ...]) -> tuple[list[Triad], list[str]]:
+    """Return triads of all receivers that sit on a bone of the skeleton, and sentences on the others."""
+    receivers, placed, lost = motion.receivers, [], []
+    carriers = {
+        motion.joints[form.index].segment: position for position, form in reversed(list(enumerate(forms)))
+    }
+    names = plain_names(receivers.segments)
+    for number, (segment, name) in enumerate(zip(receivers.segments, names, strict=True)):
+        position, turn = receivers.position_mm[:, number], receivers.quaternion[:, number]
+        seen = np.isfinite(position).all(-1) & np.isfinite(turn).all(-1)
+        if segment not in carriers or not seen.any():
+            why = "is on no bone of the skeleton" if segment not in carriers else "is valid in no frame"
+            lost.append(f"receiver {segment}, which {why}")
+            continue
+        form = carriers[segment]
+        index = forms[form].index
+        bone_mm, bone = motion.position_mm[:, index], motion.quaternion[:, index]
+        back = conjugate(bone)
+        origin = rotate(back, position - bone_mm)[seen].mean(0)
+        local = origin + rotate(mean_rotation(multiply(back, turn)[seen]), POINTS_MM)
+        squares = 0.0
+        for point, on_bone in zip(POINTS_MM, local, strict=True):
+            beyond = position + rotate(turn, point) - bone_mm - rotate(bone, on_bone)
+            squares += float(np.sum(beyond[seen] ** 2))
+        markers = tuple(f"{name}_{point}" for point in POINTS)
+        spread = float(np.sqrt(squares / (len(POINTS) * seen.sum())))
+        placed.append(Triad(segment, form, markers, local, number, spread))
+    return placed, lost
+
+
+XML_VERSION = "40600"
+"""Version of the XML, OpenSim 4.6; later ones read it as well."""
+
+GRAVITY = (0.0, -9.80665, 0.0)
+_ROOM_DEG = 30.0
+_ROOM_MM = 10.0
+_BONE_COLOUR = "0.94 0.89 0.78"
+_JOINT_COLOUR = "0.55 0.60 0.68"
+_RANGE_STEP_DEG = 10.0
+
+_M_PER_MM = 1e-3
+_Y = np.array([0.0, 1.0, 0.0])
+
+
+def model_xml(
+    motion: PosedRecording,
+    forms: Sequence[JointForm],
+    receivers: Sequence[Triad],
+    title: str,
+    credit: str,
+    publications: str,
+    held: Mapping[str, float],
+) -> str:
+    """Return the whole file. title : the model's name, ASCII. credit, publications : text of any script.
+
+    held : coordinates that are locked, and where, rad or mm.
+    """
+    document = ET.Element("OpenSimDocument", Version=XML_VERSION)
+    model = add(
+        document,
+        "Model",
+        title,
+        credits=clean(credit),
+        publications=clean(publications),
+        length_units="meters",
+        force_units="N",
+        gravity=numbers(GRAVITY),
+    )
+    bodies, joints, markers = (
+        ET.SubElement(ET.SubElement(model, kind, name=kind.lower()), "objects")
+        for kind in ("BodySet", "JointSet", "MarkerSet")
+    )
+    for form in forms:
+        _add_body(bodies, form, body_of(motion, form))
+        _add_joint(joints, forms, form, held)
+    for triad in receivers:
+        for name, at_mm in zip(triad.markers, triad.local_mm, strict=True):
+            _add_marker(markers, name, forms[triad.form].body, at_mm)
+    taken = [name for triad in receivers for name in triad.markers]
+    for name, form, at_mm in fixed_points(motion, forms, taken):
+        _add_marker(markers, name, form.body, at_mm)
+    return as_text(document)
+
+
+def add(parent: ET.Element, tag: str, name: str, **properties: str) -> ET.Element:
+    """Add an object of OpenSim, an element with a name, and in it one for every property."""
+    element = ET.SubElement(parent, tag, name=name)
+    for key, text in properties.items():
+        ET.SubElement(element, key).text = text
+    return element
+
+
+def as_text(document: ET.Element) -> str:
+    """Format XML with a declaration, indented by tabs."""
+    ET.indent(document, "\t")
+    return '<?xml version="1.0" encoding="UTF-8" ?>\n' + ET.tostring(document, "unicode") + "\n"
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Format numbers to 12 digits, blanks between them."""
+    return " ".join(f"{round(float(value), 12) + 0.0:.12g}" for value in values)
+
+
+def metres(lengths_mm: Array | float) -> str:
+    """Format lengths in metres."""
+    return numbers(np.atleast_1d(lengths_mm) * _M_PER_MM)
+
+
+def clean(text: str) -> str:
+    """Return text without the control characters that XML cannot hold."""
+    return "".join(c if c in "\n\t" or (c.isprintable() or c == " ") else "?" for c in text)
+
+
+def _add_body(parent: ET.Element, form: JointForm, solid: Body) -> None:
+    body = ET.SubElement(parent, "Body", name=form.body)
+    if len(solid.spans_mm):
+        components = ET.SubElement(body, "components")
+        for number, span in enumerate(solid.spans_mm, 1):
+            _add_bone_shape(components, number, span)
+    _add_shape(body, "Sphere", "joint_shape", _JOINT_COLOUR, radius=metres(0.06 * solid.length_mm))
+    ET.SubElement(body, "mass").text = numbers([solid.mass_kg])
+    ET.SubElement(body, "mass_center").text = metres(solid.middle_mm)
+    ET.SubElement(body, "inertia").text = " ".join(
+        f"{value:.9g}" for value in (*solid.inertia_kg_m2, 0, 0, 0)
+    )
+
+
+def _add_bone_shape(parent: ET.Element, number: int, span_mm: Array) -> None:
+    """A cylinder from the joint to the next; OpenSim's stand along Y."""
+    length = float(np.linalg.norm(span_mm))
+    frame = ET.SubElement(parent, "PhysicalOffsetFrame", name=f"bone{number}")
+    size = {"radius": metres(0.08 * length), "half_height": metres(0.46 * length)}
+    _add_shape(frame, "Cylinder", "shape", _BONE_COLOUR, **size)
+    ET.SubElement(frame, "socket_parent").text = ".."
+    ET.SubElement(frame, "translation").text = metres(span_mm / 2)
+    turn = body_fixed_rad(matrix(shortest_turn(_Y, span_mm / length)))
+    ET.SubElement(frame, "orientation").text = numbers(turn)
+
+
+def _add_shape(parent: ET.Element, kind: str, name: str, colour: str, **size: str) -> None:
+    shapes = ET.SubElement(parent, "attached_geometry")
+    shape = add(shapes, kind, name, socket_frame="..", scale_factors="1 1 1")
+    look = ET.SubElement(shape, "Appearance")
+    ET.SubElement(look, "opacity").text = "1"
+    ET.SubElement(look, "color").text = colour
+    for key, text in size.items():
+        ET.SubElement(shape, key).text = text
+
+
+def _add_joint(
+    parent: ET.Element, forms: Sequence[JointForm], form: JointForm, held: Mapping[str, float]
+) -> None:
+    kind = "CustomJoint" if form.coordinates else "WeldJoint"
+    before = "/ground" if form.parent < 0 else f"/bodyset/{forms[form.parent].body}"
+    frame_name = f"{form.name}_frame"
+    sockets = {"socket_parent_frame": frame_name, "socket_child_frame": f"/bodyset/{form.body}"}
+    joint = add(parent, kind, form.name, **sockets)
+    if form.coordinates:
+        coordinates = ET.SubElement(joint, "coordinates")
+        for turn in form.turns:
+            start = held.get(turn.name, float(turn.values[0]))
+            limits = np.radians(_range(np.degrees(turn.values), _RANGE_STEP_DEG, _ROOM_DEG))
+            _add_coordinate(coordinates, turn.name, limits, start, turn.name in held)
+        for shift in form.shifts:
+            start = float(shift.values[0]) if form.parent < 0 else held.get(shift.name, 0.0)
+            locked = shift.name in held
+            limits = np.multiply(_range(shift.values, _ROOM_MM, _ROOM_MM), _M_PER_MM)
+            _add_coordinate(coordinates, shift.name, limits, start * _M_PER_MM, locked)
+    add(
+        ET.SubElement(joint, "frames"),
+        "PhysicalOffsetFrame",
+        frame_name,
+        socket_parent=before,
+        translation=metres(form.offset_mm),
+        orientation=numbers(body_fixed_rad(matrix(form.quaternion))),
+    )
+    if form.coordinates:
+        _add_spatial_transform(joint, form)
+
+
+def _add_coordinate(parent: ET.Element, name: str, limits: Array, start: float, locked: bool) -> None:
+    values = {"default_value": numbers([start]), "range": numbers(limits)}
+    add(parent, "Coordinate", name, **values, clamped="false", locked="true" if locked else "false")
+
+
+def _range(values: Array, step: float, room: float) -> tuple[float, float]:
+    """Return a slider's range, in whole steps: the motion's and some room."""
+    return (
+        float(np.floor((values.min() - room) / step) * step),
+        float(np.ceil((values.max() + room) / step) * step),
+    )
+
+
+def _add_spatial_transform(joint: ET.Element, form: JointForm) -> None:
+    transform = ET.SubElement(joint, "SpatialTransform")
+    for kind, used, axes in (("rotation", form.turns, form.axes), ("translation", form.shifts, np.eye(3))):
+        for number, axis in enumerate(axes):
+            name = used[number].name if number < len(used) else ""
+            properties = {"coordinates": name, "axis": numbers(axis)}
+            element = add(transform, "TransformAxis", f"{kind}{number + 1}", **properties)
+            if name:
+                add(element, "LinearFunction", "function", coefficients="1 0")
+            else:
+                add(element, "Constant", "function", value="0")
+
+
+def _add_marker(parent: ET.Element, name: str, body: str, place_mm: Array) -> None:
+    properties = {"socket_parent_frame": f"/bodyset/{body}", "location": metres(place_mm)}
+    add(parent, "Marker", name, **properties, fixed="true")
+
+
+ALONE_HZ = 60.0
+"""Rate in the header of a file of one frame, whose rate nobody knows."""
+
+_ANGLE_DECIMALS = 9
+_METRE_DECIMALS = 12
+_MM_DECIMALS = 6
+_TIME_DECIMALS = 9
+
+
+def seconds(motion: PosedRecording, path: Path, program: str) -> Array:
+    """Return device times (T,) from the first frame on, s, to the nanosecond.
+
+    program : which wants times that grow. Raises InputError where there is none, or it does not.
+    """
+    if len(motion.time_s) == 1:
+        return np.zeros(1)
+    time_s = (motion.time_s - motion.time_s[0]).round(_TIME_DECIMALS)
+    require_times(motion, time_s, path, program)
+    return np.asarray(time_s)
+
+
+def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequence[JointForm]) -> None:
+    """Write all coordinates over time: turns in degrees, shifts in metres; title : one line of ASCII."""
+    whose = {key: getattr(origin.recording, key) for key in ("subject", "session", "hand", "task", "trial")}
+    facts = {"program": f"{PROGRAM} {VERSION}", **whose, "model": origin.model, "licence": origin.licence}
+    # an equals sign would make a line a key of the header
+    lines = [" ".join(f"{key}: {fact}".replace("=", ":").split()) for key, fact in facts.items() if fact]
+    names = ["time", *(coordinate.name for form in forms for coordinate in form.coordinates)]
+    header = [
+        title,
+        "version=1",
+        f"nRows={len(time_s)}",
+        f"nColumns={len(names)}",
+        "inDegrees=yes",
+        "",
+        *lines,
+        "",
+        "endheader",
+        "\t".join(names),
+    ]
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        stream.write(("\n".join(header) + "\n").encode())
+        for start in range(0, len(time_s), BLOCK_FRAMES):
+            rows = slice(start, start + BLOCK_FRAMES)
+            columns = [time_s[rows]]
+            for form in forms:
+                columns += [np.degrees(c.values[rows]).round(_ANGLE_DECIMALS) for c in form.turns]
+                columns += [(c.values[rows] * 1e-3).round(_METRE_DECIMALS) for c in form.shifts]
+            _write_rows(stream, [pa.array(column + 0.0) for column in columns])
+
+
+def write_trc(
+    path: Path, title: str, time_s: Array, motion: PosedRecording, receivers: Sequence[Triad]
+) -> None:
+    """Write all markers over time in mm, blank where a receiver was not valid; title : one line of ASCII.
+
+    Frames without any marker are left out, as inverse kinematics stops at them. Lines end with a tab:
+    OpenSim's reader drops one empty cell at the end of a line, which may be a marker's.
+    """
+    names = [marker for triad in receivers for marker in triad.markers]
+    rate = f"{motion.rate_hz if np.isfinite(motion.rate_hz) else ALONE_HZ:.9g}"
+    seen = seen_frames(motion, receivers)
+    count = int(seen.sum())
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{title}",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        f"{rate}\t{rate}\t{count}\t{len(names)}\tmm\t{rate}\t1\t{count}",
+        "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t\t",
+        "\t\t" + "\t".join(f"{axis}{n}" for n in range(1, len(names) + 1) for axis in "XYZ") + "\t",
+        "",
+    ]
+    number = np.cumsum(seen)
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        stream.write(("\n".join(lines) + "\n").encode("ascii"))
+        for start in range(0, len(seen), BLOCK_FRAMES):
+            rows = slice(start, start + BLOCK_FRAMES)
+            kept, part = seen[rows], motion.take(rows).receivers
+            columns = [pa.array(number[rows][kept]), pa.array(time_s[rows][kept])]
+            for triad in receivers:
+                flat = triad.measured_mm(part)[kept].round(_MM_DECIMALS) + 0.0
+                columns += [pa.array(column, from_pandas=True) for column in flat.T]
+            _write_rows(stream, [*columns, pa.nulls(int(kept.sum()), pa.float64())])
+
+
+def seen_frames(motion: PosedRecording, receivers: Sequence[Triad]) -> Bools:
+    """Return the frames (T,) in which any of the receivers is valid."""
+    valid = known_points(motion.receivers.position_mm, motion.receivers.quaternion)
+    return np.asarray(valid[:, [triad.receiver for triad in receivers]].any(1))
+
+
+def _write_rows(stream: BinaryIO, columns: Sequence[pa.Array]) -> None:
+    table = pa.table(list(columns), names=[str(number) for number in range(len(columns))])
+    options = pc.WriteOptions(include_header=False, delimiter="\t", quoting_style="none")
+    pc.write_csv(table, stream, options)
+
+
+NOMINAL = "masses and inertias are nominal, those of a cylinder of soft tissue as long as the bone"
+PUBLICATIONS = (
+    "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "
+    "Capture Data. Joint angles: Wu et al. 2005, J Biomech 38:981."
+)
+_ACCURACY = 1e-8
+_STEEP_DEG = 85.0
+_NOTABLE_MM = 1e-3
+
+
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
+    """Write `path` (.osim) and the other files with its stem; return what they do not hold.
+
+    The motion has Y up and no gap; receivers may have some. Raises InputError where a pose is missing, there
+    is no frame, or times do not grow.
+    """
+    require_whole(motion, path, "OpenSim")
+    time_s = seconds(motion, path, "OpenSim")
+    forms = joint_forms(motion)
+    receivers, unplaced = triads(motion, forms)
+    held = _undetermined(forms, receivers)
+    remarks = (NOMINAL, *unplaced, *_of_joints(forms, held), *_of_points(motion, receivers))
+    title = plain_names([path.stem])[0]
+    credit = facts_text(motion, "m", "y", remarks)
+    for file, locked in ((path, {}), (path.with_name(f"{path.stem}_ik.osim"), held)):
+        write_text(file, model_xml(motion, forms, receivers, title, credit, PUBLICATIONS, locked))
+    write_mot(path.with_suffix(".mot"), title, motion.origin, time_s, forms)
+    write_trc(path.with_suffix(".trc"), title, time_s, motion, receivers)
+    write_text(
+        path.with_name(f"{path.stem}_ik_setup.xml"), as_text(_ik_setup(path, title, time_s, receivers))
+    )
+    return remarks
+
+
+def _undetermined(forms: Sequence[JointForm], receivers: Sequence[Triad]) -> dict[str, float]:
+    """Return coordinates that markers do not tell, and where inverse kinematics holds them, rad or mm.
+
+    A joint's own translations, at zero. On a bone without a receiver, what goes beyond its degree of freedom,
+    or its axial rotation: with the finger straight that is the next joint's as well. At their means.
+    """
+    carriers = {triad.form for triad in receivers}
+    held = {shift.name: 0.0 for form in forms if form.parent >= 0 for shift in form.shifts}
+    for index, form in enumerate(forms):
+        if index not in carriers and form.parent >= 0:
+            determined = 1 if form.dof == 1 else 2
+            held |= {turn.name: float(turn.values.mean()) for turn in form.turns[determined:]}
+    return held
+
+
+def _ik_setup(path: Path, title: str, time_s: Array, receivers: Sequence[Triad]) -> ET.Element:
+    """Write the set-up of OpenSim's InverseKinematicsTool; its files are beside it."""
+    document = ET.Element("OpenSimDocument", Version=XML_VERSION)
+    tool = add(
+        document,
+        "InverseKinematicsTool",
+        title,
+        model_file=path.with_name(f"{path.stem}_ik.osim").name,
+        marker_file=path.with_suffix(".trc").name,
+        time_range=f"0 {time_s[-1]:.9f}",
+        report_errors="true",
+        output_motion_file=path.with_name(f"{path.stem}_ik.mot").name,
+        results_directory=".",
+        constraint_weight="Inf",
+        accuracy=f"{_ACCURACY:g}",
+    )
+    tasks = ET.SubElement(ET.SubElement(tool, "IKTaskSet"), "objects")
+    for name in (marker for triad in receivers for marker in triad.markers):
+        add(tasks, "IKMarkerTask", name, apply="true", weight="1")
+    return document
+
+
+def _of_joints(forms: Sequence[JointForm], held: Mapping[str, float]) -> list[str]:
+    """Return sentences on joints that shift, that are locked, or that come near a right angle."""
+    remarks = []
+    shifted = [form for form in forms if form.parent >= 0 and form.shifts]
+    if shifted:
+        most = {f.name: _largest(np.stack([shift.values for shift in f.shifts], -1)) for f in shifted}
+        worst = max(most, key=lambda name: most[name])
+        remarks.append(
+            f"{len(shifted)} joints move against the bone before and have coordinates _tx, _ty, _tz, up to "
+            f"{most[worst]:.3f} mm ({worst}); _ik.osim locks them at zero; --bones stiff gives a model "
+            "without"
+        )
+    locked = [turn.name for form in forms for turn in form.turns if turn.name in held]
+    if locked:
+        remarks.append(
+            f"_ik.osim locks at their means {', '.join(locked)}: the bones have no receiver, and markers do "
+            "not tell these turns from the next joint's"
+        )
+    for first, second, third in (form.turns for form in forms if len(form.turns) == 3):
+        if np.abs(np.cos(second.values)).min() < np.cos(np.radians(_STEEP_DEG)):
+            remarks.append(
+                f"{second.name} comes within 5 degrees of a right angle, where {first.name} and {third.name} "
+                "turn about nearly the same axis"
+            )
+    return remarks
+
+
+def _of_points(motion: PosedRecording, receivers: Sequence[Triad]) -> list[str]:
+    """Return sentences on tips and receivers that the bones do not carry exactly."""
+    remarks = []
+    tips = [(index, *carrier(motion, index)) for index, joint in enumerate(motion.joints) if joint.tip]
+    beyond = np.zeros((len(motion.frame), len(tips), 3))
+    for column, (index, above, rest_mm) in enumerate(tips):
+        along = motion.position_mm[:, index] - motion.position_mm[:, above]
+        back = conjugate(motion.quaternion[:, above])
+        beyond[:, column] = rotate(back, along) - rest_mm
+    if tips and _largest(beyond) > _NOTABLE_MM:
+        rms = float(np.sqrt(np.mean(np.sum(beyond**2, -1))))
+        remarks.append(
+            f"tips are markers fixed to their bones; the recording has them up to {_largest(beyond):.3f} mm "
+            f"from there, rms {rms:.3f} mm"
+        )
+    blind = int((~seen_frames(motion, receivers)).sum())
+    if blind:
+        remarks.append(f"frames in which no receiver is valid, {blind}, are not in the .trc")
+    worst = max(receivers, key=lambda triad: triad.spread_mm, default=None)
+    if worst is not None:
+        remarks.append(
+            f"receivers stay within {worst.spread_mm:.2f} mm rms of where their bones carry them (the worst: "
+            f"{worst.segment})"
+        )
+    return remarks
+
+
+def _largest(vector: Array) -> float:
+    return float(np.linalg.norm(vector, axis=-1).max())

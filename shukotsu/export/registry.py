@@ -1,0 +1,273 @@
+"""The formats that an export can be written in: one table, an entry each, and how one is written.
+
+The module of a format has `write(motion, path)`, which gets the motion ready (by `prepared`: gaps,
+rate, rig, world upright) and the path of its main file; files beside it have the same stem. It returns
+sentences on what the file does not hold. It raises InputError where a motion cannot be written, and writes
+files whole or not at all (`files.whole_files`).
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from shukotsu.hand.posing import PosedRecording
+    from shukotsu.hand.rotations import Array
+
+DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The words of the command line.
+
+    transmitter_up : axis of the transmitter's frame that points up. gaps, max_gap_s : `stages.export.gaps`.
+    rig : empty for the layout's names. stiff : bones kept at their length, rotations only. fps : None as
+    recorded.
+    """
+
+    transmitter_up: str = "z"
+    gaps: str = "refuse"
+    max_gap_s: float = 0.1
+    rig: str = ""
+    stiff: bool = False
+    fps: float | None = None
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say what to export, and how; `settings_of` reads those of the motion."""
+    where = "[STUDY]" if parser.prog == "shukotsu export" else "--plan PLAN ..."
+    parser.usage = f"{parser.prog} {where} --formats NAMES --out FOLDER [options]"
+    add = parser.add_argument
+    add("--hand", choices=("right", "left"), default="", help="which hand (default: each)")
+    name = "the task, or TASK_TRIAL (default: all evaluated ones)"
+    add("--recording", default="", metavar="NAME", help=name)
+    add("--model", "--models", default="", metavar="NAMES", help="models, joined by commas (default: all)")
+    add("--formats", required=True, metavar="NAMES", help="of those above, joined by commas")
+    add("--out", type=Path, required=True, metavar="FOLDER", help="the folder to write to")
+    add("--participants", type=Path, metavar="SHEET", help="the study's sheet of them, for bids")
+    add_motion_options(parser)
+
+
+def add_motion_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how a motion is made ready; `settings_of` reads them."""
+    add = parser.add_argument
+    add("--licence", default="", help="the terms of use, to go into every file")
+    add("--fps", type=_positive, help="frames a second to resample to (default: as recorded)")
+    add("--frames", type=_frames, default=(None, None), metavar="A:B", help="recorded frame numbers")
+    up = "axis of the transmitter that is up, such as =-z"
+    add("--transmitter-up", choices=DIRECTIONS, default="z", metavar="AXIS", help=up)
+    add(
+        "--gaps",
+        choices=("refuse", "hold", "cut", "interpolate"),
+        default="refuse",
+        metavar="HOW",
+        help="for frames without a pose: refuse, hold, cut, interpolate",
+    )
+    add("--max-gap-s", type=_positive, default=0.1, metavar="S", help="longest to interpolate (0.1)")
+    add("--rig", default="", help="names of webxr, vrm, unity, unreal or mixamo")
+    stiff = "stiff: bones keep their length"
+    add("--bones", choices=("exact", "stiff"), default="exact", metavar="HOW", help=stiff)
+
+
+def settings_of(arguments: argparse.Namespace) -> Settings:
+    """Return the settings that the options of `add_motion_options` hold."""
+    options = vars(arguments) | {"stiff": arguments.bones == "stiff"}
+    return Settings(**{field.name: options[field.name] for field in fields(Settings)})
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def _frames(text: str) -> tuple[int | None, int | None]:
+    first, colon, last = text.partition(":")
+    try:
+        if not colon:
+            raise ValueError
+        return (int(first) if first else None, int(last) if last else None)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not A:B, for example 100:900") from error
+
+
+def prepared(motion: PosedRecording, settings: Settings, *, holds_gaps: bool, up: str) -> PosedRecording:
+    """Return the motion as a format is to write it: gaps, rate, rig and upright world.
+
+    holds_gaps : whether the format has a place for a frame without a pose; then `refuse` keeps gaps (NaN).
+    up : y or z, the axis of the file that points up, empty for the transmitter's own frame. Still in mm.
+    Raises InputError as the parts do.
+    """
+    from shukotsu.errors import InputError
+    from shukotsu.export.gaps import closed, resampled
+    from shukotsu.export.motion import stiffened
+    from shukotsu.export.rigging import on_rig
+    from shukotsu.hand.rotations import multiply, rotate
+
+    if not (holds_gaps and settings.gaps == "refuse"):
+        motion = closed(motion, settings.gaps, settings.max_gap_s)
+    if settings.fps is not None:
+        widest_s = settings.max_gap_s if settings.gaps == "interpolate" else 0.0
+        motion = resampled(motion, settings.fps, widest_s)
+    if not holds_gaps and not motion.whole.all():  # the recording stood still for long
+        row = int(motion.whole.argmin())
+        raise InputError(
+            f"--fps: nothing was recorded about {motion.time_s[row]:.3f} s (frame {motion.frame[row]}) for "
+            "more than 1.5 usual intervals; use --gaps interpolate with a --max-gap-s that spans it"
+        )
+    if settings.rig:
+        motion = on_rig(motion, settings.rig)
+    if settings.stiff:
+        motion = stiffened(motion)
+    for joint, offset in zip(motion.joints, motion.rest_offset_mm, strict=True):
+        if joint.parent > 0 and not offset @ offset > 0:
+            raise InputError(
+                f"{motion.origin.recording.of_hand}: the bone from {motion.names[joint.parent]} to "
+                f"{joint.name} has no length; look at its joints' status"
+            )
+    if not up:
+        return motion
+    turn = upright(settings.transmitter_up, up)
+    return motion.mapped(lambda mm: rotate(turn, mm), lambda bones: multiply(turn, bones))
+
+
+def upright(transmitter_up: str, up: str) -> Array:
+    """Return the shortest rotation (4,) that takes one axis, of the transmitter's, to another.
+
+    transmitter_up : the transmitter's axis that points up. up : the axis of the file that does. Half a turn
+    is about x: of -z to z, or -y to y. It mirrors nothing, so that left stays left.
+    """
+    import numpy as np
+
+    from shukotsu.hand.rotations import about_axis
+
+    signed = dict(zip(DIRECTIONS, np.concatenate([np.eye(3), -np.eye(3)]), strict=True))
+    start, end = signed[transmitter_up], signed[up]
+    axis = np.cross(start, end)
+    if axis.any():
+        return about_axis(axis, np.pi / 2)
+    return about_axis(signed["x"], np.pi if start @ end < 0 else 0.0)
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format, as the command line and the other formats' neighbours need to know it.
+
+    module : which writes it, by its whole name, for the workflow to know that it belongs to the stage.
+    extensions : of all its files, the main one first. up : the axis that points up in it; none: it is in the
+    transmitter's frame. holds_gaps : whether it has a place for a frame without a pose. drops : what it never
+    holds. shared : where one set of files serves all recordings, its main file's path in the output folder.
+    holds_receivers : whether receivers are in it at all.
+    """
+
+    what: str
+    module: str
+    extensions: tuple[str, ...]
+    up: str
+    drops: str
+    holds_gaps: bool = False
+    shared: str = ""
+    holds_receivers: bool = False
+
+    @property
+    def writers(self) -> Any:
+        """The module with `write`, imported when it is needed: a start should not wait for all formats."""
+        return import_module(self.module)
+
+
+FORMATS: Mapping[str, Format] = {
+    "bvh": Format(
+        "animation programs: skeleton and motion",
+        "shukotsu.export.bvh",
+        (".bvh",),
+        "y",
+        "device times, frame numbers, receivers, joint axes",
+    ),
+    "glb": Format(
+        "web pages, XR, game engines, Blender: a body of bones that moves",
+        "shukotsu.export.glb",
+        (".glb",),
+        "y",
+        "frame numbers but the first, receivers",
+    ),
+    "osim": Format(
+        "OpenSim: model, motion, markers, inverse kinematics",
+        "shukotsu.export.opensim",
+        (".osim", ".mot", ".trc", "_ik.osim", "_ik_setup.xml"),
+        "y",
+        "frame numbers, muscles, forces",
+        holds_receivers=True,
+    ),
+    "c3d": Format(
+        "motion-capture programs: joints and receivers, points and poses",
+        "shukotsu.export.c3d_file",
+        (".c3d",),
+        "z",
+        "device times, joint axes, joint angles",
+        holds_gaps=True,
+        holds_receivers=True,
+    ),
+    "bids": Format(
+        "Motion-BIDS: a dataset of all recordings",
+        "shukotsu.export.motion_bids",
+        ("_motion.tsv", "_motion.json", "_channels.tsv", "_channels.json"),
+        "",
+        "joint axes",
+        holds_gaps=True,
+        shared="bids/dataset_description.json",
+        holds_receivers=True,
+    ),
+    "csv": Format(
+        "anything that reads tables: a row a frame and joint, and angles",
+        "shukotsu.export.tidy_csv",
+        (".csv", "_angles.csv", ".json"),
+        "",
+        "receivers",
+        holds_gaps=True,
+    ),
+}
+
+DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n\nformats:" + "".join(
+    f"\n  {name:6}{form.what}" for name, form in FORMATS.items()
+)
+
+
+def chosen_formats(names_list: str) -> list[str]:
+    """Return names from a comma-separated list, each once; InputError where one is no format."""
+    from shukotsu.errors import InputError
+    from shukotsu.left import instead
+
+    names = list(dict.fromkeys(name.strip() for name in names_list.split(",") if name.strip()))
+    unknown = [name for name in names if name not in FORMATS]
+    if unknown or not names:
+        if why := instead("export", unknown[0] if unknown else ""):
+            raise InputError(f"--formats: {why}")
+        raise InputError(
+            f"--formats: {unknown[0] if unknown else 'nothing'!r} is no format; expected one or more of "
+            f"{', '.join(FORMATS)}, joined by commas"
+        )
+    return names
+
+
+def write_format(motion: PosedRecording, settings: Settings, name: str, path: Path) -> tuple[str, ...]:
+    """Write a motion as it was read into a file of one of FORMATS.
+
+    Returns what was done to it and what the file lacks. Raises InputError as getting ready and writing do.
+    """
+    import numpy as np
+
+    from shukotsu.export.motion import with_receivers
+
+    chosen = FORMATS[name]
+    if not chosen.holds_receivers:
+        motion = with_receivers(motion, np.zeros(len(motion.receivers.segments), bool))
+    ready = prepared(motion, settings, holds_gaps=chosen.holds_gaps, up=chosen.up)
+    dropped = chosen.writers.write(ready, path)
+    return (*ready.notes[len(motion.notes) :], f"not in the file: {chosen.drops}", *dropped)

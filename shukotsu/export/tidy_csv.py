@@ -1,0 +1,108 @@
+"""Tidy CSV: a row for every frame and joint, one for its angles, and what the columns mean as JSON beside.
+
+Empty cells are gaps. Positions are mm in the transmitter's frame, to a nanometre; quaternions (w, x, y, z),
+bone frame to transmitter frame, to 9 decimals.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from shukotsu.export.file_facts import facts
+from shukotsu.export.motion import BONE_TO_WEBXR, blocks
+from shukotsu.hand.joint_angles import joint_angles
+from shukotsu.hand.neutral_bones import angle_axes
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import Array, conjugate, multiply
+from shukotsu.tables.whole_files import replacing, write_text
+
+_POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+_ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
+_MEANING = {
+    "frame": "the tracker's own frame number; where resampled, of the recorded frame nearest in time",
+    "time_s": "device time in s; empty where the recording has none",
+    "joint": "the joint, whose bone starts there; <digit>_tip is the end of the last bone, <digit>_skin_tip "
+    "that of the digit, skin and all, <digit>_receiver_tip the distal receiver's origin, taken for the tip",
+    **{f"{axis}_mm": f"position of the joint in the transmitter frame, {axis}, mm" for axis in "xyz"},
+    **{f"q{part}": f"unit quaternion, bone frame to transmitter frame, {part}" for part in "wxyz"},
+    "flexion_deg": "flexion positive, extension negative (docs/joint-angles.md), deg",
+    "abduction_deg": "abduction or deviation, signed as docs/joint-angles.md says, deg",
+    "rotation_deg": "axial rotation, signed as docs/joint-angles.md says, deg",
+}
+
+
+def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
+    """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; give what they do not hold.
+
+    Angles are those of the joint_angles table where the hand was fitted, made from the poses written; of
+    joints of which no anatomy is known there are none, and without any there is no such file.
+    """
+    _write_long(path, motion, motion.names, _POSE, _poses)
+    names, _ = bone_angles_deg(motion.take(slice(0)))
+    if names:
+        angles = path.with_name(f"{path.stem}_angles.csv")
+        _write_long(angles, motion, names, _ANGLES, lambda block: bone_angles_deg(block)[1].round(6))
+    tree = {joint.name: motion.names[joint.parent] for joint in motion.joints[1:]}
+    rest = {
+        name: row.round(6).tolist() for name, row in zip(motion.names, motion.rest_offset_mm, strict=True)
+    }
+    described = {
+        **facts(motion, "mm", ""),
+        "columns": _MEANING,
+        "parent": tree,
+        "rest_offset_mm": rest,
+    }
+    write_text(path.with_suffix(".json"), json.dumps(described, ensure_ascii=False, indent=1) + "\n")
+    return ()
+
+
+def bone_angles_deg(motion: PosedRecording) -> tuple[tuple[str, ...], Array]:
+    """Names of the joints of known anatomy, and their flexion, deviation and axial rotation (T, N, 3)."""
+    turn = multiply(motion.quaternion, conjugate(BONE_TO_WEBXR))
+    rests = multiply(BONE_TO_WEBXR, multiply(motion.neutral, conjugate(BONE_TO_WEBXR)))
+    indices = [i for i, j in enumerate(motion.joints) if not j.tip and np.isfinite(rests[i]).all()]
+    hand = motion.hand
+    columns = [
+        joint_angles(turn[:, joint.parent], turn[:, i], hand, rests[i], angle_axes(joint, hand))
+        for i, joint in ((i, motion.joints[i]) for i in indices)
+    ]
+    angles = np.stack(columns, 1) if columns else np.empty((len(motion.frame), 0, 3))
+    return tuple(motion.names[i] for i in indices), angles
+
+
+def _write_long(
+    path: Path,
+    motion: PosedRecording,
+    joints: Sequence[str],
+    columns: Sequence[str],
+    values: Callable[[PosedRecording], Array],
+) -> None:
+    """Rows frame after frame, in each joint after joint; values : gives (n, N, columns) of n frames."""
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        options = pc.WriteOptions(include_header=False, quoting_style="needed")
+        stream.write((",".join(("frame", "time_s", "joint", *columns)) + "\n").encode())
+        for block in blocks(motion):
+            pc.write_csv(_table(block, joints, columns, values(block)), stream, options)
+
+
+def _table(motion: PosedRecording, joints: Sequence[str], columns: Sequence[str], values: Array) -> pa.Table:
+    n = len(motion.frame)
+    flat = values.reshape(n * len(joints), -1)
+    keys = {
+        "frame": np.repeat(motion.frame, len(joints)),
+        "time_s": pa.array(np.repeat(motion.time_s, len(joints)), from_pandas=True),
+        "joint": pa.array(joints).take(pa.array(np.tile(np.arange(len(joints)), n))),
+    }
+    return pa.table(
+        keys | {name: pa.array(flat[:, index], from_pandas=True) for index, name in enumerate(columns)}
+    )
+
+
+def _poses(motion: PosedRecording) -> Array:
+    return np.concatenate([motion.position_mm.round(6), motion.quaternion.round(9)], -1)

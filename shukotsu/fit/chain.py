@@ -1,0 +1,377 @@
+"""A layout as chains of operations: from the frame of its base bone, the root, to every bone and receiver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shukotsu.fit.chain_builder import (
+    KINDS,
+    Amount,
+    Builder,
+    Drive,
+    FirstGuess,
+    States,
+    Unknowns,
+    about,
+    across_of,
+    along,
+    axis_frame,
+    bone,
+    by_state,
+    centre,
+    receiver,
+    straight,
+    tilted,
+)
+from shukotsu.fit.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
+from shukotsu.fit.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
+from shukotsu.fit.operations import Branch, Mark, Operation, Side, Step, Term, Turn
+from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
+from shukotsu.hand.known_digits import known_digits, root_of
+from shukotsu.hand.rotations import Array, unit
+from shukotsu.study.layout import Digit, Layout
+
+X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+
+_FINGER_JOINTS = 4
+"""Joints of a digit that has a DIP joint."""
+
+
+@dataclass(frozen=True)
+class HandModel:
+    """Everything that does not depend on a recording.
+
+    length, mount : of a bone, and its receiver's place (x, y, z) on it, by segment; axes : joint to its
+    flexion axis in the frame marked `axis_frame`, centres : to the mark at its centre, centres_in_child :
+    without anatomy, to its centre in its child's receiver. anatomy : of the average digits, the thumb facing
+    as its receiver does.
+    """
+
+    unknowns: Unknowns
+    states: States
+    branches: tuple[Branch, ...]
+    receivers: tuple[str, ...]
+    guesses: tuple[FirstGuess, ...]
+    length: Mapping[str, Amount]
+    mount: Mapping[str, tuple[Amount, Amount, Amount]]
+    axes: Mapping[str, Array]
+    centres: Mapping[str, str]
+    centres_in_child: Mapping[str, tuple[Amount, Amount, Amount]]
+    anatomy: Mapping[str, DigitAnatomy]
+
+
+def hand_model(
+    layout: Layout,
+    receivers: Sequence[str],
+    seen: Sequence[str],
+    wrist_mm: Array,
+    free: Sequence[FreeJoint] = (),
+    scale: tuple[float, float] = (1.0, prior.SCALE_SD),
+    anatomy: Mapping[str, DigitAnatomy] = DIGITS,
+) -> HandModel:
+    """Lay out all chains of a layout.
+
+    receivers : segments as frames hold them; seen : those with valid poses, as skin is not fitted to angles
+    that nothing shows. wrist_mm : (3,) expected in the root's receiver frame. free : joints without anatomy.
+    scale : mean and sd of the hand's size.
+    """
+    builder = Builder(layout, scale, frozenset(seen))
+    root, digits = root_of(layout), known_digits(layout)
+    worn = [builder.scale.times(-float(v)) for v in wrist_mm]
+    base = builder.receiver_steps(root, worn) if digits else [Mark(receiver(root))]
+    branches: list[Sequence[Step]] = [base]
+    branches += [_DigitChain(builder, digit, anatomy[digit.name]).steps() for digit in digits]
+    states = builder.states
+    for digit in digits:  # a finger's last two joints bend together, which tells them apart
+        *_, pip, dip = ((joint, KINDS[0]) for joint in digit.joints)
+        if len(digit.joints) == _FINGER_JOINTS and pip in states.names and dip in states.names:
+            places = states.names.index(dip), states.names.index(pip)
+            states.follow(*places, prior.DIP_PER_PIP, prior.DIP_BY_PIP_SD_DEG)
+    branches += [_free(builder, joint, free, at_wrist=bool(digits)) for joint in free if joint.near == root]
+    return HandModel(
+        builder.unknowns,
+        builder.states,
+        tuple(Branch(steps) for steps in branches),
+        tuple(receivers),
+        tuple(guess for guess in builder.guesses if {guess.parent, guess.child} <= set(receivers)),
+        builder.length,
+        builder.mount,
+        builder.axes,
+        builder.centres,
+        builder.centres_in_child,
+        anatomy,
+    )
+
+
+def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at_wrist: bool) -> list[Step]:
+    """A joint without anatomy and all that hangs from it."""
+    name = joint.joint.name
+    sd = WRIST_SD_MM if at_wrist and joint.far == joint.joint.parent_receiver else REACH_SD_MM
+    near = [builder.free(0.0, sd, "near side", f"{name} {n}") for n in "xyz"]
+    far = [builder.free(0.0, REACH_SD_MM, "far side", f"{name} {n}") for n in "xyz"]
+    outward = joint.far == joint.joint.child
+    x, y, z = [amount.times(-1.0) for amount in far] if outward else near
+    builder.centres_in_child[name] = x, y, z
+    steps: list[Step] = [along(axis, amount) for axis, amount in zip(np.eye(3), near, strict=True)]
+    steps.append(Mark(centre(name)))
+    states = [
+        builder.states.add(name, kind, 0.0, sd)
+        for kind, sd in zip(KINDS, ANGLE_SD_DEG[max(joint.joint.dof, 1) - 1], strict=True)
+    ]
+    axes = joint.axes if outward else -joint.axes  # angles are the child's
+    builder.axes[name] = joint.axes[:, 0]
+    builder.centres[name] = centre(name)
+    builder.guesses.append(FirstGuess(states[0], joint.near, joint.far, np.eye(3), axes[:, 0], joint.mean))
+    at_receiver = [1, 2] if joint.joint.dof == 1 else []  # a hinge has one axis; skin turns the receiver
+    turns: list[Step] = [
+        Mark(axis_frame(name)),
+        *(by_state(axes[:, i], state) for i, state in enumerate(states) if i not in at_receiver),
+    ]
+    if joint.joint.dof < 3:  # three rotations reach every posture, wherever their axes are
+        tilts = [builder.free(0.0, FREE_AXIS_SD_RAD, "free axis", f"{name} {n}") for n in (1, 2)]
+        turns = tilted((joint.axes[:, 1], joint.axes[:, 2]), tilts, turns)
+    steps += turns
+    steps.append(Turn(joint.mean))
+    steps += [along(axis, amount) for axis, amount in zip(np.eye(3), far, strict=True)]
+    steps += [by_state(joint.mean.T @ axes[:, i], states[i]) for i in at_receiver]
+    steps.append(Mark(receiver(joint.far)))
+    after = [other for other in others if other.near == joint.far]
+    return [*steps, *(Side(tuple(_free(builder, other, others, at_wrist=False))) for other in after)]
+
+
+class _DigitChain:
+    """A digit while it is laid out from the base bone's frame; bone k is moved by joint k.
+
+    above : from the hand's frame to that of the bone before bone k; axes : flexion axes in it, rests :
+    rotations of bone k against it, digit straight. flexions : the state of every joint that flexes.
+    """
+
+    def __init__(self, builder: Builder, digit: Digit, anatomy: DigitAnatomy) -> None:
+        self.builder, self.digit, self.anatomy = builder, digit, anatomy
+        self.frames = anatomy.frames()
+        self.above = np.concatenate([np.eye(3)[None], self.frames[:-1]]).swapaxes(-1, -2)
+        self.axes = [back @ axis for back, axis in zip(self.above, anatomy.flexion_axes, strict=True)]
+        self.rests = [back @ frame for back, frame in zip(self.above, self.frames, strict=True)]
+        self.measured = [builder.layout.segments[segment].measured for segment in digit.segments]
+
+    def steps(self) -> list[Step]:
+        """Lay out base, direction, joints, bones and receivers; add how flexion shows in the receivers."""
+        builder, name = self.builder, self.digit.name
+        steps: list[Step] = [
+            along(
+                axis, builder.place(builder.scale.times(at_mm), prior.BASE_SD_MM, "base", f"{name} {letter}")
+            )
+            for axis, at_mm, letter in zip(np.eye(3), self.anatomy.base_mm, "xyz", strict=True)
+        ]
+        roll_sd = prior.THUMB_ROLL_SD_RAD if name == "thumb" else prior.ROLL_SD_RAD
+        for axis, sd, letter in zip(
+            self.frames[0].T, (roll_sd, *(prior.DIRECTION_SD_RAD,) * 2), "xyz", strict=True
+        ):
+            steps.append(about(axis, builder.free(0.0, sd, "direction", f"{name} {letter}")))
+        steps.append(Mark(straight(name)))
+        self.flexions = self._flexion_states()
+        parent, before = self.digit.base, np.eye(3)
+        for k, (joint, segment) in enumerate(zip(self.digit.joints, self.digit.segments, strict=True)):
+            steps += self._bone(k)
+            if not self.measured[k]:
+                before = before @ self.rests[k]
+                continue
+            if joint in self.flexions:
+                turn = before, self.axes[k], self.rests[k]
+                builder.guesses.append(FirstGuess(self.flexions[joint], parent, segment, *turn))
+            parent, before = segment, np.eye(3)
+        return steps
+
+    def _flexion_states(self) -> dict[str, int]:
+        """Add the flexion of every joint of the digit that moves, be it as little as CMC 2 and 3 do."""
+        flexions = {}
+        for k, joint in enumerate(self.digit.joints):
+            moves = bool(self.builder.layout.joints[joint].dof)
+            if self.measured[k] and moves:
+                mean_and_sd = prior.PHALANX_DEG if k else prior.METACARPAL_DEG
+            elif not self.measured[k]:
+                mean_and_sd = prior.PALM_DEG if moves else prior.STILL_PALM_DEG
+            else:
+                continue
+            flexions[joint] = self.builder.states.add(joint, KINDS[0], *mean_and_sd)
+        return flexions
+
+    def _bone(self, k: int) -> list[Step]:
+        """Joint k, its bone and receiver; a thumb's first sits on a side branch, which turns less."""
+        builder, joint, segment = self.builder, self.digit.joints[k], self.digit.segments[k]
+        skew = self.anatomy.second_axis if k == 0 else None
+        second = None if skew is None else self.above[k] @ skew
+        moved = _Joint(builder, joint, self.flexions.get(joint), self.axes[k], self.rests[k], second)
+        length = builder.length[segment] = self._length(k)
+        steps = [*moved.steps(), Mark(bone(segment))]
+        builder.centres[joint] = bone(segment)
+        if self.measured[k]:
+            worn = self._receiver(k, length, moved)
+            if moved.lags is not None:
+                steps = [Side((*moved.steps(lagging=True), *worn)), *steps]
+            else:
+                steps.append(Side(worn))
+        return [*steps, along(X, length)]
+
+    def _kind(self, k: int) -> str:
+        """Kind of bone k, as anatomy calls it, whatever the layout calls its segment."""
+        return prior.BONE_KINDS[k] if k < len(self.digit.segments) - 1 else prior.BONE_KINDS[-1]
+
+    def _length(self, k: int) -> Amount:
+        """Length of bone k: the average one to the hand's scale, its own part and the source's."""
+        kind, builder = self._kind(k), self.builder
+        own_sd_mm = prior.LENGTH_SD_MM[kind]
+        if k == 0 and self.anatomy.second_axis is not None:
+            own_sd_mm = prior.THUMB_METACARPAL_SD_MM
+        length = builder.scale.times(float(self.anatomy.lengths_mm[k]))
+        length = length.plus(builder.free(0.0, own_sd_mm, "length", self.digit.segments[k]))
+        return length.plus(builder.shared(prior.SOURCE_SD_MM[kind], "source", kind))
+
+    def _receiver(self, k: int, length: Amount, moved: _Joint) -> tuple[Step, ...]:
+        """The receiver of bone k: at mid-bone, driven by the joints beside it."""
+        is_last = k == len(self.digit.segments) - 1
+        share, height_mm = prior.NAIL_SHARE if is_last else prior.MOUNT_SHARE, self.anatomy.mounts_mm()[k, 2]
+        position = (length.times(share), Amount(0.0, ()), self.builder.scale.times(float(height_mm)))
+        ends = zip(self.digit.joints[k : k + 2], self.digit.segments[k : k + 2], strict=True)
+        drives = [
+            Drive(self.flexions[joint], prior.RELAXED_RAD if joint != self.digit.joints[0] else 0.0)
+            for joint, segment in ends
+            if joint in self.flexions and segment in self.builder.seen
+        ]
+        if moved.abducts is not None and self.digit.segments[k] in self.builder.seen:
+            drives.append(Drive(moved.abducts))
+        return self.builder.receiver_steps(
+            self.digit.segments[k],
+            position,
+            drives,
+            self._kind(k),
+            moved.turn_lag(),
+            faces_anyhow=bool(moved.lags),
+        )
+
+
+class _Joint:
+    """Operations of one joint, which a side branch may repeat with its receiver lagging behind.
+
+    Flexion about an axis that may be tilted; abduction about the child's dorsal axis, carried by flexion, and
+    axial rotation about its long axis, carried by both; a hinge has these within a few degrees, and its bone
+    may lean sideways at rest. The centre slides as it flexes. Skew axes pass each other: the second, in the
+    parent, carries the first, and the centre is half way between. CMC joints without a receiver pronate as
+    they flex and are held flexed a little; where the layout has them still, they are no joint of the tables,
+    but their motion is not taken for that of another.
+    """
+
+    def __init__(
+        self,
+        builder: Builder,
+        joint: str,
+        flexion: int | None,
+        axis: Array,
+        rest: Array,
+        second: Array | None,
+    ) -> None:
+        self.name, self.rest, self.flexion, self.axis = joint, rest, flexion, axis
+        self.others: tuple[int, int] | None = None
+        self.ratio: int | None = None
+        self.lags: tuple[int, int] | None = None
+        self.abducts: int | None = None
+        self.bent = Amount(0.0, ())
+        self.lean = Amount(0.0, ())
+        self.skew: Amount | None = None
+        self.slides: tuple[int, ...] = ()
+        if flexion is None:
+            return
+        declared, free = builder.layout.joints[joint], builder.free
+        self.moves = bool(declared.dof)
+        builder.axes[joint] = axis
+        sd = prior.AXIS_SD_RAD if second is None else prior.SKEW_AXIS_SD_RAD
+        self.tilts = [free(0.0, sd, "axis", f"{joint} {n}") for n in (1, 2)]
+        if not builder.layout.segments[declared.child].measured:
+            self.ratio = builder.unknowns.add("pro-supination", joint)
+            if self.moves:
+                self.bent = free(0.0, prior.PALM_HELD_SD_RAD, "palm held", joint)
+            return
+        abduction, axial = (
+            (prior.HINGE_DEG,) * 2 if declared.dof == 1 else (prior.ABDUCTION_DEG, prior.AXIAL_DEG)
+        )
+        self.others = (
+            builder.states.add(joint, KINDS[1], *abduction),
+            builder.states.add(joint, KINDS[2], *axial),
+        )
+        if declared.dof == 1:
+            self.lean = free(0.0, prior.LEAN_SD_RAD, "lean", joint)
+        else:
+            self.abducts = self.others[0]
+        self.slide_sd_mm = prior.HINGE_SLIDE_SD_MM if declared.dof == 1 else prior.JOINT_SLIDE_SD_MM
+        self.slides = tuple(builder.unknowns.add("joint slide", f"{joint} {n}") for n in "xyz")
+        self.second = rest[:, 2]
+        if second is not None:
+            self._make_skew(builder, second)
+
+    def _make_skew(self, builder: Builder, second: Array) -> None:
+        across = unit(second - (second @ self.axis) * self.axis)
+        skew = np.radians(prior.SKEW_DEG)
+        self.second = np.cos(skew) * self.axis + np.sin(skew) * across
+        self.skew_axis = unit(np.cross(self.axis, self.second))
+        self.skew = builder.free(prior.SKEW_MM, prior.SKEW_SD_MM, "skew", self.name)
+        self.second_tilts = [
+            builder.free(0.0, prior.SKEW_AXIS_SD_RAD, "axis", f"{self.name} second {n}") for n in (1, 2)
+        ]
+        self.lags = (
+            builder.unknowns.add("place lag", self.name),
+            builder.unknowns.add("turn lag", self.name),
+        )
+
+    def steps(self, *, lagging: bool = False) -> list[Step]:
+        """The joint's operations from its parent's frame, at its centre, to its child's."""
+        rest: list[Step] = [Turn(self.rest)]
+        if self.flexion is None:
+            return rest
+        if self.lean.parts:
+            rest.append(about(Z, self.lean))
+        steps: list[Step] = [
+            Operation(False, axis, 0.0, (Term(self.slide_sd_mm, unknown, self.flexion),))
+            for axis, unknown in zip(np.eye(3), self.slides, strict=False)
+        ]
+        mark = [] if lagging or not self.moves else [Mark(axis_frame(self.name))]
+        turn = by_state(self.axis, self.flexion, self._lag(self.flexion, lagging))
+        held = [about(self.axis, self.bent)] if self.bent.parts else []
+        flex = tilted(across_of(self.axis), self.tilts, [*mark, *held, turn])
+        if self.ratio is not None:
+            pronation = (
+                Term(prior.PRO_SUPINATION, None, self.flexion),
+                Term(prior.PRO_SUPINATION_SD, self.ratio, self.flexion),
+            )
+            flex.append(Operation(True, self.rest[:, 0], 0.0, pronation))
+        if self.others is None:
+            return [*steps, *flex, *rest]
+        abduction, axial = self.others
+        abduct: list[Step] = [by_state(self.second, abduction, self._lag(abduction, lagging))]
+        roll = by_state(self.rest[:, 0], axial, self._lag(axial, lagging))
+        if self.skew is None:
+            return [*steps, *flex, *abduct, roll, *rest]
+        back = along(self.skew_axis, self.skew.times(-0.5))
+        abduct = tilted(across_of(self.second), self.second_tilts, abduct)
+        across = along(self.skew_axis, self.skew)
+        return [*steps, back, *abduct, across, *flex, roll, back, *rest]
+
+    def _lag(self, state: int, lagging: bool) -> tuple[Term, ...]:
+        """Share of a joint angle that the receiver's place does not follow."""
+        if not lagging or self.lags is None:
+            return ()
+        return Term(prior.PLACE_LAG, None, state), Term(prior.PLACE_LAG_SD, self.lags[0], state)
+
+    def turn_lag(self) -> tuple[Step, ...]:
+        """Return how much less the receiver turns than its place does, about the joint's axes in the bone."""
+        if self.lags is None or self.flexion is None or self.others is None:
+            return ()
+        steps = []
+        axes = (self.axis, self.second, self.rest[:, 0])
+        for axis, state in zip(axes, (self.flexion, *self.others), strict=True):
+            lag = Term(prior.TURN_LAG, None, state), Term(prior.TURN_LAG_SD, self.lags[1], state)
+            steps.append(Operation(True, self.rest.T @ axis, 0.0, lag))
+        return tuple(steps)

@@ -1,0 +1,259 @@
+"""Lay out chains: amounts in terms of the unknowns, names of marks, elementary steps.
+
+Unknowns (x) are in units of their prior's standard deviation, zero at its mean. States (y) are the joint
+angles of a frame, rad: zero when the digit is straight and lies flat in the hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from shukotsu.fit.operations import Mark, Operation, Step, Term
+from shukotsu.hand import average_hand as prior
+from shukotsu.hand.rotations import Array, unit
+from shukotsu.study.layout import Layout
+
+KINDS = ("flexion", "abduction", "axial")
+"""Kinds of joint angles: about the first, the second and the third axis of a joint."""
+
+
+@dataclass(frozen=True)
+class Amount:
+    """constant + sum of coefficient * x[unknown]: a length, an offset."""
+
+    constant: float
+    parts: tuple[tuple[float, int], ...]
+
+    def times(self, factor: float) -> Amount:
+        """The amount, so many times."""
+        return Amount(self.constant * factor, tuple((c * factor, i) for c, i in self.parts))
+
+    def plus(self, other: Amount) -> Amount:
+        """The sum of two amounts."""
+        return Amount(self.constant + other.constant, self.parts + other.parts)
+
+    def row(self, n_unknowns: int) -> Array:
+        """Derivative (G,) by the unknowns."""
+        row = np.zeros(n_unknowns)
+        for coefficient, unknown in self.parts:
+            row[unknown] += coefficient
+        return row
+
+
+@dataclass
+class Unknowns:
+    """What x holds: a name and a group (of common prior scale) for each."""
+
+    names: list[str] = field(default_factory=list)
+    groups: list[str] = field(default_factory=list)
+
+    def add(self, group: str, name: str) -> int:
+        """Add an unknown; return its index."""
+        self.names.append(f"{name} {group}")
+        self.groups.append(group)
+        return len(self.names) - 1
+
+
+@dataclass
+class States:
+    """Joint, kind and prior (mean, sd) in rad of each joint angle; follows : another angle, and the ratio."""
+
+    names: list[tuple[str, str]] = field(default_factory=list)
+    mean: list[float] = field(default_factory=list)
+    sd: list[float] = field(default_factory=list)
+    follows: dict[int, tuple[int, float]] = field(default_factory=dict)
+
+    def add(self, joint: str, kind: str, mean_deg: float, sd_deg: float) -> int:
+        """Add a state; return its index."""
+        self.names.append((joint, kind))
+        self.mean.append(float(np.radians(mean_deg)))
+        self.sd.append(float(np.radians(sd_deg)))
+        return len(self.names) - 1
+
+    def follow(self, state: int, other: int, ratio: float, sd_deg: float) -> None:
+        """Expect a state at so many times another, to an sd, instead of at a mean of its own."""
+        self.follows[state] = other, ratio
+        self.mean[state], self.sd[state] = ratio * self.mean[other], float(np.radians(sd_deg))
+
+    def sd_over(self, samples: float) -> Array:
+        """Priors' sd (S,) over independent samples: that a joint follows another is one fact."""
+        sd = np.array(self.sd)
+        sd[list(self.follows)] *= np.sqrt(samples)
+        return sd
+
+    def link(self) -> Array:
+        """Matrix (S, S) that takes states less their means to what their prior says has the sd `sd`."""
+        link = np.eye(len(self.names))
+        for state, (other, ratio) in self.follows.items():
+            link[state, other] = -ratio
+        return link
+
+
+@dataclass(frozen=True)
+class FirstGuess:
+    """How a flexion shows: child rotation = parent rotation * before * (turn about axis) * after."""
+
+    state: int
+    parent: str
+    child: str
+    before: Array
+    axis: Array
+    after: Array
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A joint angle (state) that moves skin, counted from where skin is relaxed, rad."""
+
+    state: int
+    relaxed_rad: float = 0.0
+
+    def terms(self, per_rad: float, unknown: int | None = None) -> tuple[Term, Term]:
+        """Return the terms of skin that moves with the angle, that much per rad, times an unknown."""
+        return Term(per_rad, unknown, self.state), Term(-per_rad * self.relaxed_rad, unknown)
+
+
+def bone(segment: str) -> str:
+    """Name of the mark at a bone's frame, whose origin is the centre of its proximal joint."""
+    return f"bone {segment}"
+
+
+def axis_frame(joint: str) -> str:
+    """Name of the mark at the frame in which a joint's flexion axis is `HandModel.axes` of it."""
+    return f"axis {joint}"
+
+
+def straight(digit: str) -> str:
+    """Name of the mark at the hand's frame as it is turned by how this person's digit lies in it."""
+    return f"straight {digit}"
+
+
+def centre(joint: str) -> str:
+    """Name of the mark at the centre of a joint that does not start a known bone."""
+    return f"centre {joint}"
+
+
+def receiver(segment: str) -> str:
+    """Name of the mark at a receiver's frame."""
+    return f"receiver {segment}"
+
+
+class Builder:
+    """What chains need while they are laid out; attributes, `scale` and `seen` as in `hand_model`."""
+
+    def __init__(self, layout: Layout, scale: tuple[float, float], seen: frozenset[str]) -> None:
+        self.layout, self.seen = layout, seen
+        self.unknowns, self.states = Unknowns(), States()
+        self.scale = self.free(*scale, "scale", "hand")
+        self.length: dict[str, Amount] = {}
+        self.mount: dict[str, tuple[Amount, Amount, Amount]] = {}
+        self.guesses: list[FirstGuess] = []
+        self.axes: dict[str, Array] = {}
+        self.centres: dict[str, str] = {}
+        self.centres_in_child: dict[str, tuple[Amount, Amount, Amount]] = {}
+
+    def free(self, mean: float, sd: float, group: str, name: str) -> Amount:
+        """An amount of its own, with that mean and sd."""
+        return Amount(mean, ((sd, self.unknowns.add(group, name)),))
+
+    def place(self, mean: Amount, sd: float, group: str, name: str) -> Amount:
+        """An amount that differs from another by an unknown of that sd."""
+        return mean.plus(self.free(0.0, sd, group, name))
+
+    def shared(self, sd: float, group: str, name: str) -> Amount:
+        """An amount with mean 0 and that sd which several parts of the hand have in common."""
+        full = f"{name} {group}"
+        if full in self.unknowns.names:
+            return Amount(0.0, ((sd, self.unknowns.names.index(full)),))
+        return self.free(0.0, sd, group, name)
+
+    def receiver_steps(
+        self,
+        segment: str,
+        place: Sequence[Amount],
+        drives: Sequence[Drive] = (),
+        kind: str | None = None,
+        lag: Sequence[Step] = (),
+        *,
+        faces_anyhow: bool = False,
+    ) -> tuple[Step, ...]:
+        """Place of a receiver on its bone, sliding and tilting with the drives.
+
+        kind : of the bone; None for the palm. People have a habit for nails and one for other bones. lag : by
+        how much less it turns than its place does. faces_anyhow : it may sit anywhere round its bone.
+        """
+        habit = None if kind is None else "nail" if kind == "distal" else "bone"
+        placed = [
+            self._put_on(at, prior.MOUNT_SD_MM[i], "mount", segment, habit, i) for i, at in enumerate(place)
+        ]
+        self.mount[segment] = (placed[0], placed[1], placed[2])
+        steps: list[Step] = []
+        for i, axis in enumerate(np.eye(3)):
+            skin = self.skin_terms(segment, drives, f"slide {'xyz'[i]}", prior.SLIDE_SD_MM[i])
+            steps.append(along(axis, placed[i], skin))
+            if i == 0 and faces_anyhow:
+                steps.append(about(axis, self.free(0.0, prior.FACING_SD_RAD, "facing", segment)))
+        steps += lag
+        for i, axis in enumerate(np.eye(3)):
+            slope = float(np.radians(prior.NAIL_SLOPE_DEG)) if kind == "distal" and i == 1 else 0.0
+            turn = self._put_on(Amount(slope, ()), prior.MOUNT_TURN_SD_RAD, "mount turn", segment, habit, i)
+            skin = self.skin_terms(segment, drives, f"tilt {'xyz'[i]}", prior.TILT_SD[i])
+            if i == 1 and kind == "distal" and drives:
+                ((_, more),) = self.shared(1.0, "own tilt", "nails").parts  # than usual has this hand
+                skin += drives[0].terms(prior.DISTAL_TILT) + drives[0].terms(prior.DISTAL_TILT_SD, more)
+            steps.append(about(axis, turn, skin))
+        return (*steps, Mark(receiver(segment)))
+
+    def _put_on(
+        self, mean: Amount, sd: float, group: str, segment: str, habit: str | None, axis: int
+    ) -> Amount:
+        """Place a receiver on its bone along or about an axis: as expected, by habit and by chance."""
+        letter = "xyz"[axis]
+        if habit is None:
+            return self.place(mean, sd, group, f"{segment} {letter}")
+        by_chance = self.place(mean, (1.0 - prior.HABIT_SHARE) ** 0.5 * sd, group, f"{segment} {letter}")
+        return by_chance.plus(self.shared(prior.HABIT_SHARE**0.5 * sd, f"{group} habit", f"{habit} {letter}"))
+
+    def skin_terms(self, segment: str, drives: Sequence[Drive], group: str, sd: float) -> tuple[Term, ...]:
+        """Return the terms that skin adds, an unknown of that sd per rad of each drive."""
+        sd *= prior.looseness(segment)
+        terms: tuple[Term, ...] = ()
+        for n, drive in enumerate(drives):
+            terms += drive.terms(sd, self.unknowns.add(group, f"{segment} {n}"))
+        return terms
+
+
+def along(axis: Array, amount: Amount, skin: tuple[Term, ...] = ()) -> Operation:
+    """Translation by an amount."""
+    return Operation(False, axis, amount.constant, (*(Term(c, i) for c, i in amount.parts), *skin))
+
+
+def about(axis: Array, amount: Amount, skin: tuple[Term, ...] = ()) -> Operation:
+    """Rotation by an amount."""
+    return Operation(True, axis, amount.constant, (*(Term(c, i) for c, i in amount.parts), *skin))
+
+
+def by_state(axis: Array, state: int, skin: tuple[Term, ...] = ()) -> Operation:
+    """Rotation by a joint angle."""
+    return Operation(True, axis, 0.0, (Term(1.0, None, state), *skin))
+
+
+def across_of(axis: Array) -> tuple[Array, Array]:
+    """Two unit vectors at right angles to an axis and to each other."""
+    first = unit(np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))]))
+    return first, np.cross(axis, first)
+
+
+def tilted(across: tuple[Array, Array], tilts: Sequence[Amount], turn: Sequence[Step]) -> list[Step]:
+    """A rotation whose axis is tilted by two small rotations: there, turn, and back."""
+    first, second = across
+    return [
+        about(first, tilts[0]),
+        about(second, tilts[1]),
+        *turn,
+        about(second, tilts[1].times(-1.0)),
+        about(first, tilts[0].times(-1.0)),
+    ]

@@ -1,0 +1,65 @@
+"""Command line: compile what fitting and posing a hand need, once, so that no study waits for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+
+from shukotsu.fit import compiled_equations
+from shukotsu.fit.chain import hand_model
+from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs
+from shukotsu.study.layout import read_layout
+
+LAYOUT = "liberty16"
+
+
+def compile_all() -> None:
+    """Call every compiled function on one frame; numba keeps them beside the code, or in NUMBA_CACHE_DIR."""
+    problem, point = one_frame()
+    compiled_equations.residuals(problem, point)
+    compiled_equations.weighted_jacobians(problem, point)
+    steps = compiled_equations.reduce(problem, point)
+    compiled_equations.back_substitute(problem, point, steps, np.zeros(len(point.x)))
+    compiled_equations.pose(problem, point)
+
+
+def one_frame() -> tuple[Problem, Point]:
+    """An average hand, flat, and nothing measured of it."""
+    layout = read_layout(LAYOUT)
+    names = [name for name in layout.measured if not layout.segments[name].optional]
+    model = hand_model(layout, names, names, np.zeros(3))
+    n_unknowns, n_receivers = len(model.unknowns.names), len(names)
+    turns, valid = np.tile(np.eye(3), (1, n_receivers, 1, 1)), np.zeros((1, n_receivers), bool)
+    unseen = Frames(turns, np.zeros((1, n_receivers, 3)), valid)
+    mean = np.array(model.states.mean)
+    problem = Problem(
+        model.branches,
+        pairs(model.branches, model.receivers),
+        unseen,
+        np.ones((n_receivers, 2)),
+        1.0,
+        mean,
+        np.array(model.states.sd),
+        np.ones(n_unknowns),
+        Observations.of([], [], n_unknowns),
+    )
+    return problem, Point(np.zeros(n_unknowns), mean[None].copy(), np.eye(3)[None].copy(), np.zeros((1, 3)))
+
+
+@contextmanager
+def held_kernel(*, alone: bool) -> Iterator[None]:
+    """Hold the kernel's file, alone to compile it: others wait. Without locks they compile as well."""
+    with Path(__file__).with_name("kernel.py").open("rb") as file:
+        with suppress(ImportError, OSError):
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        yield
+
+
+if __name__ == "__main__":
+    with held_kernel(alone=True):
+        compile_all()

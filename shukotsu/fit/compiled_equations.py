@@ -1,0 +1,376 @@
+"""Residuals, normal equations and posing by the kernel, which reads chains as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.fit import kernel
+from shukotsu.fit.normal_equations import (
+    HUBER,
+    BranchResiduals,
+    Elimination,
+    Point,
+    Problem,
+    Reduced,
+    Residuals,
+)
+from shukotsu.fit.operations import Branch, Index, Reached
+from shukotsu.hand.rotations import Array
+
+BLOCK_FRAMES = 128
+"""Frames that are posed together: what they need fits a core's own memory."""
+
+_LEAST_GAIN = 1e-4
+"""Share of a frame's cost below which a step is its last."""
+
+_KINDS = {
+    "rotate": kernel.ROTATE,
+    "translate": kernel.TRANSLATE,
+    "turn": kernel.MOVE,
+    "mark": kernel.MARK,
+    "leave": kernel.LEAVE,
+    "return": kernel.RETURN,
+}
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Normal equations with all states and roots eliminated, as in `Reduced`, but frames last.
+
+    root_inverse : (6, 6, F), root_by_x : (G, 6, F), root_rhs : (6, F); eliminated, unknowns : of
+    every branch.
+    """
+
+    matrix: Array
+    gradient: Array
+    root_inverse: Array
+    root_by_x: Array
+    root_rhs: Array
+    eliminated: tuple[kernel.Eliminated, ...]
+    unknowns: tuple[Index, ...]
+
+    def frames_first(self) -> Reduced:
+        """Return the same as the rest of the package reads them."""
+        return Reduced(
+            self.matrix,
+            self.gradient,
+            _first(self.root_inverse),
+            _first(self.root_by_x.swapaxes(0, 1)),
+            _first(self.root_rhs),
+            tuple(
+                Elimination(
+                    _first(part.inverse), _first(part.by_rest.swapaxes(0, 1)), _first(part.rhs), unknowns
+                )
+                for part, unknowns in zip(self.eliminated, self.unknowns, strict=True)
+            ),
+        )
+
+
+def _last(values: Array) -> Array:
+    """A copy with the frames last instead of first."""
+    return np.moveaxis(values, 0, -1).copy()
+
+
+def _first(values: Array) -> Array:
+    """A copy with the frames first instead of last."""
+    return np.moveaxis(values, -1, 0).copy()
+
+
+def _reached_room(problem: Problem, n: int) -> kernel.Reached:
+    n_operations = sum(len(branch.operations) for branch in problem.branches)
+    n_marks = sum(len(branch.marks) for branch in problem.branches)
+    return kernel.Reached(
+        np.empty((n_operations, 3, n)),
+        np.empty((n_operations, 3, n)),
+        np.empty((n_marks, 3, 3, n)),
+        np.empty((n_marks, 3, n)),
+    )
+
+
+def _residuals_room(problem: Problem, n: int) -> kernel.Residuals:
+    n_receivers = sum(map(len, problem.receivers))
+    return kernel.Residuals(np.empty((n_receivers, 6, n)), np.empty((n_receivers, n)), np.empty(n))
+
+
+def _posing_room(problem: Problem, n: int) -> kernel.Room:
+    """Room for n frames."""
+    b, m = len(problem.branches), 6 * max(map(len, problem.receivers), default=0)
+    s = max((len(branch.states) for branch in problem.branches), default=0)
+    shapes = ((s, m), (6, m), (b, s, s), (b, 6, s), (b, s), (6, 6), (0, 6), (6,), (6, 6), (6,), (6,))
+    return kernel.Room(
+        kernel.Poses(np.empty((len(problem.state_mean), n)), np.empty((3, 3, n)), np.empty((3, n))),
+        _reached_room(problem, n),
+        _residuals_room(problem, n),
+        *(np.empty((*shape, n)) for shape in shapes),
+    )
+
+
+def _chains(problem: Problem) -> kernel.FlatChains:
+    shared = () if problem.field is None else tuple(problem.field.unknowns.tolist())
+    return _flat_chains(problem.branches, problem.receivers, shared)
+
+
+def _amounts(chains: kernel.FlatChains, x: Array) -> kernel.Amounts:
+    """Return the steady part of every operation's amount, and how much of a state each term adds."""
+    slope = chains.coefficient * np.where(chains.unknown >= 0, x[chains.unknown], 1.0)
+    running = np.append(0.0, np.cumsum(np.where(chains.state < 0, slope, 0.0)))
+    return kernel.Amounts(chains.amount + np.diff(running[chains.terms_from]), slope)
+
+
+def _poses(point: Point) -> kernel.Poses:
+    return kernel.Poses(_last(point.y), _last(point.root), _last(point.root_mm))
+
+
+def _measured(problem: Problem, x: Array, *, free_x: bool) -> kernel.Measured:
+    frames = problem.frames
+    turned = np.zeros((len(frames.valid), frames.valid.shape[1], 3, 0))
+    if free_x and problem.field is not None:
+        turned = problem.field.by_unknown(frames.position_mm)
+    return kernel.Measured(
+        _last(problem.rotation(x)),
+        _last(frames.position_mm),
+        frames.valid.T.copy(),
+        problem.sd.copy(),
+        turned.transpose(1, 3, 2, 0).copy(),
+    )
+
+
+def _prior(problem: Problem) -> kernel.Prior:
+    most = max((len(branch.states) for branch in problem.branches), default=0)
+    precision = np.zeros((len(problem.branches), most, most))
+    for block, branch in zip(precision, problem.branches, strict=True):
+        root, n = problem.state_prior(branch.states), len(branch.states)
+        block[:n, :n] = problem.temper * root.T @ root
+    return kernel.Prior(problem.state_mean.copy(), precision, float(problem.temper), HUBER)
+
+
+@dataclass(frozen=True)
+class _Evaluated:
+    """A problem at a point, as the kernel sees it."""
+
+    chains: kernel.FlatChains
+    amounts: kernel.Amounts
+    at: kernel.Poses
+    seen: kernel.Measured
+    prior: kernel.Prior
+    reached: kernel.Reached
+    found: kernel.Residuals
+
+    @classmethod
+    def of(cls, problem: Problem, point: Point) -> _Evaluated:
+        chains, at, prior, n_frames = _chains(problem), _poses(point), _prior(problem), len(point.y)
+        amounts, seen = _amounts(chains, point.x), _measured(problem, point.x, free_x=True)
+        reached, residuals_there = _reached_room(problem, n_frames), _residuals_room(problem, n_frames)
+        kernel.reach(chains, chains.plan, amounts, at, reached)
+        kernel.residuals(chains, reached, at, seen, prior, residuals_there)
+        return cls(chains, amounts, at, seen, prior, reached, residuals_there)
+
+
+def residuals(problem: Problem, point: Point) -> Residuals:
+    """Residuals of every receiver and the cost: half the tempered robust squares, the priors' included."""
+    at = _Evaluated.of(problem, point)
+    parts, operation, mark, receiver = [], 0, 0, 0
+    reached = [np.moveaxis(values, -1, 1) for values in at.reached]
+    for branch, receivers in zip(problem.branches, problem.receivers, strict=True):
+        operations = slice(operation, operation + len(branch.operations))
+        marks = slice(mark, mark + len(branch.marks))
+        rows = slice(receiver, receiver + len(receivers))
+        parts.append(
+            BranchResiduals(
+                at.found.r[rows].swapaxes(1, 2),
+                at.found.weight[rows],
+                Reached(reached[2][marks], reached[3][marks], reached[0][operations], reached[1][operations]),
+            )
+        )
+        operation, mark, receiver = operations.stop, marks.stop, rows.stop
+    off_rows = problem.observations.rows @ point.x - problem.observations.values
+    cost = at.found.cost.sum() + (problem.precision * point.x**2).sum() / 2 + (off_rows**2).sum() / 2
+    return Residuals(tuple(parts), float(cost), at.found.cost)
+
+
+class Jacobian(NamedTuple):
+    """A branch's residuals r (F, m) with robust weights and tempering in, and their derivatives by its states
+    (F, m, s), by the root (F, m, 6) and by its unknowns (F, m, g).
+    """
+
+    r: Array
+    by_states: Array
+    by_root: Array
+    by_unknowns: Array
+
+
+def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
+    """Every branch's derivatives."""
+    at, out, first = _Evaluated.of(problem, point), [], 0
+    for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
+        m, n = 6 * len(receivers), len(point.y)
+        J_y, J = np.empty((len(branch.states), m, n)), np.empty((6 + len(problem.unknowns_of(b)), m, n))
+        kernel.jacobian(
+            at.chains, at.amounts, at.reached, at.at, at.seen, at.found, problem.temper, b, J_y, J
+        )
+        rows = slice(first, first + len(receivers))
+        r = at.found.r[rows] * np.sqrt(problem.temper * at.found.weight[rows])[:, None]
+        by_rest = _first(J.swapaxes(0, 1))
+        by_states = _first(J_y.swapaxes(0, 1))
+        out.append(Jacobian(_first(r.reshape(m, n)), by_states, by_rest[..., :6], by_rest[..., 6:]))
+        first = rows.stop
+    return out
+
+
+def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
+    """Eliminate states and roots from the normal equations; damping : Marquardt's, over the diagonal."""
+    at, G, n = _Evaluated.of(problem, point), len(point.x), len(point.y)
+    rows = problem.observations.rows
+    matrix = np.diag(problem.precision) + rows.T @ rows
+    gradient = problem.precision * point.x + rows.T @ (rows @ point.x - problem.observations.values)
+    H_rr, H_xr, g_r = np.zeros((6, 6, n)), np.zeros((G, 6, n)), np.zeros((6, n))
+    dampings = np.full(n, damping)
+    eliminated = []
+    for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
+        unknowns, s = problem.unknowns_of(b), len(branch.states)
+        J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(unknowns), 6 * len(receivers), n))
+        part = kernel.Eliminated(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
+        kernel.jacobian(
+            at.chains, at.amounts, at.reached, at.at, at.seen, at.found, problem.temper, b, J_y, J
+        )
+        r = kernel.eliminate(at.chains, at.found, at.at, at.prior, dampings, b, J_y, J, part)
+        kernel.add_to_root(at.chains, b, J, r, part, H_rr, H_xr, g_r)
+        J_x = J[6:].reshape(len(unknowns), r.size)
+        Z_x = part.by_rest[6:].reshape(len(unknowns), part.rhs.size)
+        matrix[np.ix_(unknowns, unknowns)] += J_x @ J_x.T - Z_x @ Z_x.T
+        gradient[unknowns] += J_x @ r.ravel() - Z_x @ part.rhs.ravel()
+        eliminated.append(part)
+    inverse, rhs, by_x = np.empty((6, 6, n)), np.empty((6, n)), np.empty((G, 6, n))
+    kernel.reduce_roots(H_rr, H_xr, g_r, dampings, inverse, rhs, by_x)
+    flat = by_x.reshape(G, 6 * n)
+    matrix -= flat @ flat.T
+    gradient -= flat @ rhs.ravel()
+    own_unknowns = tuple(map(problem.unknowns_of, range(len(problem.branches))))
+    return Steps(matrix, gradient, inverse, by_x, rhs, tuple(eliminated), own_unknowns)
+
+
+def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> Point:
+    """The point after a step dx and the steps of roots and states that go with it."""
+    at = _poses(point)
+    rhs = steps.root_rhs + np.tensordot(dx, steps.root_by_x, 1)
+    d_root = -np.einsum("jif,jf->if", steps.root_inverse, rhs)
+    for branch, part, unknowns in zip(problem.branches, steps.eliminated, steps.unknowns, strict=True):
+        of_x = np.broadcast_to(dx[unknowns, None], (len(unknowns), len(point.y)))
+        kernel.step_states(branch.states.astype(int), part, np.concatenate([d_root, of_x]), at.y)
+    kernel.step_root(d_root, at.root, at.root_mm)
+    return Point(point.x + dx, _first(at.y), _first(at.root), _first(at.root_mm))
+
+
+def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
+    """Fit states and roots with x as it is: Levenberg-Marquardt, each frame for no longer than it gains."""
+    chains, amounts, prior = _chains(problem), _amounts(_chains(problem), point.x), _prior(problem)
+    plan = kernel.condensed(chains, amounts)
+    y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()
+    n_blocks = -(-len(y) // BLOCK_FRAMES)
+    rooms = dict[int, kernel.Room]()
+    for rows in np.array_split(np.arange(len(y)), max(1, n_blocks)):
+        block = slice(rows[0], rows[-1] + 1) if len(rows) else slice(0)
+        if len(rows) not in rooms:
+            rooms[len(rows)] = _posing_room(problem, len(rows))
+        at = _poses(point.take(block))
+        seen = _measured(replace(problem, frames=problem.frames.take(block)), point.x, free_x=False)
+        kernel.pose(chains, plan, amounts, seen, prior, steps, _LEAST_GAIN, at, rooms[len(rows)])
+        y[block], root[block], root_mm[block] = _first(at.y), _first(at.root), _first(at.root_mm)
+    return Point(point.x, y, root, root_mm)
+
+
+@lru_cache(maxsize=64)
+def _flat_chains(
+    branches: tuple[Branch, ...],
+    receivers: tuple[tuple[tuple[int, int], ...], ...],
+    shared: tuple[int, ...] = (),
+) -> kernel.FlatChains:
+    """Lay out branches with their receivers, pairs (mark in the branch, receiver in frames).
+
+    shared : unknowns that move no chain but are seen by every receiver; the last of each branch's.
+    """
+    operations = [operation for branch in branches for operation in branch.operations]
+    terms = [  # coefficient, unknown, state; -1 where a factor is left out
+        [(t.coefficient, *(-1 if f is None else f for f in (t.unknown, t.state))) for t in operation.terms]
+        for operation in operations
+    ]
+    first_operation = _from(len(branch.operations) for branch in branches)
+    first_mark = _from(len(branch.marks) for branch in branches)
+    in_branch = np.repeat(np.arange(len(branches)), np.diff(first_operation))
+    flat = np.array([term for parts in terms for term in parts], float).reshape(-1, 3)
+    coefficient, (unknown, state) = flat[:, 0].copy(), flat[:, 1:].T.astype(int)
+    of_branch = np.repeat(in_branch, [len(parts) for parts in terms])
+    measured = [(b, mark, s) for b, parts in enumerate(receivers) for mark, s in parts]
+    upstream = [first_operation[b] + np.flatnonzero(branches[b].upstream[mark]) for b, mark, _ in measured]
+    terms_from = _from(map(len, terms))
+    x_column = _columns(of_branch, unknown, [branch.unknowns for branch in branches])
+    y_column = _columns(of_branch, state, [branch.states for branch in branches])
+    by_unknown = np.pad(_touched(upstream, terms_from, x_column), ((0, 0), (0, len(shared))))
+    for row, (b, *_) in zip(by_unknown, measured, strict=True):
+        row[len(branches[b].unknowns) :][: len(shared)] = True
+    return kernel.FlatChains(
+        _plan(branches, first_operation, first_mark),
+        1 + sum(kind == "leave" for branch in branches for kind, *_ in branch.plan),
+        np.array([operation.rotates for operation in operations], bool),
+        np.array([any(s >= 0 for *_, s in parts) for parts in terms], bool),
+        np.array([operation.constant for operation in operations], float),
+        terms_from,
+        coefficient,
+        unknown.copy(),
+        state.copy(),
+        x_column,
+        y_column,
+        np.array([first_mark[b] + mark for b, mark, _ in measured], int),
+        np.array([s for *_, s in measured], int),
+        _from(map(len, upstream)),
+        np.concatenate([np.zeros(0, int), *upstream]),
+        _touched(upstream, terms_from, y_column),
+        by_unknown,
+        _from(map(len, receivers)),
+        _from(len(branch.states) for branch in branches),
+        np.concatenate([branch.states for branch in branches]).astype(int),
+        _from(len(branch.unknowns) + len(shared) for branch in branches),
+        np.concatenate([np.append(branch.unknowns, shared) for branch in branches]).astype(int),
+    )
+
+
+def _from(lengths: Iterable[int]) -> Index:
+    """Return where each part begins, and the last ends, when they are put one after the other."""
+    return np.cumsum([0, *lengths])
+
+
+def _plan(branches: Sequence[Branch], first_operation: Index, first_mark: Index) -> kernel.Plan:
+    """Every branch left and returned from at the root."""
+    steps: list[tuple[int, int, Array]] = []
+    for branch, operation, mark in zip(branches, first_operation, first_mark, strict=False):
+        steps.append((kernel.LEAVE, 0, np.zeros(12)))
+        for kind, index, values in branch.plan:
+            first = operation if kind in ("rotate", "translate") else mark if kind == "mark" else 0
+            constant = np.zeros(12)
+            constant[: values.size] = values.ravel()
+            steps.append((_KINDS[kind], int(first) + index, constant))
+        steps.append((kernel.RETURN, 0, np.zeros(12)))
+    kinds, places, constants = zip(*steps, strict=True)
+    return kernel.Plan(np.array(kinds, int), np.array(places, int), np.array(constants))
+
+
+def _columns(of_branch: Index, index: Index, of_branches: Sequence[Index]) -> Index:
+    """Place (K,) of each term's factor among its branch's own, -1 where it has none."""
+    places = [{int(i): column for column, i in enumerate(indices)} for indices in of_branches]
+    return np.array([places[b].get(int(i), -1) for b, i in zip(of_branch, index, strict=True)], int)
+
+
+def _touched(upstream: Sequence[Index], terms_from: Index, column: Index) -> npt.NDArray[np.bool_]:
+    """Whether each receiver (N, columns) is moved by what is in that column."""
+    out = np.zeros((len(upstream), int(column.max(initial=-1)) + 1), bool)
+    for row, operations in zip(out, upstream, strict=True):
+        for o in operations:
+            columns = column[terms_from[o] : terms_from[o + 1]]
+            row[columns[columns >= 0]] = True
+    return out

@@ -1,0 +1,323 @@
+"""A whole hand fitted to its calibration recordings: maximum a posteriori, with Laplace's covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.fit.chain import HandModel, hand_model
+from shukotsu.fit.compiled_equations import pose, reduce, residuals, weighted_jacobians
+from shukotsu.fit.empirical_bayes import independent_samples, prior_precision, residual_sd
+from shukotsu.fit.free_joints import free_joints
+from shukotsu.fit.gauss_newton import CLOSE, NEARLY, Solution, first_guess, solve
+from shukotsu.fit.measurements import Measurement, observations, planes
+from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs
+from shukotsu.fit.posterior import Evidence, Posterior
+from shukotsu.fit.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
+from shukotsu.fit.receiver_frames import Convention, concatenated, neighbours, postures, spread_frames
+from shukotsu.fit.room_field import RoomField
+from shukotsu.hand import average_hand as prior
+from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
+from shukotsu.hand.known_digits import known_digits, root_of
+from shukotsu.hand.rotations import Array, exp_rotation
+from shukotsu.hand.thumb_facing import faces_nail
+from shukotsu.study.layout import Layout
+from shukotsu.tables.poses import Poses
+
+RESIDUAL_SD = (0.5, float(np.radians(0.6)))
+"""Sd of a receiver's position (mm) and rotation (rad), per component: tracker, field, and skin that its
+states do not follow (two LIBERTY sensors on a rigid bar already differ by 0.3 to 0.55 mm and 0.3 to 0.45
+deg)."""
+
+INDEPENDENT_SAMPLES = 30.0
+"""In a calibration of half a minute; skin wanders for about half a second."""
+
+LEAST_CANDIDATES = 0.5
+"""Share of the frames with half of the receivers that are looked at, those with most of them: few would be of
+few moments where receivers drop out in turn, and show few postures."""
+
+LEAST_LEFT, MOST_WHOLE = 0.25, 0.9
+"""Shares of the frames between which a receiver is lost for good: then those before are fitted."""
+
+EVEN_FRAMES = 300
+"""Evenly spaced over the recording, to see how residuals follow one another."""
+
+SIDE_SD = 0.0025
+"""Sd of the difference between left and right, relative: lengths differ by less than 0.5 %
+(Buryanov & Kotiuk 2010)."""
+
+_POSING_STEPS, _BOOTSTRAP_STEPS = 4, 8
+NO_PRECISION = 1e-9
+"""Precision of an expectation that has been replaced."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Frames fitted, most steps of a solution, rounds that find priors' and residuals' scales."""
+
+    n_frames: int = 100
+    most_steps: int = 25
+    rounds: int = 4
+
+
+@dataclass(frozen=True)
+class HandFit:
+    """A fitted hand, its evidence, and every receiver's rms residual, mm and deg per component."""
+
+    evidence: Evidence
+    summary: HandSummary
+    residual_rms: Mapping[str, tuple[float, float]]
+
+    @property
+    def joints(self) -> Mapping[str, FittedJoint]:
+        """Every joint between two receivers, by name."""
+        return self.summary.joints
+
+    @property
+    def bones(self) -> Mapping[str, FittedBone]:
+        """Lengths of the bones, by segment."""
+        return self.summary.bones
+
+    @property
+    def side(self) -> str:
+        """Whether the hand is right or left."""
+        return "left" if self.evidence.convention.left else "right"
+
+    @property
+    def converged(self) -> bool:
+        """Whether the last round ended because nothing moved any more."""
+        return self.evidence.converged
+
+    def moved_to(self, x: Array, covariance: Array) -> HandFit:
+        """The hand with other unknowns (G,) and covariance (G, G)."""
+        evidence = replace(self.evidence, posterior=self.evidence.posterior.moved_to(x, covariance))
+        return replace(self, evidence=evidence, summary=summarise(evidence))
+
+
+def fit_hand(
+    recordings: Sequence[Poses],
+    layout: Layout,
+    hand: str,
+    *,
+    hand_length_mm: float | None = None,
+    hand_breadth_mm: float | None = None,
+    measurements: Sequence[Measurement] = (),
+    settings: Settings | None = None,
+) -> HandFit:
+    """Fit a hand to its calibration recordings, all at once.
+
+    recordings : of the same receivers, each in its own transmitter frame. hand : right or left.
+    hand_length_mm : wrist crease to the middle finger's tip; hand_breadth_mm : across the knuckles.
+    measurements : taken on the hand itself. A receiver that is never valid is done without. Raises InputError
+    where fewer than two frames have half of the receivers, or a measurement names nothing known.
+    """
+    settings = settings or Settings()
+    worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}
+    worn |= {*layout.expected}  # an optional receiver counts only where it was worn
+    root = root_of(layout)
+    receivers = [root, *(name for name in layout.measured if name != root and name in worn)]
+    convention = Convention.of(layout, receivers, hand)
+    everything = convention.frames(concatenated(recordings))
+    frames, share = _chosen(everything, layout, convention.receivers, settings.n_frames)
+    scale = _scale(hand_length_mm, hand_breadth_mm)
+    model = _model(layout, convention, everything, frames, scale)
+    field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
+    every = observations(model, measurements), planes(model, layout, convention, frames)
+    measured = Observations(*(np.concatenate([getattr(o, n) for o in every]) for n in ("rows", "values")))
+    problem = _problem(model, frames, measured, field)
+    problem, solution = _solved(problem, model, everything, settings)
+    seen = {model.receivers[i] for i in np.flatnonzero(frames.valid.any(0))}
+    bones = {name for digit in known_digits(layout) for name in digit.segments}
+    if settings.rounds and any(name not in seen and layout.segments[name].measured for name in bones):
+        point = without_noise_bias(problem, solution.point)
+        solution = replace(solution, point=point, residuals=residuals(problem, point))
+    posterior = Posterior.of(problem, solution.point, reduce(problem, solution.point).frames_first(), share)
+    evidence = Evidence(
+        layout, model, convention, problem, posterior, share, solution.point.y, solution.converged
+    )
+    return HandFit(evidence, summarise(evidence), _residual_rms(problem, solution, model))
+
+
+def _model(
+    layout: Layout, convention: Convention, everything: Frames, frames: Frames, scale: tuple[float, float]
+) -> HandModel:
+    """Lay out the chains that this layout and these recordings allow."""
+    receivers, root = convention.receivers, root_of(layout)
+    seen = [receivers[i] for i in np.flatnonzero(np.any(everything.valid, axis=0))]
+    of_digits = [joint for digit in known_digits(layout) for joint in digit.joints]
+    free = free_joints(layout, root, of_digits, frames, receivers)
+    wrist_mm = np.zeros(3)
+    if layout.wrist is not None:
+        wrist_mm = convention.point_matrix(root).T @ (layout.wrist.point_mm or layout.wrist.nominal_mm)
+    anatomy = _anatomy(layout, everything, receivers)
+    return hand_model(layout, receivers, seen, wrist_mm, free, scale, anatomy)
+
+
+def _anatomy(layout: Layout, everything: Frames, receivers: Sequence[str]) -> Mapping[str, DigitAnatomy]:
+    """Anatomy of the digits, the thumb's metacarpal facing as its receiver does."""
+    thumb = next((digit for digit in known_digits(layout) if digit.name == "thumb"), None)
+    if thumb is None or not set(thumb.segments[:2]) <= set(receivers):
+        return DIGITS
+    metacarpal, proximal = (receivers.index(segment) for segment in thumb.segments[:2])
+    both = everything.valid[:, metacarpal] & everything.valid[:, proximal]
+    seen = everything.rotation[both, metacarpal].swapaxes(-1, -2) @ everything.rotation[both, proximal]
+    nail = replace(DIGITS["thumb"], faces_nail=True)
+    rests = [frames[0].T @ frames[1] for frames in (nail.frames(), DIGITS["thumb"].frames())]
+    return {**DIGITS, "thumb": nail} if faces_nail(seen, *rests) else DIGITS
+
+
+def _problem(model: HandModel, frames: Frames, measured: Observations, field: RoomField) -> Problem:
+    """The problem with every scale as published."""
+    return Problem(
+        branches=model.branches,
+        receivers=pairs(model.branches, model.receivers),
+        frames=frames,
+        sd=np.array([RESIDUAL_SD] * len(model.receivers)),
+        temper=min(1.0, INDEPENDENT_SAMPLES / len(frames.valid)),
+        state_mean=np.array(model.states.mean),
+        state_sd=model.states.sd_over(INDEPENDENT_SAMPLES),
+        precision=np.ones(len(model.unknowns.names)),
+        observations=measured,
+        state_link=model.states.link(),
+        field=field,
+    )
+
+
+def _solved(
+    problem: Problem, model: HandModel, everything: Frames, settings: Settings
+) -> tuple[Problem, Solution]:
+    """Solve, find the scales that the hand shows, solve again; return the last problem and solution."""
+    published_sd = problem.sd
+    average = np.zeros(len(problem.precision))
+    start = pose(problem, first_guess(problem, model, average), _POSING_STEPS)
+    closeness = [NEARLY] * settings.rounds + [CLOSE]
+    solution = solve(problem, start, settings.most_steps, closeness[0])
+    if settings.rounds:
+        step = max(1, len(everything.valid) // EVEN_FRAMES)
+        even = replace(problem, frames=everything.take(slice(None, None, step)))
+        posed = pose(even, first_guess(even, model, solution.point.x), _POSING_STEPS)
+        samples = independent_samples(even, residuals(even, posed))  # from how residuals wander
+        problem = replace(problem, temper=min(1.0, samples / len(problem.frames.valid)))
+    for close in closeness[1:]:
+        point, reduced = solution.point, reduce(problem, solution.point).frames_first()
+        covariance = np.asarray(np.linalg.inv(reduced.matrix), float)
+        precision = prior_precision(model.unknowns.groups, point.x, covariance, problem.precision)
+        jacobians = weighted_jacobians(problem, point)
+        sd = residual_sd(problem, solution.residuals, jacobians, reduced, published_sd)
+        problem = replace(problem, sd=sd, precision=precision)
+        solution = solve(problem, point, settings.most_steps, close)
+    return problem, solution
+
+
+def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, float]:
+    """Mean and sd of the hand's size: the population's, or what was measured."""
+    measured = [
+        (value / average, sd)
+        for value, average, sd in (
+            (length_mm, prior.AVERAGE_LENGTH_MM, prior.SCALE_SD_BY_LENGTH),
+            (breadth_mm, prior.AVERAGE_BREADTH_MM, prior.SCALE_SD_BY_BREADTH),
+        )
+        if value is not None
+    ]
+    weight = np.array([1 / sd**2 for _, sd in measured])
+    if not measured:
+        return 1.0, prior.SCALE_SD
+    return float(weight @ [scale for scale, _ in measured] / weight.sum()), float(weight.sum() ** -0.5)
+
+
+def _chosen(frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: int) -> tuple[Frames, Array]:
+    """Frames to fit, and the share (F,) of the recording that each stands for."""
+    worn = int(frames.valid.any(0).sum())
+    count = frames.valid.sum(1)
+    enough = int(LEAST_CANDIDATES * (count >= max(2, worn / 2)).sum())
+    least = next(c for c in range(worn, -1, -1) if (count >= c).sum() >= enough)
+    usable = np.flatnonzero(count >= max(2, worn / 2, least))
+    end = min(int(np.flatnonzero(seen)[-1]) + 1 for seen in frames.valid.T if seen.any()) if worn else 0
+    if LEAST_LEFT <= end / len(count) < MOST_WHOLE:
+        usable = usable[usable < end]
+    if len(usable) < 2:
+        raise InputError(
+            f"{len(usable)} frames have half of the {worn} receivers valid; expected 2 or more: record the "
+            "receivers together"
+        )
+    seen = [receivers[i] for i in np.flatnonzero(np.any(frames.valid, axis=0)).tolist()]
+    index = [(receivers.index(a), receivers.index(b)) for a, b in neighbours(layout, seen)]
+    rows, share = spread_frames(postures(frames.take(usable), index), n_frames)
+    return frames.take(usable[rows]), share
+
+
+def _residual_rms(problem: Problem, solution: Solution, model: HandModel) -> dict[str, tuple[float, float]]:
+    """Root mean square residual of every receiver, mm and deg, per component; NaN where it was not seen."""
+    rms = {}
+    for receivers, (r, _, _) in zip(problem.receivers, solution.residuals.branches, strict=True):
+        for i, (_, s) in enumerate(receivers):
+            seen = r[i, problem.frames.valid[:, s]].reshape(-1, 2, 3)
+            off = np.sqrt((seen**2).mean((0, 2))) * problem.sd[s] if len(seen) else np.full(2, np.nan)
+            rms[model.receivers[s]] = (float(off[0]), float(np.degrees(off[1])))
+    return rms
+
+
+def share_lengths(first_fit: HandFit, second_fit: HandFit) -> tuple[HandFit, HandFit]:
+    """Return both fits of a person's hands, each with what the other says about its bones' lengths.
+
+    Bones are of the same length, left and right. Each fit's posterior is normal (Laplace) and the lengths are
+    linear in its unknowns, so that conditioning on their difference is exactly one fit of both hands.
+    """
+    bones = [name for name in first_fit.bones if name in second_fit.bones]
+    first, second = _lengths(first_fit.evidence, bones), _lengths(second_fit.evidence, bones)
+    difference = first[0] - second[0]
+    spread = first[2] + second[2] + np.diag((SIDE_SD * first[0]) ** 2)
+    pull = np.linalg.solve(spread, np.concatenate([difference[:, None], first[1], second[1]], 1))
+    n_one = first[1].shape[1]
+    steps = -first[1].T @ pull[:, 0], second[1].T @ pull[:, 0]
+    shrinks = first[1].T @ pull[:, 1 : 1 + n_one], second[1].T @ pull[:, 1 + n_one :]
+    first_fit, second_fit = (
+        fit.moved_to(fit.evidence.posterior.x + step, fit.evidence.posterior.covariance - shrink)
+        for fit, step, shrink in zip((first_fit, second_fit), steps, shrinks, strict=True)
+    )
+    return first_fit, second_fit
+
+
+def _lengths(evidence: Evidence, bones: list[str]) -> tuple[Array, Array, Array]:
+    """Lengths (B,), their covariance with the unknowns (B, G) and with each other (B, B)."""
+    posterior, amounts = evidence.posterior, [evidence.model.length[name] for name in bones]
+    rows = np.array([amount.row(len(posterior.x)) for amount in amounts]).reshape(-1, len(posterior.x))
+    lengths = np.array([posterior.of_amount(amount)[0] for amount in amounts])
+    with_unknowns = rows @ posterior.covariance
+    return lengths, with_unknowns, with_unknowns @ rows.T
+
+
+def without_noise_bias(problem: Problem, point: Point) -> Point:
+    """Return the hand less what noise makes of all hands alike, its frames posed with it.
+
+    The hand that is likeliest together with the angles of every frame is too large: what is noise looks like
+    motion, and on longer bones smaller angles, which are likelier, reach as far (Neyman & Scott 1948). Bones
+    without a receiver leave room for that. So the fitted hand is measured again as it stands, with the noise
+    that it leaves and with that noise reversed, so that only what all noise has in common is left, and fitted
+    again without any other expectation than itself (the parametric bootstrap, Efron 1979).
+    """
+    rng, shape = np.random.default_rng(0), (*problem.frames.valid.shape, 3)
+    noise = rng.normal(size=(2, *shape))
+    root = np.sqrt(problem.precision)
+    rows = problem.observations.rows
+    held = Observations(
+        np.concatenate([rows, np.diag(root)]), np.concatenate([rows @ point.x, root * point.x])
+    )
+    again = replace(problem, observations=held, precision=np.full(len(root), NO_PRECISION))
+    fitted, solved_x = residuals(problem, point).branches, []
+    for sign in (1.0, -1.0):
+        rotation, position = problem.frames.rotation.copy(), problem.frames.position_mm.copy()
+        for receivers, (_, _, reached) in zip(problem.receivers, fitted, strict=True):
+            for mark, s in receivers:
+                turned = problem.sd[s, 1] * (sign * noise)[1, :, s]
+                rotation[:, s] = reached.rotation[mark] @ exp_rotation(turned)
+                position[:, s] = reached.position_mm[mark] + problem.sd[s, 0] * (sign * noise)[0, :, s]
+        if problem.field is not None:
+            rotation = problem.field.turn(position, point.x) @ rotation
+        frames = Frames(rotation, position, problem.frames.valid)
+        solved_x.append(solve(replace(again, frames=frames), point, _BOOTSTRAP_STEPS, NEARLY).point.x)
+    x = 2 * point.x - np.mean(solved_x, axis=0)
+    return pose(problem, replace(point, x=x))

@@ -1,0 +1,118 @@
+"""Any recording posed with a fitted hand: joint angles, every bone, every fingertip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.fit.chain_builder import bone, receiver
+from shukotsu.fit.compiled_equations import pose, residuals
+from shukotsu.fit.fit import HandFit
+from shukotsu.fit.gauss_newton import first_guess
+from shukotsu.fit.normal_equations import Frames, Problem
+from shukotsu.hand.joint_angles import joint_angles
+from shukotsu.hand.known_digits import root_of
+from shukotsu.hand.rotations import Array, from_matrix
+from shukotsu.tables.poses import Poses
+
+CHUNK_FRAMES = 256
+LEAST_RECEIVERS = 2
+"""Valid in a frame, to pose it."""
+_UNSEEN = 1e9
+"""Sd in units of a receiver's own, of what is to count for nothing."""
+
+
+@dataclass(frozen=True)
+class PosedHand:
+    """A recording as the fitted hand did it, T frames; NaN in frames that could not be posed.
+
+    angle_names : (joint, kind) of the columns of angles_rad (T, A). bones : B names, the base bone (the hand,
+    at the wrist centre) first; their proximal joints (T, B, 3) and rotations (T, B, 4), x distal, z dorsal.
+    receivers : S names; receiver_mm (T, S, 3) where the hand says that each is. residual_mm : (T,) rms over
+    the receivers.
+    """
+
+    angle_names: tuple[tuple[str, str], ...]
+    angles_rad: Array
+    bones: tuple[str, ...]
+    bone_position_mm: Array
+    bone_quaternion: Array
+    receivers: tuple[str, ...]
+    receiver_mm: Array
+    residual_mm: Array
+    posed: npt.NDArray[np.bool_]
+
+
+def joint_angles_of(fit: HandFit, posed: PosedHand, more_rad: float = 0.0) -> dict[str, Array]:
+    """Angles (T, 3) in degrees of the joints of known anatomy, by joint.
+
+    more_rad : by which the joints' axes are turned about their bones in addition.
+    """
+    bone_of = dict(zip(posed.bones, np.moveaxis(posed.bone_quaternion, 1, 0), strict=True))
+    return {
+        joint: joint_angles(
+            bone_of[axes.parent], bone_of[axes.child], fit.side, *axes.of_hand(fit.side, more_rad)
+        )
+        for joint, axes in fit.summary.angle_axes.items()
+    }
+
+
+def pose_hand(fit: HandFit, poses: Poses, blind: Sequence[str] = ()) -> PosedHand:
+    """Fit the joint angles of every frame over all receivers that are valid in it.
+
+    blind : receivers whose positions are left out, which are then predicted from everything else.
+    """
+    frames = fit.evidence.convention.frames(poses)
+    sd = fit.evidence.problem.sd.copy()
+    sd[[fit.evidence.model.receivers.index(name) for name in blind], 0] *= _UNSEEN
+    problem = replace(fit.evidence.problem, sd=sd, state_sd=np.array(fit.evidence.model.states.sd))
+    parts = [
+        _pose_chunk(fit, problem, frames.take(slice(start, start + CHUNK_FRAMES)))
+        for start in range(0, max(len(frames.valid), 1), CHUNK_FRAMES)
+    ]
+    angles, position, quaternion, origins, rms = (
+        np.concatenate(arrays) for arrays in zip(*parts, strict=True)
+    )
+    posed = frames.valid.sum(1) >= LEAST_RECEIVERS
+    for array in (angles, position, quaternion, origins, rms):
+        array[~posed] = np.nan
+    return PosedHand(
+        tuple(fit.evidence.model.states.names),
+        angles,
+        (root_of(fit.evidence.layout), *fit.evidence.model.length),
+        position,
+        quaternion,
+        fit.evidence.model.receivers,
+        origins,
+        rms,
+        posed,
+    )
+
+
+def _pose_chunk(fit: HandFit, problem: Problem, frames: Frames) -> tuple[Array, Array, Array, Array, Array]:
+    """Angles, bones' positions and quaternions, receivers' origins, and rms residual, of some frames."""
+    problem = replace(problem, frames=frames)
+    point = pose(problem, first_guess(problem, fit.evidence.model, fit.evidence.posterior.x))
+    current = residuals(problem, point)
+    marks = {
+        name: (reached.rotation[mark], reached.position_mm[mark])
+        for branch, (_, _, reached) in zip(problem.branches, current.branches, strict=True)
+        for mark, name in enumerate(branch.marks)
+    }
+    places = [(point.root, point.root_mm), *(marks[bone(name)] for name in fit.evidence.model.length)]
+    bones = [fit.evidence.convention.world(*pose_there) for pose_there in places]
+    rotation, position = (np.stack(parts, 1) for parts in zip(*bones, strict=True))
+    origins = np.stack(
+        [fit.evidence.convention.world(*marks[receiver(name)])[1] for name in fit.evidence.model.receivers], 1
+    )
+    total, count = np.zeros(len(current.frame_cost)), np.zeros(len(current.frame_cost))
+    for receivers, (r, _, _) in zip(problem.receivers, current.branches, strict=True):
+        for i, (_, s) in enumerate(receivers):
+            if problem.sd[s, 0] < _UNSEEN / 1e3:
+                total += (r[i, :, :3] ** 2).sum(-1) * problem.sd[s, 0] ** 2
+                count += problem.frames.valid[:, s]
+    rms_mm = np.sqrt(total / np.maximum(count, 1))
+    return point.y, position, from_matrix(rotation), origins, rms_mm

@@ -1,0 +1,437 @@
+"""Compute how far a posed hand may be off in a frame, from its receivers and what the fit leaves open.
+
+A frame's joint angles and the pose of its base bone, given the hand's unknowns, are normal about where they
+were posed, with the covariance that the receivers valid in that frame and the angles' priors leave. They move
+with the unknowns, whose covariance the fit has. Both together are a linear map of independent standard normal
+numbers, from which the error of anything posed follows: a centre, an angle, a tip.
+
+The map changes slowly with posture, and at once with the receivers. So it is made for a few postures of every
+set of valid receivers, and each frame takes that of the nearest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.checks.sampled_motion import MIRROR
+from shukotsu.fit.chain_builder import KINDS, bone
+from shukotsu.fit.compiled_equations import reduce
+from shukotsu.fit.fingertips import Fingertips, square_root
+from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of
+from shukotsu.fit.normal_equations import Frames, Point
+from shukotsu.fit.operations import Branch, Index, cross
+from shukotsu.fit.posterior_summary import unshown_mm2
+from shukotsu.fit.receiver_frames import spread_frames
+from shukotsu.fit.touches import SKIN_SD_MM
+from shukotsu.hand import average_hand as prior
+from shukotsu.hand.joint_angles import joint_angles
+from shukotsu.hand.known_digits import known_digits
+from shukotsu.hand.rotations import Array, about_axis, matrix, multiply
+from shukotsu.study.layout import Digit
+
+POSTURES = 96
+"""Postures of a block of frames, for which the map is made; each set of valid receivers has one at least."""
+
+_MOST_AT_ONCE = 32
+"""Postures whose maps are in memory together: 15 MB."""
+
+_NUDGE_RAD = 1e-5
+
+NEUTRAL_SD_DEG = np.array([1.5, 1.5, 0.0])
+"""Sd of flexion, abduction and rotation at zero of a CMC or MCP joint, which is where metacarpals stand in
+the flat hand: published hands (CT, X-ray, Buchholz 1992, MyoHand) have these 1.6 and 1.5 deg apart (1 sigma).
+It is the same in all frames and all people. Other joints' zero is bones in line, which the fit knows as well
+as it knows the bones; and none turns about its own bone at zero."""
+
+PUT_ON = ("mount", "mount turn", "mount habit", "mount turn habit")
+"""Groups of unknowns that are others when the receivers are put on anew."""
+
+_NEW_SHARE = 0.5
+"""Share of what residuals leave open, that is another in the next session (our choice): noise and how skin
+wanders. The rest is how skin follows the posture, which repeats."""
+
+
+@dataclass(frozen=True)
+class _Spread:
+    """Errors of F posed frames as linear maps of N standard normal numbers, of a right hand always.
+
+    shift_mm, turn_rad : (F, B, 3, N) of each bone's proximal joint and of its rotation; states_rad :
+    (F, S, N); unknowns : (G + 6 D, N) of the hand's unknowns and the soft parts' offsets.
+    """
+
+    shift_mm: Array
+    turn_rad: Array
+    states_rad: Array
+    unknowns: Array
+
+
+@dataclass(frozen=True)
+class PosedErrors:
+    """1-sigma errors of posed frames; NaN where a frame was not posed.
+
+    centre_mm, turn_deg : (F, B) in 3-D of the bones of `PosedHand`; angles_deg : joint to (F, 3), flexion,
+    abduction and rotation, NaN of an axis that the joint lacks.
+
+    tips_mm : (F, D, 2) in 3-D of the ends of bone and skin of known digits.
+
+    changes_deg : joint to (F, 3), of how far an angle is from the reference: what the hand's unknowns do to
+    both alike is no error of the change. reference_deg : joint to (3, H), what they do to the reference, as
+    maps of H standard normal numbers. by_hand_deg : joint to (F, 3, H), what they do to each frame.
+
+    session_deg, session_changes_deg : joint to (F, 3), of the hand's part alone, what differs when the same
+    hand puts the receivers on anew.
+    """
+
+    centre_mm: Array
+    turn_deg: Array
+    angles_deg: Mapping[str, Array]
+    tips_mm: Array
+    by_hand_deg: Mapping[str, Array] = field(default_factory=dict)
+    changes_deg: Mapping[str, Array] = field(default_factory=dict)
+    reference_deg: Mapping[str, Array] = field(default_factory=dict)
+    session_deg: Mapping[str, Array] = field(default_factory=dict)
+    session_changes_deg: Mapping[str, Array] = field(default_factory=dict)
+
+
+def posed_errors(
+    tips: Fingertips, posed: PosedHand, frames: Frames, reference_deg: Mapping[str, Array] | None = None
+) -> PosedErrors:
+    """Errors of frames as `pose_hand` posed them, without what the hand's unknowns do to each.
+
+    frames : that they were posed from. reference_deg : from which angles change; the mean of these frames if
+    none is given.
+    """
+    chosen, nearest = _postures(posed, frames.valid)
+    few = _joined(
+        [
+            _errors(Postures.of(tips, posed_frames(posed, rows)), frames.take(rows))
+            for rows in np.split(chosen, range(_MOST_AT_ONCE, len(chosen), _MOST_AT_ONCE))
+        ]
+    )
+
+    if not reference_deg:
+        share = np.bincount(nearest[posed.posed], minlength=len(chosen)) / max(1, posed.posed.sum())
+        reference_deg = {
+            joint: np.tensordot(share, by_hand_deg, 1) for joint, by_hand_deg in few.by_hand_deg.items()
+        }
+    neutral_deg = _neutral_sd_deg(tips)
+    changes_deg = {}  # of the frame's own part, and of the hand's what differs
+    for joint, by_hand in few.by_hand_deg.items():
+        of_frame = few.angles_deg[joint] ** 2 - neutral_deg[joint] ** 2 - (by_hand**2).sum(-1)
+        changed = ((by_hand - reference_deg[joint]) ** 2).sum(-1)
+        changes_deg[joint] = np.asarray(np.sqrt(np.maximum(of_frame, 0.0) + changed))
+    evidence = tips.fit.evidence
+    put_on = np.isin(evidence.model.unknowns.groups, PUT_ON)
+    root = tips.root[: len(evidence.posterior.x)]
+    anew = new_in_a_session(root, evidence.problem.precision, put_on, _NEW_SHARE)
+    in_session = {joint: _times(by_hand_deg, anew) for joint, by_hand_deg in few.by_hand_deg.items()}
+    session_deg = {joint: _norms(by_hand_deg) for joint, by_hand_deg in in_session.items()}
+    session_changes_deg = {
+        joint: _norms(by_hand_deg - reference_deg[joint] @ anew) for joint, by_hand_deg in in_session.items()
+    }
+
+    def of_all(values: Array) -> Array:
+        out = values[nearest] if len(values) else np.zeros((len(nearest), *values.shape[1:]))
+        out[~posed.posed] = np.nan
+        return out
+
+    def by_joint(values: Mapping[str, Array]) -> dict[str, Array]:
+        return {joint: of_all(by_hand_deg) for joint, by_hand_deg in values.items()}
+
+    return PosedErrors(
+        of_all(few.centre_mm),
+        of_all(few.turn_deg),
+        by_joint(few.angles_deg),
+        of_all(few.tips_mm),
+        changes_deg=by_joint(changes_deg),
+        reference_deg=reference_deg,
+        session_deg=by_joint(session_deg),
+        session_changes_deg=by_joint(session_changes_deg),
+    )
+
+
+def _neutral_sd_deg(tips: Fingertips) -> dict[str, Array]:
+    """Return the sd of each joint's zero, (3,); of unknown anatomy angles count from none."""
+    beside = {joint for digit in known_digits(tips.fit.evidence.layout) for joint in digit.joints[:2]}
+    joints = tips.fit.evidence.layout.joints
+    return {joint: NEUTRAL_SD_DEG if joint in beside else np.zeros(3) for joint in joints}
+
+
+def _wander_deg(postures: Postures, joint: str) -> Array:
+    """Errors (F, 3) of a joint that the fit lets turn about one axis alone, as its child has no receiver.
+
+    An axis varies by some degrees as the joint turns: the further from the mean, the more of flexion is
+    abduction and rotation.
+    """
+    names, evidence = postures.posed.angle_names, postures.tips.fit.evidence
+    out = np.zeros((len(postures.posed.posed), 3))
+    if (joint, KINDS[0]) in names and (joint, KINDS[1]) not in names:
+        state = names.index((joint, KINDS[0]))
+        change = postures.posed.angles_rad[:, state] - evidence.posterior.mean_states[state]
+        out[:, 1:] = np.abs(np.degrees(change) * np.sin(prior.AXIS_SD_RAD))[:, None]
+    return out
+
+
+def new_in_a_session(root: Array, precision: Array, put_on: npt.NDArray[np.bool_], new_share: float) -> Array:
+    """Square root (H, H) of what differs in another session, in the numbers that root (G, H) takes.
+
+    root : of the covariance C of G unknowns; precision : (G,) of their priors. An unknown's error is the pull
+    of the priors, C L C with their precisions L, and what residuals do, the rest of C. For the same hand in
+    another session the pull on what is put on anew is another, and new_share of the residuals' part.
+    """
+    pulled, kept = ((root.T * (precision * of)) @ root for of in (put_on, ~put_on))
+    return square_root(new_share * (np.eye(root.shape[1]) - kept) + (1.0 - new_share) * pulled)
+
+
+def _norms(maps: Array) -> Array:
+    """1-sigma errors (...) of numbers given as maps (..., N)."""
+    return np.asarray(np.sqrt(np.einsum("...n,...n->...", maps, maps)))
+
+
+def _joined(parts: Sequence[PosedErrors]) -> PosedErrors:
+    """Errors of frames after each other."""
+    return PosedErrors(
+        np.concatenate([part.centre_mm for part in parts]),
+        np.concatenate([part.turn_deg for part in parts]),
+        {joint: np.concatenate([part.angles_deg[joint] for part in parts]) for joint in parts[0].angles_deg},
+        np.concatenate([part.tips_mm for part in parts]),
+        {joint: np.concatenate([part.by_hand_deg[joint] for part in parts]) for joint in parts[0].angles_deg},
+    )
+
+
+def _postures(posed: PosedHand, valid: npt.NDArray[np.bool_]) -> tuple[Index, Index]:
+    """Rows of postures that stand for all, and of each frame the nearest with the same receivers."""
+    usable = np.flatnonzero(posed.posed)
+    nearest: Index = np.zeros(len(posed.posed), int)
+    if not len(usable):
+        return usable, nearest
+    chosen: list[int] = []
+    _, group = np.unique(valid[usable], axis=0, return_inverse=True)
+    for number in range(group.max() + 1):
+        rows = usable[group.reshape(-1) == number]
+        states = posed.angles_rad[rows]
+        few = rows[spread_frames(states, max(1, round(POSTURES * len(rows) / len(usable))))[0]]
+        chosen_states = posed.angles_rad[few]
+        apart = (chosen_states**2).sum(1) - 2 * states @ chosen_states.T
+        nearest[rows] = len(chosen) + apart.argmin(1)
+        chosen += few.tolist()
+    return np.array(chosen, int), nearest
+
+
+def posed_frames(posed: PosedHand, rows: Index) -> PosedHand:
+    """Some of the posed frames."""
+    names = ("angles_rad", "bone_position_mm", "bone_quaternion", "receiver_mm", "residual_mm", "posed")
+    return replace(posed, **{name: getattr(posed, name)[rows] for name in names})
+
+
+def _errors(postures: Postures, frames: Frames) -> PosedErrors:
+    """Errors of every frame by a map of its own."""
+    spread, n_hand = _spread_of(postures, frames), postures.tips.root.shape[1]
+    angles_deg = dict(_angle_errors_deg(postures, spread))
+    neutral_deg = _neutral_sd_deg(postures.tips)
+    return PosedErrors(
+        _norm(spread.shift_mm),
+        np.degrees(_norm(spread.turn_rad)),
+        {
+            joint: np.sqrt(_norms(maps) ** 2 + neutral_deg[joint] ** 2 + _wander_deg(postures, joint) ** 2)
+            for joint, maps in angles_deg.items()
+        },
+        _tip_errors_mm(postures, spread, frames),
+        {joint: maps[..., :n_hand].copy() for joint, maps in angles_deg.items()},
+    )
+
+
+def _norm(maps: Array) -> Array:
+    """1-sigma error in 3-D (...) of vectors given as maps (..., 3, N)."""
+    return np.asarray(np.sqrt(np.einsum("...in,...in->...", maps, maps)))
+
+
+@dataclass(frozen=True)
+class _BranchBones:
+    """Derivatives of the places and rotations of a branch's bones: by its unknowns (n, F, 6, g), and by its
+    states and the root (n, F, 6, s + 6); columns : which of all bones these are.
+    """
+
+    columns: tuple[int, ...]
+    by_unknowns: Array
+    by_own: Array
+
+
+@dataclass(frozen=True)
+class Postures:
+    """Posed frames, and what of their errors does not depend on which receivers show them.
+
+    point : the frames as solved, of a right hand. by_turn : joint to the columns of its bones and the
+    derivatives of its angles, deg, by a turn of the second against the first (F, 3, 3) and by unknowns (F, 3,
+    G).
+    """
+
+    tips: Fingertips
+    posed: PosedHand
+    point: Point
+    bones: tuple[_BranchBones, ...]
+    by_turn: Mapping[str, tuple[int, int, Array, Array]]
+
+    @classmethod
+    def of(cls, tips: Fingertips, posed: PosedHand) -> Postures:
+        """Differentiate posed frames."""
+        evidence, turn = tips.fit.evidence, matrix(posed.bone_quaternion[:, 0])
+        root = evidence.convention.world(turn, posed.bone_position_mm[:, 0])
+        point = Point(evidence.posterior.x, posed.angles_rad, *root)
+        bones = tuple(_branch_bones(branch, point, posed.bones) for branch in evidence.model.branches)
+        return cls(tips, posed, point, bones, dict(_by_turns(tips, posed, point)))
+
+
+def _branch_bones(branch: Branch, point: Point, bones: Sequence[str]) -> _BranchBones:
+    columns = [index for index, name in enumerate(bones) if bone(name) in branch.marks]
+    marks = [branch.marks.index(bone(bones[index])) for index in columns]
+    reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+    raw = branch.by_operation(reached, marks)
+    arms = reached.position_mm[marks] - point.root_mm
+    by_root = np.array([_by_root(point, arm) for arm in arms]).reshape(*raw.shape[:-1], 6)
+    by_states = raw @ branch.per_state(point.x)
+    return _BranchBones(
+        tuple(columns), branch.by_unknown(raw, point.y), np.concatenate([by_states, by_root], -1)
+    )
+
+
+def _spread_of(postures: Postures, frames: Frames) -> _Spread:
+    """Compute how far posed frames may be off. frames : the receivers' poses, of which those valid count.
+
+    Its numbers are those of the hand, then six of the root and one of each state.
+    """
+    evidence, point, root = postures.tips.fit.evidence, postures.point, postures.tips.root
+    problem = replace(
+        evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
+    )
+    reduced = reduce(problem, point).frames_first()
+    (n_frames, n_states), n_hand = point.y.shape, root.shape[1]
+    n_numbers, by_hand, of_root = n_hand + 6 + n_states, slice(0, n_hand), slice(n_hand, n_hand + 6)
+    dx = root[: len(point.x)]
+    back = reduced.root_inverse.swapaxes(-1, -2)
+    d_root = np.zeros((n_frames, 6, n_numbers))
+    d_root[:, :, by_hand] = -back @ _times(reduced.root_by_x, dx)
+    d_root[:, :, of_root] = back
+    states, moved = (
+        np.zeros((n_frames, n_states, n_numbers)),
+        np.zeros((n_frames, len(postures.posed.bones), 6, n_numbers)),
+    )
+    moved[:, 0] = _by_root(point, np.zeros_like(point.root_mm)) @ d_root
+    for branch, part, of_branch in zip(problem.branches, reduced.eliminated, postures.bones, strict=True):
+        inner, of_x = part.inverse.swapaxes(-1, -2), dx[branch.unknowns]
+        dy = part.by_rest[..., :6] @ d_root
+        dy[:, :, by_hand] += _times(part.by_rest[..., 6:], dx[part.unknowns])
+        dy = -inner @ dy
+        dy[:, :, n_hand + 6 + branch.states] += inner
+        states[:, branch.states] = dy
+        both = np.concatenate([dy, d_root], 1)
+        for by_unknowns, by_own, column in zip(
+            of_branch.by_unknowns, of_branch.by_own, of_branch.columns, strict=True
+        ):
+            np.matmul(by_own, both, out=moved[:, column])
+            moved[:, column, :, by_hand] += _times(by_unknowns, of_x)
+    unknowns = np.zeros((len(root), n_numbers))
+    unknowns[:, by_hand] = root
+    return _Spread(moved[:, :, :3], moved[:, :, 3:], states, unknowns)
+
+
+def _times(values: Array, matrix: Array) -> Array:
+    """Matrices (F, n, g), all of them at once, times one (g, N)."""
+    return (values.reshape(-1, values.shape[-1]) @ matrix).reshape(*values.shape[:-1], matrix.shape[-1])
+
+
+def _by_root(point: Point, arm_mm: Array) -> Array:
+    """Derivative (F, 6, 6) of a frame's place and rotation, that far from the root's, by the root's pose."""
+    out = np.zeros((len(arm_mm), 6, 6))
+    out[:, :3, :3] = out[:, 3:, 3:] = point.root
+    out[:, :3, 3:] = cross(point.root.swapaxes(-1, -2), arm_mm[:, None]).swapaxes(-1, -2)
+    return out
+
+
+def _by_turns(
+    tips: Fingertips, posed: PosedHand, point: Point
+) -> Iterator[tuple[str, tuple[int, int, Array, Array]]]:
+    """Joints of known anatomy that move, as in `Postures`."""
+    fit, quaternion = tips.fit, posed.bone_quaternion
+    ahead, behind = (joint_angles_of(fit, posed, sign * _NUDGE_RAD) for sign in (1, -1))
+    for joint, axes in fit.summary.angle_axes.items():
+        a, b = posed.bones.index(axes.parent), posed.bones.index(axes.child)
+        by_turn = _by_turn(quaternion[:, a], quaternion[:, b], fit.side, *axes.of_hand(fit.side))
+        if fit.side == "left":
+            by_turn = by_turn * -MIRROR  # rotations are pseudo-vectors
+        by_axes = _differences(ahead[joint], behind[joint])[..., None] * axes.turn_by_x
+        yield joint, (a, b, by_turn, by_axes - by_turn @ point.root @ axes.rest_by_x)
+
+
+def _angle_errors_deg(postures: Postures, spread: _Spread) -> Iterator[tuple[str, Array]]:
+    """Errors (F, 3, N) of the angles of each joint that moves, as maps; NaN of an axis that it lacks."""
+    for joint, (a, b, by_turn, by_x) in postures.by_turn.items():
+        turned = by_turn @ (spread.turn_rad[:, b] - spread.turn_rad[:, a])
+        yield joint, turned + _times(by_x, spread.unknowns[: by_x.shape[-1]])
+    by_anatomy = {name for digit in known_digits(postures.tips.fit.evidence.layout) for name in digit.joints}
+    others = [name for name, _ in postures.posed.angle_names]
+    for joint in dict.fromkeys(others):
+        if joint not in by_anatomy:
+            columns = [index for index, name in enumerate(others) if name == joint]
+            errors = np.full((len(spread.states_rad), 3, spread.states_rad.shape[-1]), np.nan)
+            errors[:, : len(columns)] = np.degrees(spread.states_rad[:, columns])
+            yield joint, errors
+
+
+def _differences(ahead: Array, behind: Array) -> Array:
+    """Derivatives of angles, deg, by what was nudged either way, rad."""
+    return np.asarray(((ahead - behind + 180.0) % 360.0 - 180.0) / (2 * _NUDGE_RAD))
+
+
+def _by_turn(parent: Array, child: Array, hand: str, rest: Array, axes: Array) -> Array:
+    """Derivative (F, 3, 3) of joint angles, deg, by a turn of the child in the transmitter's frame, rad."""
+    columns = []
+    for axis in np.eye(3):
+        ahead, behind = (
+            joint_angles(
+                parent, multiply(about_axis(axis, np.array(sign * _NUDGE_RAD)), child), hand, rest, axes
+            )
+            for sign in (1, -1)
+        )
+        columns.append(_differences(ahead, behind))
+    return np.stack(columns, -1)
+
+
+def _tip_errors_mm(postures: Postures, spread: _Spread, frames: Frames) -> Array:
+    """Errors (F, D, 2) in 3-D of bones' and skin's ends, by the receiver where valid, else the bone."""
+    tips, posed = postures.tips, postures.posed
+    model = tips.fit.evidence.model
+    out = np.empty((len(posed.posed), len(tips.digits), 2))
+    for index, (digit, tip) in enumerate(tips.digits.items()):
+        skin = 3 * SKIN_SD_MM**2 + np.trace(unshown_mm2(tip.receiver, tip.point_mm, tips.fit.evidence))
+        seen = frames.valid[:, model.receivers.index(tip.receiver)]
+        for part, covariance_mm2 in enumerate((tip.covariance_mm2, tip.soft_tip_covariance_mm2)):
+            carried = np.sqrt(np.trace(covariance_mm2) + skin)
+            by_bone = _norm(_end(tips, posed, spread, tips.fit.evidence.layout.digits[digit], part))
+            out[:, index, part] = np.where(seen, carried, by_bone)
+    return out
+
+
+def _end(tips: Fingertips, posed: PosedHand, spread: _Spread, digit: Digit, part: int) -> Array:
+    """Map (F, 3, N) of the end of a digit's last bone (part 0) or of its skin (1), carried by that bone."""
+    last = posed.bones.index(digit.tip)
+    n_x = len(tips.fit.evidence.posterior.x)
+    end, moved = (
+        np.array([tips.fit.bones[digit.tip].length_mm, 0.0, 0.0]),
+        np.zeros((3, len(spread.unknowns))),
+    )
+    moved[0, :n_x] = tips.fit.evidence.model.length[digit.tip].row(n_x)
+    if part:
+        number = list(tips.digits).index(digit.name)
+        end = end + tips.offsets_mm[number, 0]
+        first = n_x + 3 * 2 * number
+        moved[:, first : first + 3] += np.eye(3)
+    quaternion = posed.bone_quaternion[:, last]
+    turn = tips.fit.evidence.convention.world(matrix(quaternion), posed.bone_position_mm[:, last])[0]
+    arm = turn @ end
+    turned = cross(spread.turn_rad[:, last].swapaxes(-1, -2), arm[:, None]).swapaxes(-1, -2)
+    return spread.shift_mm[:, last] + turned + turn @ (moved @ spread.unknowns)

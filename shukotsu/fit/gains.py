@@ -1,0 +1,105 @@
+"""Compute what one more measurement of a hand would gain, before anyone takes it.
+
+The posterior's covariance after a linear observation does not depend on what is observed, only on how well:
+P - P H^T (H P H^T + R)^-1 H P. So every length and place that could be measured, and a touch of every
+fingertip, is tried on the covariance alone, all at once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from shukotsu.fit.fingertips import TIP, TIP_SD_MM, Fingertips, seen_parts, tipped_digits
+from shukotsu.fit.measurements import MOUNT_PARTS, Measurement, observations
+from shukotsu.fit.posterior import Evidence, centre_by_unknowns, places_of
+from shukotsu.fit.posterior_summary import unshown_mm2
+from shukotsu.fit.touches import SKIN_SD_MM
+from shukotsu.hand.known_digits import root_of
+from shukotsu.hand.rotations import Array
+
+MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
+"""Sd of a calliper between two joints or a joint and a receiver; of a touch, per direction."""
+
+DEEP_SD_MM = 2.0
+"""Sd of a length from a CMC joint or the wrist, which lie deep and show no crease (our choice)."""
+
+TOUCH = "touch"
+
+
+def gains(tips: Fingertips) -> list[dict[str, Any]]:
+    """Rows of gains: bones' lengths, receivers' places and fingertips' touches, best first."""
+    names = list(tips.fit.joints)
+    quantities, sds, rows = _candidates(tips)
+    if not quantities or not names:
+        return []
+    before, after = _sd_mm(tips, rows)
+    best = (before[:, None] - after).argmax(0)
+    all_gains = [
+        {
+            "quantity": quantity,
+            "sd_mm": sd,
+            "mean_sd_before_mm": float(before.mean()),
+            "mean_sd_after_mm": float(after[:, k].mean()),
+            "joint": names[best[k]],
+            "joint_sd_before_mm": float(before[best[k]]),
+            "joint_sd_after_mm": float(after[best[k], k]),
+        }
+        for k, (quantity, sd) in enumerate(zip(quantities, sds, strict=True))
+    ]
+    return sorted(all_gains, key=lambda gain: float(gain["mean_sd_after_mm"]))
+
+
+def _candidates(tips: Fingertips) -> tuple[list[str], list[float], Array]:
+    """List what could be measured, how well, and its rows (K, 3, G + 6 D) in units of its sd."""
+    evidence = tips.fit.evidence
+    model = evidence.model
+    worn = [s for s in model.mount if s in model.receivers]
+    quantities = [
+        *model.length,
+        *(f"{s}.{part}" for s in worn for part in MOUNT_PARTS),
+        *(f"{s}.distal" for s in worn if s in model.length),
+    ]
+    sds = [_realistic_sd_mm(evidence, quantity) for quantity in quantities]
+    lengths = [Measurement(quantity, 0.0, sd) for quantity, sd in zip(quantities, sds, strict=True)]
+    digits = tipped_digits(evidence)
+    rows = np.zeros((len(lengths) + len(digits), 3, len(tips.covariance)))
+    rows[: len(lengths), 0, : len(model.unknowns.names)] = observations(model, lengths).rows
+    seen = seen_parts(evidence, evidence.posterior.x, tips.offsets_mm)
+    for k, digit in enumerate(digits, len(lengths)):
+        rows[k] = seen[digit.name, TIP][1] / np.hypot(TOUCH_SD_MM, SKIN_SD_MM)
+        quantities.append(f"{digit.name}.{TOUCH}")
+        sds.append(TOUCH_SD_MM)
+    return quantities, sds, rows
+
+
+def _realistic_sd_mm(evidence: Evidence, quantity: str) -> float:
+    """Return the sd with which a quantity can be measured."""
+    segment, _, part = quantity.partition(".")
+    first = {digit.segments[0] for digit in evidence.layout.digits.values()}
+    last = {digit.tip for digit in evidence.layout.digits.values()}
+    if segment == root_of(evidence.layout) or (segment in first and part in ("", "along")):
+        return DEEP_SD_MM
+    if segment in last and part in ("", "distal"):
+        return float(np.hypot(MEASURED_SD_MM, TIP_SD_MM[0]))
+    return MEASURED_SD_MM
+
+
+def _sd_mm(tips: Fingertips, rows: Array) -> tuple[Array, Array]:
+    """Joint centres' sd (J,) as they are, as `FittedJoint.sd_mm`, and (J, K) after each observation alone."""
+    evidence, joints, P = tips.fit.evidence, tips.fit.joints.values(), tips.covariance
+    places = places_of(evidence.model, evidence.posterior)
+    by_x = np.array([centre_by_unknowns(evidence.layout.joints[j.name], places, evidence)[1] for j in joints])
+    centres = np.zeros((*by_x.shape[:2], len(P)))
+    centres[..., : by_x.shape[-1]] = by_x
+    halves = [((j.parent_segment, j.parent_mm), (j.child_segment, j.child_mm)) for j in joints]
+    bent = np.array([[float(np.trace(unshown_mm2(*half, evidence))) for half in both] for both in halves])
+    flat = centres.reshape(-1, len(P))
+    variance = ((flat @ P) * flat).sum(-1).reshape(-1, 2, 3).sum(-1)
+    PH = (rows.reshape(-1, len(P)) @ P).reshape(rows.shape)  # P is symmetric
+    root = np.linalg.cholesky(np.eye(3) + rows @ PH.swapaxes(-1, -2))
+    shown = np.linalg.solve(root, PH @ flat.T)  # (K, 3, 6 J)
+    gained = (shown**2).sum(1).reshape(len(rows), -1, 2, 3).sum(-1)
+    left = (np.maximum(variance - gained, 0.0) + bent).max(-1)
+    return np.sqrt((variance + bent).max(-1)), np.sqrt(left).T

@@ -1,0 +1,241 @@
+"""The tables of a fitted hand; rows of its joints, bones, receivers and gains, all but the part's keys."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from shukotsu.errors import joined
+from shukotsu.fit.fingertips import Fingertips
+from shukotsu.fit.fit import HandFit
+from shukotsu.fit.left_out import Unsteady
+from shukotsu.fit.loose_receivers import LooseReceiver, Moment
+from shukotsu.fit.measurements import MOUNT_PARTS
+from shukotsu.fit.posterior_summary import FittedJoint
+from shukotsu.hand.joint_angles import joint_angles
+from shukotsu.hand.posing import ZERO_COLUMNS
+from shukotsu.study.layout import Layout
+from shukotsu.study.translation import listed
+from shukotsu.study.verdict import UNJUDGED, noted
+from shukotsu.tables import catalogue
+from shukotsu.tables.poses import RecordingName
+from shukotsu.tables.typed_table import Table, vector_columns
+
+SOURCE = "fit of the whole hand"
+STEP, SLIDE, FIELD = "step", "slide", "field"
+"""Kinds in which a receiver may be displaced."""
+
+Row = dict[str, Any]
+
+FIT: Mapping[str, Table] = {
+    "fitted_joints": catalogue.JOINT_CENTRES,
+    "fitted_bones": catalogue.BONE_LENGTHS,
+    "receivers": catalogue.RECEIVERS,
+    "moved_receivers": catalogue.MOVED_RECEIVERS,
+    "gains": catalogue.GAINS,
+    "joint_angles": catalogue.JOINT_ANGLES,
+    "bone_poses": catalogue.BONE_POSES,
+    "posed_tips": catalogue.POSED_TIPS,
+}
+"""File to table, of a fit of the whole hand."""
+
+_UNWEIGHED = dict.fromkeys(("sd_mm", "covariance_mm2", "axis_sd_deg", "axes_turn_sd_deg"))
+"""Errors of the hand that anatomy expects: none are stated, as nothing was weighed."""
+
+
+def joint_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
+    """Rows of joint_centres, of receivers' joints first; weighed : whether the data had a say."""
+    groups = (fit.joints, fit.summary.lone, fit.summary.palm, fit.summary.fixed)
+    rows = []
+    for joint in (joint for group in groups for joint in group.values()):
+        row = _joint_row(joint)
+        if axes := fit.summary.angle_axes.get(joint.name):  # where angles are zero, about what they turn
+            rest_deg = joint_angles(np.array([1.0, 0.0, 0.0, 0.0]), axes.rest, "right")
+            zero_deg = *rest_deg.tolist(), -float(np.degrees(axes.turn_rad))
+            row |= dict(zip(ZERO_COLUMNS, zero_deg, strict=True)) | {"axes_turn_sd_deg": axes.turn_sd_deg}
+        rows.append(row)
+    anatomy_alone = {"source": "anatomy alone", "status": "ok", "message": "", **_UNWEIGHED}
+    return rows if weighed else [row | anatomy_alone for row in rows]
+
+
+def _joint_row(joint: FittedJoint) -> Row:
+    row: Row = {
+        "joint": joint.name,
+        "parent_segment": joint.parent_segment,
+        "child_segment": joint.child_segment,
+        "dof": joint.dof,
+        "sd_mm": joint.sd_mm,
+        "gap_rms_mm": joint.gap_rms_mm,
+        "range_deg": joint.range_deg,
+        "axis_sd_deg": joint.axis_sd_deg,
+        "n_frames": 0,
+        "source": SOURCE,
+        **noted(joint.doubts),
+        "status": "failed" if joint.message else "ok",
+        "message": joint.message,
+        **vector_columns("parent_", joint.parent_mm, "_mm"),
+        **vector_columns("child_", joint.child_mm, "_mm"),
+        **vector_columns("axis_parent_", joint.axis_parent),
+        **vector_columns("axis_child_", joint.axis_child),
+    }
+    if np.isfinite(joint.covariance_mm2).all():
+        row["covariance_mm2"] = joint.covariance_mm2.ravel()
+    return row
+
+
+def bone_rows(fit: HandFit, *, weighed: bool = True) -> list[Row]:
+    """Rows of bone_lengths: every bone from joint to joint, the last of a digit to its tip."""
+    return [
+        {
+            "digit": digit.name,
+            "bone": segment,
+            "starts_at": digit.joints[index],
+            "ends_at": (*digit.joints, catalogue.BONE_TIP)[index + 1],
+            "length_mm": fit.bones[segment].length_mm,
+            "sd_mm": fit.bones[segment].sd_mm if weighed else None,
+            "driven_by": "",
+            **UNJUDGED,
+            "message": "",
+        }
+        for digit in fit.evidence.layout.digits.values()
+        for index, segment in enumerate(digit.segments)
+        if segment in fit.bones
+    ]
+
+
+def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
+    """Rows of receivers; unsteady : what was displaced in the calibration."""
+    fit, rows = tips.fit, []
+    digit_of = {tip.receiver: digit for digit, tip in tips.digits.items()}
+    displaced = _loose_columns(unsteady) | _field_columns(fit, unsteady)
+    for segment in fit.evidence.model.receivers:
+        residual_mm, residual_deg = fit.residual_rms[segment]
+        row: Row = {"segment": segment, "residual_mm": residual_mm, "residual_deg": residual_deg}
+        for name, amount in zip(MOUNT_PARTS, fit.evidence.model.mount.get(segment, ()), strict=False):
+            row[f"{name}_mm"], row[f"{name}_sd_mm"] = fit.evidence.posterior.of_amount(amount)
+        row |= {"loose_kind": "", "loose_task": "", "left_out_share": 0.0, "status": "ok", "message": ""}
+        if not np.isfinite(residual_mm):
+            row |= {"status": "failed", "message": "no valid pose in the calibration"}
+        row |= displaced.get(segment, {})
+        digit = digit_of.get(segment)
+        if digit is not None:
+            tip = tips[digit]
+            for name, point, covariance in (
+                ("bone_tip", tip.point_mm, tip.covariance_mm2),
+                ("soft_tip", tip.soft_tip_mm, tip.soft_tip_covariance_mm2),
+            ):
+                row |= vector_columns(f"{name}_", point, "_mm")
+                row[f"{name}_sd_mm"] = float(np.sqrt(np.trace(covariance)))
+            refused = [text for text in tips.refused if f"({digit}, " in text or f" and {digit})" in text]
+            row["message"] = joined([row["message"], *refused])
+        rows.append(row)
+    return rows
+
+
+def _loose_columns(unsteady: Unsteady) -> dict[str, Row]:
+    """Columns of each receiver that came loose or slid, by segment: the largest of its moves."""
+    columns = {}
+    for receiver in sorted(unsteady.displaced.loose, key=lambda loose: loose.shift_mm + loose.turn_deg):
+        row: Row = {
+            "loose_kind": SLIDE if receiver.slid else STEP,
+            "loose_from_frame": receiver.start.frame,
+            "loose_until_frame": receiver.end.frame,
+            "loose_task": _title(unsteady.recordings[receiver.start.recording]),
+            "loose_shift_mm": receiver.shift_mm,
+            "loose_turn_deg": receiver.turn_deg,
+            "left_out_share": unsteady.left_out.get(receiver.segment, 0.0),
+        }
+        when, until = map(_moment, (receiver.start, receiver.end))
+        did = f"slid in {row['loose_task']} between {when} and {until}"
+        if not receiver.slid:
+            did = f"came loose in {row['loose_task']} at {when}"
+        message = (
+            f"{did}: it moved {receiver.shift_mm:.1f} mm and turned {receiver.turn_deg:.0f} deg on its bone; "
+            f"{_left_out(row)}"
+        )
+        columns[receiver.segment] = row | {"status": "weak", "message": message}
+    return columns
+
+
+def _field_columns(fit: HandFit, unsteady: Unsteady) -> dict[str, Row]:
+    """Columns of each receiver that came near to what disturbs the field, by segment."""
+    field = unsteady.displaced.field
+    if field is None:
+        return {}
+    source_mm = fit.evidence.convention.world(np.eye(3), field.nearest)[1]
+    columns = {}
+    for segment, error in unsteady.field_errors.items():
+        row: Row = {
+            "loose_kind": FIELD,
+            "loose_shift_mm": float(np.linalg.norm(error[:3])),
+            "loose_turn_deg": float(np.degrees(np.linalg.norm(error[3:]))),
+            "left_out_share": unsteady.left_out.get(segment, 0.0),
+            **vector_columns("field_", source_mm, "_mm"),
+        }
+        position = ", ".join(f"{coordinate:.0f}" for coordinate in source_mm.tolist())
+        message = (
+            f"the field is disturbed near ({position}) mm, as by metal: there it is off by "
+            f"{row['loose_shift_mm']:.1f} mm and {row['loose_turn_deg']:.0f} deg; {_left_out(row)}"
+        )
+        columns[segment] = row | {"status": "weak", "message": message}
+    return columns
+
+
+def moved_rows(layout: Layout, name: RecordingName, moved: Sequence[LooseReceiver]) -> list[Row]:
+    """Rows of moved_receivers of one recording, a receiver each: the first of its moves, as far as all go."""
+    rows = []
+    for segment in dict.fromkeys(receiver.segment for receiver in moved):
+        moves = [receiver for receiver in moved if receiver.segment == segment]
+        start, step = moves[0].start, np.sum([move.step for move in moves], axis=0)
+        joints, digits = joints_beside(layout, segment), digits_carried(layout, segment)
+        mm, deg = float(np.linalg.norm(step[:3])), float(np.degrees(np.linalg.norm(step[3:])))
+        since = "the start" if start.is_first else _moment(start)
+        sentence = (
+            f"sits elsewhere in {_title(name)} than in the calibration, from {since} on: it moved {mm:.1f} "
+            f"mm and turned {deg:.0f} deg on its bone, or more about its joint's own axis; from then on "
+            f"{listed(joints)} have no angles there; put it back or calibrate with it as it sits, and record "
+            f"{_title(name)} again"
+        )
+        rows.append(
+            {
+                "task": name.task,
+                "trial": name.trial,
+                "segment": segment,
+                "from_frame": start.frame,
+                "from_s": start.time_s,
+                "shift_mm": mm,
+                "turn_deg": deg,
+                "joints": ";".join(joints),
+                "digits": ";".join(digits),
+                "message": sentence,
+            }
+        )
+    return rows
+
+
+def joints_beside(layout: Layout, segment: str) -> list[str]:
+    """Joints whose angles hang on a segment's receiver; those under a bone without one among them."""
+    beside = [joint for joint in layout.joints.values() if segment in (joint.parent_receiver, joint.child)]
+    bare = {joint.parent for joint in beside if not layout.segments[joint.parent].measured}
+    return [joint.name for joint in layout.joints.values() if joint in beside or joint.child in bare]
+
+
+def digits_carried(layout: Layout, segment: str) -> list[str]:
+    """Digits whose tips, in the hand, hang on a segment's receiver."""
+    return [digit.name for digit in layout.digits.values() if segment in (digit.tip, digit.base)]
+
+
+def _title(name: RecordingName) -> str:
+    return ", ".join(filter(None, (name.task, name.trial)))
+
+
+def _moment(moment: Moment) -> str:
+    return f"{moment.time_s:.1f} s" if np.isfinite(moment.time_s) else f"frame {moment.frame}"
+
+
+def _left_out(row: Row) -> str:
+    if row["left_out_share"]:
+        return f"{100 * row['left_out_share']:.0f} % of its frames were left out"
+    return "all of its frames were used, as no joint centre is the worse for it"

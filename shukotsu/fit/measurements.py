@@ -1,0 +1,106 @@
+"""Use measurements on the hand itself: bones with a calliper, receivers against the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.fit.chain import HandModel
+from shukotsu.fit.chain_builder import Amount
+from shukotsu.fit.normal_equations import Frames, Observations
+from shukotsu.fit.receiver_frames import Convention
+from shukotsu.hand import average_hand as prior
+from shukotsu.hand.known_digits import known_digits, root_of
+from shukotsu.study.layout import Joint, Layout
+
+PLANE_SD_MM, PLANE_SD_RAD = prior.MOUNT_SD_MM[1], prior.MOUNT_TURN_SD_RAD
+"""Sd of the plane through a hinge's child: receivers are put on by eye, a little beside the bone and turned,
+which counts the more the farther away the joint is: 2 mm on a finger, 15 mm at the far end of a forearm."""
+
+MOUNT_PARTS = ("along", "lateral", "height")
+"""Parts of a receiver's place on its bone: x, y, z of the bone."""
+
+_TURNS = 0.1
+"""Share of the largest singular value below which a hinge's axis is not found by what it turned about it."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A measured length, mm, 1-sigma.
+
+    quantity : a segment for its bone, joint to joint; or `segment.along`, `.lateral`, `.height` for its
+    receiver's place from the bone's proximal joint: distally, towards the thumb, dorsally; or
+    `segment.distal`, to the next joint.
+    """
+
+    quantity: str
+    value_mm: float
+    sd_mm: float
+
+
+def measurable(layout: Layout) -> list[str]:
+    """Every quantity that can be measured on the hands of a layout, by name; none without known anatomy."""
+    names = []
+    for digit in known_digits(layout):
+        for segment in digit.segments:
+            names.append(segment)
+            if layout.segments[segment].measured:
+                names += [f"{segment}.{part}" for part in (*MOUNT_PARTS, "distal")]
+    return [*names, *(f"{root_of(layout)}.{part}" for part in MOUNT_PARTS)] if names else []
+
+
+def observations(model: HandModel, measurements: Sequence[Measurement]) -> Observations:
+    """Measurements as linear observations of the unknowns; InputError where one names nothing known."""
+    rows, values = [], []
+    for measured in measurements:
+        amount = _amount(model, measured.quantity)
+        rows.append(amount.row(len(model.unknowns.names)) / measured.sd_mm)
+        values.append((measured.value_mm - amount.constant) / measured.sd_mm)
+    return Observations.of(rows, values, len(model.unknowns.names))
+
+
+def planes(model: HandModel, layout: Layout, convention: Convention, frames: Frames) -> Observations:
+    """Hinges without anatomy lie near their plane in the child's frame: nothing else says where."""
+    rows, values, n_unknowns = [], [], len(model.unknowns.names)
+    for name, centre in model.centres_in_child.items():
+        joint = layout.joints[name]
+        if joint.dof != 1 or joint.plane.frame != "child":
+            continue
+        in_layout = np.array(joint.plane.normal) / np.linalg.norm(joint.plane.normal)
+        normal = in_layout @ convention.point_matrix(joint.child)
+        row = sum(along * amount.row(n_unknowns) for amount, along in zip(centre, normal, strict=True))
+        sd_mm = np.hypot(PLANE_SD_MM, PLANE_SD_RAD * _distance_mm(model, joint, frames))
+        rows.append(row / sd_mm)
+        values.append(float(in_layout @ joint.plane.point_mm) / sd_mm)
+    return Observations.of(rows, values, n_unknowns)
+
+
+def _distance_mm(model: HandModel, joint: Joint, frames: Frames) -> float:
+    """Distance of a hinge's axis from its child's receiver, by Eq. 4 with what is not seen left out."""
+    parent, child = (model.receivers.index(name) for name in (joint.parent_receiver, joint.child))
+    both = frames.valid[:, parent] & frames.valid[:, child]
+    back = frames.rotation[both, child].swapaxes(-1, -2)
+    turned = back @ frames.rotation[both, parent]
+    apart = back @ (frames.position_mm[both, parent] - frames.position_mm[both, child])[..., None]
+    stack = np.concatenate([np.broadcast_to(np.eye(3), turned.shape), -turned], -1).reshape(-1, 6)
+    return float(np.linalg.norm(np.linalg.lstsq(stack, apart.reshape(-1), rcond=_TURNS)[0][:3]))
+
+
+def _amount(model: HandModel, quantity: str) -> Amount:
+    """The length or offset that a quantity's name stands for."""
+    segment, _, part = quantity.partition(".")
+    try:
+        if not part:
+            return model.length[segment]
+        if part == "distal":
+            return model.length[segment].plus(model.mount[segment][0].times(-1.0))
+        return dict(zip(MOUNT_PARTS, model.mount[segment], strict=True))[part]
+    except KeyError:
+        bones = ", ".join(model.length)
+        raise InputError(
+            f"measurement {quantity!r} is not known; expected a bone ({bones}), or a receiver's segment "
+            "followed by .along, .lateral, .height or .distal"
+        ) from None

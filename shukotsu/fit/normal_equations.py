@@ -1,0 +1,201 @@
+"""Least squares over a whole hand: residuals, robust weights, steps with every frame's unknowns eliminated.
+
+Unknowns of the hand (x, prior variance 1 over `precision`), states of every frame (y, weak priors) and its
+root pose. A frame's states enter only the receivers of their own branch, so that branch by branch they are
+eliminated first, then the root, then what is left is one dense system in x (Schur complement).
+
+What it is made of; what runs is compiled (`compiled_equations`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.fit.operations import Branch, Index, Reached
+from shukotsu.fit.room_field import RoomField
+from shukotsu.hand.rotations import Array
+
+Rows = Index | npt.NDArray[np.bool_] | slice
+
+HUBER = 3.55
+"""Norm of a receiver's six residuals, over their sd, beyond which they count less: 95 % of normal ones."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Measured poses of S receivers: rotation (F, S, 3, 3), position_mm (F, S, 3), valid (F, S)."""
+
+    rotation: Array
+    position_mm: Array
+    valid: npt.NDArray[np.bool_]
+
+    def take(self, rows: Rows) -> Frames:
+        """Return some of the frames."""
+        return Frames(self.rotation[rows], self.position_mm[rows], self.valid[rows])
+
+
+@dataclass(frozen=True)
+class Point:
+    """Values of all unknowns: x (G,), y (F, S), root (F, 3, 3), root_mm (F, 3)."""
+
+    x: Array
+    y: Array
+    root: Array
+    root_mm: Array
+
+    def take(self, rows: Rows) -> Point:
+        """Return some of the frames."""
+        return Point(self.x, self.y[rows], self.root[rows], self.root_mm[rows])
+
+
+@dataclass(frozen=True)
+class Observations:
+    """Measured linear combinations of x: rows @ x = values, in units of their sd; (K, G), (K,)."""
+
+    rows: Array
+    values: Array
+
+    @classmethod
+    def of(cls, rows: Sequence[Array], values: Sequence[float], n_unknowns: int) -> Observations:
+        """Return observations of one row (G,) each."""
+        return cls(np.array(rows).reshape(-1, n_unknowns), np.array(values))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is fitted to what.
+
+    receivers : per branch, pairs (mark in the branch, receiver in frames). sd : (S, 2) of a receiver's
+    position (mm) and rotation (rad) per component. temper : independent samples per frame.
+    state_mean, state_sd : (S,) in rad. precision : (G,) of the prior of x. state_link : (S, S) that takes
+    states less their means to what has that sd, where one is expected to follow another in its branch.
+    field : what turns receivers in the room, if that is fitted.
+    """
+
+    branches: tuple[Branch, ...]
+    receivers: tuple[tuple[tuple[int, int], ...], ...]
+    frames: Frames
+    sd: Array
+    temper: float
+    state_mean: Array
+    state_sd: Array
+    precision: Array
+    observations: Observations
+    state_link: Array | None = None
+    field: RoomField | None = None
+
+    def unknowns_of(self, index: int) -> Index:
+        """Indices into x of what moves the receivers of a branch, or how they are measured."""
+        of_branch = self.branches[index].unknowns
+        return of_branch if self.field is None else np.concatenate([of_branch, self.field.unknowns])
+
+    def rotation(self, x: Array) -> Array:
+        """Rotations (F, S, 3, 3) of the receivers, the field's turn undone."""
+        if self.field is None:
+            return self.frames.rotation
+        return self.field.undone(self.frames.rotation, self.frames.position_mm, x)
+
+    def state_prior(self, states: Index | slice = slice(None)) -> Array:
+        """Square root (s, s) of the precision of those states' priors."""
+        link = np.eye(len(self.state_sd)) if self.state_link is None else self.state_link
+        return np.asarray((link / self.state_sd[:, None])[states][:, states])
+
+
+class BranchResiduals(NamedTuple):
+    """One branch's residuals (receivers, F, 6) over their sd, position before rotation and zero where not
+    valid; their robust weights (receivers, F); and where the chain reached.
+    """
+
+    r: Array
+    weight: Array
+    reached: Reached
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals at a point, by branch; the cost, and each frame's part (F,) of it.
+
+    Residuals are in the measured receiver's own frame, wherever the transmitter is.
+    """
+
+    branches: tuple[BranchResiduals, ...]
+    cost: float
+    frame_cost: Array
+
+
+def axial_vector(rotation: Array) -> Array:
+    """Twice the axis times the sine of the angle, (..., 3), of rotation matrices (..., 3, 3)."""
+    return np.stack(
+        [
+            rotation[..., 2, 1] - rotation[..., 1, 2],
+            rotation[..., 0, 2] - rotation[..., 2, 0],
+            rotation[..., 1, 0] - rotation[..., 0, 1],
+        ],
+        -1,
+    )
+
+
+def log_rotation(rotation: Array) -> Array:
+    """Rotation vectors (..., 3) of rotation matrices, accurate for small ones, fit up to nearly pi."""
+    v = axial_vector(rotation) / 2
+    sine = np.linalg.norm(v, axis=-1)
+    cosine = (np.trace(rotation, axis1=-2, axis2=-1) - 1) / 2
+    angle = np.arctan2(sine, cosine)
+    factor = np.where(sine > 1e-9, angle / np.where(sine > 1e-9, sine, 1.0), 1.0)
+    return np.asarray(v * factor[..., None])
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """A branch's states eliminated: y = -inverse^T (rhs + by_rest @ (root, x)).
+
+    inverse : (F, s, s) inverse Cholesky factor L^-1; by_rest : (F, s, 6 + g) L^-1 B; rhs : (F, s) L^-1 b;
+    unknowns : (g,) indices into x.
+    """
+
+    inverse: Array
+    by_rest: Array
+    rhs: Array
+    unknowns: Index
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Normal equations with all states and roots eliminated.
+
+    matrix : (G, G), gradient : (G,). root_inverse : (F, 6, 6), root_by_x : (F, 6, G), root_rhs : (F, 6).
+    """
+
+    matrix: Array
+    gradient: Array
+    root_inverse: Array
+    root_by_x: Array
+    root_rhs: Array
+    eliminated: tuple[Elimination, ...]
+
+
+def states_by_unknowns(problem: Problem, reduced: Reduced, weights: Array) -> Array:
+    """Derivative (S, G) of the weighted mean of the states over frames, as the unknowns of the hand move."""
+    G = reduced.matrix.shape[0]
+    d_root = -(reduced.root_inverse.swapaxes(-1, -2) @ reduced.root_by_x)
+    out = np.zeros((len(problem.state_mean), G))
+    for branch, part in zip(problem.branches, reduced.eliminated, strict=True):
+        back = part.inverse.swapaxes(-1, -2) * weights[:, None, None]
+        by_root = part.by_rest[..., :6]
+        out[branch.states] -= np.einsum("fst,ftg->sg", back @ by_root, d_root, optimize=True)
+        out[np.ix_(branch.states, part.unknowns)] -= (back @ part.by_rest[..., 6:]).sum(0)
+    return out
+
+
+def pairs(branches: Sequence[Branch], names: Sequence[str]) -> tuple[tuple[tuple[int, int], ...], ...]:
+    """Per branch the marks that are receivers, with their places in `names`."""
+    numbers = {f"receiver {name}": i for i, name in enumerate(names)}
+    return tuple(
+        tuple((mark, numbers[name]) for mark, name in enumerate(branch.marks) if name in numbers)
+        for branch in branches
+    )

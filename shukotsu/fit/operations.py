@@ -1,0 +1,241 @@
+"""Chains of elementary operations, and the derivative of every pose in them.
+
+A bone is reached from the root by rotations about and translations along constant axes. The amount of each
+is linear in the unknowns of the hand (x), in the joint angles of a frame (y), or in products of one of each.
+Then every derivative is a cross product: an operation at origin t_i with axis w, both in the root's frame,
+moves a point at t by w x (t - t_i) and turns it by w when it rotates; by w and not at all when it translates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.hand.rotations import Array
+
+Index = npt.NDArray[np.int64]
+NOTHING: Array = np.empty(0)
+
+
+@dataclass(frozen=True)
+class Term:
+    """coefficient * x[unknown] * y[state]; a factor that is None is left out."""
+
+    coefficient: float
+    unknown: int | None = None
+    state: int | None = None
+
+
+@dataclass(frozen=True)
+class Operation:
+    """A rotation (rad) or translation (mm) along a unit axis in the frame reached so far, of all terms."""
+
+    rotates: bool
+    axis: Array
+    constant: float = 0.0
+    terms: tuple[Term, ...] = ()
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A constant rotation matrix (3, 3)."""
+
+    rotation: Array
+
+
+@dataclass(frozen=True)
+class Mark:
+    """The frame reached here is a named one: a bone or a receiver."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Side:
+    """A side branch: what follows it starts where it starts."""
+
+    steps: tuple[Step, ...]
+
+
+Step = Operation | Turn | Mark | Side
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Marked poses and where every operation acts, over F frames, in the root's frame.
+
+    rotation : (M, F, 3, 3), position_mm : (M, F, 3) of the marks. axis, origin_mm : (O, F, 3).
+    """
+
+    rotation: Array
+    position_mm: Array
+    axis: Array
+    origin_mm: Array
+
+
+class Branch:
+    """A chain of steps from the root with its side branches, ready to be evaluated.
+
+    marks : names. unknowns : indices into x, states : into y, of those that occur. plan : what is done in
+    turn, with the number of the operation or mark, and its constant. upstream : (M, O) which operations a
+    mark follows.
+    """
+
+    def __init__(self, steps: Sequence[Step]) -> None:
+        self.plan: list[tuple[str, int, Array]] = []
+        operations: list[Operation] = []
+        upstream: dict[str, list[int]] = {}
+        self._lay_out(steps, [], operations, upstream)
+        self.marks = tuple(upstream)
+        self.operations = tuple(operations)
+        self._rotates = np.array([operation.rotates for operation in operations], bool)
+        self.upstream = np.zeros((len(upstream), len(operations)), bool)
+        for mark, before in enumerate(upstream.values()):
+            self.upstream[mark, before] = True
+        axes = np.array([operation.axis for operation in operations]).reshape(-1, 3)
+        self._cross = np.cross(axes[:, None, :], -np.eye(3))  # row i of [a]x is a x -e_i, read backwards
+        self._square = self._cross @ self._cross
+        self._constant = np.array([operation.constant for operation in operations])
+        self._set_terms(
+            [(index, term) for index, operation in enumerate(operations) for term in operation.terms]
+        )
+
+    def _lay_out(
+        self,
+        steps: Sequence[Step],
+        before: list[int],
+        operations: list[Operation],
+        upstream: dict[str, list[int]],
+    ) -> None:
+        """Write steps in a row into the plan; before : the operations that they follow."""
+        before = list(before)
+        for step in steps:
+            if isinstance(step, Operation):
+                before.append(len(operations))
+                self.plan.append(("rotate" if step.rotates else "translate", len(operations), step.axis))
+                operations.append(step)
+            elif isinstance(step, Turn):
+                self.plan.append(("turn", 0, step.rotation))
+            elif isinstance(step, Mark):
+                self.plan.append(("mark", len(upstream), NOTHING))
+                upstream[step.name] = list(before)
+            else:
+                self.plan.append(("leave", 0, NOTHING))
+                self._lay_out(step.steps, before, operations, upstream)
+                self.plan.append(("return", 0, NOTHING))
+
+    def _set_terms(self, terms: Sequence[tuple[int, Term]]) -> None:
+        """Sort all terms (operation, term) into the matrices of the derivatives."""
+        self.unknowns: Index = np.array(
+            sorted({term.unknown for _, term in terms if term.unknown is not None}), int
+        )
+        self.states: Index = np.array(
+            sorted({term.state for _, term in terms if term.state is not None}), int
+        )
+        x_at = {int(index): i for i, index in enumerate(self.unknowns)}
+        y_at = {int(index): i for i, index in enumerate(self.states)}
+        n_operations = len(self._rotates)
+        self._by_unknown = np.zeros((n_operations, len(self.unknowns)))
+        self._by_state = np.zeros((n_operations, len(self.states)))
+        products = []
+        for o, term in terms:
+            if term.unknown is None and term.state is not None:
+                self._by_state[o, y_at[term.state]] += term.coefficient
+            elif term.unknown is not None and term.state is None:
+                self._by_unknown[o, x_at[term.unknown]] += term.coefficient
+            elif term.unknown is None:
+                self._constant[o] += term.coefficient
+            elif term.state is not None:
+                products.append((o, x_at[term.unknown], y_at[term.state], term.coefficient))
+        self._product_at: Index = np.array([p[:3] for p in products], int).reshape(-1, 3)
+        self._product = np.array([p[3] for p in products])
+        self._moves = np.any(self._by_state != 0, axis=1)
+        self._moves[self._product_at[:, 0]] = True
+        select = np.zeros((len(products), len(self.unknowns)))
+        select[np.arange(len(products)), self._product_at[:, 1]] = self._product
+        self._by_unknown_and_product = np.concatenate([self._by_unknown, select])
+
+    def per_state(self, x: Array) -> Array:
+        """Derivative (O, states) of every amount with respect to the branch's own states."""
+        by_state = self._by_state.copy()
+        o, g, s = self._product_at.T
+        np.add.at(by_state, (o, s), self._product * x[self.unknowns][g])
+        return np.asarray(by_state)
+
+    def reach(self, x: Array, y: Array, root: Array, root_mm: Array) -> Reached:
+        """Go through the chain: x (G,), y (F, S), poses of the root (F, 3, 3) and (F, 3)."""
+        states = y[:, self.states]
+        steady = self._constant + self._by_unknown @ x[self.unknowns]
+        amount = steady[:, None] + self.per_state(x) @ states.T
+        turning = self._turning(steady, amount)
+        R, t = root, root_mm
+        n_frames = len(y)
+        rotation = np.empty((len(self.marks), n_frames, 3, 3))
+        position = np.empty((len(self.marks), n_frames, 3))
+        axis = np.empty((len(self._rotates), n_frames, 3))
+        origin = np.empty((len(self._rotates), n_frames, 3))
+        left = []
+        for what, index, constant in self.plan:
+            if what == "rotate":
+                axis[index], origin[index] = _times(R, constant), t
+                R = R @ turning[index] if self._moves[index] else _times(R, turning[index])
+            elif what == "translate":
+                axis[index], origin[index] = _times(R, constant), t
+                t = t + axis[index] * amount[index][:, None]
+            elif what == "turn":
+                R = _times(R, constant)
+            elif what == "mark":
+                rotation[index], position[index] = R, t
+            elif what == "leave":
+                left.append((R, t))
+            else:
+                R, t = left.pop()
+        return Reached(rotation, position, axis, origin)
+
+    def _turning(self, steady: Array, amount: Array) -> list[Array]:
+        """Rotation matrices of operations: (F, 3, 3) by amounts (O, F), or (3, 3) by steady ones."""
+        turning: list[Array] = [NOTHING] * len(amount)
+        for moves, angles in ((False, steady), (True, amount)):
+            which = np.flatnonzero(self._rotates & (self._moves == moves))
+            angle = angles[which][..., None, None]
+            shape = (len(which), *(1,) * (angle.ndim - 3), 3, 3)
+            once, twice = self._cross[which].reshape(shape), self._square[which].reshape(shape)
+            turned = np.eye(3) + np.sin(angle) * once + (1.0 - np.cos(angle)) * twice
+            for operation, rotation in zip(which, turned, strict=True):
+                turning[operation] = rotation
+        return turning
+
+    def by_operation(self, reached: Reached, marks: Sequence[int]) -> Array:
+        """Derivative of the marks' poses by the amounts: (marks, F, 6, O), 3 rows of mm, 3 of rotation."""
+        out = np.zeros((len(marks), reached.axis.shape[1], 6, len(self._rotates)))
+        for i, mark in enumerate(marks):
+            turning, sliding = (self.upstream[mark] & self._rotates, self.upstream[mark] & ~self._rotates)
+            axis, origin_mm = reached.axis[turning], reached.origin_mm[turning]
+            out[i, :, :3, turning] = cross(axis, reached.position_mm[mark] - origin_mm)
+            out[i, :, 3:, turning] = axis
+            out[i, :, :3, sliding] = reached.axis[sliding]
+        return out
+
+    def by_unknown(self, by_operation: Array, y: Array) -> Array:
+        """Derivative (..., F, 6, unknowns) by the branch's own unknowns from that by the operations."""
+        o, _, s = self._product_at.T
+        products = by_operation[..., o] * y[:, self.states][:, s][:, None, :]
+        return np.asarray(np.concatenate([by_operation, products], -1) @ self._by_unknown_and_product)
+
+
+def _times(rotation: Array, constant: Array) -> Array:
+    """Rotations (F, 3, 3) of one vector (3,) or matrix (3, 3), as one product."""
+    flat = np.ascontiguousarray(rotation).reshape(-1, 3) @ constant
+    return np.asarray(flat.reshape(-1, *constant.shape))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Cross product of vectors (..., 3), written out (np.cross is slow)."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    out[..., 0] = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
+    out[..., 1] = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
+    out[..., 2] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out

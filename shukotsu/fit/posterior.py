@@ -1,0 +1,122 @@
+"""The posterior of a fitted hand, and every bone and receiver at the mean posture with its derivatives.
+
+The mean posture is the mean over the recording of every joint angle. A joint centre is stated where it was
+there, in the receiver's frame as the receiver rode on the skin: how skin moved a receiver from where it sits
+on a straight digit is an extrapolation that no recording shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from shukotsu.fit.chain import HandModel
+from shukotsu.fit.chain_builder import Amount, receiver
+from shukotsu.fit.normal_equations import Point, Problem, Reduced, states_by_unknowns
+from shukotsu.fit.operations import cross
+from shukotsu.fit.receiver_frames import Convention
+from shukotsu.hand.rotations import Array
+from shukotsu.study.layout import Joint, Layout
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Mean (G,), covariance (G, G) of unknowns; mean states (S,), rad, and derivative (S, G) by them."""
+
+    x: Array
+    covariance: Array
+    mean_states: Array
+    states_by_x: Array
+
+    @classmethod
+    def of(cls, problem: Problem, point: Point, reduced: Reduced, share: Array) -> Posterior:
+        """Laplace's approximation at a point; share : (F,) of the recording that each frame stands for."""
+        return cls(
+            point.x,
+            np.asarray(np.linalg.inv(reduced.matrix), float),
+            share @ point.y,
+            states_by_unknowns(problem, reduced, share),
+        )
+
+    def moved_to(self, x: Array, covariance: Array) -> Posterior:
+        """The posterior with another mean and covariance; the mean joint angles go along."""
+        states = self.mean_states + self.states_by_x @ (x - self.x)
+        return Posterior(x, covariance, states, self.states_by_x)
+
+    def of_amount(self, amount: Amount) -> tuple[float, float]:
+        """Mean and sd of a linear combination of the unknowns."""
+        row = amount.row(len(self.x))
+        return amount.constant + float(row @ self.x), float(np.sqrt(row @ self.covariance @ row))
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A solved fit: its problem's frames have a share (F,) of the recording and joint angles (F, S), rad."""
+
+    layout: Layout
+    model: HandModel
+    convention: Convention
+    problem: Problem
+    posterior: Posterior
+    share: Array
+    states: Array
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Place:
+    """A marked frame seen from the base bone, and how it moves and turns with the unknowns: (3, G) each."""
+
+    R: Array
+    t: Array
+    moved: Array
+    turned: Array
+
+    def sees(self, other: Place) -> tuple[Array, Array]:
+        """The other's origin in this frame and its derivative (3, G)."""
+        arm = other.t - self.t
+        moved = other.moved - self.moved + cross(arm, self.turned.T).T
+        return self.R.T @ arm, self.R.T @ moved
+
+    def carrying(self, point_mm: Array, by_x: Array) -> Place:
+        """A point that rides on this frame, where `point_mm` (3,) puts it; by_x (3, G) : its derivative."""
+        arm = self.R @ point_mm
+        moved = self.moved + cross(self.turned.T, arm).T + self.R @ by_x
+        return Place(self.R, self.t + arm, moved, self.turned)
+
+    def sees_axis(self, axis: Array, turned: Array) -> tuple[Array, Array]:
+        """An axis in this frame and its derivative (3, G); turned : how the axis turns."""
+        return self.R.T @ axis, self.R.T @ cross((turned - self.turned).T, axis).T
+
+
+def places_of(model: HandModel, posterior: Posterior) -> dict[str, Place]:
+    """Every marked frame at the mean posture, by name."""
+    y = posterior.mean_states[None]
+    places = {}
+    for branch in model.branches:
+        reached = branch.reach(posterior.x, y, np.eye(3)[None], np.zeros((1, 3)))
+        raw = branch.by_operation(reached, range(len(branch.marks)))
+        by_x = branch.by_unknown(raw, y)[:, 0]
+        by_y = (raw @ branch.per_state(posterior.x))[:, 0]
+        for mark, name in enumerate(branch.marks):
+            full = by_y[mark] @ posterior.states_by_x[branch.states]
+            full[:, branch.unknowns] += by_x[mark]
+            R, t = reached.rotation[mark, 0], reached.position_mm[mark, 0]
+            places[name] = Place(R, t, full[:3], full[3:])
+    return places
+
+
+def centre_by_unknowns(
+    joint: Joint, places: Mapping[str, Place], evidence: Evidence
+) -> tuple[dict[str, Array], Array]:
+    """A joint's centre in both receivers' fitted frames, or NaN; derivative (6, G) in their own."""
+    centre = places[evidence.model.centres[joint.name]]
+    points, by_x = {}, np.full((6, len(evidence.posterior.x)), np.nan)
+    for side, segment in enumerate((joint.parent_receiver, joint.child)):
+        points[segment] = np.full(3, np.nan)
+        if receiver(segment) in places:
+            points[segment], moved = places[receiver(segment)].sees(centre)
+            by_x[3 * side : 3 * side + 3] = evidence.convention.point_matrix(segment) @ moved
+    return points, by_x

@@ -1,0 +1,297 @@
+"""Summarise a fitted hand: joint centres, axes, bones and the wrist, each with its uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from shukotsu.fit.chain_builder import KINDS, axis_frame, bone, receiver, straight
+from shukotsu.fit.posterior import Evidence, Place, centre_by_unknowns, places_of
+from shukotsu.hand import average_hand as prior
+from shukotsu.hand.angle_range import angle_range, flattening
+from shukotsu.hand.joint_angles import mirrored
+from shukotsu.hand.known_digits import known_digits
+from shukotsu.hand.rotations import Array, about_axis, cross_matrix, from_matrix
+from shukotsu.study.layout import Digit, Joint
+from shukotsu.study.translation import listed
+from shukotsu.study.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSETTLED, Doubts, Values
+
+STRANGE_SD = 5.0
+"""A hand so far from the usual is rather wrong units, swapped receivers, or a receiver far off its bone."""
+
+
+@dataclass(frozen=True)
+class FittedJoint:
+    """One joint of a fitted hand.
+
+    parent_segment, child_segment : empty where one could be worn and is not. parent_mm, child_mm : (3,)
+    centre in each receiver's frame, NaN without one; of a joint that does not move, which has no axis and no
+    range, in the parent's alone, or the child's where the parent is empty. covariance_mm2 : (6, 6) of both.
+    axis_parent, axis_child : (3,) unit flexion axis; axis_sd_deg : of its direction. range_deg : of flexion
+    over the frames fitted. gap_rms_mm : of the centre in the recording. doubts : what is known against it
+    beside its numbers. message : why no receiver carries it.
+    """
+
+    name: str
+    parent_segment: str
+    child_segment: str
+    dof: int
+    parent_mm: Array
+    child_mm: Array
+    covariance_mm2: Array
+    axis_parent: Array
+    axis_child: Array
+    axis_sd_deg: float
+    range_deg: float
+    gap_rms_mm: float
+    doubts: Doubts
+    message: str = ""
+
+    @property
+    def sd_mm(self) -> float:
+        """1-sigma error in 3-D of the centre, the worse half's; NaN without a receiver."""
+        variance = np.diag(self.covariance_mm2).reshape(2, 3).sum(1)
+        return float(np.sqrt(np.fmax(*variance)))
+
+
+@dataclass(frozen=True)
+class FittedBone:
+    """Length of a bone in mm, joint to joint; sd_mm 1-sigma."""
+
+    length_mm: float
+    sd_mm: float
+
+
+@dataclass(frozen=True)
+class AngleAxes:
+    """A joint's zero and the axes of its angles, of a right hand, in the frames of its bones.
+
+    rest : (4,) child to parent at zero, the straight digit as it lies in the flat hand; rest_by_x : (3, G)
+    how it turns in the parent's frame with the unknowns. turn_rad : by how much the axes stand about the
+    child bone from its frame, so that the first lies as the fitted axis of flexion does; turn_by_x : (G,);
+    turn_sd_deg : 1-sigma.
+    """
+
+    parent: str
+    child: str
+    rest: Array
+    rest_by_x: Array
+    turn_rad: float
+    turn_by_x: Array
+    turn_sd_deg: float
+
+    def of_hand(self, hand: str, more_rad: float = 0.0) -> tuple[Array, Array]:
+        """Rest and turn, (4,) each, in the frames of that hand's bones; more_rad : to turn by in addition."""
+        both = self.rest, about_axis(np.array([1.0, 0.0, 0.0]), np.array(self.turn_rad + more_rad))
+        return (mirrored(both[0]), mirrored(both[1])) if hand == "left" else both
+
+
+@dataclass(frozen=True)
+class HandSummary:
+    """Joints between two receivers; lone, beside which one could be worn and is not; palm, whose child
+    carries none; fixed centres, which do not move (the wrist, where it is no joint); bones by segment;
+    zero and axes of the angles.
+    """
+
+    joints: dict[str, FittedJoint]
+    lone: dict[str, FittedJoint]
+    palm: dict[str, FittedJoint]
+    fixed: dict[str, FittedJoint]
+    bones: dict[str, FittedBone]
+    angle_axes: dict[str, AngleAxes]
+
+
+def summarise(evidence: Evidence) -> HandSummary:
+    """Joints, bones and wrist of a solved fit."""
+    places = places_of(evidence.model, evidence.posterior)
+    joints: dict[str, FittedJoint] = {}
+    lone: dict[str, FittedJoint] = {}
+    palm: dict[str, FittedJoint] = {}
+    fixed: dict[str, FittedJoint] = {}
+    for joint in evidence.layout.joints.values():
+        if receiver(joint.parent_receiver) not in places:
+            continue
+        if axis_frame(joint.name) in places:
+            worn = {joint.parent_receiver, joint.child} <= set(evidence.model.receivers)
+            unworn = lone if evidence.layout.segments[joint.child].measured else palm
+            (joints if worn else unworn)[joint.name] = _joint(joint, places, evidence)
+        elif evidence.model.centres.get(joint.name) in places:
+            seen = places[receiver(joint.parent_receiver)].sees(places[evidence.model.centres[joint.name]])
+            ends = joint.parent_receiver, joint.child
+            fixed[joint.name] = _fixed(joint.name, ends, joint.parent_receiver, seen, evidence)
+    wrist, base = evidence.layout.wrist, evidence.model.receivers[0]
+    if wrist is not None and wrist.joint not in joints and evidence.model.length:
+        still = np.zeros((3, len(evidence.posterior.x)))
+        seen = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
+        fixed[wrist.joint] = _fixed(wrist.joint, ("", wrist.segment), base, seen, evidence)
+    bones = {
+        segment: FittedBone(*evidence.posterior.of_amount(length))
+        for segment, length in evidence.model.length.items()
+    }
+    return HandSummary(joints, lone, palm, fixed, bones, angle_axes(evidence, places))
+
+
+def unshown_mm2(segment: str, point_mm: Array, evidence: Evidence) -> Array:
+    """Covariance (3, 3) that a point (3,) gains in a receiver's own frame as skin leaves no residual.
+
+    A receiver that slides by c mm per rad moves centres by c mm and leaves no gap. The fit has the linear
+    slides of a digit's receivers; of the rest, and of the back of the hand, it knows only the size.
+    """
+    turn = evidence.convention.point_matrix(segment)
+    if segment == evidence.model.receivers[0] and segment in evidence.model.mount:
+        tilt = prior.PALM_TILT_SD * cross_matrix(point_mm)
+        return np.asarray(prior.PALM_SLIDE_SD_MM**2 * np.eye(3) + tilt @ tilt.T)
+    slides = [i for i, group in enumerate(evidence.model.unknowns.groups) if group == "slide x"]
+    of_segment = [i for i in slides if evidence.model.unknowns.names[i].startswith(f"{segment} ")]
+    if not of_segment:
+        return np.zeros((3, 3))
+    loose = evidence.problem.precision[of_segment[0]] ** -0.5 * prior.looseness(segment)
+    bent = prior.SKIN_BENT * loose * len(of_segment) ** 0.5 * np.array(prior.SLIDE_SD_MM)
+    return np.asarray(turn @ np.diag(bent**2) @ turn.T)
+
+
+def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> FittedJoint:
+    model, convention, posterior = evidence.model, evidence.convention, evidence.posterior
+    points, by_x = centre_by_unknowns(joint, places, evidence)
+    axis_at = places[axis_frame(joint.name)]
+    axis = axis_at.R @ model.axes[joint.name]
+    axes = {
+        segment: places[receiver(segment)].sees_axis(axis, axis_at.turned)[0]
+        if segment in model.receivers
+        else np.full(3, np.nan)
+        for segment in points
+    }
+    axis_by_x = places[receiver(joint.parent_receiver)].sees_axis(axis, axis_at.turned)[1]
+    covariance = by_x @ posterior.covariance @ by_x.T
+    for half, segment in ((slice(0, 3), joint.parent_receiver), (slice(3, 6), joint.child)):
+        if segment in model.receivers:
+            own_mm = convention.point_matrix(segment) @ points[segment]
+            covariance[half, half] += unshown_mm2(segment, own_mm, evidence)
+    axis_sd = float(np.degrees(np.sqrt(np.trace(axis_by_x @ posterior.covariance @ axis_by_x.T))))
+    flexion = evidence.states[:, model.states.names.index((joint.name, KINDS[0]))]
+    range_deg = angle_range(np.degrees(flexion), flattening(flexion))
+    doubts, sides = _doubts(joint, evidence), (joint.parent_receiver, joint.child)
+    unworn = doubts.get(ONE_RECEIVER, {}).get("segments", [])
+    nowhere = (
+        f"no receiver on {listed(unworn)}: no worn receiver carries the centre; what is known is in "
+        "bone_lengths and bone_poses"
+    )
+    return FittedJoint(
+        name=joint.name,
+        parent_segment="" if sides[0] in unworn else sides[0],
+        child_segment="" if sides[1] in unworn else sides[1],
+        dof=joint.dof,
+        parent_mm=convention.point(joint.parent_receiver, points[joint.parent_receiver]),
+        child_mm=convention.point(joint.child, points[joint.child]),
+        covariance_mm2=covariance,
+        axis_parent=convention.axis(joint.parent_receiver, axes[joint.parent_receiver]),
+        axis_child=convention.axis(joint.child, axes[joint.child]),
+        axis_sd_deg=axis_sd,
+        range_deg=range_deg,
+        gap_rms_mm=_gap_rms_mm(joint, evidence, points),
+        doubts=doubts,
+        message=nowhere if len(unworn) == len(sides) else "",
+    )
+
+
+def _fixed(
+    joint: str, ends: tuple[str, str], segment: str, seen: tuple[Array, Array], evidence: Evidence
+) -> FittedJoint:
+    """A centre that anatomy places, `seen` by a receiver; ends : parent and child segment."""
+    by_x = evidence.convention.point_matrix(segment) @ seen[1]
+    side = 0 if ends[0] else 1
+    half = slice(3 * side, 3 * side + 3)
+    covariance, nothing = np.zeros((6, 6)), np.full(3, np.nan)
+    covariance[half, half] = by_x @ evidence.posterior.covariance @ by_x.T
+    centres = [nothing, nothing]
+    centres[side] = evidence.convention.point(segment, seen[0])
+    return FittedJoint(
+        joint,
+        *ends,
+        0,
+        centres[0],
+        centres[1],
+        covariance,
+        nothing,
+        nothing,
+        np.nan,
+        np.nan,
+        np.nan,
+        {BY_ANATOMY: {}},
+    )
+
+
+def _gap_rms_mm(joint: Joint, evidence: Evidence, points: Mapping[str, Array]) -> float:
+    """Root mean square distance of the two halves of a centre in the recording; NaN where there is none."""
+    receivers, frames = evidence.model.receivers, evidence.problem.frames
+    if not {joint.parent_receiver, joint.child} <= set(receivers):
+        return float("nan")
+    a, b = receivers.index(joint.parent_receiver), receivers.index(joint.child)
+    weight = evidence.share * (frames.valid[:, a] & frames.valid[:, b])
+    if not weight.any():
+        return float("nan")
+    rotation = evidence.problem.rotation(evidence.posterior.x)
+    apart = rotation[:, a] @ points[joint.parent_receiver] + frames.position_mm[:, a]
+    apart -= rotation[:, b] @ points[joint.child] + frames.position_mm[:, b]
+    return float(np.sqrt((weight * (apart**2).sum(-1)).sum() / weight.sum()))
+
+
+def _doubts(joint: Joint, evidence: Evidence) -> dict[str, Values]:
+    """List the doubts about a joint's centre beside its numbers, by kind; of the whole hand first."""
+    off = np.abs(evidence.posterior.x) * np.sqrt(evidence.problem.precision)
+    strangest, receivers = int(np.argmax(off)), evidence.model.receivers
+    sides = (joint.parent_receiver, joint.child)
+    valid = evidence.problem.frames.valid
+    dead = [s for s in sides if s in receivers and not valid[:, receivers.index(s)].any()]
+    unworn = [s for s in sides if s not in receivers and evidence.layout.segments[s].measured]
+    doubts: dict[str, Values] = {}
+    if not evidence.converged:
+        doubts[UNSETTLED] = {}
+    if off[strangest] > STRANGE_SD:
+        doubts[FAR] = {"what": evidence.model.unknowns.names[strangest], "sd": float(off[strangest])}
+    if dead:
+        doubts[NO_POSE] = {"segments": dead}
+    if unworn:
+        doubts[ONE_RECEIVER] = {"segments": unworn}
+    return doubts
+
+
+def angle_axes(evidence: Evidence, places: Mapping[str, Place]) -> dict[str, AngleAxes]:
+    """Zero and axes of known joints that move; a thumb's CMC by its nail's side, as the MCP axis tells it."""
+    covariance = evidence.posterior.covariance
+    axes = {}
+    for digit in known_digits(evidence.layout):
+        for k, (parent, seen, turned) in enumerate(_rests(evidence, places, digit)):
+            joint, child = digit.joints[k], digit.segments[k]
+            if not evidence.layout.joints[joint].dof:
+                continue
+            by_nail = k == 0 and evidence.model.anatomy[digit.name].second_axis is not None
+            by_nail = by_nail and axis_frame(digit.joints[1]) in places
+            by = digit.joints[1] if by_nail else joint
+            at, seer = places[axis_frame(by)], places[bone(child)] if by_nail else seen
+            (_, y, z), moved = seer.sees_axis(at.R @ evidence.model.axes[by], at.turned)
+            by_x = (y * moved[2] - z * moved[1]) / (y * y + z * z)
+            sd_deg = float(np.degrees(np.sqrt(by_x @ covariance @ by_x)))
+            rest = from_matrix(parent.R.T @ seen.R)
+            above = digit.segments[k - 1] if k else digit.base
+            axes[joint] = AngleAxes(above, child, rest, turned, float(np.arctan2(z, y)), by_x, sd_deg)
+    return axes
+
+
+def _rests(
+    evidence: Evidence, places: Mapping[str, Place], digit: Digit
+) -> Iterator[tuple[Place, Place, Array]]:
+    """Each joint's parent bone, its child bone at zero, and how that turns in the parent's frame."""
+    still = np.zeros((3, len(evidence.posterior.x)))
+    above = np.eye(3)
+    for k, frame in enumerate(evidence.model.anatomy[digit.name].frames()):
+        if k:
+            parent = flat = places[bone(digit.segments[k - 1])]
+            turned = still
+        else:
+            parent, flat = Place(np.eye(3), np.zeros(3), still, still), places[straight(digit.name)]
+            turned = flat.turned
+        yield parent, Place(flat.R @ above.T @ frame, flat.t, flat.moved, flat.turned), turned
+        above = frame

@@ -1,0 +1,131 @@
+"""From pose tables to the frames that are fitted: one convention for every receiver, a right hand always."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shukotsu.checks.sampled_motion import MIRROR, receiver_axes
+from shukotsu.fit.normal_equations import Frames
+from shukotsu.fit.operations import Index
+from shukotsu.hand.rotations import Array, matrix
+from shukotsu.study.layout import Layout
+from shukotsu.tables.poses import Poses
+
+FINGER_MM = 80.0
+"""A distance that changes by so much says as much of a posture as a turn by a radian does (ours)."""
+
+MOST_CANDIDATES = 1500
+"""More neighbouring frames than this are the same posture again."""
+
+
+@dataclass(frozen=True)
+class Convention:
+    """How receivers' frames become x distal, z dorsal of a right hand, and back; left hands are fitted as
+    mirror images.
+
+    axes : (S, 3, 3) columns distal, lateral (z x x) and dorsal in the receiver's own frame.
+    """
+
+    receivers: tuple[str, ...]
+    axes: Array
+    left: bool
+
+    @classmethod
+    def of(cls, layout: Layout, receivers: Sequence[str], hand: str) -> Convention:
+        """Return the convention of a layout's receivers."""
+        return cls(tuple(receivers), receiver_axes(layout, tuple(receivers)), hand == "left")
+
+    def frames(self, poses: Poses) -> Frames:
+        """Poses as frames; what is not valid gets harmless numbers."""
+        index = [poses.index(name) if name in poses.segments else -1 for name in self.receivers]
+        worn = np.array(index) >= 0
+        quaternion, position = poses.quaternion[:, index], poses.position_mm[:, index]
+        valid = poses.valid[:, index] & worn
+        valid &= np.isfinite(quaternion).all(-1) & np.isfinite(position).all(-1)
+        quaternion = np.where(valid[..., None], quaternion, [1.0, 0.0, 0.0, 0.0])
+        position = np.where(valid[..., None], position, 0.0)
+        rotation = matrix(quaternion) @ self.axes
+        if self.left:
+            rotation, position = rotation * np.outer(MIRROR, MIRROR), position * MIRROR
+        return Frames(rotation, position, valid)
+
+    def point(self, receiver: str, points_mm: Array) -> Array:
+        """Points (..., 3) in the fitted receiver's frame, given in the receiver's own."""
+        return np.asarray(points_mm @ self.point_matrix(receiver).T)
+
+    def axis(self, receiver: str, axes: Array) -> Array:
+        """Axes of rotation (..., 3), which mirror as pseudo-vectors, in the receiver's own frame."""
+        return np.asarray((-axes if self.left else axes) @ self.point_matrix(receiver).T)
+
+    def point_matrix(self, receiver: str) -> Array:
+        """Matrix (3, 3) that `point` multiplies with; NaN for a segment without a receiver."""
+        if receiver not in self.receivers:
+            return np.full((3, 3), np.nan)
+        axes_of_receiver = self.axes[self.receivers.index(receiver)]
+        return np.asarray(axes_of_receiver * MIRROR if self.left else axes_of_receiver)
+
+    def world(self, rotation: Array, position_mm: Array) -> tuple[Array, Array]:
+        """Bone poses (..., 3, 3), (..., 3) back in the transmitter's frame; x stays distal, z dorsal."""
+        if not self.left:
+            return rotation, position_mm
+        return rotation * np.outer(MIRROR, MIRROR), position_mm * MIRROR
+
+
+def concatenated(recordings: Sequence[Poses]) -> Poses:
+    """Recordings of the same receivers as one, one after the other."""
+    names = ("frame", "time_s", "position_mm", "quaternion", "valid")
+    arrays = [np.concatenate([getattr(poses, name) for poses in recordings]) for name in names]
+    return Poses(recordings[0].segments, *arrays)
+
+
+def neighbours(layout: Layout, worn: Sequence[str]) -> list[tuple[str, str]]:
+    """Each worn receiver after the nearest worn one towards the body, where there is one."""
+    before = {joint.child: joint.parent_receiver for joint in layout.solvable}
+    pairs = []
+    for child in worn:
+        parent = before.get(child)
+        while parent is not None and parent not in worn:
+            parent = before.get(parent)
+        if parent is not None:
+            pairs.append((parent, child))
+    return pairs
+
+
+def postures(frames: Frames, pairs: Sequence[tuple[int, int]]) -> Array:
+    """Rotation matrices between pairs of receivers, (T, 9 pairs); a pair's mean where one is missing."""
+    features = []
+    for parent, child in pairs:
+        relative = np.swapaxes(frames.rotation[:, parent], -1, -2) @ frames.rotation[:, child]
+        both = frames.valid[:, parent] & frames.valid[:, child]
+        if both.any():
+            mean = relative[both].mean(0)
+            features.append(np.where(both[:, None, None], relative, mean).reshape(-1, 9))
+    if not features:
+        return np.zeros((len(frames.valid), 1))
+    return np.concatenate(features, 1)
+
+
+def spread_frames(postures: Array, n_frames: int) -> tuple[Index, Array]:
+    """Choose frames by farthest point: each next one is the farthest from all before it (Gonzalez 1985).
+
+    postures : (T, D) features; begins with the farthest from their mean. Returns rows in the order of time
+    and the share (n,) of all frames that are nearest to each.
+    """
+    step = max(1, len(postures) // MOST_CANDIDATES)
+    candidates = postures[::step]
+    distance = ((candidates - candidates.mean(0)) ** 2).sum(1)
+    chosen = [int(np.argmax(distance))]
+    nearest: Index = np.zeros(len(candidates), int)
+    distance = ((candidates - candidates[chosen[0]]) ** 2).sum(1)
+    while len(chosen) < min(n_frames, len(candidates)) and distance.max() > 0.0:
+        chosen.append(int(np.argmax(distance)))
+        other = ((candidates - candidates[chosen[-1]]) ** 2).sum(1)
+        closer = other < distance
+        nearest[closer] = len(chosen) - 1
+        distance = np.where(closer, other, distance)
+    share = np.bincount(nearest, minlength=len(chosen)) / len(candidates)
+    order = np.argsort(chosen)
+    return np.array(chosen)[order] * step, share[order]

@@ -1,0 +1,248 @@
+"""Add touches to a fitted hand's posterior: a fingertip on a known point, a thumb's pad on a finger's.
+
+Receivers are measured in a touch, so that it is an observation of three numbers, of the hand's unknowns and
+the soft parts' offsets alone. The posterior is normal and the observation nearly linear: it comes in by
+conditioning, linearised a few times at what it leads to (the iterated Kalman update, Bell & Cathey 1993).
+
+A touch is one observation however many frames it lasts. What is wrong with it, the skin under the receiver,
+the field, the finger's place on the point, stays the same while it lasts; only the tracker's noise averages,
+and that is a tenth of a millimetre. Pads that meet are found in opposition from poses alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError
+from shukotsu.fit.fingertips import BONE, PAD, TIP, Fingertips, fingertips_of, seen_parts
+from shukotsu.fit.operations import Index
+from shukotsu.hand.rotations import Array, matrix
+from shukotsu.tables.poses import Poses
+
+CONTACT_SD_MM = 1.5
+"""Sd of two pads that meet, per direction: pulps give way by 1 to 2 mm and do not meet centre on centre."""
+
+SKIN_SD_MM = 0.3
+"""Sd of a nail's receiver over its bone, per direction: other skin slides by about a millimetre per rad of
+its joint, that of the nail by a third of it."""
+
+WORST = 16.27
+"""Squared distance, in sd, of a touch from where all else puts it: exceeded by 1 in 1000 (chi-square, 3)."""
+
+FAR = 100.0
+"""The same of a touch and the fit alone, from which on it is left out however well others agree: it would
+bend the hand to where nothing is linear any more."""
+
+_ROUNDS = 5
+
+THUMB = "thumb"
+
+NEAR_SD = 3.37
+"""Pads predicted closer than so many sd may be in contact: 99 % of three normal numbers (chi)."""
+
+SLOW_SHARE = 0.15
+"""Share of the speed that thumb and finger reach towards each other (its 90th percentile): pads that meet are
+held for a moment, pads that pass each other are not."""
+
+HELD_MM = 1.0
+"""Frames so much farther apart than the closest one still belong to the contact."""
+
+MOST_EACH = 3
+"""Contacts of one finger that are used, those held stillest."""
+
+_SPEED_FRAMES = 4
+"""Speed is that over twice as many frames, so that the tracker's noise does not count as one."""
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A fingertip on a known point, a stylus's tip on the fingertip, or two fingertips that meet.
+
+    receiver_mm : (N, D, 3), receiver_quaternion : (N, D, 4) of the distal receivers while it lasted. part :
+    tip, pad or bone. sd_mm : per direction. point_mm : (3,) in the transmitter frame; None where two digits
+    meet.
+    """
+
+    digits: tuple[str, ...]
+    receiver_mm: Array
+    receiver_quaternion: Array
+    part: str
+    sd_mm: float
+    point_mm: Array | None = None
+
+
+def touch_in(
+    tips: Fingertips,
+    poses: Poses,
+    rows: Index,
+    digits: tuple[str, ...],
+    sd_mm: float,
+    part: str,
+    point_mm: Array | None = None,
+) -> Touch:
+    """A touch, or two digits that meet, in some frames; InputError where no receivers are valid in any."""
+    receivers = [tips[digit].receiver for digit in digits]
+    columns = [poses.index(name) for name in receivers]
+    rows = rows[poses.valid[rows][:, columns].all(1)]
+    if not len(rows):
+        raise InputError(f"no frame of the touch has a valid pose of {' and '.join(receivers)}")
+    held = poses.position_mm[rows][:, columns], poses.quaternion[rows][:, columns]
+    return Touch(digits, *held, part, sd_mm, point_mm)
+
+
+@dataclass(frozen=True)
+class _Equation:
+    """value (3,) = sum of factor (3, 3) @ point of (digit, part), to an sd per direction."""
+
+    name: str
+    terms: tuple[tuple[Array, tuple[str, str]], ...]
+    value: Array
+    sd_mm: float
+
+
+def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
+    """Condition fingertips on touches; the result's `fit` has its joints, bones and their covariance then.
+
+    A touch farther from where all else puts it than 1 in 1000 would be is left out, with a sentence in
+    `refused`. Raises InputError for a digit without a fingertip or an unknown part.
+    """
+    equations = [_equation(tips, number, touch) for number, touch in enumerate(touches, 1)]
+    refused: list[str] = []
+    while equations:
+        u, covariance, misfits = _conditioned(tips, equations)
+        worst = max(range(len(equations)), key=lambda i: misfits[i][0])
+        if misfits[worst][0] <= WORST:
+            n_unknowns = len(tips.fit.evidence.posterior.x)  # the mean joint angles go along
+            fit = tips.fit.moved_to(u[:n_unknowns], covariance[:n_unknowns, :n_unknowns])
+            offsets_mm = u[n_unknowns:].reshape(tips.offsets_mm.shape)
+            return fingertips_of(fit, offsets_mm, covariance, (*tips.refused, *refused))
+        squared, apart_mm = misfits[worst]
+        refused.append(
+            f"{equations.pop(worst).name} is {apart_mm:.1f} mm, {np.sqrt(squared):.1f} sd, from where "
+            "the hand and all other touches put it: left out as another digit's, another part's, or no touch"
+        )
+    return replace(tips, refused=(*tips.refused, *refused))
+
+
+def _equation(tips: Fingertips, number: int, touch: Touch) -> _Equation:
+    """The ends of the digits meet, or one is at the point."""
+    if touch.part not in (BONE, TIP, PAD):
+        raise InputError(f"part {touch.part!r} of a fingertip is not known; expected bone, tip or pad")
+    first, *other = touch.digits
+    names = [tips[digit].receiver for digit in touch.digits]
+    name = f"contact {number} ({first} and {other[0]})" if other else f"touch {number} ({first}, {names[0]})"
+    turns = [matrix(quaternion).mean(0) for quaternion in touch.receiver_quaternion.swapaxes(0, 1)]
+    terms = zip((1.0, -1.0), turns, touch.digits, strict=False)
+    met = touch.receiver_mm[:, 1] if touch.point_mm is None else touch.point_mm
+    return _Equation(
+        name,
+        tuple((sign * turn, (digit, touch.part)) for sign, turn, digit in terms),
+        (met - touch.receiver_mm[:, 0]).mean(0),
+        float(np.sqrt(touch.sd_mm**2 + len(touch.digits) * SKIN_SD_MM**2)),
+    )
+
+
+def _conditioned(
+    tips: Fingertips, equations: Sequence[_Equation]
+) -> tuple[Array, Array, list[tuple[float, float]]]:
+    """Unknowns and offsets (G + 6 D,), their covariance, each equation's misfit, squared in sd, and mm."""
+    evidence, shape = tips.fit.evidence, tips.offsets_mm.shape
+    start, P = np.concatenate([evidence.posterior.x, tips.offsets_mm.ravel()]), tips.covariance
+    noise = np.repeat([equation.sd_mm**2 for equation in equations], 3)
+    alone = _alone(tips, equations, start, P)
+    u = start
+    for _ in range(_ROUNDS):
+        off, H = _misfit(tips, equations, u, shape)
+        PH = P @ H.T
+        gain = np.linalg.solve(H @ PH + np.diag(noise), PH.T).T
+        u = start + gain @ (off - H @ (start - u))
+    off, H = _misfit(tips, equations, u, shape)
+    after = P - gain @ PH.T
+    misfits = []
+    for i, equation in enumerate(equations):
+        rows = slice(3 * i, 3 * i + 3)
+        # what is left of an equation's own noise says how far the others alone would have it
+        left = equation.sd_mm**2 * np.eye(3) - H[rows] @ after @ H[rows].T
+        pull = np.linalg.solve(left, off[rows])
+        among = float(off[rows] @ pull), float(np.linalg.norm(equation.sd_mm**2 * pull))
+        misfits.append(alone[i] if alone[i][0] > FAR or among[0] < 0.0 else among)
+    return u, (after + after.T) / 2, misfits
+
+
+def _alone(
+    tips: Fingertips, equations: Sequence[_Equation], start: Array, P: Array
+) -> list[tuple[float, float]]:
+    """Return how far each equation is from what the fit alone makes of it: squared in sd, and in mm."""
+    off, H = _misfit(tips, equations, start, tips.offsets_mm.shape)
+    misfits = []
+    for i, equation in enumerate(equations):
+        rows = slice(3 * i, 3 * i + 3)
+        spread = H[rows] @ P @ H[rows].T + equation.sd_mm**2 * np.eye(3)
+        apart_mm = off[rows]
+        misfits.append((float(apart_mm @ np.linalg.solve(spread, apart_mm)), float(np.linalg.norm(apart_mm))))
+    return misfits
+
+
+def _misfit(
+    tips: Fingertips, equations: Sequence[_Equation], u: Array, shape: tuple[int, ...]
+) -> tuple[Array, Array]:
+    """Values of the K equations less what u gives, (3 K,), and the latter's derivative (3 K, G + 6 D)."""
+    n_unknowns = len(u) - int(np.prod(shape))
+    seen = seen_parts(tips.fit.evidence, u[:n_unknowns], u[n_unknowns:].reshape(shape))
+    off, rows = [], []
+    for equation in equations:
+        off.append(equation.value - sum(factor @ seen[part][0] for factor, part in equation.terms))
+        rows.append(sum(factor @ seen[part][1] for factor, part in equation.terms))
+    return np.concatenate(off), np.concatenate(rows)
+
+
+def find_contacts(tips: Fingertips, poses: Poses) -> list[Touch]:
+    """Find frames of a recording in which the thumb's pad is likely to rest on a finger's.
+
+    That pad must be the nearest, nearer than the hand's uncertainty allows, and be held there. One person's
+    way of putting pads together repeats itself: all contacts of a finger share the weight of one.
+    """
+    fingers = [name for name in tips.digits if name != THUMB]
+    if THUMB not in tips.digits or not fingers:
+        return []
+    pads = tips.in_transmitter(poses, PAD)
+    columns = [list(tips.digits).index(name) for name in fingers]
+    apart = pads[:, columns] - pads[:, [list(tips.digits).index(THUMB)]]
+    distance = np.nan_to_num(np.linalg.norm(apart, axis=-1), nan=np.inf)
+    nearest = distance.argmin(1)
+    seen = seen_parts(tips.fit.evidence, tips.fit.evidence.posterior.x, tips.offsets_mm)
+    contacts = []
+    for i, finger in enumerate(fingers):
+        both = [seen[digit, PAD][1] for digit in (THUMB, finger)]
+        variance = sum(float(np.trace(rows @ tips.covariance @ rows.T)) / 3 for rows in both)
+        apart_sd_mm = float(np.sqrt(variance + CONTACT_SD_MM**2))  # per direction, averaged over directions
+        near = (distance[:, i] < NEAR_SD * apart_sd_mm) & (nearest == i)
+        episodes = _held(distance[:, i], apart[:, i], near)[:MOST_EACH]
+        shared = CONTACT_SD_MM * len(episodes) ** 0.5
+        contacts += [touch_in(tips, poses, rows, (THUMB, finger), shared, PAD) for rows in episodes]
+    return contacts
+
+
+def _held(distance_mm: Array, apart_mm: Array, near: npt.NDArray[np.bool_]) -> list[Index]:
+    """Return the frames of each time that two pads were held together, the stillest time first."""
+    speed, k = np.full(len(apart_mm), np.inf), _SPEED_FRAMES  # mm per frame
+    if len(apart_mm) > 2 * k:
+        speed[k:-k] = np.linalg.norm(apart_mm[2 * k :] - apart_mm[: -2 * k], axis=-1) / (2 * k)
+    speed = np.nan_to_num(speed, nan=np.inf)
+    finite = speed[np.isfinite(speed)]
+    if not len(finite):
+        return []
+    slow = SLOW_SHARE * float(np.percentile(finite, 90))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    episodes = []
+    for start, stop in edges.reshape(-1, 2):
+        run = np.arange(start, stop)
+        run = run[speed[run] < slow]
+        if len(run):
+            rows = run[distance_mm[run] < distance_mm[run].min() + HELD_MM]
+            episodes.append((float(np.median(speed[rows])), rows))
+    return [rows for _, rows in sorted(episodes, key=lambda episode: episode[0])]

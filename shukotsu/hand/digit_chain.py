@@ -1,0 +1,111 @@
+"""A digit of a fitted skeleton: which points it runs through, and where they are in a recording.
+
+A chain is a base point riding on the base receiver (the wrist, or the digit's own first joint), then one
+bone a segment. A joint's position on the body side is its parent half p, on the finger's side its child
+half q; between the two lies the joint's gap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError
+from shukotsu.hand.rotations import Array, conjugate, rotate
+from shukotsu.study.layout import Digit, Layout
+from shukotsu.study.model import SkeletonModel
+from shukotsu.tables.poses import Poses
+
+Rows = Mapping[str, Mapping[str, Any]]
+"""Rows of a joint_centres table of one hand and model, by joint."""
+
+
+@dataclass(frozen=True)
+class DigitChain:
+    """One digit with its numbers, mm, each in the frame of the receiver that carries the point.
+
+    at_wrist : whether the base is the wrist. receivers : the digit's segments that carry one.
+    base_point_mm : (3,) in the base receiver's frame. child_mm : per segment its own joint's centre in
+    its own receiver's frame, None where the chain does not use one (a metacarpal that starts at the wrist).
+    parent_mm : per segment the next joint's centre in the frame of the receiver that the next joint was
+    solved against; the tip, (0, 0, 0), for the last.
+    """
+
+    digit: Digit
+    at_wrist: bool
+    receivers: tuple[str, ...]
+    base_point_mm: Array
+    child_mm: tuple[Array | None, ...]
+    parent_mm: tuple[Array, ...]
+
+
+def starts_at_wrist(digit: Digit, layout: Layout, model: SkeletonModel) -> bool:
+    """Whether the digit's first joint is merged with the wrist (Fig. 3), or a point of its own (Fig. 4)."""
+    if layout.wrist is None or digit.base != layout.wrist.segment:
+        return False
+    return digit.joints[0] not in model.own_cmc
+
+
+def digit_chain(digit: Digit, layout: Layout, model: SkeletonModel, rows: Rows) -> DigitChain | str:
+    """Return the digit's chain, or the sentence why it cannot be had: a joint of it failed.
+
+    rows : joint_centres of one hand and model, the wrist point among them. Raises InputError where the
+    model asks for a first joint of its own that no receiver measures, and fits no whole hand to find it.
+    """
+    at_wrist = starts_at_wrist(digit, layout, model)
+    first = layout.joints[digit.joints[0]]
+    unseen = not layout.segments[first.child].measured
+    if not at_wrist and unseen and model.fitting is None:
+        raise InputError(
+            f"model {model.name}: own_cmc names {first.name}, but {first.child} carries no receiver in "
+            f"layout {layout.name}, so that joint cannot be found; remove it from own_cmc"
+        )
+    needed = [layout.wrist.joint] if at_wrist and layout.wrist else []
+    needed += [first.name] if unseen and not at_wrist else []
+    needed += [
+        joint
+        for joint, segment in zip(digit.joints, digit.segments, strict=True)
+        if layout.segments[segment].measured and not (at_wrist and joint == digit.joints[0])
+    ]
+    for joint in needed:
+        if joint not in rows or rows[joint]["status"] == "failed":
+            reason = rows[joint]["message"] if joint in rows else "no receiver was worn on both sides of it"
+            return f"{joint} failed: {reason}"
+    base = needed[0]
+    base_point = _point(rows[base], "child") if at_wrist else _point(rows[base], "parent")
+    child = tuple(
+        _point(rows[joint], "child") if joint in needed and layout.segments[segment].measured else None
+        for joint, segment in zip(digit.joints, digit.segments, strict=True)
+    )
+    after = tuple(_point(rows[joint], "parent") for joint in digit.joints[1:])
+    receivers = tuple(segment for segment in digit.segments if layout.segments[segment].measured)
+    return DigitChain(digit, at_wrist, receivers, base_point, child, (*after, np.zeros(3)))
+
+
+def _point(row: Mapping[str, Any], side: str) -> Array:
+    return np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"], float)
+
+
+def turned(poses: Poses, segment: str) -> Array:
+    """Quaternions (T, 4) of one segment's receiver, each component's frames side by side in memory."""
+    return np.asfortranarray(poses.quaternion[:, poses.index(segment)])
+
+
+def carried_mm(poses: Poses, segment: str, point_mm: Array) -> Array:
+    """Positions (T, 3) in the transmitter frame of a point fixed in a segment's receiver frame."""
+    return np.asarray(rotate(turned(poses, segment), point_mm) + poses.position_mm[:, poses.index(segment)])
+
+
+def seen_from(poses: Poses, base: str, segment: str, point_mm: Array) -> Array:
+    """Positions (T, 3) in the base's receiver frame of a point fixed in a segment's receiver frame."""
+    offset = carried_mm(poses, segment, point_mm) - poses.position_mm[:, poses.index(base)]
+    return rotate(conjugate(turned(poses, base)), offset)
+
+
+def all_valid(poses: Poses, segments: tuple[str, ...]) -> npt.NDArray[np.bool_]:
+    """Frames, (T,), in which every one of the segments has a valid pose."""
+    return np.asarray(poses.valid[:, [poses.index(segment) for segment in segments]].all(1))

@@ -1,0 +1,136 @@
+"""Derive bones' neutral poses from their names: which way a thumb faces, where angles are zero.
+
+A bone frame's +Y is the back of the bone, and a thumb's metacarpal has two (`skeleton.thumb_facing`). In
+our tables it faces as the receiver over it does. A rig that is driven by these frames wants one answer: the
+nail's side, as its phalanges do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from shukotsu.hand.average_hand import DIGITS
+from shukotsu.hand.joint_angles import joint_angles, joint_rotation, mirrored
+from shukotsu.hand.known_digits import known_digits, rest_rotations
+from shukotsu.hand.posing import PosedRecording, SkeletonJoint
+from shukotsu.hand.rotations import Array, conjugate, from_matrix, matrix, mean_rotation, multiply, rotate
+from shukotsu.hand.thumb_facing import faces_nail
+from shukotsu.study.layout import Layout
+
+
+def to_nail_side(
+    layout: Layout, hand: str, joints: Sequence[SkeletonJoint], quaternion: Array
+) -> dict[int, Array]:
+    """Rotation (4,) that turns a thumb's metacarpal to its nail's side, by index; none where it faces it."""
+    places = {(joint.digit, joint.segment): i for i, joint in enumerate(joints) if not joint.tip}
+    thumbs = [d for d in known_digits(layout) if d.name == "thumb" and ("thumb", d.segments[0]) in places]
+    if not thumbs:
+        return {}
+    metacarpal, proximal = (places["thumb", segment] for segment in thumbs[0].segments[:2])
+    relative = multiply(conjugate(quaternion[:, metacarpal]), quaternion[:, proximal])
+    relative = relative[np.isfinite(relative).all(-1)]
+    frames = [replace(DIGITS["thumb"], faces_nail=nail).frames() for nail in (True, False)]
+    rests = [_of_hand(from_matrix(bones[0].T @ bones[1]), hand) for bones in frames]
+    if not len(relative) or faces_nail(matrix(relative), *(matrix(rest) for rest in rests)):
+        return {}
+    return {metacarpal: _of_hand(from_matrix(frames[1][0].T @ frames[0][0]), hand)}
+
+
+def bone_angles_deg(
+    layout: Layout, hand: str, bones: PosedRecording, facing: Mapping[int, Array]
+) -> dict[str, Array]:
+    """Flexion, deviation and axial rotation (T, 3) of known joints; facing : as of `to_nail_side`."""
+    rests = neutral_rotations(layout, hand, bones.joints)
+    turned = {
+        index: multiply(bones.quaternion[:, index], facing[index])
+        if index in facing
+        else bones.quaternion[:, index]
+        for index in range(len(bones.joints))
+    }
+    return {
+        joint.name: joint_angles(turned[joint.parent], turned[index], hand, rests[index])
+        for index, joint in enumerate(bones.joints)
+        if not joint.tip and joint.parent >= 0 and np.isfinite(rests[index]).all()
+    }
+
+
+def at_rest(layout: Layout, bones: PosedRecording) -> PosedRecording:
+    """Return the bones with what is constant of them, a thumb's metacarpal facing its nail's side.
+
+    Rotations are means over time; so are offsets where bone lengths do not wholly say them, NaN without a
+    frame. The root's are zero and no turn.
+    """
+    hand, quaternion, axis = bones.hand, bones.quaternion.copy(), bones.axis.copy()
+    facing = to_nail_side(layout, hand, bones.joints, quaternion)
+    for index, change in facing.items():
+        quaternion[:, index] = multiply(quaternion[:, index], change)
+        axis[index] = rotate(conjugate(change), axis[index])
+    offset_mm = bones.rest_offset_mm.copy()
+    rest = np.tile([1.0, 0.0, 0.0, 0.0], (len(bones.joints), 1))
+    for index, joint in enumerate(bones.joints):
+        if joint.parent < 0:
+            continue
+        back = conjugate(quaternion[:, joint.parent])
+        turn = multiply(back, quaternion[:, index])
+        rest[index] = mean_rotation(turn[np.isfinite(turn).all(-1)])
+        if np.isnan(offset_mm[index]).any():
+            moved_mm = rotate(back, bones.position_mm[:, index] - bones.position_mm[:, joint.parent])
+            moved_mm = moved_mm[np.isfinite(moved_mm).all(-1)]
+            offset_mm[index] = moved_mm.mean(0) if len(moved_mm) else np.nan
+    joints = zeros_facing(bones.joints, facing, hand)
+    neutral = neutral_rotations(layout, hand, joints)
+    return replace(
+        bones,
+        joints=joints,
+        quaternion=quaternion,
+        rest_offset_mm=offset_mm,
+        axis=axis,
+        rest=rest,
+        neutral=neutral,
+    )
+
+
+def zeros_facing(
+    joints: Sequence[SkeletonJoint], facing: Mapping[int, Array], hand: str
+) -> tuple[SkeletonJoint, ...]:
+    """The joints, zeros in bone frames that are turned. facing : what `to_nail_side` says of them."""
+    still, turned = np.array([1.0, 0.0, 0.0, 0.0]), list(joints)
+    for index, joint in enumerate(joints):
+        if joint.zero_deg and {index, joint.parent} & facing.keys():
+            above, below = (conjugate(facing.get(i, still)) for i in (joint.parent, index))
+            rest = multiply(multiply(above, neutral_rotation(joint, hand)), conjugate(below))
+            axes_deg = joint_angles(still, multiply(below, angle_axes(joint, hand)), hand)[2]
+            zero_deg = *joint_angles(still, rest, hand).tolist(), float(axes_deg)
+            turned[index] = replace(joint, zero_deg=zero_deg)
+    return tuple(turned)
+
+
+def neutral_rotation(joint: SkeletonJoint, hand: str) -> Array:
+    """Rotation (4,) of a fitted joint's bone against its parent where its angles are zero."""
+    return joint_rotation(np.array(joint.zero_deg[:3]), hand)
+
+
+def angle_axes(joint: SkeletonJoint, hand: str) -> Array:
+    """Rotation (4,) in the bone's frame of what the joint's angles turn about; none where nothing says."""
+    return joint_rotation(np.array([0.0, 0.0, *(joint.zero_deg[3:] or (0.0,))]), hand)
+
+
+def neutral_rotations(layout: Layout, hand: str, joints: Sequence[SkeletonJoint]) -> Array:
+    """Rotations (J, 4) of bones against their parents where joint angles are zero (`docs/joint-angles.md`).
+
+    The thumb's metacarpal faces its nail's side; a fitted hand's own, else the average hand's. NaN of the
+    root, of tips, of unknown digits and of joints without a degree of freedom.
+    """
+    nails = {name: replace(digit, faces_nail=digit.second_axis is not None) for name, digit in DIGITS.items()}
+    rests = rest_rotations(layout, hand, nails)
+    moving = {name: rest for name, rest in rests.items() if layout.joints[name].dof}
+    moving |= {joint.name: neutral_rotation(joint, hand) for joint in joints if joint.zero_deg}
+    return np.stack([moving.get(joint.name, np.full(4, np.nan)) for joint in joints])
+
+
+def _of_hand(quaternion: Array, hand: str) -> Array:
+    """A right hand's rotation between bone frames as that of the hand."""
+    return mirrored(quaternion) if hand == "left" else quaternion

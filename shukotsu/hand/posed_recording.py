@@ -1,0 +1,200 @@
+"""The reader of a recording of a hand under a skeleton model, whichever, from the tables of its subject.
+
+All that shows, measures or exports a hand in motion reads it here: receivers and bones block by block, and
+the numbers of every table that has rows frame by frame (joint angles, tips, errors), at the frames asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from shukotsu.errors import InputError, TableError, joined
+from shukotsu.hand.posing import Index, Origin, PosedRecording, Skeleton, fitted_bones, receiver_bones
+from shukotsu.hand.rotations import Array
+from shukotsu.study.layout import Layout
+from shukotsu.study.model import SkeletonModel
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.study import Recording
+from shukotsu.tables.catalogue import (
+    BONE_LENGTHS,
+    BONE_POSES,
+    JOINT_CENTRES,
+    METACARPALS,
+    MOVED_RECEIVERS,
+    POSED_TIPS,
+)
+from shukotsu.tables.parts import Part, PartsReader, open_parts, read_part
+from shukotsu.tables.poses import Poses, RecordingName, frame_count, pose_blocks, read_every
+from shukotsu.tables.typed_table import Table, rows_of
+
+BLOCK_FRAMES = 1 << 14
+"""Frames that are posed at a time."""
+
+QUATERNION = ("qw", "qx", "qy", "qz")
+
+Opened = Callable[[Path, Table], AbstractContextManager[PartsReader]]
+T = TypeVar("T")
+
+
+def read_skeleton(
+    joint_centres: Path, bone_lengths: Path, layout: Layout, model: SkeletonModel, part: Part
+) -> Skeleton:
+    """Read one hand under one model. Raises InputError where a table is absent or its making failed."""
+    joints, bones = (
+        list(rows_of(read_part(path, table, part)))
+        for path, table in ((joint_centres, JOINT_CENTRES), (bone_lengths, BONE_LENGTHS))
+    )
+    return Skeleton(
+        layout,
+        model,
+        {row["joint"]: row for row in joints},
+        {(row["digit"], row["bone"]): row for row in bones},
+    )
+
+
+@dataclass(frozen=True)
+class RecordingReader:
+    """A recording of a hand and where to read it under one model.
+
+    poses_file : the recording's poses table. part : whose rows of the tables. tables : returns the file of
+    a table by its name. opened : opens a table. What it reads raises InputError where a table is absent or
+    its making failed, and where it has no row of the recording.
+    """
+
+    recording: Recording
+    layout: Layout
+    model: SkeletonModel
+    part: Part
+    poses_file: Path
+    tables: Callable[[str], Path]
+    opened: Opened = open_parts
+
+    def rows(self, table: Table) -> list[dict[str, Any]]:
+        """Read the part's rows of a short table."""
+        with self.opened(self.tables(table.name), table) as parts:
+            return parts.rows(self.part)
+
+    @property
+    def is_fitted(self) -> bool:
+        """Whether the model fits the whole hand, so that tables have its bones' poses."""
+        return self.model.fitting is not None
+
+    @cached_property
+    def skeleton(self) -> Skeleton:
+        """Joints and bones."""
+        joints, bones = self.tables(JOINT_CENTRES.name), self.tables(BONE_LENGTHS.name)
+        return read_skeleton(joints, bones, self.layout, self.model, self.part)
+
+    @cached_property
+    def moved(self) -> list[Mapping[str, Any]]:
+        """Rows of moved_receivers of the recording: what sits elsewhere in it than in the calibration."""
+        if not self.is_fitted:
+            return []
+        rows = rows_of(read_part(self.tables(MOVED_RECEIVERS.name), MOVED_RECEIVERS, self.part))
+        return [
+            row for row in rows if (row["task"], row["trial"]) == (self.recording.task, self.recording.trial)
+        ]
+
+    def unbelieved(self, column: str, name: str) -> str:
+        """Return why a joint (column joints) or a digit's tip (digits) is not believed; empty where it is."""
+        rows = [row for row in self.moved if name in row[column].split(";")]
+        return joined(f"{row['segment']}: {row['message']}" for row in rows)
+
+    @cached_property
+    def n_frames(self) -> int:
+        """Number of frames of the recording."""
+        return frame_count(self.poses_file)
+
+    def poses(self, every: int = 1) -> Poses:
+        """Read the receivers' poses, of all frames or one in `every`."""
+        return read_every(self.poses_file, self.layout.measured, every)
+
+    def pose_blocks(self) -> Iterator[Poses]:
+        """Read the receivers' poses so many frames at a time, at least one block, which may be empty."""
+        return pose_blocks(self.poses_file, self.layout.measured, BLOCK_FRAMES)
+
+    def bones(self, poses: Poses, skeleton: Skeleton | None = None) -> PosedRecording:
+        """Pose all bones at the frames of the recording's poses, or of some of them.
+
+        skeleton : where it was read already. A digit of which a joint failed, or that the fit does not pose,
+        is left out.
+        """
+        skeleton = skeleton or self.skeleton
+        if self.is_fitted:
+            bone_poses = self._posed(BONE_POSES, ("x_mm", "y_mm", "z_mm", *QUATERNION), poses)
+            columns = [f"{end}_{axis}_mm" for end in ("tip", "skin_tip") for axis in "xyz"]
+            posed = fitted_bones(skeleton, poses, bone_poses, self._posed(POSED_TIPS, columns, poses))
+        else:
+            turned = any(digit.metacarpal for digit in self.layout.digits.values())
+            metacarpals = self._posed(METACARPALS, QUATERNION, poses) if turned else {}
+            posed = receiver_bones(skeleton, poses, metacarpals)
+        origin = Origin(RecordingName(**self.recording.key), self.model.name, self.layout.name)
+        return replace(posed, origin=origin)
+
+    def numbers(
+        self,
+        table: Table,
+        columns: Sequence[str],
+        frames: Index | None = None,
+        name: str = "",
+        *,
+        every: bool = True,
+    ) -> dict[str, Array]:
+        """Read columns (T, C) of a frame-by-frame table, by its segments, digits or joints.
+
+        frames : at which, rising, NaN where the table has no row; None for all, of which each must have one,
+        or with every=False for those that have one.
+        name : of one segment, digit or joint alone. Returns nothing where there is no row of the recording.
+        """
+        by = next(column for column in ("segment", "joint", "digit") if column in table.key)
+        key = self.part, self.recording.task, self.recording.trial, by
+        count = self.n_frames if frames is None and every else None
+        with self.opened(self.tables(table.name), table) as parts:
+            return parts.recording(*key, columns, count, frames, name)
+
+    def series(self, table: Table, columns: Sequence[str]) -> dict[str, Callable[[], Array]]:
+        """Return readers of columns (T, C) of one segment, digit or joint each, as `numbers` of all frames.
+
+        Raises InputError where the table has no row of the recording.
+        """
+        names = self.numbers(table, (), next(self.pose_blocks()).frame[:1])
+        if not names:
+            raise InputError(f"the {table.name} table has no row of this recording")
+
+        def read(name: str) -> Array:
+            return self.numbers(table, columns, name=name)[name]
+
+        return {name: partial(read, name) for name in names}
+
+    def _posed(self, table: Table, columns: Sequence[str], poses: Poses) -> dict[str, Array]:
+        numbers = self.numbers(table, columns, poses.frame)
+        if len(poses.frame) and not numbers:
+            why = "nothing of it could be posed; the study's table of problems says why"
+            if self.recording.role == "calibration":
+                why = "only recordings of role evaluation or both are posed; give it one of these roles"
+            raise InputError(f"{self.tables(table.name)}: has no row of {self.recording.name}; {why}")
+        return numbers
+
+
+def readable(read: Callable[[], T], reasons: list[str]) -> T | None:
+    """Return what `read` returns, or None and its message among the reasons; a TableError is raised."""
+    try:
+        return read()
+    except TableError:
+        raise
+    except InputError as error:
+        reasons.append(error.message)
+        return None
+
+
+def recording_reader(plan: SubjectPlan, recording: Recording, model: str) -> RecordingReader:
+    """Return the reader of a recording of a plan under one of its models."""
+    hand = recording.hand.hand
+    tables = partial(plan.table, hand=hand, model=model)
+    of_hand = recording, plan.layouts[hand], plan.models[model]
+    return RecordingReader(*of_hand, plan.part(hand, model), plan.poses(recording), tables)

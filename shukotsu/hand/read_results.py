@@ -1,0 +1,154 @@
+"""Results as notebooks want them: a table as a DataFrame, a recording as a hand that moves, also at joint
+angles that somebody names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shukotsu.errors import InputError, TableError, guess, listed
+from shukotsu.hand.joint_angles import joint_rotation
+from shukotsu.hand.neutral_bones import angle_axes, at_rest
+from shukotsu.hand.posed_recording import recording_reader
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import Array, multiply, rotate
+from shukotsu.study.plan import SubjectPlan, read_plan
+from shukotsu.study.results import Results
+from shukotsu.study.study import Recording
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.poses import Poses
+from shukotsu.tables.typed_table import read_metadata, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Angles = float | Sequence[float] | Array
+"""Angles of a joint, deg: flexion; or flexion, deviation, axial rotation (3,); or these over time (T, 3)."""
+
+
+def read(path: str | Path) -> pd.DataFrame:
+    """Read any Parquet table of a study as a DataFrame, checked as the stages check it.
+
+    A gap is pandas' missing value; an integer or a truth value that may be missing has pandas' nullable type.
+    `attrs` holds `table` (its name), `key` (the columns that tell rows apart), `units` and `descriptions` by
+    column. Raises InputError where the file is absent, damaged, another program's or another version's, and
+    where it holds the reason why its making failed.
+    """
+    import pandas as pd
+    import pyarrow as pa
+
+    path = Path(path)
+    name = read_metadata(path)["schema"]
+    if name not in TABLES:
+        raise TableError(f"{path}: is a {name} table, which this program does not know; make it again")
+    table = TABLES[name]
+    data = read_table(path, table)
+    frame = data.to_pandas()
+    nullable = {pa.bool_(): pd.BooleanDtype()} | {
+        kind: pd.array([], dtype=str(kind).replace("i", "I").replace("u", "U")).dtype
+        for kind in (pa.int8(), pa.int16(), pa.int32(), pa.int64())
+    }
+    for column in table.columns:
+        if column.nullable and column.type in nullable:
+            frame[column.name] = data.column(column.name).to_pandas(types_mapper=nullable.get)
+    frame.attrs = {
+        "table": name,
+        "key": list(table.key),
+        "units": {column.name: column.unit for column in table.columns},
+        "descriptions": {column.name: column.description for column in table.columns},
+    }
+    return frame
+
+
+def pose(
+    results: str | Path,
+    subject: str,
+    hand: str,
+    task: str,
+    *,
+    model: str = "whole-hand",
+    trial: str = "",
+    session: str = "",
+) -> PosedRecording:
+    """Pose a hand's bones in one of its recordings, as a study's results have them under a model.
+
+    results : the study's folder, such as results/demo; it may have been moved. hand : right or left.
+    Raises InputError where the study has no such subject, recording or model, where a table is absent or its
+    making failed, and where the recording only calibrates and so is not posed.
+    """
+    plan = _plan_in_place(Results(Path(results)).plan(subject, session))
+    recording = _recording(plan, hand, task, trial)
+    if model not in plan.models:
+        raise InputError(f"model {model!r} is not in study {plan.study}; {guess(model, list(plan.models))}")
+    reader = recording_reader(plan, recording, model)
+    return at_rest(reader.layout, reader.bones(reader.poses()))
+
+
+def bend(posed: PosedRecording, angles_deg: Mapping[str, Angles]) -> PosedRecording:
+    """Return the same hand at joint angles (docs/joint-angles.md), in the frame of the hand's own bone.
+
+    angles_deg : by joint: flexion alone, or flexion, deviation and axial rotation, or these over time (T, 3);
+    a joint that is not named has all angles zero. Bones keep their lengths, and each digit starts where
+    it starts in the recording on average. Frames are counted from 0; time_s is NaN.
+    Raises InputError where a joint is not of the hand or two series differ in length.
+    """
+    turns = {posed.index(joint): _series(joint, angles) for joint, angles in angles_deg.items()}
+    counts = {len(turn) for turn in turns.values()} - {1}
+    if len(counts) > 1:
+        raise InputError(
+            f"angles over {' and '.join(map(str, sorted(counts)))} frames; expected as many in all"
+        )
+    count = max(counts, default=1)
+    position = np.zeros((count, len(posed.joints), 3))
+    quaternion = np.tile([1.0, 0.0, 0.0, 0.0], (count, len(posed.joints), 1))
+    neutral = np.where(np.isfinite(posed.neutral), posed.neutral, posed.rest)
+    for index, (joint, parent) in enumerate(zip(posed.joints, posed.parents, strict=True)):
+        if parent < 0:
+            continue
+        turn = neutral[index]
+        if index in turns:
+            turn = joint_rotation(turns[index], posed.hand, turn, angle_axes(joint, posed.hand))
+        quaternion[:, index] = multiply(quaternion[:, parent], turn)
+        position[:, index] = position[:, parent] + rotate(quaternion[:, parent], posed.rest_offset_mm[index])
+    nothing = np.empty((count, 0, 3)), np.empty((count, 0, 4)), np.empty((count, 0), bool)
+    receivers = Poses((), np.arange(count), np.full(count, np.nan), *nothing)
+    return replace(posed, receivers=receivers, position_mm=position, quaternion=quaternion)
+
+
+def _series(joint: str, angles_deg: Angles) -> Array:
+    """Return angles (T, 3) of what a caller passes for a joint."""
+    angles = np.asarray(angles_deg, float)
+    if angles.ndim == 0:
+        return np.array([[float(angles), 0.0, 0.0]])
+    if angles.ndim > 2 or angles.shape[-1] != 3:
+        raise InputError(
+            f"{joint}: angles of shape {angles.shape}; expected flexion alone, three angles, or (frames, 3)"
+        )
+    return angles.reshape(-1, 3)
+
+
+def _plan_in_place(path: Path) -> SubjectPlan:
+    """Return a subject's plan with its paths where the results are now, whatever folder Python runs in."""
+    plan, folder = read_plan(path), path.parent
+    findings = folder / "findings.parquet"
+    files = {
+        recording: folder / file.relative_to(plan.folder) for recording, file in plan.poses_files.items()
+    }
+    plan = replace(plan, folder=folder, poses_files=files)
+    return plan.checked(findings) if findings.is_file() else plan
+
+
+def _recording(plan: SubjectPlan, hand: str, task: str, trial: str) -> Recording:
+    names = {(each.hand.hand, each.task, each.trial): each for each in plan.recordings}
+    if recording := names.get((hand, task, trial)):
+        if recording.exclude:
+            raise InputError(f"{recording.name}: is excluded ({recording.exclude})")
+        return recording
+    there = [" ".join(filter(None, name)) for name in names]
+    wanted = " ".join(filter(None, (hand, task, trial)))
+    raise InputError(f"subject {plan.subject} has no recording {wanted}; expected one of {listed(there)}")

@@ -1,0 +1,232 @@
+"""Joint angles and fingertips of a recording under a model, joint by joint, read block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from shukotsu.errors import joined
+from shukotsu.hand.neutral_bones import bone_angles_deg, to_nail_side
+from shukotsu.hand.posed_recording import BLOCK_FRAMES, RecordingReader
+from shukotsu.hand.posing import Index, PosedRecording
+from shukotsu.hand.rotations import Array, conjugate, rotate
+from shukotsu.study.layout import Digit
+from shukotsu.tables.catalogue import JOINT_ANGLES, POSED_TIPS
+from shukotsu.tables.poses import Poses
+
+ANGLES = ("flexion", "abduction", "rotation")
+
+ERRORS = ("sd_deg", "change_sd_deg", "session_sd_deg", "session_change_sd_deg")
+"""Columns of joint_angles, without the angle's name."""
+
+LONG_FRAMES = 1 << 18
+"""Frames, 18 minutes at 240 Hz, above which numbers are in single precision, far below their noise."""
+
+_FACING_FRAMES = 512
+"""Frames of a recording, evenly spaced, that show which way a thumb's receiver faces."""
+
+
+@dataclass(frozen=True)
+class AngleSeries:
+    """An angle of a joint over T frames, NaN in gaps; errors_deg : (T, E, 1) those in `ERRORS`, or None."""
+
+    joint: str
+    angle: str
+    angle_deg: Array
+    errors_deg: Array | None
+    status: str
+    message: str
+
+
+@dataclass
+class FingertipPath:
+    """The end of a digit in the hand's frame, place_mm (T, 3, 1), and where its distal receiver points.
+
+    sd_mm : (T, 1, 1) in 3-D, NaN where none is stated. skin : whether it is the skin's end. message : why it
+    is not believed, or empty.
+    """
+
+    place_mm: Array
+    pointing: Array
+    sd_mm: Array
+    skin: bool
+    message: str = ""
+
+
+@dataclass
+class RecordedMovement:
+    """What one pass over a recording gives.
+
+    frame, time_s : (T,). fingertips : by digit. left_out : joints that the model cannot pose, and why. bases
+    : (T, 7, 1) by segment, the poses, mm then quaternion, of what fingertips are placed in.
+    """
+
+    reader: RecordingReader
+    frame: Index
+    time_s: Array
+    fingertips: Mapping[str, FingertipPath]
+    left_out: Mapping[str, str]
+    bases: Mapping[str, Array] = field(default_factory=dict)
+    _angles_deg: Mapping[str, Array] = field(default_factory=dict)
+
+    def joints(self) -> Iterator[AngleSeries]:
+        """Read the angles of each joint in turn; of a fitted hand from its table, else from its bones."""
+        digits = self.reader.layout.digits.values()
+        pairs = [(digit, joint) for digit in digits for joint in digit.joints]
+        for digit, joint in pairs:
+            columns = self._of_table(joint) if self.reader.is_fitted else self._angles_deg.get(joint)
+            if columns is None:
+                continue
+            status, each = _reliability(self.reader, digit, joint), columns.shape[1] // len(ANGLES)
+            for index, angle in enumerate(ANGLES):
+                angle_deg = running_on(columns[:, index * each].astype(np.float64))[:, 0]
+                errors = columns[:, index * each + 1 : (index + 1) * each]
+                yield AngleSeries(joint, angle, angle_deg, errors if each > 1 else None, *status)
+
+    def _of_table(self, joint: str) -> Array | None:
+        """Return columns (T, 3 (1 + E), 1) of a joint, angles with their errors; None if it has none."""
+        names = [f"{angle}_{what}" for angle in ANGLES for what in ("deg", *ERRORS)]
+        columns = _columns(len(self.frame), len(names))
+        for start in range(0, len(self.frame), BLOCK_FRAMES):
+            rows = slice(start, start + BLOCK_FRAMES)
+            read = self.reader.numbers(JOINT_ANGLES, names, self.frame[rows], joint)
+            if joint not in read:
+                return None
+            columns[rows] = read[joint][..., None]
+        return columns
+
+
+def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str, str]:
+    """Return the status of a joint's centre, and what that and the model mean for its angles."""
+    row = reader.skeleton.joints.get(joint)
+    status = "failed" if row is None else row["status"]
+    reasons = ["the joint was not solved" if row is None else row["message"]]
+    if status == "weak":
+        reasons = ["its centre is not to be believed"]
+    if moved := reader.unbelieved("joints", joint):
+        status, reasons = "failed" if status == "failed" else "weak", [*reasons, moved]
+    if not reader.is_fitted:
+        reasons.append(
+            "the model states no error of its angles, and how receivers sit on their bones is in them"
+        )
+        still = reader.model.metacarpals.unmeasured in ("rest", "rigid")
+        if still and not reader.layout.segments[digit.segments[0]].measured and joint in digit.joints[:2]:
+            reasons.append(
+                "the model keeps the metacarpal still in the hand, so the CMC joint's motion is in the MCP "
+                "joint's angles"
+            )
+    return status, joined(reasons)
+
+
+def unsolved(reader: RecordingReader) -> Mapping[str, str]:
+    """Return why each joint failed, where no joint of a digit was solved; else nothing."""
+    in_digits = {joint for digit in reader.layout.digits.values() for joint in digit.joints}
+    rows = {joint: row for joint, row in reader.skeleton.joints.items() if joint in in_digits}
+    solved = any(row["status"] != "failed" for row in rows.values())
+    return {} if solved else {joint: row["message"] for joint, row in rows.items()}
+
+
+def read_movement(reader: RecordingReader, *, with_tips: bool = True) -> RecordedMovement:
+    """Pass over a recording. Raises InputError where a table cannot be read.
+
+    with_tips : False of one that only calibrates, in which a fit says the angles and poses no bones.
+    """
+    layout, hand = reader.layout, reader.part.hand
+    facing: dict[int, Array] = {}
+    if not reader.is_fitted:
+        some = reader.bones(reader.poses(max(1, reader.n_frames // _FACING_FRAMES)))
+        facing = to_nail_side(layout, hand, some.joints, some.quaternion)
+    count, start = reader.n_frames, 0
+    frame, time_s = np.empty(count, np.int64), np.empty(count)
+    angles: dict[str, Array] = {}
+    tips: dict[str, Array] = {}
+    bases: dict[str, Array] = {}
+    left_out: Mapping[str, str] = {}
+    for poses in reader.pose_blocks():
+        rows = slice(start, start + len(poses.frame))
+        frame[rows], time_s[rows], start = poses.frame, poses.time_s, rows.stop
+        if reader.is_fitted and not with_tips:
+            continue
+        bones = reader.bones(poses)
+        block_tips = _fingertips(reader, poses, bones)
+        by_base = {layout.digits[name].base: layout.digits[name] for name in block_tips}
+        block_bases = {
+            base: np.concatenate(_base(reader, digit, poses, bones), -1) for base, digit in by_base.items()
+        }
+        blocks = [(tips, block_tips), (bases, block_bases)]
+        if not reader.is_fitted:
+            left_out = bones.left_out
+            blocks.append((angles, bone_angles_deg(layout, hand, bones, facing)))
+        for series, block in blocks:
+            for name, values in block.items():
+                if name not in series:
+                    series[name] = _columns(count, values.shape[-1])
+                series[name][rows] = values[..., None]
+    paths = {}
+    for name, columns in tips.items():  # to the skin's end where any frame knows it, else to the bone's
+        skin = any(np.isfinite(columns[:, column]).any() for column in range(8, columns.shape[1]))
+        sd, first = (7, 8) if skin else (3, 4)
+        place_mm, pointing, sd_mm = columns[:, first : first + 3], columns[:, :3], columns[:, sd : sd + 1]
+        paths[name] = FingertipPath(place_mm, pointing, sd_mm, skin, reader.unbelieved("digits", name))
+    unposed = {joint: left_out[name] for name in left_out for joint in layout.digits[name].joints}
+    return RecordedMovement(reader, frame, time_s, paths, unposed, bases, angles)
+
+
+def _fingertips(reader: RecordingReader, poses: Poses, bones: PosedRecording) -> dict[str, Array]:
+    """Return where receivers point, then sd_mm and place of each end in a block, (T, 7 or 11), by digit."""
+    sd_mm: Mapping[str, Array] = {}
+    if reader.is_fitted:
+        sd_mm = reader.numbers(POSED_TIPS, ["tip_sd_mm", "skin_tip_sd_mm"], poses.frame)
+    unknown = np.full((len(poses.frame), 2), np.nan)
+    columns_of = {}
+    for name, digit in reader.layout.digits.items():
+        if f"{name}_tip" not in bones.names or (reader.is_fitted and name not in sd_mm):
+            continue
+        base_mm, turn = _base(reader, digit, poses, bones)
+        back = conjugate(turn)
+        distal = np.array(reader.layout.segments[digit.tip].distal, float)
+        columns = [rotate(back, rotate(_turn(poses, digit.tip), distal))]
+        ends = [end for end in (f"{name}_tip", f"{name}_skin_tip") if end in bones.names]
+        for end, end_sd in zip(ends, sd_mm.get(name, unknown).T, strict=False):
+            columns += [end_sd[:, None], rotate(back, bones.position_mm[:, bones.index(end)] - base_mm)]
+        columns_of[name] = np.concatenate(columns, -1)
+    return columns_of
+
+
+def _columns(count: int, width: int) -> Array:
+    """Return columns (T, C, 1) of no number, each in one piece of memory."""
+    kind = np.float32 if count > LONG_FRAMES else np.float64
+    return np.full((width, count), np.nan, kind).T[..., None]
+
+
+def _base(reader: RecordingReader, digit: Digit, poses: Poses, bones: PosedRecording) -> tuple[Array, Array]:
+    """Return the pose of a digit's base bone, (T, 3) and (T, 4): as fitted, else its receiver."""
+    if reader.is_fitted:
+        index = next(i for i, joint in enumerate(bones.joints) if joint.segment == digit.base)
+        return bones.position_mm[:, index], bones.quaternion[:, index]
+    return poses.position_mm[:, poses.index(digit.base)], _turn(poses, digit.base)
+
+
+def _turn(poses: Poses, segment: str) -> Array:
+    index = poses.index(segment)
+    return np.where(poses.valid[:, index, None], poses.quaternion[:, index], np.nan)
+
+
+def running_on(angle_deg: Array) -> Array:
+    """Return angles (T, K) in (-180, 180] deg, cut in the widest arc between values instead; NaN stays."""
+    out = angle_deg
+    if not len(angle_deg):
+        return out
+    spread_deg = np.fmax.reduce(angle_deg, 0) - np.fmin.reduce(angle_deg, 0)
+    for column in np.flatnonzero(spread_deg > 180.0):
+        ascending = np.sort(angle_deg[~np.isnan(angle_deg[:, column]), column])
+        arcs = np.diff(ascending, append=ascending[0] + 360.0)
+        widest = int(np.argmax(arcs))
+        if widest + 1 < len(ascending):
+            below = 2 * (widest + 1) < len(ascending)  # turned are the fewer, so that the median stays
+            turned = angle_deg[:, column] <= ascending[widest]
+            out = out.copy() if out is angle_deg else out
+            out[turned if below else ~turned, column] += 360.0 if below else -360.0
+    return out

@@ -1,0 +1,183 @@
+"""Rows of the tables of movement, of one recording under one model: all but the keys of both.
+
+How far an angle moves has an error of three parts. What is common to all frames moves the median, and leaves
+the range as it is. What the fit leaves open of the hand and its skin grows with the distance from the mean
+posture, mostly in proportion: at the two ends it has opposite signs, and adds up. What is of the frame alone
+is independent at both ends; being of either sign in every frame, it also widens a range, as any noise does.
+
+Of a hand that puts the receivers on anew, and moves as before, only a part is another: the hand's that goes
+with the receivers, and the frame's, which is another in every visit to an end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.hand.angle_range import HIGH_PERCENT, LOW_PERCENT
+from shukotsu.hand.recorded_movement import ERRORS, AngleSeries, FingertipPath
+from shukotsu.hand.rotations import Array
+from shukotsu.movement.events import Cycle
+from shukotsu.movement.sampling import Grid, bridged, speed
+
+Booleans = npt.NDArray[np.bool_]
+_Ends = tuple[Booleans, Booleans]
+
+_ENDS_PERCENT = 5.0
+"""Share of the frames at either end, %, over which an end's error is averaged."""
+
+_WIDTH_OF_NORMAL = 3.92
+"""From the 2.5th to the 97.5th percentile of a normal distribution, in its standard deviations."""
+
+
+@dataclass(frozen=True)
+class AngleErrors:
+    """1-sigma errors of an angle in every frame, (T,) degrees each, NaN where the model states none.
+
+    change_sd_deg : of its change from the mean posture. session_sd_deg, session_change_sd_deg : the hand's
+    part of both that differs when the receivers are put on anew.
+    """
+
+    sd_deg: Array
+    change_sd_deg: Array
+    session_sd_deg: Array
+    session_change_sd_deg: Array
+
+
+def angle_range(angle_deg: Array, errors: AngleErrors) -> dict[str, float]:
+    """Return the range of an angle (T,) without gaps, one frame at least: columns of ranges_of_motion."""
+    low, middle, high = np.percentile(angle_deg, [LOW_PERCENT, 50.0, HIGH_PERCENT])
+    below, above = np.percentile(angle_deg, [_ENDS_PERCENT, 100.0 - _ENDS_PERCENT])
+    ends = (angle_deg <= below, angle_deg >= above)
+    frame = float(errors.change_sd_deg.min())
+    by_hand = _at_ends(np.sqrt(np.maximum(errors.change_sd_deg**2 - frame**2, 0.0)), ends)
+    range_deg = float(high - low)
+    widened = range_deg - np.sqrt(max(range_deg**2 - (_WIDTH_OF_NORMAL * frame) ** 2, 0.0))
+    visits = _visits(ends[0], angle_deg > middle), _visits(ends[1], angle_deg < middle)
+    anew = _at_ends(errors.session_change_sd_deg, ends)
+    return {
+        "range_deg": range_deg,
+        "low_deg": float(low),
+        "high_deg": float(high),
+        "full_range_deg": float(np.ptp(angle_deg)),
+        "median_deg": float(middle),
+        "range_sd_deg": float(np.sqrt(by_hand**2 + 2 * frame**2 + widened**2)),
+        "median_sd_deg": float(np.median(errors.sd_deg)),
+        "range_session_sd_deg": float(np.sqrt(anew**2 + frame**2 * sum(1 / n for n in visits))),
+        "median_session_sd_deg": float(
+            np.sqrt(np.median(errors.session_sd_deg) ** 2 + frame**2 / sum(visits))
+        ),
+    }
+
+
+def _at_ends(sd_deg: Array, ends: _Ends) -> float:
+    """Root mean square over the frames (T,) at either end, added up."""
+    return float(sum(np.sqrt((sd_deg[at_end] ** 2).mean()) for at_end in ends))
+
+
+def _visits(at_end: Booleans, beyond: Booleans) -> int:
+    """Count how often the angle comes to one end from beyond its median; both (T,)."""
+    either = at_end | beyond
+    there = at_end[either]
+    return int(there[0]) + int((there[1:] & ~there[:-1]).sum())
+
+
+Row = dict[str, Any]
+
+LEAST_VALID_PERCENT = 50.0
+NO_TIMES = "the recording has no times, so there are no speeds"
+
+
+def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
+    """Return the row of ranges_of_motion of an angle.
+
+    An angle that a joint lacks beside another that it has is none.
+    """
+    finite = ~np.isnan(series.angle_deg)
+    row: Row = {"joint": series.joint, "angle": series.angle} | _coverage(finite)
+    if not finite.any():
+        if series.angle == "flexion":
+            yield row | {"status": "failed", "message": series.message or "no frame has this angle"}
+        return
+    errors_deg = [np.full(int(finite.sum()), np.nan)] * len(ERRORS)
+    if series.errors_deg is not None:
+        errors_deg = [series.errors_deg[:, index, 0][finite] for index in range(len(ERRORS))]
+    row |= angle_range(series.angle_deg[finite], AngleErrors(*errors_deg))
+    if grid is not None:
+        row |= _speed_columns(_speeds(series.angle_deg[:, None, None], grid), "deg_s")
+    status = "weak" if series.status == "weak" or series.errors_deg is None else "ok"
+    yield row | _judged(row, status, series.message, grid)
+
+
+def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
+    """Rows of ranges_of_motion of joints that a model cannot pose. reasons : why, by joint."""
+    for joint, reason in reasons.items():
+        yield {"joint": joint, "angle": "flexion", "n_frames": 0, "status": "failed", "message": reason}
+
+
+def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
+    """Rows of fingertip_paths."""
+    for digit, tip in tips.items():
+        finite = np.asarray(np.isfinite(tip.place_mm[..., 0]).all(1))
+        row: Row = {"digit": digit} | _coverage(finite)
+        if not finite.any():
+            yield row | {"status": "failed", "message": tip.message or "no frame has this fingertip"}
+            continue
+        if grid is not None:
+            way, turn = (_speeds(series, grid) for series in (tip.place_mm, tip.pointing))
+            path_sd_mm = float("nan")
+            if tip.skin:  # a tip that is off goes so much farther, or less far, as it turns
+                turned_rad = float(np.nansum(turn) * grid.step_s)
+                path_sd_mm = float(np.nanmedian(tip.sd_mm[:, 0, 0]) / np.sqrt(3.0) * turned_rad)
+            moving = ~np.isnan(way)
+            row |= {
+                "path_length_mm": float(np.nansum(way) * grid.step_s) if moving.any() else None,
+                "duration_s": float(moving.sum() * grid.step_s),
+                "path_sd_mm": path_sd_mm,
+            }
+            row |= _speed_columns(way, "mm_s")
+        yield row | _judged(row, "weak" if tip.message else "ok", tip.message, grid)
+
+
+def cycle_rows(cycles: Sequence[Sequence[Cycle]]) -> Iterator[Row]:
+    """Rows of movement_cycles, of the cycles of each event."""
+    for cycle in (cycle for of_event in cycles for cycle in of_event):
+        row = {"event": cycle.event, "cycle": cycle.number, "used": not cycle.refusal}
+        times = {"onset_s": cycle.onset_s, "duration_s": cycle.duration_s}
+        yield row | times | {"message": cycle.refusal}
+
+
+def _coverage(finite: npt.NDArray[np.bool_]) -> Row:
+    """Count the known frames (T,), and their share of the recording."""
+    return {
+        "n_frames": int(finite.sum()),
+        "valid_percent": 100.0 * float(finite.mean()) if len(finite) else None,
+    }
+
+
+def _judged(row: Row, status: str, message: str, grid: Grid | None) -> Row:
+    """Status and message of a row that has numbers."""
+    reasons = [message] if message else []
+    if row["valid_percent"] < LEAST_VALID_PERCENT:
+        status, reasons = "weak", [f"known in {row['valid_percent']:.0f} % of the frames", *reasons]
+    if grid is None:
+        status, reasons = "weak", [NO_TIMES, *reasons]
+    return {"status": status, "message": "; ".join(reasons)}
+
+
+def _speed_columns(speeds: Array, unit: str) -> Row:
+    finite = speeds[~np.isnan(speeds)]
+    if not len(finite):
+        return {}
+    middle, high = np.percentile(finite, [50.0, 95.0])
+    return {f"speed_median_{unit}": float(middle), f"speed_p95_{unit}": float(high)}
+
+
+def _speeds(columns: Array, grid: Grid) -> Array:
+    """Speeds (n,) of columns (T, D, 1)."""
+    series = (bridged(grid.spread(columns[:, index]), grid.step_s) for index in range(columns.shape[1]))
+    return speed(series, grid.step_s)

@@ -1,0 +1,259 @@
+"""Strokes of one recording under one model: which fingertip, when it stopped, how fast it came.
+
+All strokes of a recording show the way down, against which speeds are held. A tip that struck is the one that
+lost most of its speed on that way at the event. Its contact is the corner of its path: a filter that reaches
+over it mixes the speed before with the rest after, so each side has a parabola of its own, of place against
+time, and both meet where they fit best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import savgol_filter
+
+from shukotsu.hand.recorded_movement import RecordedMovement
+from shukotsu.hand.rotations import Array, rotate, unit
+from shukotsu.movement.events import StruckEvent
+from shukotsu.movement.sampling import bridged, grid_of
+
+Row = dict[str, Any]
+
+BACK_S, AHEAD_S = 0.35, 0.15
+"""How much of a recording before and after an event belongs to a stroke at most."""
+
+SEARCH_S, SLOPE_S = 0.028, 0.025
+"""How far from an event's onset a fingertip's contact is looked for; to how much of its path on either side a
+straight line is fitted to find it."""
+
+LEAST_FALL_MM_S, ALIKE = 50.0, 0.7
+"""Speed that a tip which strikes loses at least; the share of it that a second tip may lose, if it is to be
+sure which of them struck."""
+
+AFTER_S, FEWEST = 0.030, (5, 4)
+"""How long a movement after contact the second parabola is fitted to; frames that the two need."""
+
+AT_THE_TOP, OF_THE_WAY, BEFORE_S = 0.95, 0.4, (0.025, 0.05)
+"""Of the height that a tip comes from, where it is left, the way down begins; how much of it the first
+parabola is fitted to, and from and to how long."""
+
+SOFT_S = 0.0015
+"""Pulp and felt give way over some ms, of which the corner is the middle: the speed before is that so much
+earlier."""
+
+MOST_CONTACT_SD_S, SHAPE_SHARE = 0.01, 0.03
+"""1-sigma above which a contact is not sure; 1-sigma of its speed, of it: strokes are no parabolas."""
+
+BRIDGED_S, _PEAK_S, _PEAK_NOISE = 0.02, 0.0167, 76.0
+"""Gaps that are bridged; what the largest speed is a mean over, and what noise of 1 mm leaves of it at 240
+Hz, mm/s."""
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Frames about an event, n of them, evenly spaced. tips_mm, pointing : (n, D, 3) in the transmitter frame
+    and in the hand's; tip_sd_mm : (D,).
+    """
+
+    time_s: Array
+    tips_mm: Array
+    pointing: Array
+    tip_sd_mm: Array
+
+
+@dataclass(frozen=True)
+class _Corner:
+    """Where a path turns. slope : (C,) per second just before it, place : (C,); both of all its columns."""
+
+    time_s: float
+    sd_s: float
+    place: Array
+    slope: Array
+    speed_sd_mm_s: float
+    noise_mm: float
+
+
+def stroke_rows(movement: RecordedMovement, events: Sequence[StruckEvent]) -> Iterator[Row]:
+    """Rows of event_strokes, one an event."""
+    digits = list(movement.fingertips)
+    timed = np.flatnonzero(np.isfinite(movement.time_s))
+    missing = "no frame of the recording is there"
+    windows: list[_Window | None] = [None] * len(events)
+    if not digits or len(timed) < 2:
+        missing = "the recording has no times" if digits else "this model has no fingertips"
+    else:
+        time_s = np.interp(np.arange(len(movement.time_s)), timed, movement.time_s[timed])
+        windows = [None if event.refusal else _window(movement, time_s, event) for event in events]
+    losses = [
+        None if frames is None else _losses(frames, event)
+        for frames, event in zip(windows, events, strict=True)
+    ]
+    down = _way_down([loss for loss in losses if loss is not None])
+    for event, window, loss in zip(events, windows, losses, strict=True):
+        row: Row = {name: event.row[name] for name in ("event", "name", "onset_s", "onset_sd_ms")}
+        row |= {"digit": "", "used": False, "status": "failed"}
+        if window is None or loss is None:
+            yield row | {"message": event.refusal or missing}
+        else:
+            yield row | _stroke(event, window, loss, digits, down)
+
+
+def _window(movement: RecordedMovement, time_s: Array, event: StruckEvent) -> _Window | None:
+    """Frames about an event, gaps of at most BRIDGED_S filled; None where hardly any is there."""
+    onset_s = event.row["onset_s"]
+    rows = slice(*np.searchsorted(time_s, [onset_s - BACK_S, onset_s + AHEAD_S]).tolist())
+    own_s = time_s[rows]
+    grid = grid_of(own_s) if len(own_s) >= 8 and own_s[0] < onset_s < own_s[-1] else None
+    if grid is None:
+        return None
+    columns, sds = [], []
+    for name, tip in movement.fingertips.items():
+        base = movement.bases[movement.reader.layout.digits[name].base][rows][..., 0]
+        columns.append(rotate(base[:, 3:], tip.place_mm[rows][..., 0]) + base[:, :3])
+        columns.append(tip.pointing[rows][..., 0])
+        sd_mm = tip.sd_mm[rows]
+        sds.append(np.nanmedian(sd_mm) if np.isfinite(sd_mm).any() else np.nan)
+    even = bridged(grid.spread(np.concatenate(columns, -1)), grid.step_s, BRIDGED_S)
+    paths = even.reshape(grid.count, len(sds), 6)
+    even_s = own_s[0] + grid.step_s * np.arange(grid.count)
+    return _Window(even_s, paths[..., :3], paths[..., 3:], np.array(sds))
+
+
+def _losses(window: _Window, event: StruckEvent) -> tuple[Array, Array, Array]:
+    """Times (C,) about an event, and velocities (C, D, 3) of the tips just before and after each."""
+    step_s = float(window.time_s[1] - window.time_s[0])
+    half = max(1, round(SLOPE_S / step_s / 2))
+    wide = [(half, half), (0, 0), (0, 0)]
+    slopes = savgol_filter(
+        np.pad(window.tips_mm, wide, constant_values=np.nan),
+        2 * half + 1,
+        1,
+        1,
+        step_s,
+        0,
+        "constant",
+        np.nan,
+    )
+    near = np.flatnonzero(np.abs(window.time_s - event.row["onset_s"]) <= max(SEARCH_S, step_s))
+    return window.time_s[near], slopes[near], slopes[near + 2 * half]
+
+
+def _way_down(losses: Sequence[tuple[Array, Array, Array]]) -> Array:
+    """Return the direction (3,) in which tips lose speed, the median of all events'."""
+    ways = []
+    for _, before, after in losses:
+        lost = np.linalg.norm(before, axis=-1) - np.linalg.norm(after, axis=-1)
+        if np.isfinite(lost).any():
+            at = np.unravel_index(np.nanargmax(lost), lost.shape)
+            ways.append(unit(before[at] - after[at]))
+    return unit(np.median(ways, 0)) if ways else np.full(3, np.nan)
+
+
+def _stroke(
+    event: StruckEvent,
+    window: _Window,
+    losses: tuple[Array, Array, Array],
+    digits: Sequence[str],
+    down: Array,
+) -> Row:
+    """Measure an event by the digit that made it."""
+    time_s, before, after = losses
+    fall = np.nan_to_num(before @ down - np.abs(after @ down), nan=-np.inf)
+    best, most = fall.argmax(0), fall.max(0)
+    digit = digits.index(event.digit) if event.digit in digits else int(most.argmax())
+    if event.digit and (event.digit != digits[digit] or not np.isfinite(most[digit])):
+        return {"message": f"the tip of the {event.digit} is not known here"}
+    if not event.digit and not most[digit] >= LEAST_FALL_MM_S:
+        return {"message": "no digit of this hand went down: another hand's, or no stroke"}
+    row: Row = {"digit": digits[digit]}
+    measured = _measured(window, digit, float(time_s[best[digit]]), down)
+    if measured is None:
+        return row | {"message": "the fingertip has no way down here: it did not move, or poses are missing"}
+    others = np.delete(most, digit)
+    message = ""
+    if not event.digit and (others > ALIKE * most[digit]).any():
+        second = [name for name in digits if name != digits[digit]][int(others.argmax())]
+        message = f"the tips of {digits[digit]} and {second} went down alike; name the digit in the event"
+    elif measured["key_down_sd_ms"] > 1e3 * MOST_CONTACT_SD_S:
+        sd_ms = measured["key_down_sd_ms"]
+        message = f"the fingertip shows no sharp contact: its time is known to {sd_ms:.0f} ms"
+    return row | measured | {"used": not message, "status": "weak" if message else "ok", "message": message}
+
+
+def _measured(window: _Window, digit: int, about_s: float, down: Array) -> Row | None:
+    """Measure a stroke's way down to its contact; None without one."""
+    time_s, tip = window.time_s, window.tips_mm[:, digit]
+    path = np.concatenate([tip, window.pointing[:, digit]], -1)
+    corner = _corner(time_s, path, about_s, 0.03)
+    if corner is None:
+        return None
+    height = (corner.place[:3] - tip) @ down
+    way = np.flatnonzero((time_s < corner.time_s) & np.isfinite(height))
+    if len(way) < 3 or not height[way].max() > 0:
+        return None
+    first_s = float(time_s[way[height[way] >= AT_THE_TOP * height[way].max()][-1]])
+    before_s = float(np.clip(OF_THE_WAY * (corner.time_s - first_s), *BEFORE_S))
+    corner = _corner(time_s, path, corner.time_s, before_s) or corner
+    # a tip that is off by so much along a direction is so much faster, or slower, as it turns
+    turning = window.tip_sd_mm[digit] / np.sqrt(3.0) * float(np.linalg.norm(corner.slope[3:]))
+    speed = float(np.linalg.norm(corner.slope[:3]))
+    falling = tip[way][time_s[way] >= first_s]
+    step_s = float(time_s[1] - time_s[0])
+    width = max(3, 1 + 2 * round(_PEAK_S / step_s / 2))
+    peak = speed
+    if len(falling) >= width:
+        peak = max(
+            speed, float(np.linalg.norm(savgol_filter(falling, width, 1, 1, step_s, 0), axis=-1).max())
+        )
+    return {
+        "key_down_s": corner.time_s,
+        "key_down_sd_ms": 1e3 * float(np.hypot(corner.sd_s, SOFT_S)),
+        "contact_speed_mm_s": speed,
+        "contact_speed_sd_mm_s": float(np.linalg.norm([corner.speed_sd_mm_s, turning, SHAPE_SHARE * speed])),
+        "peak_speed_before_mm_s": peak,
+        "peak_speed_sd_mm_s": float(np.hypot(_PEAK_NOISE * corner.noise_mm, turning)),
+    }
+
+
+def _corner(time_s: Array, path: Array, about_s: float, before_s: float) -> _Corner | None:
+    """Fit the corner of a path (n, 6), mm and then direction, within 8 ms of a time; None without frames."""
+    step_s = float(time_s[1] - time_s[0])
+    off_s = time_s - about_s
+    span_s = max(before_s, (FEWEST[0] + 0.5) * step_s), max(AFTER_S, (FEWEST[1] + 0.5) * step_s)
+    near = (off_s >= -span_s[0]) & (off_s <= span_s[1]) & np.isfinite(path).all(-1)
+    off_s, path = off_s[near], path[near]
+    if (off_s < 0).sum() < FEWEST[0] or (off_s >= 0).sum() < FEWEST[1]:
+        return None
+
+    def fitted(shift_s: float) -> tuple[Array, float, Array]:
+        u = (off_s - shift_s) / step_s  # in frames, so that the equations are well conditioned
+        early, late = np.minimum(u, 0.0), np.maximum(u, 0.0)
+        design = np.stack([np.ones_like(u), early, early**2, late, late**2], -1)
+        parameters = np.linalg.lstsq(design, path, rcond=None)[0]
+        return parameters, float(((path - design @ parameters)[:, :3] ** 2).sum()), design
+
+    grid_s = np.arange(-4, 5) * 0.002
+    start_s = grid_s[np.argmin([fitted(shift_s)[1] for shift_s in grid_s])]
+    bounds = start_s - 0.002, start_s + 0.002
+    best_s = float(
+        minimize_scalar(lambda s: fitted(s)[1], bounds=bounds, method="bounded", options={"xatol": 1e-5}).x
+    )
+    parameters, squares, design = fitted(best_s)
+    noise_mm = float(np.sqrt(squares / max(1, 3 * len(path) - 16)))
+    bend = (fitted(best_s - 1e-3)[1] + fitted(best_s + 1e-3)[1] - 2 * squares) / 1e-6
+    sd_s = noise_mm * float(np.sqrt(2.0 / max(bend, 1e-9)))
+
+    def slope(fit: Array) -> Array:
+        return np.asarray((fit[1] - 2 * fit[2] * SOFT_S / step_s) / step_s)
+
+    far_s = min(sd_s, 0.002)
+    apart = [np.linalg.norm(slope(fitted(best_s + sign * far_s)[0])[:3]) for sign in (-1.0, 1.0)]
+    own_sd = noise_mm * float(np.sqrt(np.linalg.pinv(design.T @ design)[1, 1])) / step_s
+    by_time = float(apart[1] - apart[0]) / 2 * sd_s / max(far_s, 1e-9)
+    return _Corner(
+        about_s + best_s, sd_s, parameters[0], slope(parameters), float(np.hypot(own_sd, by_time)), noise_mm
+    )

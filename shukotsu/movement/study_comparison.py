@@ -1,0 +1,412 @@
+"""The tables of a study's comparisons, from its tables of movement and its recordings' levels.
+
+Subjects are compared by numbers of recordings that count, one for each subject and level: averaged over
+trials first and over sessions then, so that who was recorded more often does not count more often. Recordings
+of a hand with a suspect finding are left out.
+
+A family, of which p_holm and the verdicts are: every quantity, joint and angle, digit or pair of digits in
+every hand and task, for one pair of levels under one model. How well a number repeats is stated between
+sessions and between trials of the first session: one counts where at least half of the subjects have it, and
+a subject who has them all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shukotsu.errors import listed
+from shukotsu.scores.paired_statistics import (
+    FEWEST_IN_GROUP,
+    FEWEST_SUBJECTS,
+    LEVEL,
+    Difference,
+    group_difference,
+    holm,
+    paired_difference,
+)
+from shukotsu.scores.reliability_statistics import FEWEST_REPEATED, reliability
+from shukotsu.study.results import Results
+from shukotsu.study.study import OWN_FACTORS
+from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, PROBLEMS
+from shukotsu.tables.quantities import QUANTITIES, Quantity
+from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Row = dict[str, Any]
+
+RECORDING = ["subject", "session", "hand", "task", "trial"]
+SUSPECT = "suspect"
+SESSION, TRIAL = "session", "trial"
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """The study's recordings with their levels.
+
+    rows : RECORDING, a column a factor (`level_column`; empty where a recording has no level), and
+    `left_out`: why a recording is in no statistic, empty where it counts. factors : those that are compared.
+    """
+
+    rows: pd.DataFrame
+    factors: tuple[str, ...]
+
+    @property
+    def counted(self) -> pd.DataFrame:
+        """The recordings that count."""
+        return self.rows[self.rows["left_out"] == ""]
+
+    @cached_property
+    def contained(self) -> dict[str, dict[tuple[str, str], str]]:
+        """Factors of which a subject has other levels in another, by session and trial, then hand and task.
+
+        What such a factor does is in the numbers' change, which then is no measurement error alone.
+        """
+        recordings = self.rows
+        if SESSION in self.factors:
+            recordings = recordings.assign(**{level_column("") + SESSION: recordings[SESSION]})
+        names = [name for name in recordings if name.startswith(level_column(""))]
+        changing: dict[str, dict[tuple[str, str], str]] = {SESSION: {}, TRIAL: {}}
+        for across, whose in ((SESSION, ["subject"]), (TRIAL, ["subject", SESSION])) if names else ():
+            for (hand, task), rows in recordings.groupby(["hand", "task"], sort=False):
+                levels = rows.groupby([*whose, across], sort=False)[names].agg(frozenset)
+                n = levels.groupby(whose, sort=False).nunique()
+                changed = n.columns[(n > 1).any()].str.removeprefix(level_column(""))
+                changing[across][str(hand), str(task)] = ";".join(changed)
+        return changing
+
+
+def level_column(factor: str) -> str:
+    """Return the column of a factor's levels: a sheet's column may be called as any column of a table."""
+    return factor if factor in OWN_FACTORS else f"level of {factor}"
+
+
+def recorded(rows: Sequence[Mapping[str, str]], factors: Collection[str], problems: pd.DataFrame) -> Recorded:
+    """Mark in the recordings with their levels those of hands that a problem calls suspect.
+
+    rows : as `factor_levels` returns them. problems : as the table has them.
+    """
+    import pandas as pd
+
+    names = [*RECORDING, *factors]
+    levels = pd.DataFrame(rows, columns=list(dict.fromkeys(names)), dtype=str)
+    levels = levels.rename(columns={name: level_column(name) for name in names if name not in RECORDING})
+    hand = ["subject", "session", "hand"]
+    suspect = set(problems.loc[problems["severity"] == SUSPECT, hand].itertuples(index=False, name=None))
+    reasons = [SUSPECT if key in suspect else "" for key in levels[hand].itertuples(index=False, name=None)]
+    return Recorded(levels.assign(left_out=reasons), tuple(factors))
+
+
+def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -> pd.DataFrame:
+    """A quantity's numbers in the recordings that count: those' columns, model, of and value.
+
+    whole : the quantity's table. Sessions come one after the other, see `in_order`, and so do the trials of
+    each.
+    """
+    first, *others = quantity.of
+    of = whole[first].str.cat([whole[name] for name in others], sep=" ") if others else whole[first]
+    numbers = whole[[*RECORDING, "model"]].assign(of=of, value=whole[quantity.name].astype(float))
+    numbers = numbers.dropna(subset="value").merge(counted, on=RECORDING)
+    for column in ("trial", "session"):
+        order = {name: rank for rank, name in enumerate(in_order(counted, column))}
+        numbers = numbers.sort_values(column, key=lambda names, order=order: names.map(order), kind="stable")
+    return numbers.reset_index(drop=True)
+
+
+def in_order(rows: pd.DataFrame, column: str) -> list[str]:
+    """Return what a column of recordings has, in the order of the sheet: of the subjects who have most of it
+    first.
+
+    A subject whose second session is missing does not put the third before it.
+    """
+    levels = rows.groupby("subject", sort=False)[column].unique()
+    most = levels[levels.map(len).sort_values(ascending=False, kind="stable").index]
+    return list(dict.fromkeys(str(name) for names in most for name in names))
+
+
+def subject_means(numbers: pd.DataFrame, factor: str, cell: Sequence[str]) -> pd.Series[float]:
+    """Means over trials, then over sessions: by the columns of `cell`, subject and level."""
+    levels = numbers.assign(level=numbers[level_column(factor)])
+    levels = levels[levels["level"] != ""]
+    by_session = levels.groupby([*cell, "subject", "session", "level"], sort=False)["value"].mean()
+    means: pd.Series[float] = by_session.groupby([*cell, "subject", "level"], sort=False).mean()
+    return means
+
+
+WITHIN, BETWEEN = "within", "between"
+
+
+@dataclass(frozen=True)
+class LevelPair:
+    """Two levels of a factor in one place: a hand and a task, less the factor itself.
+
+    design : within where at least as many of the study's subjects have both levels as have one, else between.
+    levels_of : each subject's levels among the two, recordings that count or not; between groups those that
+    they have in any place. suspect : subjects of whom some recordings do not count, or none does, in these
+    words. without : subjects who were recorded there and have no level.
+    """
+
+    factor: str
+    place: Mapping[str, str]
+    level: str
+    other: str
+    design: str
+    levels_of: Mapping[str, frozenset[str]]
+    suspect: Mapping[str, str]
+    without: Sequence[str]
+
+    def candidates(self, level: str) -> frozenset[str]:
+        """Subjects that may stand for the level: within those with both, between those with it alone."""
+        wanted = {self.level, self.other} if self.design == WITHIN else {level}
+        return frozenset(subject for subject, levels in self.levels_of.items() if levels == wanted)
+
+    def left_out(self, used: Collection[str]) -> tuple[int, str]:
+        """Count the subjects not in `used`, and say why they, or some recordings of others, are not."""
+        reasons: dict[str, list[str]] = {}
+        for subject in sorted(self.levels_of, key=lambda name: name in used):
+            levels, reason = self.levels_of[subject], self.suspect.get(subject, "")
+            if subject not in used and reason != SUSPECT:
+                if self.design == WITHIN and len(levels) == 1:
+                    reason = f"only at {next(iter(levels))}"
+                elif self.design == BETWEEN and len(levels) == 2:
+                    reason = "at both levels"
+                reason = reason or "no value"
+            if reason:
+                reasons.setdefault(reason, []).append(subject)
+        if self.without:
+            reasons[f"no level of {self.factor}"] = list(self.without)
+        text = "; ".join(f"{reason}: {listed(subjects)}" for reason, subjects in reasons.items())
+        return sum(name not in used for name in self.levels_of) + len(self.without), text
+
+
+def level_pairs(everything: Recorded) -> Iterator[LevelPair]:
+    """Pairs of every factor's levels, in every hand and task of the study, less the one that is the factor.
+
+    Levels stand in the sheet's order, which is one for all places.
+    """
+    for factor in everything.factors:
+        column = level_column(factor)
+        study = everything.rows[everything.rows[column] != ""]
+        order = in_order(study, column)
+        names = [name for name in ("hand", "task") if name != factor]
+        for key, in_place in everything.rows.groupby(names, sort=False):
+            here = in_place[in_place[column] != ""]
+            without = in_place.loc[~in_place["subject"].isin(here["subject"]), "subject"].unique().tolist()
+            for levels in combinations([level for level in order if level in {*here[column]}], 2):
+                rows = here[here[column].isin(levels)]
+                anywhere = _levels_of(study[study[column].isin(levels)], column)
+                both = sum(len(levels_there) == 2 for levels_there in anywhere.values())
+                design = WITHIN if 2 * both >= len(anywhere) else BETWEEN
+                levels_of = _levels_of(rows, column)
+                if design == BETWEEN:
+                    levels_of = {subject: anywhere[subject] for subject in levels_of}
+                share = (rows["left_out"] != "").groupby(rows["subject"], sort=False).mean()
+                suspect = {str(name): SUSPECT + " in part" * (of < 1) for name, of in share.items() if of > 0}
+                where = {str(name): str(value) for name, value in zip(names, key, strict=True)}
+                yield LevelPair(factor, where, *levels, design, levels_of, suspect, without)
+
+
+def _levels_of(rows: pd.DataFrame, column: str) -> dict[str, frozenset[str]]:
+    return {
+        str(subject): frozenset(levels) for subject, levels in rows.groupby("subject", sort=False)[column]
+    }
+
+
+SHOWN, NOT_SHOWN = "shown", "not-shown"
+
+
+def difference_rows(quantity: Quantity, numbers: pd.DataFrame, pairs: Sequence[LevelPair]) -> Iterator[Row]:
+    """Rows of movement_differences for one quantity, over all pairs of levels, but for what `judge` adds.
+
+    numbers : as `numbers_of` gives them.
+    """
+    for factor, of_factor in groupby(pairs, key=lambda pair: pair.factor):
+        columns = [column for column in ("hand", "task") if column != factor]
+        wide = subject_means(numbers, factor, [*columns, "model", "of"]).unstack("level", sort=False)
+        families = dict(list(wide.groupby([*columns, "model"], sort=False))) if len(wide) else {}
+        for pair in of_factor:
+            where = {"hand": "", "task": "", **pair.place, "factor": factor, "quantity": quantity.name}
+            where |= {"level": pair.level, "other_level": pair.other, "design": pair.design}
+            for key, family in families.items():
+                if key[:-1] != tuple(pair.place.values()):
+                    continue
+                levels = family.reindex(columns=[pair.level, pair.other])
+                for of, rows in levels.groupby("of", sort=False):
+                    values = rows.droplevel([name for name in rows.index.names if name != "subject"])
+                    row = where | {"model": key[-1], "of": of, "unit": quantity.unit}
+                    yield row | _difference_row(values, pair)
+
+
+def judge(rows: Sequence[Row]) -> None:
+    """Correct every row's p by Holm over all of its pair of levels and model, and say what is shown."""
+    families: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        key = tuple(row[name] for name in ("factor", "level", "other_level", "model"))
+        families.setdefault(key, []).append(row)
+    for family in families.values():
+        for row, p_holm in zip(family, holm([row["p"] for row in family]), strict=True):
+            row["p_holm"] = p_holm
+            row["verdict"] = "" if p_holm is None else SHOWN if p_holm <= LEVEL else NOT_SHOWN
+
+
+def _difference_row(values: pd.DataFrame, pair: LevelPair) -> Row:
+    """Return one comparison. values : a row a subject, a column a level, NaN where there is none."""
+    first = values.loc[values.index.isin(pair.candidates(pair.level)), pair.level].dropna()
+    other = values.loc[values.index.isin(pair.candidates(pair.other)), pair.other].dropna()
+    is_within = pair.design == WITHIN
+    if is_within:
+        both = first.index.intersection(other.index, sort=False)
+        first, other = first[both], other[both]
+    n, m = len(first), len(other)
+    n_left_out, reason = pair.left_out({*first.index, *other.index})
+    row: Row = {"n": n, "n_other": m, "left_out": n_left_out, "left_out_reason": reason, "message": ""}
+    if n and m:
+        row |= {"mean": float(first.mean()), "other_mean": float(other.mean())}
+        row["difference"] = row["mean"] - row["other_mean"]
+    result: Difference | None = None
+    if is_within and n:
+        result = paired_difference((first - other).to_numpy())
+    elif not is_within and min(n, m) >= 2:
+        result = group_difference(first.to_numpy(), other.to_numpy())
+    row |= {"p": None, "test": "", "effect_size_name": ""}
+    if result is not None and result.effect is not None and result.effect_interval is not None:
+        low, high = result.effect_interval
+        name = "d_z" if is_within else "hedges_g"
+        row |= {
+            "effect_size": result.effect,
+            "effect_size_name": name,
+            "effect_low": low,
+            "effect_high": high,
+        }
+    if min(n, m) == 0:
+        row["message"] = f"no subject has a value at {'both levels' if is_within else 'one of the levels'}"
+    elif is_within and n < FEWEST_SUBJECTS:
+        row["message"] = f"not tested: {n} with both levels, a test needs {FEWEST_SUBJECTS} subjects"
+    elif not is_within and min(n, m) < FEWEST_IN_GROUP:
+        row["message"] = f"not tested: groups of {n} and {m} subjects, a test needs {FEWEST_IN_GROUP} in each"
+    elif result is not None:
+        row |= {"p": result.p, "test": "signs flipped" if is_within else "Welch's t, Cochran's p"}
+        row["low"], row["high"] = result.interval or (None, None)
+    return row
+
+
+CELL = ["hand", "task", "model", "of"]
+
+
+def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
+    """Rows of movement_reliability for one quantity; numbers : as `numbers_of` gives them."""
+    reasons = _reasons(everything)
+    keys = ["subject", "hand", "task"]
+    first = everything.counted.drop_duplicates(keys)[[*keys, SESSION]]
+    first_sessions = numbers.merge(first, on=[*keys, SESSION])
+    for across, measured in ((SESSION, numbers), (TRIAL, first_sessions)):
+        if measured.empty or measured[across].nunique() < 2:
+            continue
+        means = measured.groupby([*CELL, "subject", across], sort=False)["value"].mean()
+        wide = means.unstack(across, sort=False)
+        for key, cell in wide.groupby(CELL, sort=False):
+            where = dict(zip(CELL, key, strict=True)) | {"across": across}
+            present = set(cell.index.get_level_values("subject"))
+            expected = reasons[where["hand"], where["task"]].items()
+            absent = {subject: reason for subject, reason in expected if subject not in present}
+            row = _reliability_row(cell, absent)
+            if row:
+                contains = everything.contained[across].get((where["hand"], where["task"]), "")
+                named = {"quantity": quantity.name, "unit": quantity.unit, "contains": contains}
+                yield where | named | row
+
+
+def _reasons(everything: Recorded) -> dict[tuple[str, str], dict[str, str]]:
+    """Return by hand and task every subject who was recorded, and why they would have no value."""
+    subjects_of: dict[tuple[str, str], dict[str, str]] = {}
+    for row in everything.rows.itertuples():
+        subjects = subjects_of.setdefault((row.hand, row.task), {})
+        reason = subjects.setdefault(row.subject, row.left_out)
+        subjects[row.subject] = reason if reason and row.left_out else ""
+    return {
+        key: {subject: reason or "no value" for subject, reason in subjects.items()}
+        for key, subjects in subjects_of.items()
+    }
+
+
+def _reliability_row(values: pd.DataFrame, absent: dict[str, str]) -> Row:
+    """Return one number's row, empty where nothing repeats. values : a row a subject, a column a session."""
+    shared = values.columns[values.notna().sum() * 2 >= len(values)]
+    if values.notna().sum(axis=1).max() < 2:
+        return {}
+    complete = values[shared].dropna()
+    dropped = [str(key[-1]) for key in values.index.difference(complete.index, sort=False)]
+    reasons = {subject: f"not in every one of {listed(list(shared))}" for subject in dropped} | absent
+    by_reason: dict[str, list[str]] = {}
+    for subject, reason in reasons.items():
+        by_reason.setdefault(reason, []).append(subject)
+    row: Row = {
+        "n": len(complete),
+        "k": len(shared),
+        "left_out": len(reasons),
+        "left_out_reason": "; ".join(f"{reason}: {listed(names)}" for reason, names in by_reason.items()),
+        "message": "",
+    }
+    if len(complete) < FEWEST_REPEATED or len(shared) < 2:
+        few = f"not stated: {len(complete)} in all {len(shared)}, it takes {FEWEST_REPEATED} subjects"
+        return row | {"message": few}
+    result = reliability(complete.to_numpy())
+    intervals = {
+        "icc_2_1": (result.agreement.value, result.agreement.interval),
+        "icc_3_1": (result.consistency.value, result.consistency.interval),
+        "sem": (result.sem, result.sem_interval),
+    }
+    for name, (value, (low, high)) in intervals.items():
+        row |= {name: value, f"{name}_low": low, f"{name}_high": high}
+    return row | {"mdc": result.mdc}
+
+
+TABLES = {quantity.table.name: quantity.table for quantity in QUANTITIES}
+
+
+def compare_study(
+    levels: Sequence[Mapping[str, str]],
+    factors: Sequence[str],
+    results: Results,
+    sheets: Sequence[Path] = (),
+) -> None:
+    """Read the study's tables of movement and write the tables of comparisons beside them.
+
+    levels : as `factor_levels` returns them. factors : those that are compared pair by pair.
+    sheets : where they are from, for the tables' metadata. Raises TableError where a table is damaged.
+    """
+    problems = _read(results, PROBLEMS, ["subject", "session", "hand", "severity"])
+    everything = recorded(levels, factors, problems)
+    inputs = [results.study_table(name) for name in (PROBLEMS.name, *TABLES)]
+    provenance = Provenance.of([*sheets, *inputs], factors=list(factors))
+    differences: list[Row] = []
+    reliabilities: list[Row] = []
+    pairs = list(level_pairs(everything))
+    for quantity, numbers in _numbers(results, everything):
+        differences += difference_rows(quantity, numbers, pairs)
+        reliabilities += reliability_rows(quantity, numbers, everything)
+    judge(differences)
+    for table, rows in ((MOVEMENT_DIFFERENCES, differences), (MOVEMENT_RELIABILITY, reliabilities)):
+        write_table(results.study_table(table.name), table, columns_from_rows(table, rows), provenance)
+
+
+def _numbers(results: Results, everything: Recorded) -> Iterator[tuple[Quantity, pd.DataFrame]]:
+    """Every quantity's numbers, of one table after the other."""
+    counted = everything.counted
+    for name, quantities in groupby(QUANTITIES, key=lambda quantity: quantity.table.name):
+        listed = list(quantities)
+        columns = dict.fromkeys([*listed[0].of, *(quantity.name for quantity in listed)])
+        whole = _read(results, TABLES[name], [*RECORDING, "model", *columns])
+        for quantity in listed:
+            yield quantity, numbers_of(quantity, whole, counted)
+
+
+def _read(results: Results, table: Table, columns: Sequence[str]) -> pd.DataFrame:
+    frame: pd.DataFrame = read_table(results.study_table(table.name), table, list(columns)).to_pandas()
+    return frame

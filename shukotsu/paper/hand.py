@@ -1,0 +1,412 @@
+"""One hand put together: joints solved and fitted, its wrist point, its bones, its metacarpals over time.
+
+Bones are in the least-squares binding: vectors fixed in their receivers, and their errors. A bone's length is
+from its joint's centre to the next; of a digit's last to its tip, which is the distal receiver where no fit
+of the whole hand says where the bone ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+
+from shukotsu.hand.digit_chain import DigitChain, Rows, all_valid, digit_chain, seen_from, turned
+from shukotsu.hand.rotations import Array, about_axis, bone_frame, conjugate, from_matrix, multiply, rotate
+from shukotsu.paper.posture import Posture, Reference, estimate_posture
+from shukotsu.paper.wrist import wrist_row
+from shukotsu.study.layout import Layout
+from shukotsu.study.model import SkeletonModel
+from shukotsu.study.verdict import LEAST_KNUCKLES_MM, TOO_CLOSE, UNJUDGED, Doubts, judged_bone, judged_joint
+from shukotsu.tables.catalogue import DISTAL_RECEIVER
+from shukotsu.tables.poses import Poses, PosesReader
+
+LENGTHS = ("starts_at", "ends_at", "length_mm", "sd_mm")
+"""Columns of a bone that the fit of the whole hand knows better than the replay."""
+
+
+@dataclass(frozen=True)
+class Bone:
+    """One bone from joint to joint, or to where a digit ends.
+
+    vector_mm : (3,) in the frame of driven_by, as the replay has it; None where estimated frame by frame.
+    sd_over_frames_mm : of metacarpals.
+    """
+
+    segment: str
+    starts_at: str
+    ends_at: str
+    length_mm: float
+    sd_mm: float
+    sd_over_frames_mm: float | None
+    vector_mm: Array | None
+    driven_by: str
+
+    def row(self) -> dict[str, Any]:
+        """The bone's row of the bone_lengths table (subject, hand, model and digit left out)."""
+        vector = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
+        return {
+            "bone": self.segment,
+            "starts_at": self.starts_at,
+            "ends_at": self.ends_at,
+            "length_mm": self.length_mm,
+            "sd_mm": self.sd_mm,
+            "sd_over_frames_mm": self.sd_over_frames_mm,
+            **dict(zip(("x_mm", "y_mm", "z_mm"), vector, strict=True)),
+            "driven_by": self.driven_by,
+            "message": "",
+        }
+
+
+@dataclass(frozen=True)
+class MetacarpalBone:
+    """A digit whose metacarpal is posed. mode : see `metacarpal_mode`."""
+
+    chain: DigitChain
+    mode: str
+    bone: Bone
+
+
+def with_fitted_lengths(bone: Bone, fitted: Mapping[str, Any] | None) -> Bone:
+    """Return the bone as long as its row of the fit says; its vector stays the replay's."""
+    if fitted is None:
+        return bone
+    return replace(bone, **{name: fitted[name] for name in LENGTHS})
+
+
+def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:
+    """Return how a digit's metacarpal is posed: rest, rigid, estimated, receiver or fitted, else none."""
+    if not chain.digit.metacarpal:
+        return "none"
+    measured = layout.segments[chain.digit.segments[0]].measured
+    return model.metacarpals.measured if measured else model.metacarpals.unmeasured
+
+
+def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
+    """v(k), (T, 3) mm from the metacarpal's base to the MCP's child half, seen from the base receiver."""
+    mcp_mm = chain.child_mm[1]
+    assert mcp_mm is not None, "a metacarpal is followed by a measured phalanx"
+    return seen_from(poses, chain.digit.base, chain.digit.segments[1], mcp_mm) - chain.base_point_mm
+
+
+def digit_bones(
+    chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader
+) -> list[Bone]:
+    """Return the digit's bones from the base outward, lengths from the calibration recordings."""
+    bones = []
+    joints = (*chain.digit.joints, DISTAL_RECEIVER)
+    for index, segment in enumerate(chain.digit.segments):
+        if index == 0 and mode != "none":
+            bones.append(_metacarpal(chain, mode, rows, layout, calibration))
+            continue
+        start_mm = chain.child_mm[index]
+        assert start_mm is not None, "only a metacarpal may lack a joint of its own"
+        vector = chain.parent_mm[index] - start_mm
+        ends = [_half(rows, chain.digit.joints[index], "child")]
+        if index + 1 < len(chain.digit.joints):
+            ends.append(_half(rows, chain.digit.joints[index + 1], "parent"))
+        length_mm = float(np.linalg.norm(vector))
+        along = vector / length_mm if length_mm else vector
+        variance = sum(along @ end @ along if length_mm else np.trace(end) for end in ends)
+        sd_mm = float(np.sqrt(variance))
+        bones.append(Bone(segment, joints[index], joints[index + 1], length_mm, sd_mm, None, vector, segment))
+    return bones
+
+
+def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader) -> Bone:
+    segment, mcp = chain.digit.segments[0], chain.digit.joints[1]
+    both, lengths_mm = (chain.digit.base, chain.digit.segments[1]), [np.empty(0)]
+    for poses in calibration(*both):
+        length_mm = np.linalg.norm(metacarpal_vectors(chain, poses), axis=-1)
+        lengths_mm.append(length_mm[all_valid(poses, both)])
+    known_mm = np.concatenate(lengths_mm)
+    length, spread = (float(known_mm.mean()), float(known_mm.std())) if len(known_mm) else (np.nan, np.nan)
+    base = layout.wrist.joint if chain.at_wrist and layout.wrist else chain.digit.joints[0]
+    ends = [_half(rows, base, "child" if chain.at_wrist else "parent"), _half(rows, mcp, "child")]
+    sd_mm = float(np.sqrt(sum(np.trace(end) for end in ends) / 3))
+    vector, driver = None, ""
+    if mode == "rigid":
+        vector, driver = chain.parent_mm[0] - chain.base_point_mm, chain.digit.base
+    elif mode == "receiver":
+        start_mm, driver = chain.child_mm[0], segment
+        if start_mm is None:  # the mean of the digit's base as the segment's receiver sees it
+            seen_mm = []
+            for poses in calibration(chain.digit.base, segment):
+                base_mm = seen_from(poses, segment, chain.digit.base, chain.base_point_mm)
+                seen_mm.append(base_mm[all_valid(poses, (chain.digit.base, segment))])
+            start_mm = np.concatenate(seen_mm).mean(0)
+        vector = chain.parent_mm[0] - start_mm
+    if vector is not None:
+        length = float(np.linalg.norm(vector))
+    return Bone(segment, base, mcp, length, sd_mm, spread, vector, driver)
+
+
+def _half(rows: Rows, joint: str, side: str) -> Array:
+    """Covariance (3, 3) of one half of a joint centre, mm^2; zero where the point was given."""
+    covariance = rows[joint]["covariance_mm2"]
+    if covariance is None:
+        return np.zeros((3, 3))
+    whole = np.reshape(covariance, (6, 6))
+    return np.asarray(whole[:3, :3] if side == "parent" else whole[3:, 3:])
+
+
+Bools = npt.NDArray[np.bool_]
+
+
+def metacarpal_columns(
+    metacarpal: MetacarpalBone,
+    layout: Layout,
+    model: SkeletonModel,
+    poses: Poses,
+    neutral: tuple[Reference, Array] | None,
+    fitted: Array | None,
+) -> dict[str, Any]:
+    """Frame, quaternion (qw..qz), swing_deg, twist_deg, length_mm and flags at some frames, (T,) each.
+
+    neutral : of the recording. fitted : (T, 4) the posture that the fit of the whole hand gives, NaN in gaps.
+    """
+    chain, mode = metacarpal.chain, metacarpal.mode
+    vector_mm = metacarpal_vectors(chain, poses)
+    usable = all_valid(poses, _needed(chain, mode))
+    posture = None
+    if mode == "estimated":
+        quaternion = np.full((len(poses.frame), 4), np.nan)
+        if neutral is not None:
+            reference, bone = neutral
+            posture = _posture(chain, layout, model, poses, reference)
+            hand = turned(poses, chain.digit.base)
+            quaternion = multiply(hand, multiply(posture.change, bone))
+    elif mode == "fitted":
+        assert fitted is not None, "the fit of the whole hand poses this metacarpal"
+        quaternion, usable = fitted, np.isfinite(fitted[:, 0])
+    else:
+        quaternion = _carried(metacarpal, layout, model, poses)
+    seen = all_valid(poses, (chain.digit.base, chain.digit.segments[1]))
+    return {
+        "frame": poses.frame,
+        **{f"q{part}": np.where(usable, quaternion[:, index], np.nan) for index, part in enumerate("wxyz")},
+        "length_mm": np.where(seen, np.linalg.norm(vector_mm, axis=-1), np.nan),
+        **_angles(usable, posture),
+    }
+
+
+def _needed(chain: DigitChain, mode: str) -> tuple[str, ...]:
+    """Segments whose poses the metacarpal's posture needs."""
+    first, proximal = chain.digit.segments[:2]
+    return {
+        "rest": (),
+        "rigid": (chain.digit.base,),
+        "receiver": (first,),
+        "fitted": (),
+        "estimated": (chain.digit.base, proximal),
+    }[mode]
+
+
+def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, poses: Poses) -> Array:
+    """Postures (T, 4) of a metacarpal that a receiver or the hand carries, or that stays at rest."""
+    if metacarpal.mode == "rest":
+        direction = np.array(model.metacarpals.rest_direction)
+        upright = np.eye(3)[2] if np.abs(direction[:2]).any() else np.eye(3)[1]
+        return np.tile(from_matrix(bone_frame(direction, upright)), (len(poses.frame), 1))
+    bone = metacarpal.bone
+    assert bone.vector_mm is not None, "a bone that is carried has a vector"
+    align = from_matrix(bone_frame(bone.vector_mm, np.array(layout.segments[bone.driven_by].dorsal)))
+    return multiply(turned(poses, bone.driven_by), align)
+
+
+def neutral_posture(
+    metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, recording: PosesReader
+) -> tuple[Reference, Array] | None:
+    """Return where an estimated metacarpal starts: first whole frame, and its bone (4,) at the mean twist."""
+    chain = metacarpal.chain
+    needed = (chain.digit.base, *chain.receivers)
+    if metacarpal.mode != "estimated":
+        return None
+    starts = ((poses, np.flatnonzero(all_valid(poses, needed))[:1]) for poses in recording(*needed))
+    frame = next((poses.take(row) for poses, row in starts if len(row)), None)
+    if frame is None:
+        return None
+    bone, proximal = chain.digit.segments[:2]
+    vector_mm, hand = metacarpal_vectors(chain, frame)[0], turned(frame, chain.digit.base)
+    dorsal = np.array(layout.segments[chain.digit.base].dorsal)
+    if bone in chain.receivers:
+        dorsal = _dorsal_seen_from(hand, bone, layout, frame)[0]
+    start = bone_frame(vector_mm, dorsal)
+    normal = _dorsal_seen_from(hand, proximal, layout, frame)[0]
+    reference = Reference.of(vector_mm, start[:, 2], normal)
+    twist_rad = np.concatenate(
+        [
+            _posture(chain, layout, model, poses, reference).twist_rad[
+                all_valid(poses, (chain.digit.base, proximal))
+            ]
+            for poses in recording(*needed)
+        ]
+    )
+    mean_twist_rad = float(np.angle(np.mean(np.exp(1j * twist_rad))))
+    return reference, multiply(from_matrix(start), about_axis(np.eye(3)[0], -mean_twist_rad))
+
+
+def _posture(
+    chain: DigitChain, layout: Layout, model: SkeletonModel, poses: Poses, reference: Reference
+) -> Posture:
+    normal = _dorsal_seen_from(turned(poses, chain.digit.base), chain.digit.segments[1], layout, poses)
+    vector_mm = metacarpal_vectors(chain, poses)
+    return estimate_posture(vector_mm, normal, reference, model.metacarpals.twist_factor)
+
+
+def _dorsal_seen_from(hand: Array, segment: str, layout: Layout, poses: Poses) -> Array:
+    """A segment's dorsal direction, (T, 3), in the hand receiver's frame; hand : (T, 4)."""
+    turn = multiply(conjugate(hand), turned(poses, segment))
+    return rotate(turn, np.array(layout.segments[segment].dorsal))
+
+
+def _angles(usable: Bools, posture: Posture | None) -> dict[str, Any]:
+    """Columns of swing, twist and flags; of a metacarpal that was not estimated the angles are not known."""
+    if posture is None:
+        unknown = np.full(len(usable), np.nan)
+        none = np.zeros(len(usable), bool)
+        return {"swing_deg": unknown, "twist_deg": unknown, "flags": _flags(~usable, none, none)}
+    return {
+        "swing_deg": np.where(usable, np.degrees(posture.swing_rad), np.nan),
+        "twist_deg": np.where(usable, np.degrees(posture.twist_rad), np.nan),
+        "flags": _flags(~usable, usable & posture.twist_singular, usable & posture.swing_singular),
+    }
+
+
+_FLAGS = ("gap", "twist-near-singular", "swing-near-singular")
+_FLAG_TEXTS = pa.array(
+    [";".join(flag for bit, flag in enumerate(_FLAGS) if code >> bit & 1) for code in range(8)]
+)
+
+
+def _flags(gap: Bools, twist_singular: Bools, swing_singular: Bools) -> pa.Array:
+    """The flags of every frame, joined by ';'."""
+    return _FLAG_TEXTS.take(pa.array(gap + 2 * twist_singular.astype(np.int8) + 4 * swing_singular))
+
+
+Row = dict[str, Any]
+Index = npt.NDArray[np.int64]
+
+_OF_JOINT_ALONE = ("gap_rms_free_mm", "n_frames", "n_effective")
+"""Columns that only the frames joint by joint say."""
+
+_KEPT_OF_FAILED = ("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames")
+
+
+@dataclass(frozen=True)
+class BuiltHand:
+    """Rows of joint_centres and bone_lengths, and the digits whose metacarpal is posed."""
+
+    joints: list[Row]
+    bones: list[Row]
+    metacarpals: list[MetacarpalBone]
+
+
+def build_hand(
+    rows: Rows,
+    layout: Layout,
+    model: SkeletonModel,
+    calibration: PosesReader,
+    fitted_bones: Rows | None = None,
+) -> BuiltHand:
+    """Add the wrist point to a hand's joints and measure its bones.
+
+    rows : joint_centres by joint. fitted_bones : rows of a whole-hand fit's bone_lengths by segment. A digit
+    with a failed joint has bones without lengths that say so, but for what the fit knows.
+    """
+    joints = {name: dict(row) for name, row in rows.items()}
+    wrist = wrist_row(rows, layout, model, calibration)
+    if wrist is not None:
+        joints[wrist["joint"]] = {"covariance_mm2": None} | wrist
+    bones: list[Row] = []
+    metacarpals = []
+    for digit in layout.digits.values():
+        chain = digit_chain(digit, layout, model, joints)
+        if isinstance(chain, str):
+            unknown = {"starts_at": "", "ends_at": "", "length_mm": None, "driven_by": "", "message": chain}
+            for segment in digit.segments:
+                fitted = (fitted_bones or {}).get(segment, {})
+                lengths = {name: fitted[name] for name in LENGTHS if name in fitted}
+                bones.append({"digit": digit.name, "bone": segment, **unknown, **lengths})
+            continue
+        mode = metacarpal_mode(chain, layout, model)
+        measured = digit_bones(chain, mode, joints, layout, calibration)
+        if mode != "none":
+            metacarpals.append(MetacarpalBone(chain, mode, measured[0]))
+        if fitted_bones is not None:
+            measured = [with_fitted_lengths(bone, fitted_bones.get(bone.segment)) for bone in measured]
+        bones += [{"digit": digit.name, **bone.row()} for bone in measured]
+    return BuiltHand(list(joints.values()), bones, metacarpals)
+
+
+def pose_metacarpals(
+    hand: BuiltHand,
+    layout: Layout,
+    model: SkeletonModel,
+    recording: PosesReader,
+    fitted: Callable[[str, Index], Array | None] | None = None,
+) -> Iterator[dict[str, Any]]:
+    """Columns of metacarpals by digit and block; fitted : quaternions (T, 4) of a segment at frames."""
+    for metacarpal in hand.metacarpals:
+        neutral = neutral_posture(metacarpal, layout, model, recording)
+        for poses in recording(metacarpal.chain.digit.base, *metacarpal.chain.receivers):
+            posed = None if fitted is None else fitted(metacarpal.bone.segment, poses.frame)
+            columns = metacarpal_columns(metacarpal, layout, model, poses, neutral, posed)
+            yield {"digit": metacarpal.chain.digit.name, **columns}
+
+
+def merge_fitted(
+    fitted_rows: Sequence[Mapping[str, Any]], projected_rows: Sequence[Mapping[str, Any]]
+) -> list[Row]:
+    """Rows of joint_centres: each projected joint as the fit has it, where it does, then the fit's others."""
+    fitted = {row["joint"]: dict(row) for row in fitted_rows}
+    projected = {row["joint"]: dict(row) for row in projected_rows}
+    merged = [
+        {**fitted[joint], **{name: row[name] for name in _OF_JOINT_ALONE}} if joint in fitted else row
+        for joint, row in projected.items()
+    ]
+    return [*merged, *(row for joint, row in fitted.items() if joint not in projected)]
+
+
+def failed_joints(projected_rows: Sequence[Mapping[str, Any]], message: str) -> list[Row]:
+    """Rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
+    failed = {"source": "fit of the whole hand", **UNJUDGED, "status": "failed", "message": message}
+    return [{name: row[name] for name in _KEPT_OF_FAILED} | failed for row in projected_rows]
+
+
+def judged(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
+    """The hand with the verdict on every joint and bone; suspicion : of a suspect recording, or empty."""
+    wanted_mm = layout.wanted_mm
+    close = knuckles_too_close({row["joint"]: row for row in hand.joints}, layout)
+    joints = {
+        row["joint"]: judged_joint(row, wanted_mm, {**suspicion, **close.get(row["joint"], {})})
+        for row in hand.joints
+    }
+    bones = [judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in hand.bones]
+    return replace(hand, joints=[*joints.values()], bones=bones)
+
+
+def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, Doubts]:
+    """The doubt, by joint, of neighbouring MCP centres that are nearer to each other than any hand's."""
+    knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
+    doubts: dict[str, Doubts] = {}
+    for pair in pairwise(joint for joint in knuckles if joint in joints):
+        first, second = (
+            np.array([joints[joint].get(f"parent_{axis}_mm") for axis in "xyz"], float) for joint in pair
+        )
+        apart_mm = float(np.linalg.norm(first - second))
+        receivers = {layout.joints[joint].parent_receiver for joint in pair}
+        if len(receivers) == 1 and apart_mm < LEAST_KNUCKLES_MM:
+            doubts |= {joint: {TOO_CLOSE: {"joints": [*pair], "mm": apart_mm}} for joint in pair}
+    return doubts
+
+
+def is_whole(bone: Mapping[str, Any], layout: Layout) -> bool:
+    """Whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
+    joint_of = {joint.child: name for name, joint in layout.joints.items()}
+    return bool(bone["starts_at"] == joint_of.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)

@@ -1,0 +1,111 @@
+"""Joint solutions of all parts of a subject: every recording is read, every solver run as often as needed."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from shukotsu.errors import TableError, joined
+from shukotsu.paper.closed import JointSolution
+from shukotsu.paper.solve import solve_recordings, stream_recordings
+from shukotsu.study.layout import Joint, Layout
+from shukotsu.study.model import JointSolving
+from shukotsu.tables.parts import Part
+from shukotsu.tables.poses import usable_poses
+from shukotsu.tables.typed_table import vector_columns
+
+Row = dict[str, Any]
+
+_SCALARS = (
+    "gap_rms_mm",
+    "gap_rms_free_mm",
+    "slide_to_free_mm",
+    "range_deg",
+    "spread_deg",
+    "axis_sd_deg",
+    "n_frames",
+    "n_effective",
+)
+
+
+@dataclass(frozen=True)
+class PartRequest:
+    """What a part of the table is made from: a hand's calibration recordings, a solver's settings."""
+
+    part: Part
+    poses: tuple[Path, ...]
+    layout: Layout
+    settings: JointSolving
+
+
+def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Exception]:
+    """The rows of every part, or why it failed, in the order of the requests.
+
+    Every recording is read and every solver run once. Raises TableError where a file is no poses table.
+    """
+    groups: dict[tuple[str, tuple[Path, ...]], list[PartRequest]] = {}
+    for request in requests:
+        groups.setdefault((request.part.hand, request.poses), []).append(request)
+    outcomes: dict[Part, list[Row] | Exception] = {}
+    for group in groups.values():
+        try:
+            rows = _rows_by_settings(group)
+        except TableError:
+            raise
+        except Exception as error:  # also a bug must not cost the study its other hands
+            outcomes |= dict.fromkeys((request.part for request in group), error)
+        else:
+            outcomes |= {request.part: rows[request.settings] for request in group}
+    return {request.part: outcomes[request.part] for request in requests}
+
+
+def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[Row]]:
+    """Solve the joints of one hand's recordings with every solver that the group asks for."""
+    layout = group[0].layout
+    usable, reasons = usable_poses(group[0].poses)
+    for reason in reasons:
+        print(f"note: left out of the calibration: {reason}", file=sys.stderr)
+    settings = dict.fromkeys(request.settings for request in group)
+    recordings = stream_recordings(usable, layout)
+    rows = {own: solution_rows(layout, solve_recordings(recordings, own)) for own in settings}
+    if not usable:
+        why = f"no calibration recording: {joined(reasons) or 'the study names none'}"
+        rows = {own: [{**row, "message": why} for row in failed] for own, failed in rows.items()}
+    return rows
+
+
+def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) -> list[Row]:
+    """A row for every solvable joint of the layout, but not for an optional receiver not worn."""
+    rows = []
+    for joint in layout.solvable:
+        solution = solutions[joint.name]
+        optional = layout.segments[joint.parent_receiver].optional or layout.segments[joint.child].optional
+        if not (optional and isinstance(solution, str)):
+            rows.append(solution_row(joint, solution))
+    return rows
+
+
+def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
+    """The row of one joint, failed where `solution` is the reason why there is none."""
+    names = {"joint": joint.name, "parent_segment": joint.parent_receiver, "child_segment": joint.child}
+    if isinstance(solution, str):
+        return {**names, "reason_values": "", "status": "failed", "message": solution, "n_frames": 0}
+    return {
+        **names,
+        **vector_columns("parent_", solution.p_mm, "_mm"),
+        **vector_columns("child_", solution.q_mm, "_mm"),
+        **vector_columns("null_parent_", solution.null_parent),
+        **vector_columns("null_child_", solution.null_child),
+        **vector_columns("mean_rotation_x", solution.mean_rotation[0]),
+        **vector_columns("mean_rotation_y", solution.mean_rotation[1]),
+        **vector_columns("mean_rotation_z", solution.mean_rotation[2]),
+        "singular_values": solution.singular_values,
+        "covariance_mm2": solution.covariance_mm2.ravel(),
+        **{name: getattr(solution, name) for name in _SCALARS},
+        "reason_values": "",
+        "status": "ok",
+        "message": "",
+    }

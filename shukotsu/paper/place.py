@@ -1,0 +1,168 @@
+"""One joint from its solution to its centre: plane, correction, error, in that order."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.hand.rotations import Array
+from shukotsu.paper import plane
+from shukotsu.paper.unseen_error import unseen_covariance
+from shukotsu.study.layout import Joint, Layout
+from shukotsu.study.model import SkeletonModel
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, noted
+from shukotsu.tables.catalogue import JOINT_SOLUTIONS
+from shukotsu.tables.parts import Part, read_part
+from shukotsu.tables.typed_table import rows_of, vector_columns, vector_of
+
+
+def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[dict[str, Any]]:
+    """Return one skeleton's rows of joint_centres from its rows of joint_solutions."""
+    layout, model = plan.layouts[part.hand], plan.models[part.model]
+    rows_of_hand = [row for row in plan.corrections if row["hand"] == part.hand and model.planes.corrections]
+    corrections_mm = {row["joint"]: vector_of(row.values, "d", "_mm") for row in rows_of_hand}
+    rows = []
+    for solution in rows_of(read_part(solutions, JOINT_SOLUTIONS, part)):
+        joint = layout.joints.get(solution["joint"])
+        if joint is None:
+            raise InputError(
+                f"{solutions}: joint {solution['joint']} is not in layout {layout.name}; "
+                "give the layout that the joints were solved with"
+            )
+        row = place_joint(joint, layout, solution, model, corrections_mm.get(joint.name))
+        rows.append({**plan.who._asdict(), **row})
+    return rows
+
+
+def place_joint(
+    joint: Joint,
+    layout: Layout,
+    solution: Mapping[str, Any],
+    model: SkeletonModel,
+    correction_mm: Array | None,
+) -> dict[str, Any]:
+    """The joint's row of joint_centres (names of subject, hand and model left out).
+
+    solution : its row of joint_solutions. correction_mm : (3,) in the child's frame, or None.
+    """
+    dof = 3 if joint.plane.frame == "none" else 1
+    row: dict[str, Any] = {
+        "joint": joint.name,
+        "parent_segment": joint.parent_receiver,
+        "child_segment": joint.child,
+        "dof": dof if model.planes.cut else max(joint.dof, 1),
+        "source": "fit",
+        "n_frames": solution["n_frames"],
+        **UNJUDGED,
+        "status": solution["status"],
+        "message": solution["message"],
+    }
+    if solution["status"] == "failed":
+        return row
+    row |= {name: solution[name] for name in ("gap_rms_free_mm", "range_deg", "axis_sd_deg", "n_effective")}
+    row |= vector_columns("axis_parent_", vector_of(solution, "null_parent_"))
+    row |= vector_columns("axis_child_", vector_of(solution, "null_child_"))
+    placed = _projection(joint, solution, cut=model.planes.cut)
+    if placed is None:
+        return row | {"status": "failed", "message": "the axis lies in the plane that should cut it"}
+    shift_mm = np.zeros(3) if correction_mm is None else correction_mm
+    row |= _centre(solution, placed, shift_mm, model)
+    doubts: dict[str, Values] = {}
+    if model.planes.cut:
+        row |= _whole_error(joint, layout, placed, solution)
+        doubts |= _doubts(joint, row, model)
+    if correction_mm is not None:
+        row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
+        doubts[BY_HAND] = {"correction_mm": row["correction_mm"]}
+    return row | noted(doubts)
+
+
+def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> plane.Projection | None:
+    """The centre where the plane cuts its axis; as it was solved where planes cut nothing."""
+    p_mm, q_mm = vector_of(solution, "parent_", "_mm"), vector_of(solution, "child_", "_mm")
+    axes = vector_of(solution, "null_parent_"), vector_of(solution, "null_child_")
+    covariance_mm2 = np.reshape(solution["covariance_mm2"], (6, 6))
+    if not cut:
+        return plane.Projection(p_mm, q_mm, 0.0, None, covariance_mm2)
+    if joint.plane.frame == "none":
+        per_sample = solution["gap_rms_free_mm"] ** 2 / 3 / solution["n_effective"]
+        along = per_sample / max(solution["singular_values"][5] ** 2, 1e-12)
+        return plane.leave_uncut(p_mm, q_mm, *axes, covariance_mm2, solution["slide_to_free_mm"], along)
+    return plane.project(
+        p_mm,
+        q_mm,
+        *axes,
+        covariance_mm2,
+        float(np.radians(solution["axis_sd_deg"])),
+        plane_point_mm=np.array(joint.plane.point_mm),
+        plane_normal=np.array(joint.plane.normal),
+        plane_in_parent=joint.plane.frame == "parent",
+    )
+
+
+def _centre(
+    solution: Mapping[str, Any], placed: plane.Projection, shift_mm: Array, model: SkeletonModel
+) -> dict[str, Any]:
+    """The centre after the correction, the size of its gap and how far it can be trusted."""
+    mean_rotation = _mean_rotation(solution)
+    p_mm, q_mm = plane.correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
+    gap = plane.gap_rms_mm(
+        solution["gap_rms_free_mm"],
+        solution["singular_values"][5],
+        vector_of(solution, "null_parent_"),
+        vector_of(solution, "null_child_"),
+        placed.slide_mm - solution["slide_to_free_mm"],
+        p_mm - placed.p_mm,
+        q_mm - placed.q_mm,
+        mean_rotation,
+    )
+    return {
+        **vector_columns("parent_", p_mm, "_mm"),
+        **vector_columns("child_", q_mm, "_mm"),
+        "gap_rms_mm": gap if model.planes.cut else solution["gap_rms_mm"],
+        "covariance_mm2": placed.covariance_mm2.ravel(),
+        "sd_mm": plane.centre_sd_mm(placed.covariance_mm2),
+        "slide_mm": placed.slide_mm,
+        "axis_plane_deg": placed.axis_plane_deg,
+    }
+
+
+def _whole_error(
+    joint: Joint, layout: Layout, placed: plane.Projection, solution: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The centre's error with what its frames cannot show; the scatter's part in a column of its own."""
+    unseen_mm2 = unseen_covariance(
+        joint,
+        layout,
+        placed,
+        (vector_of(solution, "null_parent_"), vector_of(solution, "null_child_")),
+        _mean_rotation(solution),
+        solution["gap_rms_free_mm"],
+        solution["range_deg"],
+    )
+    covariance_mm2 = placed.covariance_mm2 + unseen_mm2
+    return {
+        "scatter_sd_mm": plane.centre_sd_mm(placed.covariance_mm2),
+        "sd_mm": plane.centre_sd_mm(covariance_mm2),
+        "covariance_mm2": covariance_mm2.ravel(),
+    }
+
+
+def _mean_rotation(solution: Mapping[str, Any]) -> Array:
+    return np.array([[solution[f"mean_rotation_{i}{j}"] for j in "xyz"] for i in "xyz"])
+
+
+def _doubts(joint: Joint, row: Mapping[str, Any], model: SkeletonModel) -> dict[str, Values]:
+    """List the doubts about the centre beside its numbers, by kind."""
+    doubts: dict[str, Values] = {}
+    if joint.compound:
+        doubts[ACROSS] = {"segment": joint.parent, "receiver": joint.parent_receiver}
+    angle_deg = row["axis_plane_deg"]
+    if angle_deg is not None and angle_deg < model.planes.parallel_limit_deg:
+        doubts[AXIS_IN_PLANE] = {"axis_plane_deg": angle_deg, "slide_mm": abs(row["slide_mm"])}
+    return doubts

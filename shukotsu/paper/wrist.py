@@ -1,0 +1,173 @@
+"""The wrist that digits start from, and its row: fitted, measured, or what keeps its distance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from shukotsu.hand.digit_chain import Rows, all_valid, seen_from
+from shukotsu.hand.rotations import Array
+from shukotsu.study.layout import Layout, Wrist
+from shukotsu.study.model import SkeletonModel
+from shukotsu.study.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, noted
+from shukotsu.tables.poses import PosesReader
+from shukotsu.tables.typed_table import vector_columns, vector_of
+
+DISTANCE_SD_MM = 1.0
+"""How far skin lets the distance between wrist and MCP joint vary."""
+
+INDEPENDENT_SAMPLES = 20.0
+"""Independent samples in a recording of some ten seconds, for each digit."""
+
+NOMINAL_SD_MM = 15.0
+"""How far a wrist lies from that of the average hand, receiver placement included."""
+
+MAX_FRAMES = 4096
+
+
+@dataclass(frozen=True)
+class WristPoint:
+    """point_mm : (3,) and covariance_mm2 : (3, 3), in the hand receiver's frame."""
+
+    point_mm: Array
+    covariance_mm2: Array
+
+
+def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
+    """Return the point whose distance to every MCP joint varies least, by Gauss-Newton steps.
+
+    mcp_mm : per digit (T, 3) in the hand receiver's frame. nominal_mm : (3,) the average hand's, which
+    decides what the data leave open: in a palm that does not move every point keeps its distance. Minimises
+    samples / sd^2 * sum over digits of var_k |MCP(k) - w| + |w - nominal|^2 / sd_nominal^2.
+    """
+    digits = tuple(
+        positions[:: max(1, len(positions) // MAX_FRAMES)].T.tobytes()
+        for positions in mcp_mm
+        if len(positions)
+    )
+    return _estimate(digits, tuple(map(float, nominal_mm)))
+
+
+@lru_cache(maxsize=4)
+def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> WristPoint:
+    """Return the same for positions (3, T) as bytes, kept: a hand's models differ beyond the MCP joints."""
+    digits = [np.frombuffer(data).reshape(3, -1) for data in positions]
+    nominal = np.array(nominal_mm)
+    point = nominal.copy()
+    hessian = np.eye(3) / NOMINAL_SD_MM**2
+    for _ in range(50):
+        hessian, gradient = _normal_equations(digits, point, nominal)
+        step = np.linalg.solve(hessian, gradient)
+        point = point - step
+        if np.linalg.norm(step) < 1e-9:
+            break
+    covariance = np.linalg.inv(hessian)
+    for array in (point, covariance):
+        array.flags.writeable = False
+    return WristPoint(point, np.asarray(covariance))
+
+
+def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tuple[Array, Array]:
+    """Hessian and gradient at a point; digits : (3, T) positions, an axis at a time."""
+    hessian = np.eye(3) / NOMINAL_SD_MM**2
+    gradient = (point - nominal) / NOMINAL_SD_MM**2
+    for positions in digits:
+        count = positions.shape[1]
+        x, y, z = positions - point[:, None]
+        distance = np.sqrt(x * x + y * y + z * z)
+        slope = np.empty((count, 3))
+        for axis, offset in enumerate((x, y, z)):
+            along = -offset / distance
+            slope[:, axis] = along - np.cumsum(along)[-1] / count  # summed in order, as rows of (T, 3) are
+        weight = INDEPENDENT_SAMPLES / DISTANCE_SD_MM**2 / count
+        hessian = hessian + weight * slope.T @ slope
+        gradient = gradient + weight * slope.T @ (distance - distance.mean())
+    return hessian, gradient
+
+
+def wrist_row(
+    rows: Rows, layout: Layout, model: SkeletonModel, calibration: PosesReader
+) -> dict[str, Any] | None:
+    """The wrist's row (subject, hand and model left out); None where no wrist is needed.
+
+    model.wrist chooses: the joint fitted against a forearm receiver, the layout's point_mm, or the point that
+    MCP joints keep their distance from; `auto` takes the first that there is.
+    """
+    wrist = layout.wrist
+    if wrist is None:
+        return None
+    fitted = rows.get(wrist.joint)
+    wanted = model.wrist
+    if wanted in ("functional", "auto") and fitted is not None and fitted["status"] != "failed":
+        return dict(fitted)
+    if wanted == "functional":
+        why = fitted["message"] if fitted is not None else "no receiver on the forearm"
+        return _point_row(wrist, None, "failed", f"the wrist joint was not fitted: {why}", "fit")
+    if wanted == "point" or (wanted == "auto" and wrist.point_mm is not None):
+        if wrist.point_mm is None:
+            why = f"layout {layout.name} has no wrist.point_mm"
+            return _point_row(wrist, None, "failed", why, "configured point")
+        configured = WristPoint(np.array(wrist.point_mm), np.zeros((3, 3)))
+        return _point_row(wrist, configured, "ok", "as configured in the layout", "configured point")
+    positions = _mcp_positions(rows, layout, wrist, calibration)
+    point = estimate_wrist([*positions.values()], np.array(wrist.nominal_mm))
+    how = "the average hand's wrist; there is no forearm receiver and no MCP joint to go by"
+    if positions:
+        joints = f"{len(positions)} MCP joint{'s' if len(positions) > 1 else ''}"
+        how = f"the point that keeps its distance from {joints}"
+    doubtful = [j for j in positions if judged_joint(rows[j], layout.wanted_mm)["verdict"] == NO]
+    doubts: dict[str, Values] = {} if positions else {BY_ANATOMY: {}}
+    if len(doubtful) > len(positions) / 2:
+        doubts[FROM_DOUBTFUL] = {"joints": doubtful}
+    return _point_row(wrist, point, "ok", how, "estimated point", doubts)
+
+
+def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
+    """Return MCP joints under bare metacarpals, (N, 3) mm seen from the hand, in evenly spaced frames."""
+    positions = {}
+    for digit in layout.digits.values():
+        if layout.segments[digit.segments[0]].measured or digit.base != wrist.segment:
+            continue
+        row = rows.get(digit.joints[1])
+        if row is None or row["status"] == "failed":
+            continue
+        mcp_mm = vector_of(row, "child_", "_mm")
+        both = (digit.base, digit.segments[1])
+        seen_mm = [seen_from(poses, *both, mcp_mm)[all_valid(poses, both)] for poses in calibration(*both)]
+        together = np.concatenate([np.empty((0, 3)), *seen_mm])
+        together = together[:: max(1, len(together) // MAX_FRAMES)]
+        if len(together):
+            positions[digit.joints[1]] = together
+    return positions
+
+
+def _point_row(
+    wrist: Wrist,
+    point: WristPoint | None,
+    status: str,
+    how: str,
+    source: str,
+    doubts: Mapping[str, Values] | None = None,
+) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "joint": wrist.joint,
+        "parent_segment": "",
+        "child_segment": wrist.segment,
+        "dof": 0,
+        "n_frames": 0,
+        "source": source,
+        **noted(doubts or {}),
+        "status": status,
+        "message": how,
+    }
+    if point is not None:
+        whole = np.zeros((6, 6))
+        whole[3:, 3:] = point.covariance_mm2
+        row |= vector_columns("child_", point.point_mm, "_mm")
+        row["covariance_mm2"] = whole.ravel()
+        row["sd_mm"] = float(np.sqrt(np.trace(point.covariance_mm2)))
+    return row

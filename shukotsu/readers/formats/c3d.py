@@ -1,0 +1,337 @@
+"""C3D files by mapping, read by ezc3d: clusters of markers as rigid segments, or poses of group ROTATION."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError, listed
+from shukotsu.hand.rotations import Array, from_matrix, nearest_rotation
+from shukotsu.readers.formats.mapped import (
+    Integers,
+    Track,
+    mapped_segments,
+    required_mapping,
+    samples_of_tracks,
+    without_marks,
+)
+from shukotsu.readers.formats.orientation import proper_rotations
+from shukotsu.readers.samples import Samples, did_you_mean
+from shukotsu.study.layout import Layout
+from shukotsu.study.mapping import FileMapping
+from shukotsu.tables.limits import RATES_HZ, check_regular
+from shukotsu.tables.text_files import reading
+from shukotsu.tables.units import UNIT_NAMES
+
+_BLOCK = 512
+_MOST_FRAMES = 65535
+"""What 16 bits count; as a count it means so many or more."""
+
+
+@dataclass(frozen=True)
+class C3dFile:
+    """What of a C3D file matters here.
+
+    points : (T, P, 3) in the file's unit, NaN where a point is not seen; labels : of the P points.
+    matrices : (T', R, 4, 4) of the ROTATION group, T' a whole multiple of T; rotation_labels : of the R.
+    unit : mm, cm, m or inch, or the file's own word where it is none of these; empty where it states none.
+    rate_hz : NaN where the file states none. first_frame : number of the first frame stored, from 1.
+    doubts : a sentence where the file goes on behind the frames that it counts.
+    """
+
+    path: Path
+    points: Array
+    labels: tuple[str, ...]
+    matrices: Array
+    rotation_labels: tuple[str, ...]
+    unit: str
+    rate_hz: float
+    first_frame: int
+    doubts: tuple[str, ...] = ()
+
+    @property
+    def frames(self) -> int:
+        """Return the number of stored frames."""
+        return len(self.points)
+
+
+def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
+    """Read clusters and rotations as the mapping names them (C3D user guide, www.c3d.org).
+
+    Frames keep the file's numbers, times count from the first frame stored. Raises InputError where the
+    file is no C3D file, states another unit, or has no such label.
+    """
+    mapping = required_mapping(path, mapping, "a C3D file")
+    mapped_segments(mapping, layout)
+    file = open_c3d(path)
+    mapped_unit = mapping.config["position_unit"]
+    if file.unit and file.unit != mapped_unit:
+        raise InputError(
+            f"{path}: states its unit as {file.unit!r} (POINT:UNITS), but {mapping.where} says "
+            f"{mapped_unit!r}; correct the mapping, or the file if its unit is wrong"
+        )
+    first, last = mapping.details.get("first_frame", 1), mapping.details.get("last_frame", file.frames)
+    if not 1 <= first <= last <= file.frames:
+        raise InputError(
+            f"{mapping.where}: c3d: frames {first} to {last} are not in {path}, which has frames 1 to "
+            f"{file.frames}"
+        )
+    window = np.arange(first - 1, last)  # from 0 at the first frame stored
+    rate_hz = file.rate_hz if np.isfinite(file.rate_hz) else mapping.rate_hz or float("nan")
+    tracks, notes = [], []
+    for segment, receiver in mapping.receivers.items():
+        if "markers" in receiver:
+            poses, misfit_mm, note = _of_cluster(file, segment, receiver["markers"], window, mapping)
+        else:
+            poses, note = _of_rotation(file, segment, receiver["rotation"], window, mapping)
+            misfit_mm = np.full(len(window), np.nan)
+        flags = {"misfit": misfit_mm > mapping.details["misfit_mm"]}
+        tracks.append(Track(window, file.first_frame + window, window / rate_hz, poses, flags))
+        notes += [note] if note else []
+    return samples_of_tracks(
+        tracks, mapping, layout, lambda index: f"{path}: frame {file.first_frame + index}", notes, file.doubts
+    )
+
+
+THINNEST = 0.05
+"""Markers whose width is less than this share of their length are on a line: the turn about it is noise."""
+
+_ROUNDS = 100
+_SETTLED_MM = 1e-5
+
+Bools = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class ClusterPoses:
+    """The poses of one cluster of M markers in T frames, NaN where too few markers are seen.
+
+    rotation : (T, 3, 3) cluster to laboratory; position_mm : (T, 3) of the first marker, as fitted.
+    shape_mm : (M, 3) the markers in the cluster's frame: the first is the origin, x runs to the second,
+    the third is in the plane of x and y, on the side of +y. residual_mm : (T, M) distance of each marker
+    from its fit, NaN where it is not seen; misfit_mm : (T,) its rms.
+    """
+
+    rotation: Array
+    position_mm: Array
+    shape_mm: Array
+    residual_mm: Array
+
+    @property
+    def misfit_mm(self) -> Array:
+        """Rms distance of each frame's markers from the shape, (T,); NaN where there is no pose."""
+        seen = np.isfinite(self.residual_mm)
+        square = np.where(seen, self.residual_mm, 0.0) ** 2
+        return np.asarray(np.sqrt(square.sum(1) / np.where(seen.any(1), seen.sum(1), np.nan)))
+
+
+def cluster_poses(markers_mm: Array, what: str) -> ClusterPoses:
+    """Fit one rigid shape to a cluster's markers and give its pose in every frame.
+
+    markers_mm : (T, M, 3) in the laboratory frame, NaN where a marker is not seen; M >= 3. A frame needs
+    three markers that are not on a line. Raises InputError, beginning with `what`, where no frame has
+    them, where a marker cannot be placed beside the others, or where the cluster is a line.
+    """
+    seen: Bools = np.asarray(np.isfinite(markers_mm).all(-1))
+    shape = _local(_mean_shape(np.where(seen[..., None], markers_mm, 0.0), seen, what), what)
+    fits = seen & _spread_out(shape, seen)[:, None]
+    points = np.where(fits[..., None], markers_mm, 0.0)
+    rotation, position = _fit(shape, points, fits.astype(float))
+    left = np.linalg.norm(points - (shape @ np.swapaxes(rotation, 1, 2) + position[:, None]), axis=-1)
+    posed = fits.any(1)
+    rotation[~posed] = np.nan
+    position[~posed] = np.nan
+    return ClusterPoses(rotation, position, shape, np.where(fits, left, np.nan))
+
+
+def _mean_shape(points: Array, seen: Bools, what: str) -> Array:
+    """Mean of all frames laid onto each other, shape (M, 3), in the laboratory pose of one frame.
+
+    It grows from the frame with most markers; frames far off it (markers swapped) weigh less.
+    """
+    start = int(np.argmax(seen.sum(1)))
+    shape: Array = points[start]
+    placed: Bools = seen[start]
+    if placed.sum() < 3:
+        raise InputError(f"{what}: no frame has three of its markers; check the labels and the frames read")
+    if _width(shape[placed]) < THINNEST:
+        raise InputError(
+            f"{what}: its markers are on a line (within {THINNEST} of its length), so the turn about "
+            "that line is not known; add a marker beside it"
+        )
+    for _ in range(_ROUNDS):
+        usable = seen & placed & _spread_out(shape, seen & placed)[:, None]
+        if not usable.any():
+            raise InputError(f"{what}: its markers keep no shape in common over the frames read")
+        rotation, position = _fit(shape, points, usable.astype(float))
+        back = (points - position[:, None]) @ rotation
+        square = np.where(usable, ((back - shape) ** 2).sum(-1), 0.0).sum(1)
+        posed = usable.any(1)
+        misfit = square / np.maximum(usable.sum(1), 1)
+        # a frame weighs half where its misfit is three times the median
+        scale = 9 * float(np.median(misfit[posed])) + _SETTLED_MM**2
+        weight = np.where(posed, 1 / (1 + misfit / scale), 0.0)[:, None] * seen
+        reached = weight.sum(0) > 0
+        mean = np.einsum("tm,tmi->mi", weight, back) / np.where(reached, weight.sum(0), 1.0)[:, None]
+        settled = bool((reached == placed).all()) and float(np.abs(mean - shape).max()) < _SETTLED_MM
+        shape, placed = np.where(reached[:, None], mean, shape), reached
+        if settled:
+            break
+    if not placed.all():
+        raise InputError(
+            f"{what}: marker {int(np.argmin(placed)) + 1} of it is never seen with three others of known "
+            "place; leave it out of the mapping"
+        )
+    return shape
+
+
+def _fit(shape: Array, points: Array, weight: Array) -> tuple[Array, Array]:
+    """Rotations (T, 3, 3) and translations (T, 3) that lay the shape (M, 3) on the points (T, M, 3)."""
+    total = np.maximum(weight.sum(1), 1.0)[:, None]
+    middle, centre = weight @ shape / total, np.einsum("tm,tmi->ti", weight, points) / total
+    spread = np.einsum("tm,tmi,tmj->tij", weight, points - centre[:, None], shape - middle[:, None])
+    rotation = nearest_rotation(spread)
+    return rotation, centre - np.einsum("tij,tj->ti", rotation, middle)
+
+
+def _spread_out(shape: Array, seen: Bools) -> Bools:
+    """Return whether the markers that a frame sees, of those known, fix a rotation, shape (T,)."""
+    patterns, codes = np.unique(seen, axis=0, return_inverse=True)
+    good = [pattern.sum() >= 3 and _width(shape[pattern]) >= THINNEST for pattern in patterns]
+    return np.asarray(np.array(good)[codes.ravel()], bool)
+
+
+def _width(points: Array) -> float:
+    """Width over length of points (M, 3): 0 where they are on a line."""
+    length, width = np.linalg.svd(points - points.mean(0), compute_uv=False)[:2]
+    return float(width / length) if length > 0 else 0.0
+
+
+def _local(shape: Array, what: str) -> Array:
+    """The shape in its own frame: first marker the origin, second on x, third in the plane of x and y."""
+    along, across = shape[1] - shape[0], shape[2] - shape[0]
+    if _width(shape[:3]) < THINNEST:
+        raise InputError(
+            f"{what}: its first three markers are on a line, but they span its frame; name others first"
+        )
+    x = along / np.linalg.norm(along)
+    z = np.cross(x, across)
+    z /= np.linalg.norm(z)
+    return np.asarray((shape - shape[0]) @ np.stack([x, np.cross(z, x), z], 1))
+
+
+def open_c3d(path: Path) -> C3dFile:
+    """Read a C3D file. Raises InputError where it is absent, is none, or is cut off."""
+    import ezc3d
+
+    with reading(path, "a C3D file"):
+        size = check_regular(path, "a C3D file")
+        with path.open("rb") as stream:
+            head = stream.read(_BLOCK)
+    try:
+        content = ezc3d.c3d(str(path))
+    except MemoryError:
+        raise
+    except Exception as error:  # ezc3d raises whatever its code runs into
+        why = str(error).removesuffix(": iostream error")
+        raise InputError(f"{path}: not a readable C3D file ({why}); copy it again") from error
+    parameters = content["parameters"]
+    # NaN where the residual is -1
+    points = np.asarray(content["data"]["points"][:3], float).transpose(2, 1, 0)
+    rotations = np.asarray(content["data"]["rotations"], float).transpose(3, 2, 0, 1)
+    per_frame, analogs, first, last, _, scale, start = struct.unpack_from("<HHHHHfH", head, 2)
+    if not first <= last < _MOST_FRAMES:  # what is read to the file's end has zeros that fill its last block
+        points = points[: np.flatnonzero((points != 0).any((1, 2)))[-1:].sum() + 1]
+    counts = [last - first + 1 if last < _MOST_FRAMES else 0]
+    counts += [int(count) for count in parameters["POINT"].get("LONG_FRAMES", {}).get("value", ())]
+    if "ACTUAL_END_FIELD" in parameters.get("TRIAL", {}):
+        low, high = (parameters["TRIAL"]["ACTUAL_END_FIELD"]["value"].ravel() % (1 << 16)).tolist()[:2]
+        counts.append(low + (high << 16) - first + 1)
+    if len(points) < max(counts):
+        raise InputError(
+            f"{path}: is cut off: it has {len(points)} of the {max(counts)} frames that it counts; "
+            "copy it again"
+        )
+    if not len(points):
+        raise InputError(f"{path}: has no frames; export it again")
+    frame_bytes = (4 * per_frame + analogs) * (4 if scale < 0 else 2)
+    more_bytes = size - _BLOCK * (start - 1) - len(points) * frame_bytes
+    doubt = f"{len(points)} frames are read, but the file goes on behind them; see that this is all"
+    unit = "".join(parameters["POINT"].get("UNITS", {}).get("value", [])[:1]).strip()
+    rate = float(np.ravel(parameters["POINT"].get("RATE", {}).get("value", np.nan))[0])
+    return C3dFile(
+        path,
+        without_marks(points),
+        _labels(parameters.get("POINT", {})),
+        rotations,
+        _labels(parameters.get("ROTATION", {})),
+        UNIT_NAMES.get(unit.lower(), unit),
+        rate if RATES_HZ[0] <= rate <= RATES_HZ[1] else float("nan"),
+        first,
+        (doubt,) if more_bytes > _BLOCK and not rotations.size else (),
+    )
+
+
+def _labels(group: Any) -> tuple[str, ...]:
+    """Labels of a group; beyond 255 they run on in LABELS2, LABELS3 and so on."""
+    names = (f"LABELS{number}" for number in ("", *range(2, 20)))
+    return tuple(label.strip() for name in names if name in group for label in group[name]["value"])
+
+
+def _of_cluster(
+    file: C3dFile, segment: str, markers: Sequence[str], window: Integers, mapping: FileMapping
+) -> tuple[Array, Array, str]:
+    """Return the poses (T, 7) of a cluster, its misfit [mm] (T,), and a note on both."""
+    key = f"{mapping.where}: receivers.{segment}.markers"
+    columns = [_index(file.path, file.labels, marker, "marker", key) for marker in markers]
+    points_mm = file.points[window][:, columns] * mapping.mm_per_unit
+    seen = np.asarray(np.isfinite(points_mm).any((0, 2)))
+    if not seen.all():
+        unseen = markers[int(seen.argmin())]
+        raise InputError(f"{file.path}: marker {unseen!r} is seen in no frame read; leave it out of {key}")
+    cluster = cluster_poses(points_mm, f"{file.path}: cluster {segment}")
+    poses = np.concatenate([cluster.position_mm, from_matrix(cluster.rotation)], -1)
+    misfit, left = cluster.misfit_mm, cluster.residual_mm[np.isfinite(cluster.residual_mm)]
+    note = (
+        f"cluster {segment}: {len(cluster.shape_mm)} markers, residual "
+        f"{np.sqrt(np.mean(left**2)):.2g} mm rms, "
+        f"{left.max():.2g} mm max, {np.isfinite(misfit).sum()} of {len(misfit)} frames"
+    )
+    return poses, misfit, note
+
+
+def _of_rotation(
+    file: C3dFile, segment: str, label: str, window: Integers, mapping: FileMapping
+) -> tuple[Array, str]:
+    """Return the pose (T, 7) of each point frame; where the group is sampled faster, of those in step."""
+    key = f"{mapping.where}: receivers.{segment}.rotation"
+    column = _index(file.path, file.rotation_labels, label, "rotation", key)
+    ratio, odd = divmod(len(file.matrices), file.frames)
+    if odd or not ratio:
+        raise InputError(
+            f"{file.path}: has {len(file.matrices)} rotations for {file.frames} frames; "
+            "expected a whole multiple"
+        )
+    matrices = file.matrices[window * ratio, column]
+    rotation = proper_rotations(
+        matrices[:, :3, :3],
+        lambda index: f"{file.path}: frame {file.first_frame + window[index]}, rotation {label}",
+    )
+    poses = np.concatenate([matrices[:, :3, 3] * mapping.mm_per_unit, from_matrix(rotation)], -1)
+    note = f"rotation {label}: {ratio} samples a frame, the first of them is used" if ratio > 1 else ""
+    return poses, note
+
+
+def _index(path: Path, labels: Sequence[str], label: str, what: str, key: str) -> int:
+    if labels.count(label) == 1:
+        return labels.index(label)
+    if label in labels:
+        raise InputError(f"{path}: {what} {label!r} stands in the file more than once; {key} needs one")
+    guess = did_you_mean(label, labels) or f", which has {listed(labels)}"
+    raise InputError(f"{key}: {what} {label!r} is not in {path}{guess}")

@@ -1,0 +1,164 @@
+"""What all readers by mapping share: the receivers, and their tracks put together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError, listed
+from shukotsu.hand.rotations import Array
+from shukotsu.readers.samples import Samples, did_you_mean, joined, segments_of_names
+from shukotsu.study.layout import Layout
+from shukotsu.study.mapping import FileMapping
+
+Integers = npt.NDArray[np.int64]
+
+_RATE_OFF = 0.1
+"""As a share: how far times may be off the rate that a mapping gives."""
+
+LARGEST = 1e20
+"""Beyond what any device measures, whatever the unit."""
+
+IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Track:
+    """One receiver's N samples.
+
+    row : (N,) where each stands in the file; frame : (N,); time_s : (N,), NaN where there is none;
+    numbers : (N, 7) as in Samples; flags : flag -> (N,) bool.
+    """
+
+    row: Integers
+    frame: Integers
+    time_s: Array
+    numbers: Array
+    flags: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
+
+    def of(self, samples: npt.NDArray[Any]) -> Track:
+        """Those samples alone, by index or by a boolean for each."""
+        flags = {flag: marked[samples] for flag, marked in self.flags.items()}
+        row, frame, time_s = self.row[samples], self.frame[samples], self.time_s[samples]
+        return Track(row, frame, time_s, self.numbers[samples], flags)
+
+
+def without_marks(values: Array) -> Array:
+    """Make numbers NaN that no device measures and that stand for no value, as NDI's -3.697e28."""
+    return np.where(np.isfinite(values) & (np.abs(values) > LARGEST), np.nan, values)
+
+
+def snake_case(name: str) -> str:
+    """Write a name as segments' names are: IndexDistal and "index distal" as index_distal."""
+    parted = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
+    return re.sub(r"[^a-z0-9]+", "_", parted.lower()).strip("_")
+
+
+def required_mapping(path: Path, mapping: FileMapping | None, what: str) -> FileMapping:
+    """Return the mapping; InputError where there is none, `what` naming the kind of file."""
+    if mapping is None:
+        raise InputError(
+            f"{path}: {what} needs a mapping that says its units and receivers; "
+            f"`shukotsu inspect {path} --write-mapping mapping.yaml` writes one to edit"
+        )
+    return mapping
+
+
+def implied_mapping(where: str, format_: str, key: str, names: Sequence[str]) -> FileMapping:
+    """Return the mapping of a file that describes itself: each of its names, under that key, is a segment.
+
+    Raises InputError where there is none.
+    """
+    if not names:
+        raise InputError(f"{where}: names nothing that has a position or an orientation")
+    receivers = {name: {key: name} for name in names}
+    return FileMapping(where, format_, 0.0, None, None, receivers, (), {})
+
+
+def name_in_file(mapping: FileMapping, segment: str, key: str, names: Sequence[str], where: str) -> str:
+    """Return a segment's name in a file that describes itself, by that key of its receiver in the mapping.
+
+    Raises InputError where the mapping says nothing, or none of the names, which are those `where` says.
+    """
+    receiver = f"{mapping.where}: receivers.{segment}"
+    if key not in mapping.receivers[segment]:
+        raise InputError(f"{receiver}: has no {key}; say which of the file's it is")
+    name = str(mapping.receivers[segment][key])
+    if name not in names:
+        guess = did_you_mean(name, names)
+        raise InputError(f"{receiver}: {key} {name!r} is not in {where}, which has {listed(names)}{guess}")
+    return name
+
+
+def mapped_segments(mapping: FileMapping, layout: Layout) -> Integers:
+    """Return indices into `layout.measured` of the mapping's receivers and then of its fixed segments.
+
+    Raises InputError where the layout does not know one.
+    """
+    keys = ["receivers"] * len(mapping.receivers) + ["fixed"] * len(mapping.fixed)
+    names = [*mapping.receivers, *mapping.fixed]
+    return segments_of_names(np.arange(len(names)), names, layout, lambda at: f"{mapping.where}: {keys[at]}")
+
+
+def samples_of_tracks(
+    tracks: Sequence[Track],
+    mapping: FileMapping,
+    layout: Layout,
+    locate: Callable[[int], str],
+    notes: Iterable[str] = (),
+    losses: Iterable[str] = (),
+) -> Samples:
+    """Put the tracks of the mapping's receivers, in its order, and its fixed segments into samples.
+
+    locate : row -> file and line. notes, losses : see `Samples`; losses are notes, too. A fixed segment has
+    the identity pose in every frame that there is, at the time of the first receiver that has the frame.
+    Raises InputError where the tracks' times are of another rate than the mapping's.
+    """
+    _check_rate(tracks, mapping)
+    marks = sum(int(((np.abs(t.numbers) > LARGEST) & np.isfinite(t.numbers)).sum()) for t in tracks)
+    if marks:
+        notes = [*notes, f"{marks} numbers beyond {LARGEST:g} stand for no value: their poses stay gaps"]
+        tracks = [replace(track, numbers=without_marks(track.numbers)) for track in tracks]
+    frame, first = np.unique(np.concatenate([track.frame for track in tracks]), return_index=True)
+    row, time_s = (np.concatenate([getattr(t, name) for t in tracks])[first] for name in ("row", "time_s"))
+    still = Track(row, frame, time_s, np.tile(IDENTITY_POSE, (len(frame), 1)))
+    segments = mapped_segments(mapping, layout)
+    if mapping.position_axes != ("x", "y", "z"):
+        columns = [*("xyz".index(axis[-1]) for axis in mapping.position_axes), 3, 4, 5, 6]
+        signs = [-1.0 if axis.startswith("-") else 1.0 for axis in mapping.position_axes] + [1.0] * 4
+        tracks = [replace(track, numbers=track.numbers[:, columns] * signs) for track in tracks]
+    every = [*tracks, *(still for _ in mapping.fixed)]
+    rows = np.concatenate([track.row for track in every])
+    parts = []
+    for segment, track in zip(segments.tolist(), every, strict=True):
+        index, numbers = np.full(len(track.row), segment), track.numbers
+        parts.append(Samples(layout.measured, index, track.frame, track.time_s, numbers, str, track.flags))
+    where, lost = (lambda sample: locate(int(rows[sample]))), tuple(losses)
+    return replace(joined(parts), locate=where, notes=(*notes, *lost), losses=lost)
+
+
+def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:
+    """Refuse a rate that is neither the median nor the mean one of the times: stamps may be coarse, or lost.
+
+    Rows that are not in step have the rate of their grid.
+    """
+    if not mapping.rate_hz or not mapping.details.get("in_step", True):
+        return
+    with np.errstate(over="ignore"):
+        times_s = [track.time_s[np.isfinite(track.time_s)] for track in tracks]
+        steps_s = np.concatenate([np.diff(np.unique(finite_s)) for finite_s in times_s])
+        if not len(steps_s):
+            return
+        count = sum(len(finite_s) - 1 for finite_s in times_s if len(finite_s))
+        rates_hz = 1 / np.median(steps_s), count / steps_s.sum()
+    if all(abs(np.log(rate_hz / mapping.rate_hz)) > _RATE_OFF for rate_hz in rates_hz):
+        raise InputError(
+            f"{mapping.where}: rate_hz: is {mapping.rate_hz:g}, but the file's own times are of "
+            f"{rates_hz[0]:.4g} Hz; find out which is right, or leave rate_hz out"
+        )

@@ -1,0 +1,313 @@
+"""Tables as text by mapping: a row a frame (wide) or a row a receiver and frame (long)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from shukotsu.errors import InputError
+from shukotsu.hand.rotations import Array
+from shukotsu.readers.formats.cells import Cells, unwrapped_s
+from shukotsu.readers.formats.mapped import (
+    Integers,
+    Track,
+    mapped_segments,
+    required_mapping,
+    samples_of_tracks,
+)
+from shukotsu.readers.formats.orientation import quaternions
+from shukotsu.readers.formats.text_table import TextTable, open_table_text
+from shukotsu.readers.samples import Samples, did_you_mean
+from shukotsu.study.layout import Layout
+from shukotsu.study.mapping import FileMapping
+from shukotsu.tables.units import SECONDS_PER_UNIT
+
+TIME_OF_DAY = "hh:mm:ss"
+
+_MOST_FRAMES = 2.0**40
+"""From the middle of a recording; a hundred years at 240 Hz, and frames are still told apart."""
+
+_MOST_STEPS = 2.0**30
+"""Steps from the middle, of rows that times put into frames: 50 days at 240 Hz, a millionth still counts."""
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Where a receiver's numbers are: titles of columns, and (N,) its rows."""
+
+    position: Sequence[str]
+    orientation: Sequence[str]
+    time: str | None
+    quality: str | None
+    rows: Integers = field(default_factory=lambda: np.arange(0))
+
+    @property
+    def titles(self) -> list[str]:
+        """All columns."""
+        single = [title for title in (self.time, self.quality) if title is not None]
+        return [*self.position, *self.orientation, *single]
+
+
+def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
+    """Read a table as the mapping's `csv` group says. Raises InputError where the table is another."""
+    mapping = required_mapping(path, mapping, "a table that is no tidy recording")
+    mapped_segments(mapping, layout)
+    table = mapping.details
+    text, where = open_table_text(path, table), f"{mapping.where}: csv"
+    frame, receiver, time = (_title(text, table, key, where) for key in ("frame", "receiver", "time"))
+    if table["rows"] == "long":
+        sources = dict.fromkeys(mapping.receivers, _source(text, table, where, time))
+    else:
+        sources = {
+            segment: _source(text, group, f"{mapping.where}: receivers.{segment}", time)
+            for segment, group in mapping.receivers.items()
+        }
+    titles = [title for title in (frame, receiver) if title is not None]
+    titles += [title for source in sources.values() for title in source.titles]
+    cells = text.cells(titles)
+    notes: list[str] = []
+    every = np.arange(cells.rows)  # shared by all receivers
+    if receiver is None:
+        users: dict[str, list[str]] = {}
+        for segment, source in sources.items():
+            for title in (*source.position, *source.orientation):
+                users.setdefault(title, []).append(segment)
+        notes += [
+            f"column {title} is used {len(by)} times, for {' and '.join(dict.fromkeys(by))}; is that right?"
+            for title, by in users.items()
+            if len(by) > 1
+        ]
+        rows = dict.fromkeys(sources, every)
+    else:
+        rows = _rows_of_receivers(cells, receiver, mapping, notes)
+    sources = {segment: replace(source, rows=rows[segment]) for segment, source in sources.items()}
+    tracks = {segment: _rows_of_source(cells, source, mapping, every) for segment, source in sources.items()}
+    times_s = _times(cells, sources, mapping)
+    tracks = {segment: replace(track, time_s=times_s[segment]) for segment, track in tracks.items()}
+    losses = list(filter(None, [text.cut_off(titles)]))
+    if table["in_step"]:
+        frames = None if frame is None else cells.wholes(frame)
+        placed, lost = _in_step(tracks, frames, receiver is not None, path, mapping)
+        losses += lost
+    else:
+        placed = _on_grid(tracks, path, mapping.rate_hz or np.nan, notes)
+    locate = cells.locate
+    del cells, tracks  # text and numbers, more than the file, before all is put together
+    pa.default_memory_pool().release_unused()
+    return samples_of_tracks(placed, mapping, layout, locate, notes, losses)
+
+
+def _source(text: TextTable, group: Mapping[str, Any], where: str, shared_time: str | None) -> _Source:
+    position, orientation = (
+        [text.column(column, f"{where}.{key}") for column in group.get(key, [])]
+        for key in ("position", "orientation")
+    )
+    time = _title(text, group, "time", where) or shared_time
+    return _Source(position, orientation, time, _title(text, group, "quality", where))
+
+
+def _title(text: TextTable, group: Mapping[str, Any], key: str, where: str) -> str | None:
+    return text.column(group[key], f"{where}.{key}") if key in group else None
+
+
+def _rows_of_receivers(
+    cells: Cells, name: str, mapping: FileMapping, notes: list[str]
+) -> dict[str, Integers]:
+    """Return rows of each segment by the receiver column; what no segment names is left out."""
+    codes, names = cells.names_in(name)
+    counts = dict(zip(names, np.bincount(codes, minlength=len(names)), strict=True))
+    values = {segment: str(receiver["value"]) for segment, receiver in mapping.receivers.items()}
+    rows_of: dict[str, Integers] = {}
+    for segment, value in values.items():
+        rows_of[segment] = np.flatnonzero(codes == (names.index(value) if value in names else -1))
+        if value not in names:
+            notes.append(f"receiver {value!r} of segment {segment} has no row{did_you_mean(value, names)}")
+    if not any(len(rows) for rows in rows_of.values()):
+        wanted = ", ".join(sorted({*values.values()}))
+        raise InputError(
+            f"{mapping.where}: receivers: none of the values {wanted} stands in "
+            f"column {name} of the table, which has {', '.join(sorted(names)[:20])}"
+        )
+    left = {word: counts[word] for word in names if word not in values.values()}
+    if left:
+        rows = ", ".join(f"{word} ({count} rows)" for word, count in sorted(left.items()))
+        notes.append(f"receivers that the mapping names no segment for are left out: {rows}")
+    return rows_of
+
+
+def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: Integers) -> Track:
+    """Return a receiver's rows in the file's order, numbered from 0 for frames; every : row of the table."""
+    rows = source.rows
+    position = np.stack([cells.reals(title)[rows] for title in source.position], -1)
+    turning = np.stack([cells.reals(title)[rows] for title in source.orientation], -1)
+    turned = quaternions(turning, mapping.orientation or {}, lambda index: cells.locate(int(rows[index])))
+    low = np.zeros(len(rows), bool)
+    if source.quality is not None:
+        quality = cells.reals(source.quality)[rows]
+        low = ~(quality <= mapping.details.get("quality_above", np.inf))  # where it is empty, too
+        low |= quality < mapping.details.get("quality_below", -np.inf)
+    numbers = np.concatenate([position * mapping.mm_per_unit, turned], -1)
+    none = np.full(len(rows), np.nan)
+    return Track(rows, every[: len(rows)], none, numbers, {"low-quality": low})
+
+
+def _times(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -> dict[str, Array]:
+    """Return times in s of each receiver's rows; NaN: none. Each clock's day begins at midnight."""
+    times_s: dict[str, Array] = {}
+    start_s = np.nan
+    for segment, source in sources.items():
+        if source.time is None:
+            times_s[segment] = np.full(len(source.rows), np.nan)
+        elif (unit := mapping.details["time_unit"]) == TIME_OF_DAY:
+            of_day_s = cells.times_of_day_s(source.time)[source.rows]
+            times_s[segment] = unwrapped_s(of_day_s, start_s)
+            start_s = float(next(iter(_finite(of_day_s)), np.nan)) if np.isnan(start_s) else start_s
+        else:
+            times_s[segment] = cells.reals(source.time)[source.rows] * SECONDS_PER_UNIT[unit]
+    return times_s
+
+
+def _in_step(
+    tracks: dict[str, Track], frames: Integers | None, long: bool, path: Path, mapping: FileMapping
+) -> tuple[list[Track], list[str]]:
+    """Return rows as frames, and what is lost, a sentence each: as they are numbered by frames (N,), of long
+    rows as their times say, else as they come.
+    """
+    losses: list[str] = []
+    if frames is not None:
+        tracks = {segment: replace(track, frame=frames[track.row]) for segment, track in tracks.items()}
+    elif long and any(np.ptp(times_s) > 0 for t in tracks.values() if len(times_s := _finite(t.time_s))):
+        tracks, losses = _framed_by_time(tracks)
+    elif long and (rounds := _rounds(tracks, mapping)):
+        tracks = rounds
+    elif long:  # they belong together only where every receiver has as many
+        counts = {segment: len(track.row) for segment, track in tracks.items() if len(track.row)}
+        if len(set(counts.values())) > 1:
+            least, most = min(counts, key=counts.__getitem__), max(counts, key=counts.__getitem__)
+            raise InputError(
+                f"{path}: has {counts[most]} rows of {most} and {counts[least]} of {least}; which belong "
+                f"together is told by a frame or a time column only: name it as `frame` or `time` in "
+                f"{mapping.where}, or say in_step: false"
+            )
+    start = 0 if frames is None else int(frames.min())
+    placed = []
+    for track in tracks.values():
+        time_s = track.time_s
+        if mapping.rate_hz and "time" not in mapping.details and np.isnan(time_s).all():
+            time_s = (track.frame - start) / mapping.rate_hz
+        placed.append(replace(track, time_s=time_s))
+    return placed, losses
+
+
+def _finite(time_s: Array) -> Array:
+    return time_s[np.isfinite(time_s)]
+
+
+def _framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list[str]]:
+    """Number long rows by their times: a frame is a sample of one receiver and what is nearest to it.
+
+    That receiver is the one with most samples. What is half a step or more off all of its samples is put
+    into frames of its own in the same way. Samples whose time is none, or far off all others, are left out.
+    """
+    finite_s = [_finite(track.time_s) for track in tracks.values()]
+    steps_s = np.concatenate([np.diff(np.unique(times_s)) for times_s in finite_s])
+    step_s = float(np.quantile(steps_s, 0.25, method="lower"))  # of which lost rows make many longer
+    middle_s = float(np.median(np.concatenate(finite_s)))
+    timed, keys_s, lost = {}, [], 0
+    for segment, track in tracks.items():
+        with np.errstate(over="ignore"):
+            timed[segment] = track.of(np.abs(track.time_s - middle_s) < _MOST_STEPS * step_s)
+        lost += len(track.row) - len(timed[segment].row)
+        # The second of two samples of one time belongs with the second of another receiver's two.
+        times_s = timed[segment].time_s
+        order, turns = np.argsort(times_s, kind="stable"), np.empty(len(times_s))
+        turns[order] = np.arange(len(times_s)) - np.searchsorted(times_s[order], times_s[order])
+        keys_s.append(times_s - middle_s + 1e-6 * step_s * turns)
+    pairs = zip(timed.items(), _nearest_together(keys_s, step_s), strict=True)
+    framed = {segment: replace(track, frame=frame) for (segment, track), frame in pairs}
+    losses = [f"{lost} rows are left out, since without a time nothing says to which frame they belong"]
+    return framed, losses if lost else []
+
+
+def _nearest_together(keys_s: Sequence[Array], step_s: float) -> list[Integers]:
+    """Number the frames that samples of several receivers make, see `_framed_by_time`."""
+    frames = [np.zeros(len(keys), np.int64) for keys in keys_s]
+    left = [np.arange(len(keys)) for keys in keys_s]
+    centres_s: list[Array] = []
+    count = 0
+    while any(map(len, left)):
+        most = max(range(len(left)), key=lambda receiver: len(left[receiver]))
+        centre_s = np.sort(keys_s[most][left[most]])
+        middles_s = (centre_s[1:] + centre_s[:-1]) / 2
+        for receiver, samples in enumerate(left):
+            nearest = np.searchsorted(middles_s, keys_s[receiver][samples])
+            off_s = np.abs(keys_s[receiver][samples] - centre_s[nearest])
+            order = np.lexsort((off_s, nearest))
+            taken = order[np.unique(nearest[order], return_index=True)[1]]
+            taken = taken[off_s[taken] < step_s / 2]
+            frames[receiver][samples[taken]] = count + nearest[taken]
+            left[receiver] = np.delete(samples, taken)
+        centres_s.append(centre_s)
+        count += len(centre_s)
+    number = np.argsort(np.argsort(np.concatenate(centres_s), kind="stable"))
+    return [number[frame] for frame in frames]
+
+
+def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Track]:
+    """Number rows of stations that go round by their rounds, which may lack rows; empty: they do not."""
+    values = [str(mapping.receivers[segment]["value"]) for segment in tracks]
+    if not all(value.isdecimal() for value in values):
+        return {}
+    counts = [len(track.row) for track in tracks.values()]
+    row = np.concatenate([track.row for track in tracks.values()])
+    station = np.repeat([int(value) for value in values], counts)
+    order = np.argsort(row)
+    frame = np.cumsum(np.diff(station[order], prepend=-1) <= 0, dtype=np.int64)
+    if frame[-1] + 1 > max(counts) + max(1, max(counts) // 20):
+        return {}
+    frames = {name: frame[np.searchsorted(row[order], track.row)] for name, track in tracks.items()}
+    return {name: replace(track, frame=frames[name]) for name, track in tracks.items()}
+
+
+def _on_grid(tracks: Mapping[str, Track], path: Path, rate_hz: float, notes: list[str]) -> list[Track]:
+    """Put each receiver's new values on the nearest frame of a grid that starts with the earliest of them.
+
+    A value that repeats the one before is no sample; of two on one frame the nearer is kept.
+    """
+    timed: dict[str, Track] = {}  # samples with a time that bring another value than the one before
+    for segment, track in tracks.items():
+        some = track.of(np.asarray(np.isfinite(track.numbers).any(-1)))
+        before, after = some.numbers[:-1], some.numbers[1:]
+        fresh = np.isfinite(some.time_s)
+        fresh[1:] &= ~((after == before) | (np.isnan(after) & np.isnan(before))).all(-1)
+        timed[segment] = some.of(fresh)
+    every_s = np.concatenate([new.time_s for new in timed.values()])
+    middle_s = float(np.median(every_s)) if len(every_s) else np.nan
+    changes = {
+        segment: new.of(np.asarray(np.abs(new.time_s - middle_s) * rate_hz < _MOST_FRAMES))
+        for segment, new in timed.items()
+    }
+    starts = [float(new.time_s.min()) for new in changes.values() if len(new.row)]
+    if not starts:
+        raise InputError(f"{path}: no receiver has a value with a time; check the mapping's time column")
+    placed = []
+    for segment, new in changes.items():
+        at = (new.time_s - min(starts)) * rate_hz
+        frame = np.round(at).astype(np.int64)
+        nearest_first = np.lexsort((np.abs(at - frame), frame))
+        _, first = np.unique(frame[nearest_first], return_index=True)
+        kept = np.sort(nearest_first[first])
+        placed.append(replace(new, frame=frame).of(kept))
+        notes.append(
+            f"segment {segment}: {len(at)} new values in {len(tracks[segment].row)} rows; "
+            f"{len(at) - len(kept)} left out because another was nearer to the same frame of {rate_hz:g} Hz"
+        )
+        if lost := len(timed[segment].row) - len(at):
+            why = "whose times are years off the others'"
+            notes.append(f"segment {segment}: {lost} new values left out, {why}")
+    return placed

@@ -1,0 +1,88 @@
+"""A raw capture as samples: decoded, stations mapped to segments, what the tracker said kept as flags."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.readers.formats.mapped import mapped_segments, name_in_file
+from shukotsu.readers.samples import Samples
+from shukotsu.study.layout import Layout
+from shukotsu.study.mapping import FileMapping
+from shukotsu.tracker.archive import open_archive
+from shukotsu.tracker.decode.survey import UNUSABLE, findings, flagged_records, survey_archive
+from shukotsu.tracker.families import FAMILIES
+from shukotsu.tracker.protocols.stream_settings import StreamSettings
+
+_KEPT = ("device-error", "device-warning", "distorted")
+"""Flags of records that become flags of poses under the same name."""
+
+
+def read_capture(path: Path, layout: Layout, mapping: FileMapping | None) -> Iterator[Samples]:
+    """Read a raw capture part by part; the first part has what is to be said of the whole.
+
+    Whose record is which segment's is told by the mapping, or else by the layout's `receiver:` numbers. A
+    record whose station or frame cannot be believed is left out and counted. Raises InputError where the file
+    is no capture, holds no pose or none of a segment of the layout.
+    """
+    archive = open_archive(path)
+    survey = survey_archive(archive)
+    losses = tuple(findings(survey))
+    if not survey.records:
+        raise InputError(f"{path}: holds no pose ({'; '.join(losses)}); record again")
+    segment_of = segments_of_receivers(path, survey.settings, {*survey.records}, layout, mapping)
+    there, named = {*survey.records}, {*segment_of}
+    if not there & named:
+        has, expected = (", ".join(map(str, sorted(stations))) for stations in (there, named))
+        expected = expected or "none: its segments have no `receiver:`"
+        raise InputError(f"{path}: has the receivers {has}; layout {layout.name} names {expected}")
+    others = ", ".join(map(str, sorted(there - named)))
+    notes = (*[f"receiver {others}: not in layout {layout.name}; left out"][: bool(others)], *losses)
+    segment = np.full(max({*survey.records, *segment_of}) + 1, -1)
+    segment[list(segment_of)] = list(segment_of.values())
+    missing_frames = survey.losses.all.lost
+    tracker = FAMILIES[survey.settings.family].title
+    empty = True
+    for part in flagged_records(archive, survey):
+        usable = ~part.flagged(*UNUSABLE)
+        rows = np.flatnonzero(usable)[segment[part.records.station[usable]] >= 0]
+        if len(rows):
+            empty, records = False, part.records.take(rows)
+            yield Samples(
+                layout.measured,
+                segment[records.station],
+                records.frame,
+                part.time_s[rows],
+                np.concatenate([records.position_mm, records.quaternion], -1),
+                lambda _: str(path),
+                {name: part.flagged(name)[rows] for name in _KEPT},
+                notes,
+                losses,
+                missing_frames,
+                tracker,
+                "device",
+            )
+            notes, losses, missing_frames = (), (), 0
+    if empty:
+        raise InputError(f"{path}: holds no pose that can be believed ({'; '.join(losses)}); record again")
+
+
+def segments_of_receivers(
+    path: Path, settings: StreamSettings, there: Collection[int], layout: Layout, mapping: FileMapping | None
+) -> dict[int, int]:
+    """Return by station its index into `layout.measured`; there : the stations that sent anything.
+
+    Raises InputError where a mapping is of another recording.
+    """
+    if mapping is not None:
+        unit = mapping.config["position_unit"]
+        if unit != settings.unit:
+            raise InputError(f"{mapping.where}: position_unit: is {unit}, but {path} has {settings.unit}")
+        stations = {str(station): station for station in there}
+        sources = [name_in_file(mapping, name, "value", [*stations], str(path)) for name in mapping.receivers]
+        return dict(zip((stations[name] for name in sources), mapped_segments(mapping, layout), strict=True))
+    numbers = ((layout.segments[name].receiver, index) for index, name in enumerate(layout.measured))
+    return {number: index for number, index in numbers if number is not None}

@@ -1,0 +1,106 @@
+"""Sequence files of PLUS and 3D Slicer (.mha, .nrrd): transforms, their status and times in the header."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.hand.rotations import Array, from_matrix
+from shukotsu.readers.formats.mapped import (
+    Track,
+    implied_mapping,
+    mapped_segments,
+    name_in_file,
+    samples_of_tracks,
+    snake_case,
+)
+from shukotsu.readers.formats.orientation import proper_rotations
+from shukotsu.readers.samples import Samples
+from shukotsu.study.layout import Layout
+from shukotsu.study.mapping import FileMapping
+from shukotsu.tables.limits import LINE_LETTERS, check_expansion
+from shukotsu.tables.text_files import open_text, reading
+
+EXPECTED = "a sequence file of PLUS or 3D Slicer (.mha, .nrrd)"
+_FIELD = re.compile(rb"Seq_Frame(\d{1,9})_(?:Timestamp|(\w+?)Transform(Status)?)\s*:?=\s*(.*?)\s*")
+
+
+def read_sequence(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
+    """Read the transforms, in mm, of the mapping's receivers, or of all tools that are segments.
+
+    Frames are counted from 0. Raises InputError where the header is cut off or what is OK is no pose.
+    """
+    transforms, time_s = open_sequence(path)
+    tools = tools_of(transforms)
+    worn = [name for name in tools if name in layout.measured] or list(tools)
+    mapping = mapping or implied_mapping(str(path), "sequence", "value", worn)
+    wanted = {segment: str(group.get("value", segment)) for segment, group in mapping.receivers.items()}
+    named = {segment: {"value": tools.get(name, name)} for segment, name in wanted.items()}
+    mapping = replace(mapping, receivers=named)
+    mapped_segments(mapping, layout)
+    frame, tracks = np.arange(len(time_s)), list[Track]()
+
+    def locate(row: int) -> str:
+        return f"{path}: Seq_Frame{row:04d}"
+
+    for segment in mapping.receivers:
+        matrices = transforms[name_in_file(mapping, segment, "value", list(transforms), str(path))]
+        turned = from_matrix(proper_rotations(matrices[:, :3, :3], locate))
+        position_mm = matrices[:, :3, 3] * (mapping.mm_per_unit or 1.0)
+        tracks.append(Track(frame, frame, time_s, np.concatenate([position_mm, turned], -1)))
+    return samples_of_tracks(tracks, mapping, layout, locate)
+
+
+def tools_of(transforms: dict[str, Array]) -> dict[str, str]:
+    """Name transforms by their tools, such as index_distal of IndexDistalToTracker; whole if of several."""
+    short = [snake_case(re.sub(r"(?<=.)To[A-Z]\w*$", "", name)) for name in transforms]
+    pairs = zip(short, transforms, strict=True)
+    return {tool if short.count(tool) == 1 else snake_case(name): name for tool, name in pairs}
+
+
+def open_sequence(path: Path) -> tuple[dict[str, Array], Array]:
+    """Read transforms by name (T, 4, 4) and times (T,), NaN where there is none or its status is not OK.
+
+    Nothing of the images is read. Raises InputError where the header is cut off, or none of a sequence.
+    """
+    values: dict[str, dict[int, Array]] = {}
+    for number, line in enumerate(_header(path), 1):
+        match = _FIELD.fullmatch(line)
+        if match is None or (match[3] and match[4].upper() == b"OK"):
+            continue
+        frame, name = int(match[1]), (match[2] or b"").decode()
+        shape = (4, 4) if name else (1,)
+        try:
+            numbers = np.full(shape, np.nan) if match[3] else np.array(match[4].split(), float).reshape(shape)
+        except ValueError:
+            what = "16 numbers" if name else "a time"
+            raise InputError(f"{path}: line {number}: expected {what}") from None
+        by_frame = values.setdefault(name, {})
+        by_frame[frame] = numbers + 0 * by_frame.get(frame, 0.0)  # NaN stays
+    frames = sorted(set[int]().union(*values.values()))
+    times = values.pop("", {})
+    if not values:
+        raise InputError(f"{path}: its header has no transform of a frame; expected {EXPECTED}")
+    check_expansion(path, 16 * 8 * len(frames) * len(values), "its transforms hardly share a frame")
+    none = np.full((4, 4), np.nan)
+    transforms = {
+        name: np.stack([by_frame.get(frame, none) for frame in frames]) for name, by_frame in values.items()
+    }
+    return transforms, np.array([times.get(frame, none[0])[0] for frame in frames])
+
+
+def _header(path: Path) -> Iterator[bytes]:
+    """Return the header's lines: of NRRD up to an empty line, of MetaIO up to where its data are."""
+    with reading(path, EXPECTED), open_text(path, EXPECTED) as stream:
+        nrrd = stream.read(4) == b"NRRD"
+        stream.seek(0)
+        while (line := stream.readline(LINE_LETTERS)).endswith(b"\n"):
+            yield line
+            if (nrrd and not line.strip()) or line.startswith(b"ElementDataFile"):
+                return
+        raise InputError(f"{path}: its header has no end; expected {EXPECTED}, copied whole")

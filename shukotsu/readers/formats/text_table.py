@@ -1,0 +1,292 @@
+"""A table as text in whatever form a program gave it: separators, comments, decimal commas, no header.
+
+What is wrong with its lines is looked for when something is.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import re
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+
+from shukotsu.errors import InputError, listed
+from shukotsu.left import instead
+from shukotsu.readers.formats.cells import EMPTY, Cells
+from shukotsu.readers.samples import did_you_mean
+from shukotsu.tables.limits import LINE_LETTERS, read_whole
+from shukotsu.tables.text_files import decoded, open_text, reading, refuse_other_kind, undecodable
+
+READ_BYTES = 8 << 20
+"""How much text is parsed at a time: some ten thousand rows, and more than the longest line."""
+
+_SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
+"""Runs of blanks are made one tab before anything else reads them."""
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table's text.
+
+    open : gives its bytes from the start. header : names of the columns, their numbers from 1 where the text
+    names none; titles : what they go by, no two the same. header_lines : up to and with the header.
+    expected : how many cells a row must have, in words. empty : the texts that mean "no value". ended :
+    whether the last line has its end.
+    """
+
+    path: Path
+    open: Callable[[], BinaryIO]
+    separator: str
+    header: tuple[str, ...]
+    titles: tuple[str, ...]
+    header_lines: int
+    expected: str
+    empty: tuple[str, ...] = EMPTY
+    decimal: str = "."
+    ended: bool = True
+
+    def cut_off(self, wanted: Iterable[str]) -> str:
+        """Format that the last row is left out, as it is where its last cell is wanted and may be cut off."""
+        if self.ended or self.titles[-1] not in wanted:
+            return ""
+        return "the last line has no line end, so its last number may be cut off: the row is left out"
+
+    def column(self, wanted: str | int, key: str) -> str:
+        """Return the title of a column by name or by number from 1; key : the mapping's, for messages."""
+        if isinstance(wanted, int):
+            if not 1 <= wanted <= len(self.header):
+                raise InputError(f"{key}: there is no column {wanted}; {self.path} has {len(self.header)}")
+            return self.titles[wanted - 1]
+        if wanted in self.titles:
+            return wanted
+        if count := self.header.count(wanted):
+            raise InputError(f"{key}: {self.path} has {count} columns {wanted!r}; give the column's number")
+        guess = did_you_mean(wanted, self.header)
+        guess = guess or f"; found {listed([name for name in self.header if name])}"
+        raise InputError(f"{key}: column {wanted!r} is missing in {self.path}{guess}")
+
+    def cells(self, wanted: Sequence[str]) -> Cells:
+        """Read the columns of those titles. Raises InputError as `blocks` does, and where there is no row."""
+        tables = list(self._tables(list(dict.fromkeys(wanted)), READ_BYTES))
+        if not sum(table.num_rows for table in tables):
+            why = self.cut_off(wanted) or "expected one a frame, or a receiver and frame"
+            raise InputError(f"{self.path}: has no rows; {why}")
+        return self._cells(pa.concat_tables(tables))
+
+    def blocks(self, wanted: Sequence[str], read_bytes: int = READ_BYTES) -> Iterator[Cells]:
+        """Read the columns of those titles, so much text at a time.
+
+        Raises InputError where the text is no table, or a row has another number of cells than it must have.
+        """
+        start = 0
+        for table in self._tables(list(wanted), read_bytes):
+            yield self._cells(table, start)
+            start += table.num_rows
+
+    def _cells(self, table: pa.Table, start: int = 0) -> Cells:
+        return Cells(self.path, table, lambda row: self._place(start + row), self.empty, self.decimal)
+
+    def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
+        last = 1 if self.cut_off(wanted) else 0
+        # One thread: of several, each has a block at work and others ahead.
+        read = pa_csv.ReadOptions(
+            use_threads=False,
+            block_size=read_bytes,
+            column_names=list(self.titles),
+            skip_rows=self.header_lines,
+        )
+        parse = pa_csv.ParseOptions(delimiter=self.separator)
+        convert = pa_csv.ConvertOptions(
+            include_columns=wanted,
+            column_types=dict.fromkeys(wanted, pa.string()),
+            strings_can_be_null=True,
+            null_values=self.empty,
+        )
+        with reading(self.path), self.open() as stream:
+            # no Python in what pyarrow reads, which aborts a process that ends while it reads on
+            text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
+            held: list[pa.Table] = []
+            with pa.OSFile(str(self.path)) if text is None else pa.BufferReader(text) as source:
+                try:
+                    for batch in pa_csv.open_csv(source, read, parse, convert):
+                        if batch.num_rows:
+                            yield from held
+                            held = [pa.Table.from_batches([batch])]
+                except pa.ArrowInvalid as error:
+                    self._refuse_lines(error)
+            yield from (table.slice(0, table.num_rows - last) for table in held)
+
+    def _records(self) -> Iterator[tuple[int, list[str]]]:
+        """Return every row, without empty lines, with the number of its (last) line."""
+        records = text_records(self.open(), self.separator)
+        return itertools.dropwhile(lambda record: record[0] <= self.header_lines, records)
+
+    def _place(self, row: int) -> str:
+        """Return file and line of a row, as an editor counts lines."""
+        with suppress(csv.Error):  # a cell that is too long, in a row before
+            for line, _ in itertools.islice(self._records(), row, None):
+                return f"{self.path}: line {line}"
+        return f"{self.path}: row {row + 1}"
+
+    def _refuse_lines(self, error: Exception) -> None:
+        """Name the line that pyarrow stumbled over; do nothing where there is no row at all."""
+        last = 0
+        try:
+            for line, record in self._records():
+                if len(record) != len(self.header) and last and line > last + 1 and len(record) < 3:
+                    raise InputError(
+                        f"{self.path}: line {line}: another table seems to begin here, after an empty line; "
+                        "expected one: put each into a file of its own"
+                    )
+                last = line
+                if len(record) != len(self.header):
+                    raise InputError(
+                        f"{self.path}: line {line}: has {len(record)} cells; expected {self.expected}"
+                    )
+        except UnicodeDecodeError:
+            raise _undecodable(self.path, self.open()) from error
+        except csv.Error as unreadable:
+            raise InputError(f"{self.path}: cannot be read as a table ({unreadable})") from error
+        if last:
+            raise InputError(
+                f"{self.path}: cannot be read as a table ({' '.join(str(error).split())})"
+            ) from error
+
+
+def text_records(stream: BinaryIO, separator: str) -> Iterator[tuple[int, list[str]]]:
+    """Return every record that is not an empty line, with the number of its (last) line."""
+
+    def lines(text: io.TextIOWrapper) -> Iterator[str]:
+        while line := text.readline(LINE_LETTERS + 1):
+            if len(line) > LINE_LETTERS:
+                raise csv.Error(f"a line has more than {LINE_LETTERS} letters")
+            yield line
+
+    with io.TextIOWrapper(stream, "utf-8-sig", newline="") as text:
+        reader = csv.reader(lines(text), delimiter=separator)
+        yield from ((reader.line_num, record) for record in reader if record)
+
+
+def _undecodable(path: Path, stream: BinaryIO) -> InputError:
+    """Name the first line that is not UTF-8."""
+    with stream:
+        for number, line in enumerate(iter(partial(stream.readline, 4 * LINE_LETTERS), b""), 1):
+            try:
+                line.decode("utf-8")
+            except UnicodeDecodeError:
+                return undecodable(path, number)
+    raise AssertionError("every line can be decoded")
+
+
+def open_tidy_csv(path: Path) -> TextTable:
+    """Open a CSV file in UTF-8 with a header, commas and decimal points.
+
+    Raises InputError where the file cannot be read, is empty or is not UTF-8.
+    """
+    line, header = next(iter(_first_records(path, partial(open_text, path), ",", 1)), (0, []))
+    if not header or not any(map(str.strip, header)):
+        raise InputError(f"{path}: is empty; expected a tidy recording with a header line")
+    expected = (
+        f"{len(header)} as in the header (a cut-off line, or decimal commas: numbers need a decimal point)"
+    )
+    names = [name.strip() for name in header]
+    table = TextTable(path, partial(open_text, path), ",", tuple(names), _titles(names), line, expected)
+    with open_text(path) as stream:
+        stream.seek(max(0, path.stat().st_size - 1))
+        return replace(table, ended=is_ended(stream.read()))
+
+
+def is_ended(data: bytes) -> bool:
+    """Return whether the last line of a text is whole, so that no number there can be cut off.
+
+    An editor may leave a whole line without its end: a closing quotation mark or a blank then tells as well.
+    """
+    return data[-1:] in (b"\n", b"\r", b" ", b'"')
+
+
+def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
+    """Open a table's text as the mapping's `csv` group says.
+
+    Raises InputError where it cannot be read, is not UTF-8 or is empty.
+    """
+    if path.name.lower().endswith(".jsonl"):
+        raise InputError(f"{path}: {instead('format', 'jsonl')}")
+    with reading(path, "a table as text"):
+        data = read_whole(path, "a table as text")
+        ended = is_ended(data)
+        data = _normalised(path, data, details)
+    separator = _SEPARATOR[details["delimiter"]]
+    records = _first_records(path, lambda: io.BytesIO(data), separator, details["header"] + 1)
+    if not records:
+        raise InputError(f"{path}: is empty; expected a table")
+    names, width = records[0][1] if details["header"] else [""] * len(records[0][1]), len(records[-1][1])
+    # the row of names may end in a separator, or the others do
+    names = names if any(names[width:]) or width > len(names) + 1 else [*names, ""][:width]
+    names = [name.strip() for name in names[:width]]
+    expected = (
+        f"{len(names)} as in the first line (a cut-off line, or another delimiter than the mapping says)"
+    )
+    header = names if details["header"] else map(str, range(1, len(names) + 1))
+    return TextTable(
+        path,
+        lambda: io.BytesIO(data),
+        separator,
+        tuple(header),
+        _titles(names),
+        records[0][0] if details["header"] else 0,
+        expected,
+        (*EMPTY, *map(str.strip, details["missing"])),
+        details["decimal"],
+        ended=ended,
+    )
+
+
+def _titles(names: Sequence[str]) -> tuple[str, ...]:
+    """Return columns' titles: their names, with #1, #2 where several have one, or "number 4" without any."""
+    counts, numbers = Counter(names), defaultdict[str, Iterator[int]](partial(itertools.count, 1))
+    return tuple(
+        f"number {index}" if not name else f"{name} #{next(numbers[name])}" if counts[name] > 1 else name
+        for index, name in enumerate(names, 1)
+    )
+
+
+def _first_records(
+    path: Path, open_: Callable[[], BinaryIO], separator: str, count: int
+) -> list[tuple[int, list[str]]]:
+    try:
+        with reading(path):
+            return list(itertools.islice(text_records(open_(), separator), count))
+    except UnicodeDecodeError as error:
+        raise _undecodable(path, open_()) from error
+    except csv.Error as error:
+        raise InputError(f"{path}: cannot be read as a table ({error})") from error
+
+
+def _normalised(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
+    """Return the text without indents, skipped lines and comments emptied, so that lines keep numbers."""
+    refuse_other_kind(path, data[:8], "a table as text")
+    if not data.isascii():  # else the text would only take memory
+        decoded(path, data, "a table as text")
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if details["skip_lines"]:
+        lines = data.split(b"\n", details["skip_lines"])
+        data = b"\n" * (len(lines) - 1) + lines[-1] if len(lines) > details["skip_lines"] else b""
+    if "comment" in details:
+        data = re.sub(rb"(?m)^[ \t]*" + re.escape(details["comment"].encode()) + rb".*$", b"", data)
+    data = re.sub(rb"(?m)^[ \t]+$", b"", data)
+    if details["delimiter"] == "space":
+        data = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", data)
+        data = re.sub(rb"[ \t]+", b"\t", data)
+    return data

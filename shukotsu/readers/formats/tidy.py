@@ -1,0 +1,141 @@
+"""The tidy recording: one row a receiver and frame, as CSV or Parquet (docs/recordings.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from shukotsu.errors import InputError, listed
+from shukotsu.readers.formats.cells import Cells
+from shukotsu.readers.formats.text_table import open_tidy_csv
+from shukotsu.readers.samples import NUMBERS, Samples, segments_of_names, segments_of_stations
+from shukotsu.study.layout import Layout
+from shukotsu.study.mapping import FileMapping
+from shukotsu.tables.parquet_files import naming_damage, open_parquet
+
+SEGMENT, RECEIVER = "segment", "receiver"
+REQUIRED = ("frame", "time_s", *NUMBERS)
+"""Beside these one of `segment` and `receiver`; any other column is left alone."""
+
+BLOCK_ROWS = 1 << 16
+
+_READ_BYTES = 1 << 20
+"""How much of a Parquet column is read at a time: one row group may hold the whole recording."""
+
+_COMMENTS = ("#", "%", "//")
+"""What the first line of a table with comments starts with."""
+
+
+def read_csv(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
+    """Read a tidy CSV file (UTF-8, commas, decimal points) in parts. Raises InputError where it is none."""
+    table = open_tidy_csv(path)
+    wanted = wanted_columns(path, table.header)
+    return _parts(table.blocks(wanted), path, layout, table.cut_off(wanted))
+
+
+def read_parquet(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
+    """Read a tidy Parquet file in parts. Raises InputError where it is none."""
+    with open_recording(path) as file:
+        blank = any(name != name.strip() for name in file.schema_arrow.names)
+    note = "names of columns have blanks round them, which are dropped"
+    return _parts(parquet_blocks(path), path, layout, notes=(note,) if blank else ())
+
+
+def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
+    """Return the columns of a tidy recording, some rows at a time, in whatever number types they are."""
+    start = 0
+    with open_recording(path) as file:
+        written = {name.strip(): name for name in file.schema_arrow.names}
+        names = wanted_columns(path, [name.strip() for name in file.schema_arrow.names])
+        for batch in file.iter_batches(block_rows, columns=[written[name] for name in names]):
+            batch.validate(full=True)  # texts are UTF-8
+            batch = batch.rename_columns([name.strip() for name in batch.schema.names])
+            table = pa.Table.from_batches([batch])
+            yield Cells(path, table, partial(_row, path, start))
+            start += batch.num_rows
+
+
+def _row(path: Path, start: int, row: int) -> str:
+    return f"{path}: row {start + row + 1}"
+
+
+@contextmanager
+def open_recording(path: Path) -> Iterator[pq.ParquetFile]:
+    """Open a Parquet file. Raises InputError where it is absent, is none or is damaged further on."""
+    expected, remedy = "a recording", "copy it again"
+    with naming_damage(path, remedy), open_parquet(path, expected, remedy, _READ_BYTES) as file:
+        yield file
+
+
+def _parts(
+    blocks: Iterable[Cells], path: Path, layout: Layout, loss: str = "", notes: tuple[str, ...] = ()
+) -> Iterator[Samples]:
+    """Return the samples of a recording's parts; loss : what is lost of it, said once, as notes are."""
+    empty, losses = True, (loss,) if loss else ()
+    for cells in blocks:
+        if cells.rows:
+            yield replace(read_samples(cells, path, layout), notes=(*losses, *notes), losses=losses)
+            empty, losses, notes = False, (), ()
+    if empty:
+        raise InputError(f"{path}: has a header but no rows; expected one row a receiver and frame")
+
+
+def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
+    """Return the columns to read, of those that the file has.
+
+    Raises InputError where one is missing, is given twice, or the receiver is named in two ways.
+    """
+    if SEGMENT in header and RECEIVER in header:
+        raise InputError(f"{path}: has both columns {SEGMENT} and {RECEIVER}; keep one of them")
+    missing = [name for name in REQUIRED if name not in header]
+    if SEGMENT not in header and RECEIVER not in header:
+        missing.append(f"{SEGMENT} (or {RECEIVER})")
+    if missing:
+        forms = {";": "the cells are separated by semicolons", "\t": "the cells are separated by tabs"}
+        what, do = "", "save with commas, and points in the numbers"
+        what = next((what for mark, what in forms.items() if mark in "".join(header)), "")
+        if "".join(header).lstrip().startswith(_COMMENTS):
+            what, do = "the first line is a comment", "take it out"
+        if what:
+            raise InputError(
+                f"{path}: no columns of a tidy recording; {what}: {do}, or "
+                f"`shukotsu inspect {path}` shows how to read it as it is"
+            )
+        lower = any(name.lower() in REQUIRED and name not in REQUIRED for name in header)
+        do = "; column names are written in lower case" * lower
+        do += f"; `shukotsu inspect {path}` shows how to read another table as it is"
+        present = listed([name for name in header if name])
+        raise InputError(f"{path}: column {', '.join(missing)} is missing; found {present}{do}")
+    wanted = [name for name in (*REQUIRED, SEGMENT, RECEIVER) if name in header]
+    twice = [name for name in wanted if list(header).count(name) > 1]
+    if twice:
+        raise InputError(f"{path}: column {', '.join(twice)} is given twice; keep one of them")
+    return wanted
+
+
+def read_samples(cells: Cells, path: Path, layout: Layout) -> Samples:
+    """Turn cells into samples. Raises InputError where a cell is not what its column holds."""
+    if SEGMENT in cells.names:
+        segment = segments_of_names(*cells.names_in(SEGMENT), layout, cells.locate)
+    elif all(layout.segments[name].receiver is None for name in layout.measured):
+        raise InputError(
+            f"{path}: names receivers by station number, but layout {layout.name} gives its segments none; "
+            f"add `receiver:` to the layout's segments or use a {SEGMENT} column"
+        )
+    else:
+        segment = segments_of_stations(cells.wholes(RECEIVER), layout, cells.locate)
+    return Samples(
+        layout.measured,
+        segment,
+        cells.wholes("frame"),
+        cells.reals("time_s"),
+        np.stack([cells.reals(name) for name in NUMBERS]).T,
+        cells.locate,
+    )

@@ -1,0 +1,105 @@
+"""XDF: a stream of type MoCap as LabStreamingLayer records it (XDF's MoCap meta-data)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.readers.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
+from shukotsu.readers.formats.orientation import quaternions
+from shukotsu.readers.samples import Samples, did_you_mean
+from shukotsu.study.layout import Layout
+from shukotsu.study.mapping import FileMapping
+from shukotsu.tables.units import MM_PER_UNIT, UNIT_NAMES
+from shukotsu.tables.xdf_streams import (
+    NUMBERS,
+    Channel,
+    Stream,
+    load_stream,
+    owners,
+    pose_channels,
+    read_streams,
+)
+
+
+def read_xdf(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples:
+    """Read a MoCap stream: PositionX, Y, Z and OrientationA, B, C, D of every marker or object.
+
+    Without a mapping each must be a segment of the layout. Time stamps are those of the file, corrected by
+    its clock offsets where it has any, and not smoothed; samples are counted from 0 as frames; NaN is a gap.
+    Raises InputError where the stream is not to be told, is damaged or has a unit that is not known.
+    """
+    stream = _chosen_stream(path, mapping)
+    where = f"{path}: stream {stream.name}"
+    if stream.format not in NUMBERS:
+        raise InputError(f"{where}: holds {stream.format or 'no format'}; expected numbers")
+    read = load_stream(path, stream)
+    if len(read.channels) != stream.channel_count:
+        raise InputError(
+            f"{where}: has {stream.channel_count} channels, but its header describes {len(read.channels)}; "
+            "the sender must describe each (label, marker or object, type, unit)"
+        )
+    posed = owners(read.channels)
+    mapping = mapping or implied_mapping(where, "xdf", "value", posed)
+    if (mapping.orientation or {}).get("kind", "quaternion") != "quaternion":
+        raise InputError(f"{mapping.where}: orientation.kind: must be quaternion; others of XDF are not read")
+    names = [name_in_file(mapping, key, "value", posed, where) for key in mapping.receivers]
+    declared = {"order": "wxyz", "rotates": "receiver-to-transmitter", **(mapping.orientation or {})}
+    declared["kind"] = "quaternion"
+    values, frame, tracks = np.asarray(read.values, float), np.arange(len(read.time_s)), []
+
+    def locate(row: int) -> str:
+        return f"{where}, sample {row + 1}"
+
+    for name in names:
+        channels = pose_channels(where, read.channels, name)
+        mm = [_mm_per_unit(f"{where}, {name}", channel, mapping) for channel in channels[:3]]
+        pose = values[:, [channel.index for channel in channels]]
+        with np.errstate(over="ignore"):
+            position_mm = pose[:, :3] * mm
+        numbers = np.concatenate([position_mm, quaternions(pose[:, 3:], declared, locate)], -1)
+        tracks.append(Track(frame, frame, read.time_s, numbers))
+    return samples_of_tracks(tracks, mapping, layout, locate, read.notes)
+
+
+def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
+    """Return the stream that the mapping names, else the only one of type MoCap."""
+    streams = read_streams(path)
+    wanted = None if mapping is None else mapping.details.get("stream")
+    chosen = [stream for stream in streams if wanted in (stream.name, stream.number)]
+    if wanted is None:
+        chosen = [stream for stream in streams if stream.type.lower() == "mocap"]
+    if len(chosen) == 1:
+        return chosen[0]
+    if wanted is None and not chosen:
+        have = ", ".join(f"{s.name} ({s.type or 'no type'})" for s in streams) or "no stream at all"
+        raise InputError(f"{path}: has no stream of type MoCap; it has {have}")
+    numbered = ", ".join(f"{s.name}, number {s.number}" for s in (streams if wanted else chosen)) or "none"
+    if wanted is None:
+        raise InputError(
+            f"{path}: has {len(chosen)} streams of type MoCap ({numbered}); say which in a "
+            "mapping as xdf.stream, by its name or its number"
+        )
+    say = "; say its number" if chosen else did_you_mean(str(wanted), [s.name for s in streams])
+    raise InputError(f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {numbered}{say}")
+
+
+def _mm_per_unit(where: str, channel: Channel, mapping: FileMapping) -> float:
+    """Return the length of a position's unit. Raises InputError where it is none, or not the mapping's."""
+    unit = UNIT_NAMES.get(channel.unit)
+    if channel.unit and unit is None:
+        raise InputError(
+            f"{where}: channel {channel.label}: unit: is {channel.unit!r}; expected meters, centimeters, "
+            "millimeters or inches"
+        )
+    mapped_unit = mapping.config.get("position_unit")
+    if unit is None and mapped_unit is None:
+        raise InputError(f"{where}: channel {channel.label}: has no unit; say position_unit in a mapping")
+    if None not in (unit, mapped_unit) and unit != mapped_unit:
+        raise InputError(
+            f"{mapping.where}: position_unit: is {mapped_unit}, but {where} has {channel.unit}; find out "
+            "which is right"
+        )
+    return mapping.mm_per_unit or MM_PER_UNIT[str(unit)]

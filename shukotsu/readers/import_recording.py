@@ -1,0 +1,160 @@
+"""Command line: a recording's file -> its poses table, and what was declared of it and cannot be."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shukotsu import command_line
+from shukotsu.readers.formats.readers import AUTO, FORMATS
+
+if TYPE_CHECKING:
+    from shukotsu.readers.poses_table import PosesTable
+    from shukotsu.readers.samples import Samples
+    from shukotsu.study.layout import Layout
+    from shukotsu.study.mapping import FileMapping
+
+_DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation", "fixed")
+"""Keys of a mapping that say what its numbers are, for the checks."""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the subcommand's argument parser."""
+    parser = command_line.parser(
+        "shukotsu import",
+        "Turn a recording's file into the poses table: units and frames checked, gaps kept and named.",
+        "shukotsu import --in rom.csv --layout liberty16 --subject 01 --hand right "
+        "--task rom --out poses.parquet",
+    )
+    add = parser.add_argument
+    add("--in", dest="file", type=Path, required=True, help="the recording")
+    add("--out", type=Path, required=True, help="the poses table to write")
+    add("--format", choices=(AUTO, *FORMATS), default=AUTO, help="auto goes by the ending")
+    add("--mapping", type=Path, help="how to read a file that is not this project's own (docs/mappings.md)")
+    add(
+        "--repair-hemisphere",
+        action="store_true",
+        help="put back positions that are on the other side of the transmitter, at times or all along; "
+        "without it those that jumped are gaps",
+    )
+    add("--layout", required=True, help="a layout that ships, or a path")
+    add("--subject", required=True, help="whose hand it is")
+    add("--session", default="", help="which session, where receivers were taken off and put on anew")
+    add("--hand", required=True, choices=("right", "left"), help="which hand")
+    add("--task", required=True, help="what was done")
+    add("--trial", default="", help="which repetition, where there are several")
+    return parser
+
+
+def main(argv: list[str]) -> int:
+    """Run the subcommand; return the exit code."""
+    return command_line.run(build_parser, argv, import_and_check, record_failure)
+
+
+def import_and_check(arguments: argparse.Namespace) -> None:
+    """Import the recording; but in a study, where a rule checks, print what cannot be as declared."""
+    from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.study.finding_sentences import in_quotes
+    from shukotsu.study.layout import read_layout
+    from shukotsu.tables.poses import BYTES_A_POSE, KEPT_BYTES, frame_count
+
+    import_recording(arguments)
+    if arguments.record_failure:
+        return
+    layout = read_layout(arguments.layout).of_hand(arguments.hand)
+    if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
+        print(f"note: {arguments.file}: long; check it with shukotsu stage check_recordings", file=sys.stderr)
+        return
+    for finding in checked_poses(arguments.out, layout).findings:
+        sentence = in_quotes(finding.message)
+        print(f"{finding.severity}: {arguments.file}: {finding.kind}: {sentence}", file=sys.stderr)
+
+
+def import_recording(arguments: argparse.Namespace) -> None:
+    """Read the recording, check it, write the table; notes on what is not there go to stderr."""
+    from shukotsu.errors import reading_what_was_brought
+    from shukotsu.readers.formats.readers import find_parts_reader
+    from shukotsu.readers.hemispheres import expected_joints
+    from shukotsu.readers.poses_table import poses_table
+    from shukotsu.readers.samples import joined
+    from shukotsu.study.layout import read_layout
+    from shukotsu.study.mapping import read_mapping
+
+    layout = read_layout(arguments.layout).of_hand(arguments.hand)
+    mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
+    read = find_parts_reader(arguments.file, arguments.format, mapping)
+    remarks: list[Samples] = []
+
+    def parts() -> Iterator[Samples]:
+        with reading_what_was_brought():
+            for part in read(arguments.file, layout, mapping):
+                remarks.append(part.take(slice(0)))
+                yield part
+
+    parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
+    folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())
+    table = poses_table(
+        parts(),
+        parents,
+        folder,
+        expected_mm=expected_joints(layout),
+        repair_hemisphere=arguments.repair_hemisphere,
+    )
+    with closing(table) as poses:
+        _write(arguments, layout, poses, joined(remarks), mapping)
+
+
+def _write(
+    arguments: argparse.Namespace,
+    layout: Layout,
+    poses: PosesTable,
+    remarks: Samples,
+    mapping: FileMapping | None,
+) -> None:
+    """Write the table; what was declared of it, is absent and was remarked goes into its metadata."""
+    from shukotsu.study.config_files import config_path
+    from shukotsu.tables.catalogue import POSES
+    from shukotsu.tables.typed_table import Provenance, write_table_in_parts
+
+    # Expected are the layout's segments, or of these the mapping's: nobody wore a receiver on the others.
+    seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
+    worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
+    absent = [s for s in layout.expected if s in worn and s not in seen]
+    notes = list(remarks.notes)
+    if absent:
+        notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
+    notes += [f"segment {name} never moves though its parent does; not used" for name in poses.frozen]
+    for note in notes:
+        print(f"note: {arguments.file}: {note}", file=sys.stderr)
+    inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
+    inputs += [] if arguments.mapping is None else [arguments.mapping]
+    parameters = {**_parameters(arguments, layout.name, absent), "notes": list(remarks.notes)}
+    if mapping is not None:
+        declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
+        unit = mapping.config.get("csv", {}).get("time_unit")
+        parameters["mapping"] = declared if unit is None else {**declared, "csv": {"time_unit": unit}}
+    parameters |= {"losses": list(remarks.losses), "missing_frames": remarks.missing_frames}
+    more = {"tracker": remarks.tracker, "orientation": remarks.orientation, "breaks": poses.breaks}
+    parameters |= {key: value for key, value in more.items() if value}
+    write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write the table without rows and the reason, the recording named without its folder."""
+    from shukotsu.tables.catalogue import POSES
+    from shukotsu.tables.typed_table import Provenance, write_failure
+
+    layout = Path(arguments.layout).name.removesuffix(".yaml")
+    provenance = Provenance.of([arguments.file], **_parameters(arguments, layout, []))
+    message = message.replace(str(arguments.file), arguments.file.name)
+    write_failure(arguments.out, POSES, message, provenance)
+
+
+def _parameters(arguments: argparse.Namespace, layout: str, absent: list[str]) -> dict[str, Any]:
+    names = {name: getattr(arguments, name) for name in ("subject", "hand", "task", "trial")}
+    names |= {"session": arguments.session} if arguments.session else {}
+    return {**names, "layout": layout, "absent": absent}

@@ -1,0 +1,330 @@
+"""What the columns of a table seem to be: time, frame, receiver, positions, orientations."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from shukotsu.hand.rotations import Array
+from shukotsu.readers.formats.mapped import snake_case
+from shukotsu.tables.units import UNIT_NAMES
+
+POSITION_UNITS = frozenset(UNIT_NAMES.values())
+
+_ANGLES = {
+    "deg": ("deg", "degree", "degrees", "°"),
+    "rad": ("rad", "radian", "radians"),
+}
+_TIMES = {
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "ms": ("ms", "msec", "millisecond", "milliseconds"),
+    "us": ("us", "usec", "µs", "μs", "microsecond", "microseconds"),
+    "ns": ("ns", "nsec", "nanosecond", "nanoseconds"),
+}
+ANGLE_UNITS, TIME_UNITS = frozenset(_ANGLES), frozenset(_TIMES)
+
+_UNITS = {
+    **UNIT_NAMES,
+    **{word: unit for units in (_ANGLES, _TIMES) for unit, words in units.items() for word in words},
+}
+"""What titles write of a unit, in lower case, and the mapping's name for it."""
+
+_WORDS = "|".join(sorted(map(re.escape, _UNITS), key=len, reverse=True))
+_STATED = re.compile(
+    rf"[\W_]*[(\[]\s*(?P<bracketed>{_WORDS})\s*[)\]]|(?<=[^\W_])[\W_]+(?P<last>{_WORDS})(?=[\W_]*\d*[\W_]*$)",
+    re.I,
+)
+"""A unit in brackets anywhere, or as the last word but for a number: a letter elsewhere may be a finger's."""
+
+
+class Title(NamedTuple):
+    """A title without its unit, and the unit by the mapping's name; empty where it states none."""
+
+    name: str
+    unit: str
+
+
+def split_title(title: str) -> Title:
+    """Return a title without its unit, and the unit."""
+    match = _STATED.search(title)
+    if match is None:
+        return Title(title, "")
+    word = match["bracketed"] or match["last"]
+    return Title(title[: match.start()] + title[match.end() :], _UNITS[word.lower()])
+
+
+_NORM_SHARE = 0.9
+_NORM_OFF = 0.02
+_MOST_STATION = 64
+
+_TIME = re.compile(r"time|stamp|^t$|^t_|sec", re.I)
+_FRAME = re.compile(r"frame|sample|count|^index$|^n$|^#$", re.I)
+_RECEIVER = re.compile(r"child_frame_id|receiver|sensor|station|segment|marker|^id$|device|channel", re.I)
+_QUALITY = re.compile(r"quality|^q(ual)?[\W_]*\d*$", re.I)
+_ASIDE = re.compile(
+    r"quality|error|dist(ortion)?$|button|stylus|sync|status|conf|flag|temp|(?<![a-z])(acc(?!ur)|gyr|magneto"
+    r"|veloc|omega|(hours?|minutes?|date|port|handle|state|rate|force|torque|emg|pressure|gravity|mag)(?![a-z])"
+    r"|(id|index|count)(_?\d+)?$)"
+)
+"""Looked for in titles as segments' names are written."""
+_SCALAR_FIRST = re.compile(r"q(?:uat)?[\W_]?(?P<digit>[0-3])(?!\d)", re.I)
+_MANY_ROWS = 20
+"""In so many rows a position neither grows with every one nor keeps still to its last digit."""
+_ANGLE = re.compile(
+    r"az|el(ev)?(ation)?\d*$|roll|pitch|yaw|euler|ori|rot|ang|att|psi|theta|phi|^r[xyz]", re.I
+)
+_AXIS = re.compile(
+    r"(?P<before>.*?)(?P<axis>(?<![a-z])az(imuth)?|(?<![a-z])el(ev(ation)?)?|(?<![a-z])rol?l?"
+    r"|(?<![a-z])[aer](?![a-z])|[wxyz])"
+    r"(?P<after>[\W_]*(mm|cm|m|in|inch|deg|rad)?[\W_]*\d*[\W_]*)",
+    re.I,
+)
+"""A title's axis, and what the titles of the same receiver share before and after it."""
+
+_NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
+
+
+@dataclass(frozen=True)
+class Roles:
+    """What the columns, by title, seem to be.
+
+    quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
+    the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
+    aside : numbers that are none of these; text : columns that hold no numbers.
+    guessed : titles of which neither name nor numbers say what they are, only their place in the table.
+    """
+
+    time: str | None = None
+    frame: str | None = None
+    receiver: str | None = None
+    quaternions: list[list[str]] = field(default_factory=list)
+    matrices: list[list[str]] = field(default_factory=list)
+    angles: list[list[str]] = field(default_factory=list)
+    positions: list[list[str]] = field(default_factory=list)
+    quality: list[str] = field(default_factory=list)
+    aside: list[str] = field(default_factory=list)
+    text: list[str] = field(default_factory=list)
+    guessed: set[str] = field(default_factory=set)
+
+    @property
+    def orientations(self) -> tuple[str, list[list[str]]]:
+        """Return the kind of orientation that there is most of, and its groups."""
+        kinds = {"quaternion": self.quaternions, "matrix": self.matrices, "euler": self.angles}
+        kind = max(kinds, key=lambda name: len(kinds[name]))
+        return kind, kinds[kind]
+
+
+def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
+    """Return the roles of columns, by their numbers and, where these leave it open, by their names.
+
+    titles : all columns; numbers : those that hold numbers, title -> (N,).
+    """
+    numeric = [title for title in titles if title in numbers]
+    inertial = [[t for t in numeric if re.fullmatch(rf"{x}_?[xyz]", t, re.I)] for x in "agm"]
+    whole = sum(len(axes) == 3 for axes in inertial) > 1  # accelerometer, gyroscope, magnetometer
+    moved = {t for axes in inertial for t in axes if whole}
+    aside = [t for t in numeric if t in moved or _ASIDE.search(snake_case(t))]
+    named = _named_groups([t for t in numeric if t not in aside], numbers)
+    unnamed = [t for t in numeric if t not in named]
+    split = {t: split_title(t) for t in unnamed}
+    times = [t for t in unnamed if split[t].unit in TIME_UNITS or any(map(_TIME.search, (t, split[t].name)))]
+    time = next((t for t in times if _grows(numbers[t])), None)
+    counts = [t for t in numeric if _grows(numbers[t]) and (numbers[t] == np.floor(numbers[t])).all()]
+    frame = next((t for t in counts if t != time and _FRAME.search(t)), None)
+    wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
+    station = _first_goes_round(titles, numbers) and not wide
+    receivers = [
+        t for t in titles if not wide and t not in (time, frame) and not re.search("stat[eu]", t, re.I)
+    ]
+    receiver = next((t for t in receivers if _is_receiver(t, numbers.get(t))), None)
+    guessed = {titles[0]} if station and receiver is None else set()
+    receiver = receiver or next(iter(guessed), None)
+    text = [title for title in titles if title not in numbers and title != receiver]
+    left = [title for title in numeric if title not in (time, frame, receiver)]
+    free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
+    growing = [title for title in free if (np.diff(numbers[title]) > 0).all()]
+    if time is None and growing and growing == left[:1]:  # and no other that no name puts in a group
+        time = left.pop(0)
+        guessed.add(time)
+    quality = [title for title in left if _QUALITY.search(title) and title not in named]
+    others = [t for t in left if t in times or not named.get(t, not _counts(t, numbers[t]))]
+    aside = [title for title in left if title in (*aside, *others) and title not in quality]
+    roles = Roles(time, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed)
+    _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
+    roles.angles[:] = [by_azimuth(group) or group for group in roles.angles]
+    roles.quaternions[:] = [by_scalar(group) or group for group in roles.quaternions]
+    return roles
+
+
+def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
+    """Return positions and orientations of one receiver each: by their order where there are as many of both.
+
+    Else each orientation has the nearest position whose title has the same first word, or any.
+    """
+    positions, orientations = list(roles.positions), roles.orientations[1]
+    if not orientations or len(positions) == len(orientations):
+        return [(group, orientations[i] if orientations else []) for i, group in enumerate(positions)]
+    pairs = []
+    for turning in orientations[: len(positions)]:
+        word, column = turning[0].split()[0], titles.index(turning[0])
+        gaps = [(group[0].split()[0] != word, abs(titles.index(group[0]) - column)) for group in positions]
+        pairs.append((positions.pop(gaps.index(min(gaps))), turning))
+    return pairs
+
+
+def _counts(title: str, values: Array) -> bool:
+    """Return whether a column grows with every row, or is one whole number in all though it has a name."""
+    still = np.ptp(values) == 0 and values[0] == np.floor(values[0]) and not title.startswith("number ")
+    return len(values) >= _MANY_ROWS and bool(still or (np.diff(values) > 0).all())
+
+
+def _spelled(title: str, names: Iterable[str]) -> Title:
+    """Return a title without its unit, q0 as qw, and of the same receiver q1, q2 and q3 as qx, qy and qz."""
+    name, unit = split_title(title)
+    if match := _SCALAR_FIRST.search(name):
+        at = match.start("digit")
+        if (name[:at] + "0" + name[at + 1 :]).lower() in names:
+            name = name[:at] + "wxyz"[int(name[at])] + name[at + 1 :]
+    return Title(name, unit)
+
+
+def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[str, list[str]]:
+    """Return titles that differ in their axis only, each title -> its group in the order of the table.
+
+    w, x, y, z are a group only where their norm is 1 in the rows that have them. What a q calls a
+    quaternion and is none is in a group of nothing.
+    """
+    alike: dict[tuple[str, str, str], dict[str, str]] = {}
+    spellings = {split_title(title).name.lower() for title in titles}
+    for title in titles:
+        name, unit = _spelled(title, spellings)
+        if match := _AXIS.fullmatch(name):
+            axes = alike.setdefault((match["before"].lower(), match["after"].lower(), unit), {})
+            axes.setdefault(match["axis"][0].lower(), title)
+    groups: dict[str, list[str]] = {}
+    for (before, _, _), axes in alike.items():
+        for names in _NAMED_GROUPS:
+            group = [title for axis, title in axes.items() if axis in names]
+            if len(group) < len(names) or group[0] in groups:
+                continue
+            off = _off_rotation(group, numbers, 4) if len(names) == 4 else 0.0
+            if off < _NORM_OFF or re.search(r"q(uat\w*)?[\W_]*$", before):
+                groups |= dict.fromkeys(group, group if off < _NORM_OFF or off == np.inf else [])
+    return groups
+
+
+def _first_goes_round(titles: Sequence[str], numbers: Mapping[str, Array]) -> bool:
+    """Return whether the first column counts a few small whole numbers up again and again, as stations do.
+
+    Rows may be lost.
+    """
+    names, codes = np.unique(numbers.get(titles[0], np.zeros(0)), return_inverse=True)
+    if not 2 <= len(names) <= len(codes) / 2 or np.isnan(names).any():
+        return False
+    small = (names == np.floor(names)).all() and names[0] >= 0 and names[-1] <= _MOST_STATION
+    return bool(small and np.mean(np.diff(codes) % len(names) == 1) > _NORM_SHARE)
+
+
+def _sort(
+    free: Sequence[str], numbers: Mapping[str, Array], named: Mapping[str, list[str]], roles: Roles
+) -> None:
+    """Put columns into groups: rotations by their numbers, then by names, what is left by threes."""
+    run: list[str] = []
+    while free:
+        group = named.get(free[0], [])
+        sizes = [n for n in (9, 4) if _is_rotation(free, numbers, n)]
+        # every named group whole or not at all
+        size = next((n for n in sizes if all({*named.get(t, ())} <= {*free[:n]} for t in free[:n])), 0)
+        if not size and not set(group) <= set(free):
+            group = []
+        if not (size or group):
+            run.append(free[0])
+            free = free[1:]
+            continue
+        _sort_triples(run, numbers, roles)
+        run = []
+        taken = list(free[:size]) if size else group
+        if len(taken) == 3:
+            (roles.angles if _named_angles(taken) else roles.positions).append(taken)
+        else:
+            (roles.matrices if len(taken) == 9 else roles.quaternions).append(taken)
+        free = [title for title in free if title not in taken]
+    _sort_triples(run, numbers, roles)
+
+
+def _named_angles(titles: Sequence[str]) -> bool:
+    names, units = zip(*map(split_title, titles), strict=True)
+    if not ANGLE_UNITS.isdisjoint(units) or not POSITION_UNITS.isdisjoint(units):
+        return not ANGLE_UNITS.isdisjoint(units)
+    return bool(by_azimuth(titles)) or sum(bool(_ANGLE.search(name)) for name in names) >= 2
+
+
+def by_azimuth(titles: Sequence[str]) -> list[str]:
+    """Return titles of an azimuth, an elevation and a roll in this order; none of other angles."""
+    return _by_axis(titles, "aer")
+
+
+def by_scalar(titles: Sequence[str]) -> list[str]:
+    """Return titles of a quaternion's w, x, y and z in this order; none where they do not say which."""
+    return _by_axis(titles, "wxyz")
+
+
+def _by_axis(titles: Sequence[str], axes: str) -> list[str]:
+    spellings = {split_title(title).name.lower() for title in titles}
+    named = {_spelled(title, spellings).name: title for title in titles}
+    by_axis = {match["axis"][0].lower(): named[name] for name in named if (match := _AXIS.fullmatch(name))}
+    return [by_axis[axis] for axis in axes] if by_axis.keys() == {*axes} else []
+
+
+def _grows(values: Array) -> bool:
+    steps = np.diff(values[np.isfinite(values)])
+    return bool(len(steps) and (steps >= 0).all() and (steps > 0).any())
+
+
+def _is_receiver(title: str, values: Array | None) -> bool:
+    if not _RECEIVER.search(title):
+        return False
+    return values is None or (2 <= len(np.unique(values)) <= 64 and bool((values == np.floor(values)).all()))
+
+
+def _is_rotation(free: Sequence[str], numbers: Mapping[str, Array], size: int) -> bool:
+    """Return whether the next columns are a rotation, and more nearly so than those a little later.
+
+    A small z in metres before a quaternion whose last number is small has norm 1 with its first three, too.
+    """
+    off = _off_rotation(free[:size], numbers, size)
+    later = (_off_rotation(free[start : start + size], numbers, size) for start in range(1, size))
+    return off < _NORM_OFF and off <= min(later)
+
+
+def _off_rotation(titles: Sequence[str], numbers: Mapping[str, Array], size: int) -> float:
+    """Return how far most rows are off norm 1 (four numbers) or a rotation (nine); else infinite."""
+    if len(titles) < size:
+        return float("inf")
+    rows = np.stack([numbers[title] for title in titles], -1)
+    rows = rows[np.isfinite(rows).all(-1) & rows.any(-1)]
+    if not len(rows):
+        return float("inf")
+    if size == 4:
+        off = np.abs(np.linalg.norm(rows, axis=-1) - 1)
+    else:
+        m = rows.reshape(-1, 3, 3)
+        off = np.abs(m @ np.swapaxes(m, 1, 2) - np.eye(3)).max((1, 2))
+    return float(np.quantile(off, _NORM_SHARE))
+
+
+def _sort_triples(run: Sequence[str], numbers: Mapping[str, Array], roles: Roles) -> None:
+    """Take columns by threes: angles by name; where there are no names, every second triple."""
+    whole = len(run) - len(run) % 3
+    roles.aside.extend(run[whole:])
+    for index, triple in enumerate(list(run[start : start + 3]) for start in range(0, whole, 3)):
+        named = _named_angles(triple)
+        unnamed = all(title.startswith("number ") for title in triple)
+        second = unnamed and index % 2 == 1 and bool(np.nanmax(np.abs([numbers[t] for t in triple])) <= 360)
+        (roles.angles if named or second else roles.positions).append(triple)
+        if not named:
+            roles.guessed.update(triple)

@@ -1,0 +1,380 @@
+"""Tables as text: what their columns seem to be, why, and the mapping that would read them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.hand.rotations import Array
+from shukotsu.left import instead
+from shukotsu.readers.formats.cells import unwrapped_s
+from shukotsu.readers.formats.mapped import snake_case, without_marks
+from shukotsu.readers.formats.mapped_csv import TIME_OF_DAY
+from shukotsu.readers.formats.text_table import open_table_text
+from shukotsu.readers.inspection.column_roles import Roles, by_azimuth, by_scalar, find_roles, paired
+from shukotsu.readers.inspection.column_units import STATED, Unit, Units, angle_unit_by_size, find_units
+from shukotsu.readers.inspection.description import CHECK, Description, draft, extent_line, rate_line
+from shukotsu.study.layout import Layout
+from shukotsu.tables.text_files import open_text
+from shukotsu.tables.units import SECONDS_PER_UNIT, UNIT_NAMES
+
+READ_LINES = 200
+_HEADER_ROWS = 12
+
+_COMMENTS = ("#", "%", "//")
+_SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "space": None}
+_NUMBER = {
+    mark: re.compile(rf"[+\u2212-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|na|", re.I)
+    for mark in ".,"
+}
+
+
+@dataclass(frozen=True)
+class TextForm:
+    """Hold how the text is laid out, as the mapping's `csv` group says it; before : the lines skipped."""
+
+    delimiter: str
+    decimal: str
+    header: bool
+    comment: str | None
+    skip_lines: int
+    before: str = ""
+
+    def config(self) -> dict[str, Any]:
+        """Return the keys of the mapping's `csv` group, all of them."""
+        config = {name: getattr(self, name) for name in ("delimiter", "decimal", "header", "skip_lines")}
+        config["missing"] = []
+        return config if self.comment is None else config | {"comment": self.comment}
+
+    def sentence(self) -> str:
+        """Format it as a clause."""
+        names = {"tab": "tabs", "space": "blanks", ",": "commas", ";": "semicolons"}
+        mark = "comma" if self.decimal == "," else "point"
+        text = f"cells separated by {names[self.delimiter]}, decimal {mark}"
+        text += ", a header" if self.header else ", no header"
+        text += f", comments after {self.comment}" if self.comment else ""
+        return text + (f", {self.skip_lines} lines before it" if self.skip_lines else "")
+
+
+def detect_form(path: Path) -> TextForm:
+    """Find the layout in which most cells of the text are numbers and rows are equally long.
+
+    Raises InputError where the file is no text or no layout gives rows of three numbers or more.
+    """
+    if path.name.lower().endswith(".jsonl"):
+        raise InputError(f"{path}: {instead('format', 'jsonl')}")
+    with open_text(path) as stream:
+        data = stream.read(1 << 20)
+    try:
+        text = data.decode("utf-8-sig", errors="strict" if len(data) < 1 << 20 else "ignore")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: is not UTF-8 text, and of no other kind that is known by its ending; "
+            "a table must be saved as UTF-8"
+        ) from error
+    lines = text.splitlines()[:READ_LINES]
+    starts = [line.lstrip() for line in lines if not line.startswith("%time")]  # a header of rostopic's
+    comment = next((mark for mark in _COMMENTS for line in starts if line.startswith(mark)), None)
+    rows = [
+        (index, line)
+        for index, line in enumerate(lines)
+        if line.strip() and not (comment and line.lstrip().startswith(comment))
+    ]
+    candidates = [
+        candidate
+        for delimiter, separator in _SEPARATORS.items()
+        for decimal in ".,"
+        if decimal != delimiter and (candidate := _as(rows, delimiter, separator, decimal, comment))
+    ]
+    if not candidates:
+        raise InputError(f"{path}: no table of numbers in its first lines; expected a recording")
+    return max(candidates, key=lambda candidate: candidate[0])[1]
+
+
+def _as(
+    rows: list[tuple[int, str]], delimiter: str, separator: str | None, decimal: str, comment: str | None
+) -> tuple[float, TextForm] | None:
+    """Return the share of numbers among the cells and the layout, if the rows are a table in it."""
+    split = [(index, [cell.strip() for cell in line.split(separator)]) for index, line in rows]
+    counts = Counter(len(cells) for _, cells in split)
+    width = max(counts, key=lambda count: (counts[count], count)) if counts else 0
+    last = _header_at(split, width, decimal)
+    table = [cells for _, cells in split[last + 1 :] if len(cells) == width]
+    share: float = sum(bool(_NUMBER[decimal].fullmatch(cell)) for cells in table for cell in cells)
+    share /= max(1, len(table) * width)
+    if width < 4 or share * width < 3 or not table or len(table) < 0.8 * len(rows) - 20:
+        return None
+    first = last if last >= 0 else next(i for i, (_, cells) in enumerate(split) if len(cells) == width)
+    skipped = split[first][0] if first else 0
+    before = "\n".join(line for index, line in rows if index < skipped)
+    return share, TextForm(delimiter, decimal, last >= 0, comment, skipped, before)
+
+
+def _header_at(split: Sequence[tuple[int, list[str]]], width: int, decimal: str) -> int:
+    """Return the last of the first rows that has words where others have numbers; -1 where there is none."""
+    words = [[cell.lower() for cell in cells if not _NUMBER[decimal].fullmatch(cell)] for _, cells in split]
+    counts = sorted(len(texts) for texts, (_, cells) in zip(words, split, strict=True) if len(cells) == width)
+    typical = counts[len(counts) // 2] if counts else 0
+    for index in range(min(len(split) - 1, _HEADER_ROWS) - 1, -1, -1):
+        row, after = split[index][1], split[index + 1][1]
+        fits = abs(len(row) - width) <= 1 and not any(row[width:] + after[len(row) :])
+        named = len(words[index]) - typical >= 0.5 * (width - typical) and len({*words[index]}) > 2
+        if fits and named:
+            return index
+    return -1
+
+
+GUESSED = f"{CHECK}: guessed from the place in the table; are these the right columns?"
+
+_JOINT_ANGLE = re.compile(r"flex|spread|abduct|extension", re.I)
+
+FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
+
+MOST_LINES = 16
+"""Receivers beyond whose number positions, and angles, are said in one line."""
+
+REPEATED_SHARE = 0.2
+"""More rows than this that repeat the one before, and receivers are not in step with the rows."""
+
+
+@np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such
+def describe_table(path: Path, layout: Layout) -> Description:
+    """Describe what the columns of a table seem to be. Raises InputError where the text is no table."""
+    form = detect_form(path)
+    text = open_table_text(path, form.config())
+    cells = text.cells(text.titles)
+    of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), text.titles)
+    numbers = _numbers(lambda title: without_marks(cells.reals(title)), text.titles) | of_day
+    roles = find_roles(text.titles, numbers)
+    joint_angles = [title for title in text.titles if _JOINT_ANGLE.search(title)]
+    if len(joint_angles) > 2 and not roles.orientations[1]:
+        raise InputError(
+            f"{path}: has angles of joints ({', '.join(joint_angles[:3])} and so on), of which no poses of "
+            "receivers can be made; export positions and orientations"
+        )
+    lines = [f"a table as text: {cells.rows} rows, {len(text.titles)} columns; {form.sentence()}"]
+    lines += filter(None, [text.cut_off(text.titles)])
+    units = find_units(roles, numbers)
+    before = re.search(r"\bunits?\W+(\w+)", form.before, re.I)
+    if before and units.position.unit == CHECK and (unit := UNIT_NAMES.get(before[1].lower())):
+        units = units._replace(position=Unit(unit, "as the lines before the table say"))
+    if roles.time:
+        stated = units.time.stated
+        meant = ([stated], "as its title says") if stated else (SECONDS_PER_UNIT, "")
+        lines.append(rate_line(f"time column {roles.time}", numbers[roles.time], *meant))
+    if roles.time and "nanosec" in roles.time:
+        lines.append(f"{roles.time} counts within a second: make one column of it and of the seconds")
+    lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
+    receivers: list[str] = []
+    if roles.receiver:
+        receivers = sorted(cells.names_in(roles.receiver)[1], key=lambda name: (len(name), name))
+        lines.append(
+            f"receiver column {roles.receiver}: one row a receiver and frame; it has {', '.join(receivers)}"
+        )
+    lines += _orientation_lines(roles, numbers, units.angle)
+    stated = units.position.stated
+    if len(roles.positions) > MOST_LINES:  # receivers of one form in one line
+        widest = max(
+            roles.positions, key=lambda g: float(np.nanmax(np.ptp(_rows(numbers, g), axis=0), initial=0))
+        )
+        what = f"positions of {len(roles.positions)} receivers, the widest {' '.join(widest)}"
+        lines.append(extent_line(what, _rows(numbers, widest), stated))
+    else:
+        lines += [extent_line(f"position {' '.join(g)}", _rows(numbers, g), stated) for g in roles.positions]
+    lines += [f"unit in doubt: {unit.doubt}" for unit in units if unit.doubt]
+    lines += [f"quality {title}: {_range(numbers[title])}" for title in roles.quality]
+    lines += [f"other numbers: {', '.join(roles.aside)} (quality?)"] if roles.aside else []
+    lines += [f"text: {', '.join(roles.text)}"] if roles.text else []
+    repeated = 0.0 if roles.receiver else _repeats(roles, numbers, lines)
+    if roles.orientations[1] and not roles.positions:
+        lines.append("no positions were found")
+    if roles.positions and not roles.orientations[1]:
+        lines.append("no orientations were found, which receivers need")
+    asynchronous = repeated > REPEATED_SHARE and roles.time is not None
+    drafted = _receivers(roles, receivers, text.titles, layout)
+    config = _config(roles, units, drafted, asynchronous, layout)
+    config["csv"] = _csv(form, roles, units.time, asynchronous)
+    if roles.time in of_day:
+        config["csv"]["time_unit"] = TIME_OF_DAY
+    return Description(tuple(lines), draft(path, config))
+
+
+def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, Array]:
+    """Return columns that can be read so and have a number, title -> (N,)."""
+    numbers = {}
+    for title in titles:
+        with suppress(InputError):
+            numbers[title] = read(title)
+    return {title: values for title, values in numbers.items() if np.isfinite(values).any()}
+
+
+def _rows(numbers: Mapping[str, Array], titles: Sequence[str]) -> Array:
+    """Return those columns beside each other, shape (N, len(titles))."""
+    return np.stack([numbers[title] for title in titles], -1)
+
+
+def _range(values: Array) -> str:
+    return f"{np.nanmin(values):g} to {np.nanmax(values):g}"
+
+
+def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) -> list[str]:
+    lines = []
+    for group in roles.quaternions:
+        rows = _rows(numbers, group)
+        first, last = (float(np.nanmedian(np.abs(rows[:, i]))) for i in (0, 3))
+        norm = float(np.nanmedian(np.linalg.norm(rows, axis=-1)))
+        likelier = "wxyz" if first > last else "xyzw"
+        order = (
+            f"its first number is {first:.2f} in the "
+            f"median, its last {last:.2f}, so {likelier} is likelier if receivers lie "
+            "roughly as the transmitter does; the numbers cannot prove it"
+        )
+        order = "w, x, y and z as its titles say" if by_scalar(group) else order
+        lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {order}")
+    lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
+    for group in roles.angles[:: len(roles.angles) if len(roles.angles) > MOST_LINES else 1]:
+        ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
+        seem = (
+            f"in {angle.stated}, as their titles say"
+            if angle.stated
+            else angle_unit_by_size(group, numbers).why
+        )
+        named = "azimuth, elevation and roll, " if by_azimuth(group) else ""
+        more = f"; so have {len(roles.angles) - 1} more receivers" if len(roles.angles) > MOST_LINES else ""
+        lines.append(f"angles: {ranges}; {named}{seem}{more}")
+    return lines
+
+
+def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> float:
+    """Return the largest share of rows in which a receiver's numbers are those of the row before."""
+    worst = 0.0
+    for group in roles.orientations[1] or roles.positions:
+        rows, name = _rows(numbers, group), " ".join(group)
+        share = float(np.mean((rows[1:] == rows[:-1]).all(-1))) if len(rows) > 1 else 0.0
+        worst = max(worst, share)
+        if share > REPEATED_SHARE:
+            new = 1 + round((1 - share) * (len(rows) - 1))
+            lines.append(
+                f"{name}: {share:.0%} of the rows repeat the one before ({new} new values): "
+                "receivers are not in step with the rows, or did not move"
+            )
+        if zeros := int((rows == 0).all(-1).sum()):
+            lines.append(f"{name}: {zeros} rows are all zeros; zeros may stand for 'no value'")
+    return worst
+
+
+def _config(
+    roles: Roles, units: Units, receivers: Mapping[str, Any], asynchronous: bool, layout: Layout
+) -> dict[str, Any]:
+    """Return the mapping but for its `csv` group."""
+    config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
+    if asynchronous:
+        config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
+    elif roles.time is None:
+        config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
+    if roles.orientations[1] or not roles.positions:
+        config["orientation"] = _orientation(roles, units.angle)
+    named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
+    config["receivers"] = (receivers or {CHECK: {}}, named)
+    return config
+
+
+def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:
+    kind, groups = roles.orientations
+    rotates = (CHECK, f"{FORWARD}, or {BACKWARD}")
+    config: dict[str, Any] = {"kind": kind if groups else CHECK}
+    if kind == "quaternion" and groups:
+        config["order"] = (CHECK, f"wxyz or xyzw: which of {' '.join(groups[0])} is the scalar?")
+        config["order"] = ("wxyz", STATED) if all(map(by_scalar, groups)) else config["order"]
+    if kind == "euler" and groups:
+        config["axes"] = (CHECK, f"of {' '.join(groups[0])}: about which axis each turns")
+        if all(map(by_azimuth, groups)):
+            config["axes"] = ("ZYX", "azimuth about z, elevation about y, roll about x")
+            rotates = (FORWARD, "what azimuth, elevation and roll do, of a Polhemus tracker and a trakSTAR")
+        elif roles.receiver in roles.guessed:
+            config["axes"] = ("ZYX", f"{CHECK}: azimuth, elevation, roll, as a Polhemus tracker writes them?")
+            rotates = (FORWARD, f"{CHECK}: what a Polhemus tracker's angles do; is it one?")
+        config["unit"] = angle[:2]
+    elif groups:
+        rotates = (CHECK, f"{FORWARD} (Polhemus), or {BACKWARD} (trakSTAR)")
+    return {**config, "rotates": rotates}
+
+
+def _receivers(
+    roles: Roles, receivers: Sequence[str], titles: Sequence[str], layout: Layout
+) -> dict[str, Any]:
+    if roles.receiver:
+        of_station = {str(layout.segments[name].receiver): name for name in layout.measured}
+        stations = {name: of_station.get(name.lstrip("0")) for name in receivers}
+        if roles.receiver in roles.guessed and None not in stations.values():
+            doubt = f"{CHECK}: as layout {layout.name} numbers its stations; is it so?"
+            return {str(stations[name]): ({"value": name}, doubt) for name in receivers}
+        return {_segment(name, layout, receivers): {"value": name} for name in receivers}
+    config: dict[str, Any] = {}
+    pairs = paired(roles, titles)
+    names = [position[0] for position, _ in pairs]
+    for index, (position, turning) in enumerate(pairs):
+        columns: dict[str, Any] = {"position": _columns(position)}
+        columns |= {"orientation": _columns(turning)} if turning else {}
+        if len(roles.quality) == len(pairs):  # one each
+            columns["quality"] = _column(roles.quality[index])
+        segment = _segment(names[index], layout, names)
+        key = f"{CHECK}_{index + 1}" if segment.startswith(CHECK) else segment
+        config[key] = (columns, _doubt(roles, position + turning))
+    return config
+
+
+def _doubt(roles: Roles, titles: Sequence[str]) -> str:
+    return "" if roles.guessed.isdisjoint(titles) else GUESSED
+
+
+def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
+    """Return the segment that this one of titles names alone, as `index_distal x_mm` does, or of none."""
+    words = [f"_{snake_case(name)}_" for name in titles]
+    named = [name for name in layout.measured if f"_{name}_" in f"_{snake_case(title)}_"]
+    segment = max(named, key=len, default="")
+    if segment and sum(f"_{segment}_" in word for word in words) == 1:
+        return segment
+    return f"{CHECK}_{re.sub(r'[^0-9A-Za-z]', '_', title)}"
+
+
+def _columns(titles: Sequence[str]) -> list[int | str]:
+    return [_column(title) for title in titles] or [CHECK]
+
+
+def _column(title: str) -> int | str:
+    number = title.removeprefix("number ")
+    return int(number) if number != title else title
+
+
+def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[str, Any]:
+    """Return the mapping's `csv` group."""
+    config: dict[str, Any] = {"rows": "long" if roles.receiver else "wide"}
+    config |= {name: form.config()[name] for name in ("delimiter", "decimal", "header")}
+    config |= {name: value for name in ("comment", "skip_lines") if (value := getattr(form, name))}
+    if roles.time:
+        config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))
+        config["time_unit"] = time[:2]
+    if roles.frame and not asynchronous:
+        config["frame"] = _column(roles.frame)
+    if asynchronous:
+        config["in_step"] = (False, "old values are repeated: each new one is kept once")
+    if roles.quality and len(roles.quality) == (1 if roles.receiver else len(roles.positions)):
+        config |= {"quality": _column(roles.quality[0])} if roles.receiver else {}
+        config["quality_above"] = (CHECK, "the limit beyond which a pose is not used; or quality_below")
+    if roles.receiver:
+        config["receiver"] = (_column(roles.receiver), _doubt(roles, [roles.receiver]))
+        for key, groups in (("position", roles.positions), ("orientation", roles.orientations[1])):
+            titles = groups[0] if groups else []
+            if key == "orientation" and roles.positions and not groups:
+                continue
+            config[key] = (_columns(titles), _doubt(roles, titles))
+    return config

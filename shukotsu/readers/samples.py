@@ -1,0 +1,134 @@
+"""The output of every reader: receivers' samples as they came, with the segment that carries each."""
+
+from __future__ import annotations
+
+import bisect
+import difflib
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError, shortened
+from shukotsu.study.layout import Layout
+
+NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+
+
+@dataclass(frozen=True)
+class Samples:
+    """N samples in the order of the recording; nothing is checked but that numbers are numbers.
+
+    segments : the layout's measured segments, in its order; segment : (N,) indices into them.
+    frame : (N,) the tracker's frame number; time_s : (N,) device time, NaN where there is none.
+    numbers : (N, 7) x, y, z in mm, then w, x, y, z of the quaternion (receiver to transmitter frame),
+    NaN where there is none, not necessarily unit.
+    locate : sample -> file and line, for messages.
+    flags : what the reader saw of single samples, flag (a key of poses.FLAGS) -> (N,) bool.
+    notes : what it saw of the whole recording, a sentence each; for stderr and the table's metadata.
+    losses : of these, what a study must be told: what is lost, damaged or doubtful, a sentence each.
+    missing_frames : frames of which the recording should have something and has nothing.
+    tracker : what recorded it, as the file says; empty where it does not.
+    orientation : the kind of numbers that it has for orientations, see `Declared`; empty where the mapping,
+    or the names of a tidy table's columns, say it.
+    """
+
+    segments: tuple[str, ...]
+    segment: npt.NDArray[np.int64]
+    frame: npt.NDArray[np.int64]
+    time_s: npt.NDArray[np.float64]
+    numbers: npt.NDArray[np.float64]
+    locate: Callable[[int], str]
+    flags: Mapping[str, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    losses: tuple[str, ...] = ()
+    missing_frames: int = 0
+    tracker: str = ""
+    orientation: str = ""
+
+    def take(self, rows: slice) -> Samples:
+        """Return some of the samples, with all that is said of the recording."""
+        names = ("segment", "frame", "time_s", "numbers")
+        flags = {flag: marked[rows] for flag, marked in self.flags.items()}
+        return replace(self, flags=flags, **{name: getattr(self, name)[rows] for name in names})
+
+
+def joined(parts: Iterable[Samples]) -> Samples:
+    """Put the parts of a recording together, at least one, in order."""
+    every = list(parts)
+    starts = [0, *itertools.accumulate(len(part.segment) for part in every)]
+
+    def locate(sample: int) -> str:
+        part = bisect.bisect_right(starts, sample) - 1
+        return every[part].locate(sample - starts[part])
+
+    every_flag = {flag for part in every for flag in part.flags}
+    return Samples(
+        every[0].segments,
+        np.concatenate([part.segment for part in every]),
+        np.concatenate([part.frame for part in every]),
+        np.concatenate([part.time_s for part in every]),
+        np.concatenate([part.numbers for part in every]),
+        locate,
+        {
+            flag: np.concatenate([p.flags.get(flag, np.zeros(len(p.segment), bool)) for p in every])
+            for flag in sorted(every_flag)
+        },
+        tuple(note for part in every for note in part.notes),
+        tuple(loss for part in every for loss in part.losses),
+        sum(part.missing_frames for part in every),
+        next((part.tracker for part in every if part.tracker), ""),
+        next((part.orientation for part in every if part.orientation), ""),
+    )
+
+
+def segments_of_names(
+    codes: npt.NDArray[np.int64], names: Sequence[str], layout: Layout, locate: Callable[[int], str]
+) -> npt.NDArray[np.int64]:
+    """Return every sample's index into `layout.measured` from the segment names that a recording uses.
+
+    codes : (N,) indices into `names`. Raises InputError at the first sample of an unknown segment.
+    """
+    worn = layout.measured
+    segment = np.array([worn.index(name) if name in worn else -1 for name in names], np.int64)[codes]
+    if (segment < 0).any():
+        first = int(np.argmax(segment < 0))
+        name = names[codes[first]]
+        why = f"is not in layout {layout.name}, which knows {', '.join(worn)}{did_you_mean(name, worn)}"
+        if name in layout.segments:
+            why = f"carries no receiver in layout {layout.name} (measured: false); leave its rows out"
+        raise InputError(f"{locate(first)}: segment {shortened(name, 60)!r} {why}")
+    return segment
+
+
+def segments_of_stations(
+    stations: npt.NDArray[np.int64], layout: Layout, locate: Callable[[int], str]
+) -> npt.NDArray[np.int64]:
+    """Return every sample's index into `layout.measured` from the tracker's station numbers, shape (N,).
+
+    Raises InputError at the first sample of a station that the layout does not name.
+    """
+    index_of = {layout.segments[name].receiver: index for index, name in enumerate(layout.measured)}
+    index_of.pop(None, None)
+    numbers, codes = np.unique(stations, return_inverse=True)
+    segment = np.array([index_of.get(int(number), -1) for number in numbers], np.int64)[codes]
+    if (segment < 0).any():
+        first = int(np.argmax(segment < 0))
+        numbered = ", ".join(str(number) for number in sorted(filter(None, index_of))) or "none"
+        why = (
+            f"sits on no segment of layout {layout.name}, which knows {numbered}; leave its rows out or name "
+            "the receiver in the layout"
+        )
+        if stations[first] in [worn.left_receiver for worn in layout.segments.values()]:
+            why = f"sits on the other hand in layout {layout.name}; leave that hand's rows out"
+        raise InputError(f"{locate(first)}: receiver {stations[first]} {why}")
+    return segment
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the nearest known name as the end of a sentence; nothing where none is near."""
+    by_lower = {other.lower(): other for other in known}
+    near = difflib.get_close_matches(name.lower(), by_lower, 1)
+    return f"; did you mean {by_lower[near[0]]!r}?" if near else ""

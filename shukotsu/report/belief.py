@@ -1,0 +1,161 @@
+"""Show verdicts on joints and bones in signs and words, and what would better them: tables have decided."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from shukotsu.report.palette import AMBER, INK, NO, WEAK_LINE, Mark
+from shukotsu.report.study_results import Row, StudyResults
+from shukotsu.report.table_cells import Column, DataTable, number, quantity_column, table_of, text_column
+from shukotsu.study import verdict
+from shukotsu.study.layout import Layout
+from shukotsu.study.study import Hand
+from shukotsu.study.translation import N_, listed, tr, translated, word
+
+BELIEVED, CARE, NOT = N_("✓ yes"), N_("◆ with care"), N_("✕ no")
+BELIEFS = (BELIEVED, CARE, NOT)
+"""From good to bad; a picture marks them by shape and colour, see BELIEF_MARKS."""
+
+BELIEF_MARKS: Mapping[str, Mark] = {
+    BELIEVED: Mark("o", INK, INK),
+    CARE: Mark("D", AMBER, WEAK_LINE),
+    NOT: Mark("X", NO, NO),
+}
+
+NO_JOINT = N_("no joint was solved")
+
+_SHOWN = {verdict.BELIEVE: BELIEVED, verdict.CARE: CARE, verdict.NO: NOT}
+"""What is shown of the column `verdict`."""
+
+_DOUBT_TEXTS: Mapping[str, str] = {
+    verdict.SUSPECT: N_("what was found in its recording leaves it out of everything"),
+    verdict.FAR: N_(
+        "the hand that fits is far from any usual one ({what} is {sd:.0f} SD off): wrong units, swapped "
+        "receivers, or a receiver far from the middle of its bone"
+    ),
+    verdict.HALVES: N_(
+        "its receivers disagree by {gap_mm:.0f} mm, which the stated error does not know: a loose receiver, "
+        "a wrong quaternion order or angle convention, or thick skin"
+    ),
+    verdict.TOO_CLOSE: N_(
+        "{joints} lie {mm:.1f} mm apart, nearer than in any hand: look at the receivers on these fingers"
+    ),
+    verdict.UNCERTAIN: N_("known less well than to {wanted_mm:g} mm (1 sigma, 3-D)"),
+    verdict.ONE_WAY: N_(
+        "known less well than to {wanted_mm:g} mm (1 sigma, 3-D), nearly all of it in one direction"
+    ),
+    verdict.BY_ANATOMY: N_("anatomy places it rather than the recording"),
+    verdict.MOVED_LITTLE: N_("moved only {range_deg:.0f} deg; skin alone can look like that"),
+    verdict.NO_POSE: N_("no valid pose of {segments}: anatomy and the other receivers stand in for it"),
+    verdict.ONE_RECEIVER: N_("no receiver on {segments}: lengths of bones stand in for it"),
+    verdict.UNSETTLED: N_("the fit of the hand did not converge"),
+    verdict.ACROSS: N_(
+        "seen from {receiver} across {segment}, which moves and carries no receiver, so that nothing in the "
+        "data shows how far it is off"
+    ),
+    verdict.AXIS_IN_PLANE: N_(
+        "its axis is {axis_plane_deg:.0f} deg from the plane that cuts it, which moved the centre "
+        "{slide_mm:.0f} mm along it"
+    ),
+    verdict.BY_HAND: N_("moved {correction_mm:.1f} mm by hand; the stated error is of the place before"),
+    verdict.FROM_DOUBTFUL: N_("found from joints that are not to be believed: {joints}"),
+    verdict.NO_ERROR: N_("no error is stated for its place"),
+    verdict.AXIS: N_("its axis is uncertain by {axis_sd_deg:.0f} deg"),
+}
+"""What a kind of doubt says of a joint."""
+
+
+def belief(row: Mapping[str, object]) -> str:
+    """One of BELIEFS for a row of joint_centres or bone_lengths: what its column `verdict` says."""
+    return _SHOWN[str(row["verdict"])]
+
+
+def reasons_of(row: Mapping[str, Any]) -> list[str]:
+    """Return why a row of joint_centres is doubted and what else is known of it, the weightiest first.
+
+    Its 1-sigma error stands beside it in a column of its own, so that joints with one reason share it.
+    """
+    doubts, message = verdict.doubts_of(row), translated(row["message"]).rstrip(".。")
+    reasons = []
+    for kind, values in doubts.items():
+        texts = {name: listed(map(word, value)) if isinstance(value, list)
+                 else word(value) if isinstance(value, str) else value
+                 for name, value in values.items()}  # fmt: skip
+        reasons.append(tr(_DOUBT_TEXTS[kind], **texts) if kind in _DOUBT_TEXTS else "")
+    if verdict.NOT_SOLVED in doubts:
+        message = tr("has no place: {message}", message=message)
+    return [text for text in (*reasons, message) if text]
+
+
+def wanted_text(layouts: Iterable[Layout], times: float = 1.0) -> str:
+    """Write the error wanted of a centre, mm, or so many times that; of several layouts each: 2 or 10."""
+    wanted = sorted({layout.wanted_mm for layout in layouts})
+    return tr(" or ").join(f"{times * each:g}" for each in wanted)
+
+
+_NUMBERS = ("sd_mm", "range_deg", "gap_rms_mm", "gap_rms_free_mm", "axis_plane_deg", "correction_mm")
+
+
+def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
+    """Tabulate a hand's joints under a model: verdict, the numbers that any joint has, reasons for doubt."""
+    rows = results.joints_of.get((hand, model), [])
+    columns = (
+        text_column(tr("Joint"), "joint"),
+        Column(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
+        *(quantity_column(name) for name in _NUMBERS if any(row[name] is not None for row in rows)),
+        Column(tr("Why"), lambda row: "; ".join(reasons_of(row)), is_text=True),
+    )
+    return table_of(tr("Joints of {hand}, {model}.", model=model, hand=hand), columns, rows, tr(NO_JOINT))
+
+
+def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
+    """Return each joint's verdict in the middle of the study's hands, of two the worse: one of BELIEFS."""
+    of_joint: dict[str, list[str]] = defaultdict(list)
+    for hand in results.hands:
+        for row in results.joints_of.get((hand, model), []):
+            of_joint[row["joint"]].append(belief(row))
+    return {
+        joint: sorted(beliefs, key=BELIEFS.index)[len(beliefs) // 2] for joint, beliefs in of_joint.items()
+    }
+
+
+def believed_counts(rows: Iterable[Row]) -> str:
+    """Count joints of rows of joint_centres by verdict, for a line of summary."""
+    counts = Counter(belief(row) for row in rows)
+    return tr(", ").join(f"{tr(each)} {counts[each]}" for each in BELIEFS if counts[each]) or tr(NO_JOINT)
+
+
+MOST_GAINS = 3
+
+_PARTS = {
+    "along": N_("Measuring how far along the {bone} its receiver sits"),
+    "lateral": N_("Measuring how far to the side of the {bone} its receiver sits"),
+    "height": N_("Measuring how high over the {bone} its receiver sits"),
+    "distal": N_("Measuring how far from the next joint the receiver of the {bone} sits"),
+    "touch": N_("Touching a known point with the {bone} fingertip"),
+    "": N_("Measuring the {bone}"),
+}
+"""By the part of a quantity of the table gains, as measurements.tsv has them: what is to be done."""
+
+
+def gain_lines(rows: Sequence[Row]) -> list[str]:
+    """Return what to record or measure next of a hand, a sentence a row of gains, at most three."""
+    lines = []
+    for row in rows[:MOST_GAINS]:
+        segment, _, part = row["quantity"].partition(".")
+        bone = word(segment).replace("_", " ")
+        if bone.endswith(("proximal", "middle", "distal")) and part != "touch":
+            bone += " phalanx"
+        lines.append(
+            tr(
+                "{action}, to within {sd_mm:.1f} mm, would take {joint} from {joint_sd_before_mm:.1f} to "
+                "{joint_sd_after_mm:.1f} mm (the mean of all joints from {before} to {after} mm).",
+                **{name: row[name] for name in ("joint", "sd_mm", "joint_sd_before_mm", "joint_sd_after_mm")},
+                action=tr(_PARTS[part], bone=bone),
+                before=number(row["mean_sd_before_mm"]),
+                after=number(row["mean_sd_after_mm"]),
+            )
+        )
+    return lines

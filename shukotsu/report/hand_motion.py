@@ -1,0 +1,316 @@
+"""What moves in the view: joints and tips of one hand's skeletons over a recording, and its receivers.
+
+Where a joint is says `skeleton.posing`: a fitted hand moves as its bones were posed with all receivers; every
+other skeleton is carried by them. Still pictures show one frame of the same motion.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError
+from shukotsu.hand.posing import PosedRecording, ReceiverPoint, digit_points
+from shukotsu.hand.rotations import matrix
+from shukotsu.report.belief import BELIEVED, belief
+from shukotsu.study.layout import Layout, Vector
+from shukotsu.study.model import SkeletonModel
+from shukotsu.tables.poses import Poses
+
+Array = npt.NDArray[np.float64]
+Rows = Mapping[str, Mapping[str, Any]]
+
+MOST_FRAMES = 15_000
+"""Frames that a view holds at most: a minute at 240 frames a second."""
+
+
+@dataclass(frozen=True)
+class BoneLine:
+    """A line between two points (indices). digit : its index; level : 0 for a digit's first bone, -1 for
+    the line from the wrist to where a digit starts, which is no bone. shared : whether other digits' bones
+    start at the same point.
+    """
+
+    start: int
+    end: int
+    digit: int
+    level: int
+    shared: bool
+
+
+@dataclass(frozen=True)
+class JointAxis:
+    """A joint's rotation axis, and the sagittal plane that cuts it where the model has one.
+
+    point : index of the joint, which the plane goes through. axis : (3,) unit, in the frame of the receiver
+    of `segment`. normal : (3,) in that of plane_segment, which is empty where no plane cuts.
+    """
+
+    point: int
+    segment: str
+    axis: Vector
+    plane_segment: str
+    normal: Vector
+
+
+@dataclass(frozen=True)
+class ShownSkeleton:
+    """One skeleton over T frames: P points, B bones, D digits.
+
+    place : index of the model in the study, which its colour goes by. points : names of joints, then of tips.
+    position_mm : (T, P, 3) in the transmitter frame, NaN in gaps. on_receivers : the points as fixed on
+    receivers; None for a fitted skeleton. sd_mm : (P,) 1-sigma error of each point in 3-D, NaN where none is
+    stated. believed : (P,) one of BELIEFS; tips are. tip_error_mm : (T, D) of the replay, NaN in gaps.
+    """
+
+    model: str
+    place: int
+    points: tuple[str, ...]
+    position_mm: Array
+    on_receivers: tuple[ReceiverPoint, ...] | None
+    sd_mm: Array
+    believed: tuple[str, ...]
+    bones: tuple[BoneLine, ...]
+    axes: tuple[JointAxis, ...]
+    tip_error_mm: Array
+
+
+@dataclass(frozen=True)
+class HandMotion:
+    """One hand over T frames: R receivers and one skeleton or more, all in the transmitter frame.
+
+    frame : (T,) as recorded; time_s : (T,) device time, NaN where the recording has none. every : how many
+    recorded frames there are to one kept here. receiver_mm : (T, R, 3), receiver_quaternion : (T, R, 4) unit
+    (w, x, y, z), receiver to transmitter frame, both NaN where not valid. base : the receiver that the view
+    hangs on; distal, dorsal : unit vectors in its frame. paper : the paper's skeleton, if it is among these.
+    """
+
+    hand: str
+    digits: tuple[str, ...]
+    frame: npt.NDArray[np.int64]
+    time_s: Array
+    every: int
+    receivers: tuple[str, ...]
+    receiver_mm: Array
+    receiver_quaternion: Array
+    base: int
+    distal: Vector
+    dorsal: Vector
+    skeletons: tuple[ShownSkeleton, ...]
+    paper: str = ""
+
+
+def hand_motion(
+    hand: str,
+    layout: Layout,
+    poses: Poses,
+    skeletons: Iterable[ShownSkeleton],
+    paper: str = "",
+    every: int = 1,
+) -> HandMotion:
+    """Join skeletons with the receivers that they were made from.
+
+    every : how many recorded frames there are to one of these. Receivers without a valid pose are left out.
+    Raises InputError where the receiver that the view hangs on has none: then nothing says which way the hand
+    is up.
+    """
+    base = view_base(layout)
+    worn = np.asarray(poses.valid.any(axis=0))
+    if not worn[poses.index(base)]:
+        raise InputError(
+            f"the receiver of {base} has no valid pose; without it no view of the hand is upright"
+        )
+    valid = poses.valid[..., None]
+    return HandMotion(
+        hand=hand,
+        digits=tuple(layout.digits),
+        frame=poses.frame,
+        time_s=poses.time_s,
+        every=every,
+        receivers=tuple(name for name, there in zip(poses.segments, worn, strict=True) if there),
+        receiver_mm=np.where(valid, poses.position_mm, np.nan)[:, worn],
+        receiver_quaternion=np.where(valid, poses.quaternion, np.nan)[:, worn],
+        base=int(worn[: poses.index(base)].sum()),
+        distal=layout.segments[base].distal,
+        dorsal=layout.segments[base].dorsal,
+        skeletons=tuple(skeletons),
+        paper=paper,
+    )
+
+
+def view_base(layout: Layout) -> str:
+    """The segment whose receiver the view hangs on: the base of the first digit."""
+    return next(iter(layout.digits.values())).base
+
+
+def receiver_skeleton(
+    layout: Layout, model: SkeletonModel, place: int, joints: Rows, tip_error_mm: Array, poses: Poses
+) -> ShownSkeleton:
+    """Return a skeleton whose joints receivers carry.
+
+    joints : rows of joint_centres by joint. tip_error_mm : (T, D).
+    """
+    by_digit = [digit_points(digit, layout, model, joints) for digit in layout.digits.values()]
+    points = {point.name: point for of_digit in by_digit for point in of_digit}
+    positions = {name: point.position_mm(poses) for name, point in points.items()}
+    bones = _bones(list(points), [[point.name for point in of_digit] for of_digit in by_digit], None)
+    skeleton = _skeleton(layout, model, place, positions, bones, joints, {}, tip_error_mm)
+    return replace(skeleton, on_receivers=tuple(points.values()))
+
+
+def fitted_skeleton(
+    layout: Layout,
+    model: SkeletonModel,
+    place: int,
+    joints: Rows,
+    worn: Rows,
+    posed: PosedRecording,
+    tip_error_mm: Array,
+) -> ShownSkeleton:
+    """Return a fitted hand, its bones as posed; each digit ends at the end of its distal bone.
+
+    joints : rows of joint_centres by joint; worn : rows of receivers by segment. tip_error_mm : (T, D).
+    """
+    chains = [[*digit.joints, f"{name}_tip"] for name, digit in layout.digits.items()]
+    wrist = layout.wrist.joint if layout.wrist else None
+    names = dict.fromkeys([*([wrist] if wrist else []), *(name for chain in chains for name in chain)])
+    nowhere = np.full((len(tip_error_mm), 3), np.nan)
+    posed_mm = {name: posed.position_mm[:, index] for index, name in enumerate(posed.names)}
+    positions = {name: posed_mm.get(name, nowhere) for name in names}
+    sd_of_tip = {
+        f"{name}_tip": _number(worn.get(digit.tip, {}).get("bone_tip_sd_mm"))
+        for name, digit in layout.digits.items()
+    }
+    lines = _bones(list(positions), chains, wrist)
+    return _skeleton(layout, model, place, positions, lines, joints, sd_of_tip, tip_error_mm)
+
+
+def shown_first(motion: HandMotion) -> tuple[int, ...]:
+    """Return which skeletons a view shows before any is chosen: the last fitted one that was posed in this
+    recording, else the first; beside it the paper's or else the first of the others, if there are any.
+    """
+    posed = [np.isfinite(skeleton.position_mm).any() for skeleton in motion.skeletons]
+    fitted = [i for i, s in enumerate(motion.skeletons) if s.on_receivers is None and posed[i]]
+    first = fitted[-1] if fitted else 0
+    others = [i for i in range(len(motion.skeletons)) if i != first and posed[i]]
+    others.sort(key=lambda i: motion.skeletons[i].model != motion.paper)
+    return (first, *others[:1])
+
+
+def upright(motion: HandMotion) -> Array:
+    """The view's axes as rows (3, 3) in the base receiver's frame: right, up (distal), towards the viewer.
+
+    The viewer sees the back of the hand. Right is distal x dorsal and not the lateral axis, whose sign a
+    layout leaves open: so no hand is ever mirrored.
+    """
+    distal, dorsal = np.array(motion.distal), np.array(motion.dorsal)
+    return np.stack([np.cross(distal, dorsal), distal, dorsal])
+
+
+def seen(motion: HandMotion, frames: npt.NDArray[np.int64], world_mm: Array) -> Array:
+    """Points (F, n, 3) of the frames (F,), indices, in the view's axes; NaN where the base has no pose."""
+    turn = matrix(motion.receiver_quaternion[frames, motion.base])
+    origin = motion.receiver_mm[frames, motion.base]
+    return np.asarray((world_mm - origin[:, None]) @ turn @ upright(motion).T)
+
+
+def still_frame(motion: HandMotion, skeleton: ShownSkeleton) -> int:
+    """Index of the frame with most valid receivers, the base among them, in which the fingertips are farthest
+    from the base in sum: the hand is open.
+    """
+    valid = np.asarray(np.isfinite(motion.receiver_mm).all(-1))
+    counts = np.where(valid[:, motion.base], valid.sum(1), 0)
+    tips = skeleton.position_mm[:, [skeleton.points.index(f"{digit}_tip") for digit in motion.digits]]
+    apart = np.linalg.norm(tips - motion.receiver_mm[:, [motion.base]], axis=-1)
+    return int(np.argmax(np.where(counts == counts.max(), np.nan_to_num(apart).sum(1), -1.0)))
+
+
+def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
+    """The frame with most valid receivers, the base among them, in which the fingertips' ones are farthest
+    from the base in sum: the hand is open, and no finger hides another. None where the base is never valid.
+    """
+    open_pose, best = None, (0, -np.inf)
+    for poses in blocks:
+        base = poses.index(view_base(layout))
+        counts = np.where(poses.valid[:, base], poses.valid.sum(1), 0)
+        rows = np.flatnonzero(counts == counts.max(initial=1))
+        if len(rows):
+            tips = poses.position_mm[rows][:, [poses.index(digit.tip) for digit in layout.digits.values()]]
+            apart = np.linalg.norm(tips - poses.position_mm[rows, None, base], axis=-1)
+            reach = np.nan_to_num(apart).sum(1)
+            score = int(counts[rows[0]]), float(reach.max())
+            if score > best:
+                row = int(rows[np.argmax(reach)])
+                open_pose, best = poses.take(np.array([row])), score
+    return open_pose
+
+
+def receivers_at(motion: HandMotion, frame: int) -> Array:
+    """Valid receivers (n, 3) of the frame of that index in the view's axes, mm."""
+    receivers = seen(motion, np.array([frame]), motion.receiver_mm[frame : frame + 1])[0]
+    return np.asarray(receivers[np.isfinite(receivers).all(-1)])
+
+
+def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None) -> tuple[BoneLine, ...]:
+    bones = []
+    starts = Counter(chain[0] for chain in chains)
+    for digit, chain in enumerate(chains):
+        ends = [points.index(name) for name in chain]
+        if wrist is not None:
+            bones.append(BoneLine(points.index(wrist), ends[0], digit, -1, shared=True))
+        for level, (start, end) in enumerate(pairwise(ends)):
+            bones.append(BoneLine(start, end, digit, level, shared=level == 0 and starts[chain[0]] > 1))
+    return tuple(bones)
+
+
+def _skeleton(
+    layout: Layout,
+    model: SkeletonModel,
+    place: int,
+    positions: Mapping[str, Array],
+    bones: tuple[BoneLine, ...],
+    joints: Rows,
+    sd_of_tip: Mapping[str, float],
+    tip_error_mm: Array,
+) -> ShownSkeleton:
+    points = tuple(positions)
+    sd = [sd_of_tip.get(p, _number(joints.get(p, {}).get("sd_mm"))) for p in points]
+    return ShownSkeleton(
+        model=model.name,
+        place=place,
+        points=points,
+        position_mm=np.stack(list(positions.values()), 1),
+        on_receivers=None,
+        sd_mm=np.array(sd),
+        believed=tuple(belief(joints[p]) if p in joints else BELIEVED for p in points),
+        bones=bones,
+        axes=_axes(layout, model, points, joints),
+        tip_error_mm=tip_error_mm,
+    )
+
+
+def _axes(
+    layout: Layout, model: SkeletonModel, points: tuple[str, ...], joints: Rows
+) -> tuple[JointAxis, ...]:
+    """The axis of each joint drawn that has one, in its child receiver's frame."""
+    axes = []
+    for joint in layout.solvable:
+        row = joints.get(joint.name)
+        if row is None or joint.name not in points or row["axis_child_x"] is None:
+            continue
+        x, y, z = (float(row[f"axis_child_{axis}"]) for axis in "xyz")
+        plane = joint.plane
+        side = joint.parent_receiver if plane.frame == "parent" else joint.child
+        cut_by = side if model.planes.cut and plane.frame != "none" else ""
+        axes.append(JointAxis(points.index(joint.name), joint.child, (x, y, z), cut_by, plane.normal))
+    return tuple(axes)
+
+
+def _number(value: float | None) -> float:
+    return np.nan if value is None else float(value)

@@ -1,0 +1,156 @@
+"""Methods text to paste into a manuscript, in English: what was recorded, computed, compared and tested.
+
+It says what the study's own files say, and nothing of what came out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from statistics import median
+
+from shukotsu import VERSION
+from shukotsu.errors import InputError
+from shukotsu.report.movement_results import Movement
+from shukotsu.report.study_results import StudyResults
+from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS
+from shukotsu.study.mapping import read_mapping
+from shukotsu.study.study import Hand
+
+REFERENCES = (
+    "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "
+    "Capture Data. Akita University.",
+    "J. F. O'Brien, R. E. Bodenheimer, G. J. Brostow, J. K. Hodgins: Automatic Joint Parameter Estimation "
+    "from Magnetic Motion Capture Data. Graphics Interface 2000, 53–60.",
+    "R. M. Ehrig, W. R. Taylor, G. N. Duda, M. O. Heller: A survey of formal methods for determining the "
+    "centre of rotation of ball joints. Journal of Biomechanics 39 (2006) 2798–2809.",
+    "G. Wu et al.: ISB recommendation on definitions of joint coordinate systems of various joints for the "
+    "reporting of human joint motion, part II. Journal of Biomechanics 38 (2005) 981–992.",
+    "R. A. Fisher: The Design of Experiments. Oliver and Boyd, 1935.",
+    "S. Holm: A Simple Sequentially Rejective Multiple Test Procedure. Scandinavian Journal of Statistics 6 "
+    "(1979) 65–70.",
+    "L. V. Hedges: Distribution Theory for Glass's Estimator of Effect Size and Related Estimators. Journal "
+    "of Educational Statistics 6 (1981) 107–128.",
+)
+
+
+def methods_text(results: StudyResults, movement: Movement | None = None) -> list[str]:
+    """Return the paragraphs, in the past tense; on movement where any was measured."""
+    moved = [movement_paragraph(movement)] if movement is not None and len(movement.ranges) else []
+    return [
+        _recorded(results),
+        _solved(results),
+        _compared(results),
+        *moved,
+        f"All computations were made with Shukotsu {VERSION}; configuration, versions and the SHA-256 of "
+        "every input file stand in the study's tables.",
+    ]
+
+
+def _count(n: int, name: str) -> str:
+    return f"{n} {name}" + ("" if n == 1 else "s")
+
+
+def _recorded(results: StudyResults) -> str:
+    used = [row for row in results.recording_rows if row["status"] == "used"]
+    rates = [
+        (row["n_frames"] - 1) / row["duration_s"] for row in used if row["duration_s"] and row["n_frames"] > 1
+    ]
+    worn = sorted({row["n_receivers"] for row in used})
+    tasks = sorted(Counter(row["task"] for row in used).items())
+    text = (
+        f"{_count(len(results.hands), 'hand')} of {_count(len(results.subjects), 'subject')}, "
+        + ("each counted in each session, " if results.has_sessions else "")
+        + ("simulated" if results.simulated else "recorded")
+        + f" with {'–'.join(map(str, worn[:1] + worn[1:][-1:])) or 'no'} receivers a hand"
+        + (f" at {median(rates):.0f} Hz" if rates else "")
+        + f", gave {_count(len(used), 'recording')}"
+        + (f" ({', '.join(f'{task}: {n}' for task, n in tasks)})" if tasks else "")
+    )
+    if lost := len(results.recordings) - len(used):
+        text += f"; {lost} more could not be used"
+    if results.suspect:
+        hands = ", ".join(sorted(map(_hand_text, results.suspect)))
+        text += f". Left out of every statistic, for what was found in their recordings: {hands}"
+    if results.simulated:
+        return f"{text}. The simulator knows the true skeleton; no person's hand is behind these numbers."
+    trackers = ", ".join(sorted({row["tracker"] for row in used if row.get("tracker")}))
+    text += f". The tracker was: {trackers or '[name it here]'}."
+    mappings = Counter(recording.mapping for recording in results.recordings if not recording.exclude)
+    return text + "".join(
+        f" {_count(n, 'recording')} of another program: read as {path.name} declares{_declared(path)}."
+        for path, n in sorted((path, n) for path, n in mappings.items() if path)
+    )
+
+
+def _hand_text(hand: Hand) -> str:
+    session = f", session {hand.session}" if hand.session else ""
+    return f"subject {hand.subject}{session}, {hand.hand} hand"
+
+
+def _declared(path: Path) -> str:
+    """Units and convention of a mapping; empty where it cannot be read."""
+    try:
+        mapping = read_mapping(path)
+    except InputError:
+        return ""
+    keys = ("kind", "order", "axes", "unit", "rotates")
+    turning = " ".join(filter(None, ((mapping.orientation or {}).get(key) for key in keys)))
+    return f": positions in {mapping.config['position_unit']}" + (f", {turning}" if turning else "")
+
+
+def _solved(results: StudyResults) -> str:
+    """Describe the models; where no layout has a thumb, nothing is said of one."""
+    thumb = any("thumb" in layout.digits for layout in results.layouts.values())
+    text = (
+        "Joint centres were found from the relative motion of the receivers beside each joint [1–3], under "
+        f"{_count(len(results.models), 'skeleton model')}."
+    )
+    for name, model in results.models.items():
+        described = "each joint by the receivers on both sides of it"
+        text += f" {name}: {model.description.rstrip('.') if thumb or not model.own_cmc else described}."
+    if results.fitted:
+        text += (
+            f" {', '.join(results.fitted)}: all joint centres, axes, bone lengths and the receivers' places "
+            "were estimated at once (maximum a posteriori, with anatomical priors), their uncertainty by a "
+            "Gaussian approximation. Joint angles follow ISB [4]."
+        )
+    return text
+
+
+def _compared(results: StudyResults) -> str:
+    fresh = any(row["held_out"] and not row["reference"] for row in results.scores)
+    seen = (
+        "of tasks that they were not made from" if fresh else "that they were made from; nothing was held out"
+    )
+    return (
+        f"Skeletons were scored on recordings {seen}. The subject was the unit of comparison: each gave one "
+        "difference between two models, the mean over its hands, recordings and digits. Differences were "
+        f"tested by flipping their signs [5]; 95 % intervals are Student's (from {FEWEST_SUBJECTS} subjects "
+        "on); Holm's procedure corrected p [6]; effect sizes are Cohen's d_z with Hedges' correction [7]."
+    )
+
+
+def movement_paragraph(movement: Movement) -> str:
+    """Describe how movement was measured and compared: filters, statistics, n."""
+    subjects = _count(movement.ranges["subject"].nunique(), "subject")
+    text = (
+        f"Movement was measured in {subjects} by joint angles under {movement.model}. The range of motion is "
+        "the distance from the 2.5th to the 97.5th percentile of an angle. Speeds are slopes of a parabola "
+        "fitted in a moving window that passes 10 Hz at half power (Savitzky-Golay)."
+    )
+    if len(movement.differences):
+        tests = ", ".join(sorted(filter(None, movement.differences["test"].unique())))
+        text += (
+            " Values were averaged over trials, then over sessions; the subject was the unit. Tests: "
+            f"{tests or 'none, for want of subjects'}; two-sided. A difference counts as shown where p is at "
+            "most 5 % after Holm's correction over all quantities, joint angles, hands and tasks of two "
+            "levels; 95 % intervals; effect sizes are d_z within subjects and Hedges' g between groups, both "
+            "corrected for few subjects."
+        )
+    if len(movement.reliability):
+        text += (
+            " Repeatability: ICC(2,1) and ICC(3,1) with F-based intervals, standard error of measurement "
+            "within subjects, minimal detectable change 1.96 √2 times that."
+        )
+    return text

@@ -1,0 +1,128 @@
+"""Read the study's tables of movement under one model; what of it differs between levels of a factor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shukotsu.report.belief import NOT, study_beliefs
+from shukotsu.report.study_results import StudyResults, recording_key
+from shukotsu.report.table_cells import Column, DataTable, number, p_text, table_of, text_column
+from shukotsu.study.translation import tr
+from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, RANGES_OF_MOTION
+from shukotsu.tables.typed_table import Table, read_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+RANGE = "range_deg"
+"""The quantity that is drawn; all others stand in tables."""
+PLACE = ["hand", "task"]
+OF_ANGLE = ["joint", "angle"]
+SUBJECT = ["subject", "session", "hand"]
+
+
+@dataclass(frozen=True)
+class Movement:
+    """A study's movement under one model, hands with a suspect finding left out.
+
+    ranges : a row a recording and angle. differences, reliability : of that model. believed : one of BELIEFS
+    by joint. measured : whether any recording has joint angles, counted
+    or not. A frame without rows is that of a table that is empty or not there.
+    """
+
+    model: str
+    ranges: pd.DataFrame
+    differences: pd.DataFrame
+    reliability: pd.DataFrame
+    believed: dict[str, str]
+    measured: bool
+
+    @cached_property
+    def subject_means(self) -> pd.DataFrame:
+        """Range of motion, deg, by hand, task, joint, angle and subject: means over trials, then sessions."""
+        whose = [*PLACE, *OF_ANGLE, "subject"]
+        sessions = self.ranges.groupby([*whose, "session"], sort=False)[RANGE].mean()
+        return sessions.groupby(whose, sort=False).mean().reset_index()
+
+    @property
+    def why_nothing(self) -> str:
+        """Why no joint angle counts: none was measured, or all hands are left out."""
+        if self.measured:
+            return tr("every hand that has joint angles has a suspect finding, and counts in nothing")
+        return tr("no recording of this study has joint angles")
+
+    def differences_table(self) -> DataTable | None:
+        """Differences between two levels of a factor that are shown, of joints that can be believed; None
+        where no two levels were compared.
+        """
+        doubted = {joint for joint, shown in self.believed.items() if shown == NOT}
+        rows = self.differences[self.differences["verdict"] != ""]
+        rows = rows[np.array([of.partition(" ")[0] not in doubted for of in rows["of"]], bool)]
+        if rows.empty:
+            return None
+        shown = rows[rows["verdict"] == "shown"].sort_values("p_holm", kind="stable")
+        columns = (
+            Column(
+                tr("Levels"),
+                lambda row: f"{row['factor']}: {row['level']} − {row['other_level']}",
+                is_text=True,
+            ),
+            Column(tr("Of"), lambda row: f"{row['quantity']}, {row['of']}", is_text=True),
+            text_column(tr("Hand"), "hand"),
+            text_column(tr("Task"), "task"),
+            Column(tr("Subjects"), lambda row: "/".join(str(n) for n in (row["n"], row["n_other"]) if n)),
+            Column(tr("Difference"), lambda row: f"{number(row['difference'])} {row['unit']}"),
+            Column(tr("95 % interval"), lambda row: f"{number(row['low'])} – {number(row['high'])}"),
+            Column(tr("p, corrected"), lambda row: p_text(row["p_holm"])),
+        )
+        caption = tr(
+            "Differences shown, {n} of {n_all} numbers that were tested (movement_differences.parquet).",
+            n=len(shown),
+            n_all=len(rows),
+        )
+        return table_of(caption, columns, shown.to_dict("records"))
+
+
+def read_movement(results: StudyResults) -> Movement:
+    """Read the study's tables of movement under the leading model; InputError where one is another table."""
+    model = results.leading
+    measured = _evaluated(_frame(results, RANGES_OF_MOTION, model), results)
+    ranges = _judged(measured, results)
+    return Movement(
+        model=model,
+        ranges=ranges[ranges[RANGE].notna()],
+        differences=_frame(results, MOVEMENT_DIFFERENCES, model),
+        reliability=_frame(results, MOVEMENT_RELIABILITY, model),
+        measured=bool(measured[RANGE].notna().any()),
+        believed=study_beliefs(results.judging, model),
+    )
+
+
+def _frame(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
+    """The table's rows of a model; none where the study has no such table."""
+    import pyarrow as pa
+
+    names = [column.name for column in table.columns]
+    path = results.paths.study_table(table.name)
+    if not path.is_file():
+        return pa.table({name: pa.array([], table.column(name).type) for name in names}).to_pandas()
+    frame = read_table(path, table, names).replace_schema_metadata().to_pandas()
+    return frame[frame["model"] == model].reset_index(drop=True)
+
+
+def _judged(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
+    """Rows of hands that count in statistics."""
+    suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
+    keys = zip(*(rows[name] for name in SUBJECT), strict=True)
+    return rows[np.array([key not in suspect for key in keys], bool)] if suspect else rows
+
+
+def _evaluated(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
+    """Rows of recordings that are compared: not of those that only calibrate."""
+    calibrating = {recording_key(own) for own in results.recordings if own.role == "calibration"}
+    keys = zip(*(rows[name] for name in (*SUBJECT, "task", "trial")), strict=True)
+    return rows[np.array([key not in calibrating for key in keys], bool)]

@@ -1,0 +1,291 @@
+"""Panels, each a function that draws into axes: alone as SVG in a page, or in a grid for print.
+
+Most are named rows of dots over one horizontal scale.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import traceback
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from string import ascii_lowercase
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup, escape
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import FixedFormatter, FuncFormatter, Locator, LogLocator, MaxNLocator, NullLocator
+
+from shukotsu.errors import INTERNAL, on_one_line
+from shukotsu.report.palette import INK, PAPER, SOFT, Look, as_custom_property
+from shukotsu.report.plots.style import (
+    SMALL_PT,
+    TWO_COLUMNS_MM,
+    applied,
+    rewrite,
+    width_mm,
+    without_controls,
+    wrapped,
+)
+from shukotsu.report.table_cells import number
+from shukotsu.study.translation import ENGLISH, language, tr, translated, word
+
+Array = npt.NDArray[np.float64]
+
+PAGE_MM = 106.0
+"""How wide a page's picture is before the page gives it its width."""
+ROW_MM, FOOT_MM = 3.6, 9.0
+"""Heights of a row, and of the words below the axes."""
+FEWEST_FOR_QUARTILES = 4
+_LINE_MM, _LEGEND_LINE_MM, _KEY_MM, _GAP_MM, _PAD_MM, _MOST_NAME_MM = 3.2, 4.2, 9.0, 2.0, 1.6, 42.0
+_SCATTER, _GOLDEN = 0.6, (5**0.5 - 1) / 2
+_GROSS, _DECADES, _ROUNDING, _MARGIN = 8.0, 4.0, 1e-6, 0.06
+"""How many times the usual number the largest is where an even scale would squeeze the others; powers of ten
+on a logarithmic scale; errors of rounding, mm or degrees; share of a scale kept free at either end.
+"""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A panel: heading, title for who cannot see it, heights of axes and words below, what draws it."""
+
+    heading: str
+    title: str
+    height_mm: float
+    foot_mm: float
+    draw: Callable[[Axes], None]
+
+
+def in_rows(panels: Sequence[Panel], across: int) -> list[Sequence[Panel]]:
+    """Return the panels in rows of so many."""
+    return [panels[start : start + across] for start in range(0, len(panels), across)]
+
+
+def print_figure(
+    rows: Sequence[Sequence[Panel]], handles: Sequence[Artist] = (), figure_mm: float = TWO_COLUMNS_MM
+) -> Figure:
+    """Return rows of panels, each with its letter and heading, below a legend."""
+    across, names = max(map(len, rows)), iter(panel_names(sum(map(len, rows))))
+    widest = max((width_mm(str(handle.get_label())) for handle in handles), default=0.0) + _KEY_MM
+    columns = max(1, min(len(handles), int(figure_mm / widest)))
+    letters = int((figure_mm / across - 12.0) / width_mm("m"))
+    headings = [["\n".join(wrapped(panel.heading, letters)) for panel in row] for row in rows]
+    heights = [max(panel.height_mm for panel in row) for row in rows]
+    down = sum(heights) + _LEGEND_LINE_MM * -(-len(handles) // columns)
+    for row, texts in zip(rows, headings, strict=True):
+        down += max(panel.foot_mm for panel in row) + _GAP_MM
+        down += _LINE_MM * (1 + max(text.count("\n") for text in texts))
+    figure = _blank(figure_mm, down)
+    grid = figure.add_gridspec(len(rows), across, height_ratios=heights)
+    for row_index, row in enumerate(rows):
+        drawn = [figure.add_subplot(grid[row_index, column]) for column in range(len(row))]
+        for axes, panel, heading in zip(drawn, row, headings[row_index], strict=True):
+            panel.draw(axes)
+            weight = "bold" if language() == ENGLISH else "normal"
+            axes.set_title(next(names), loc="left", fontweight=weight)
+            axes.set_title(heading, loc="right", fontsize=SMALL_PT)
+        lines = [[label.get_text() for label in axes.get_yticklabels()] for axes in drawn]
+        for (before, after), axes in zip(pairwise(lines), drawn[1:], strict=True):
+            axes.tick_params(labelleft=before != after)
+    if handles:
+        figure.legend(handles=handles, loc="outside upper center", ncols=columns)
+    return figure
+
+
+def page_figure(panel: Panel) -> Figure:
+    """Return one panel for a page, whose own words stand for the heading."""
+    figure = _blank(PAGE_MM, panel.height_mm + panel.foot_mm)
+    figure.patch.set_visible(False)
+    panel.draw(figure.add_subplot())
+    return figure
+
+
+def _blank(width_mm: float, height_mm: float) -> Figure:
+    engine = ConstrainedLayoutEngine(w_pad=_PAD_MM / 25.4)
+    return Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout=engine)
+
+
+def lay_out(figure: Figure, writable: Callable[[str], str]) -> None:
+    """Change every text to what its medium can hold, then lay the figure out, once for all files."""
+    rewrite(figure, writable)
+    engine = figure.get_layout_engine()
+    assert engine is not None
+    engine.execute(figure)
+    figure.set_layout_engine(None)
+
+
+def panel_names(n: int) -> list[str]:
+    """Return the names of n panels: a to z, then aa and on; one alone has no name."""
+    names = [*ascii_lowercase, *(a + b for a in ascii_lowercase for b in ascii_lowercase)]
+    return names[:n] if n > 1 else [""]
+
+
+_LEFT_OUT = re.compile(
+    r'<style.*?</style>| id="(?:[A-Za-z.]+(?:2d)?_|dots)\d+"|font-family: [^;"]*; |\n *', re.DOTALL
+)
+"""A style of the whole page, identifiers that other pictures have too, fonts, and indentation."""
+_ROOT = re.compile(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>(.*)</svg>', re.DOTALL)
+_COLOUR, _DECIMALS = re.compile(r"#[0-9a-f]{6}\b"), re.compile(r"(\.\d\d)\d+")
+_UNDRAWN: list[str] = []
+
+
+def taken_failures() -> list[str]:
+    """Return why pictures could not be drawn since this was last asked."""
+    messages = [*_UNDRAWN]
+    _UNDRAWN.clear()
+    return messages
+
+
+def page_picture(panel: Panel) -> Markup:
+    """Return the panel as an SVG element in the page's theme, or the sentence why there is none.
+
+    Every light value of the palette becomes the custom property of its hue. The same panel gives the same.
+    """
+    written = io.BytesIO()
+    try:
+        with applied({"svg.hashsalt": panel.title}), warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has it
+            figure = page_figure(panel)
+            lay_out(figure, without_controls)
+            metadata = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+            figure.savefig(written, format="svg", metadata=metadata)
+    except MemoryError:
+        raise
+    except Exception as error:  # a picture must not cost a study its page
+        traceback.print_exc()
+        text = on_one_line(f"{panel.title}: {type(error).__name__}: {error}")
+        message = f"{INTERNAL} report ({text}); please report it with the log"
+        _UNDRAWN.append(message)
+        return Markup("<p>{}</p>").format(tr("Not drawn: {reason}.", reason=translated(message)))
+    ((size, body),) = _ROOT.findall(written.getvalue().decode())
+    body = _COLOUR.sub(lambda colour: as_custom_property(colour[0]), _LEFT_OUT.sub("", body))
+    body = _DECIMALS.sub(r"\1", body)
+    return Markup(f'<svg {size} role="img"><title>{escape(panel.title)}</title>{body}</svg>')
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A scale from `low` to `high`; `kind` is linear or log."""
+
+    low: float
+    high: float
+    kind: str = "linear"
+
+
+def value_scale(values: npt.ArrayLike) -> Scale:
+    """Return a scale for values none below 0: from 0, or logarithmic where the largest dwarfs the usual."""
+    sizes = np.asarray(values, float)
+    sizes = np.where(sizes < _ROUNDING, 0.0, sizes)[np.isfinite(sizes)]
+    highest, usual = float(sizes.max(initial=0.0)), float(np.median(sizes)) if len(sizes) else 0.0
+    if highest <= _GROSS * usual or highest <= 0.0:
+        return Scale(0.0, highest * (1 + _MARGIN) or 1.0)
+    lowest = max(float(sizes[sizes > 0].min()), highest / 10.0**_DECADES)
+    return Scale(lowest / 1.1, highest * 1.1, "log")
+
+
+@dataclass(frozen=True)
+class Row:
+    """A named row: numbers by subject or hand, and the mean of differences with its interval.
+
+    Without a mean the median and quartiles are marked.
+    """
+
+    name: str
+    look: Look
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    mean: float | None = None
+    interval: tuple[float, float] | None = None
+
+    def values(self) -> list[float]:
+        """Everything of the row that its scale must hold."""
+        return [*self.numbers.values(), *([] if self.mean is None else [self.mean]), *(self.interval or ())]
+
+
+def draw_rows(axes: Axes, rows: Sequence[Row], axis: str, scale: Scale, of_all: int = 0) -> None:
+    """Draw named rows, the first on top: a dot a number, each name's as far aside in every row.
+
+    of_all : how many numbers a full row has; a row with fewer says how many it has. With 0 no row says its
+    mean or median.
+    """
+    row_axes(axes, [word(row.name) for row in rows], axis, scale, top=bool(of_all))
+    names = list(dict.fromkeys(name for row in rows for name in row.numbers))
+    aside_of = dict(zip(names, scattered(len(names)), strict=True))
+    size = 3.4 if len(names) <= 12 else 2.6 if len(names) <= 40 else 1.8
+    for y, row in enumerate(rows):
+        values = np.array(list(row.numbers.values()))
+        middle, bar, colour = row.mean, row.interval, INK
+        if middle is None and len(values):
+            low, middle, high = np.quantile(values, [0.25, 0.5, 0.75]).tolist()
+            bar, colour = ((low, high) if len(values) >= FEWEST_FOR_QUARTILES else None), row.look.colour
+        if len(values):  # far below the foot of a logarithmic scale matplotlib leaves dots out
+            x = np.maximum(values, scale.low) if scale.kind == "log" else values
+            axes.plot(
+                x, [y + aside_of[name] for name in row.numbers], "o", color=row.look.colour, markersize=size,
+                alpha=0.6, markeredgewidth=0.0, clip_on=False, zorder=2.2, gid=f"dots{y}",
+                label="\n".join(row.numbers),
+            )  # fmt: skip
+        if middle is None:
+            continue
+        if bar is not None:
+            axes.plot(bar, [y, y], color=colour, linewidth=1.4, solid_capstyle="butt", zorder=2.4)
+        axes.plot(
+            middle, y, row.look.marker, color=row.look.colour, markersize=row.look.size + 1.0, zorder=2.6,
+            markeredgewidth=0.6, markeredgecolor=PAPER,
+        )  # fmt: skip
+        if of_all:
+            note = number(middle).replace("-", "−")
+            note += f" (n = {len(values)})" if 0 < len(values) < of_all else ""
+            _write_aside(axes, y, note, INK)
+    if of_all:
+        words = tr("mean") if any(row.mean is not None for row in rows) else tr("median")
+        _write_aside(axes, -1, words, SOFT)
+
+
+def _write_aside(axes: Axes, y: int, words: str, colour: str) -> None:
+    """Write right of the axes, in line with a row."""
+    across = axes.get_yaxis_transform()
+    axes.text(1.03, y, words, va="center_baseline", fontsize=SMALL_PT, color=colour, transform=across)
+
+
+def row_axes(axes: Axes, names: Sequence[str], axis: str, scale: Scale, *, top: bool = False) -> None:
+    """Name rows from the top, with one free above if `top`, over a horizontal axis with a grid."""
+    fits = int(_MOST_NAME_MM / width_mm("m"))
+    axes.set_ylim(len(names) - 0.5, -1.5 if top else -0.5)
+    axes.set_yticks(range(len(names)))
+    shortened = [name if len(name) <= fits else name[: fits - 1] + "…" for name in names]
+    axes.yaxis.set_major_formatter(FixedFormatter(shortened))
+    axes.spines["left"].set_visible(False)
+    axes.set_xscale(scale.kind)
+    axes.set_xlim(scale.low, scale.high)
+    axes.xaxis.set_major_locator(locator(scale))
+    axes.xaxis.set_major_formatter(PLAIN)
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.grid(axis="x", clip_on=False)
+    axes.tick_params(length=0)
+    axes.set_xlabel(axis)
+
+
+def locator(scale: Scale) -> Locator:
+    """Return what puts ticks at round numbers of the scale."""
+    if scale.kind == "linear":
+        return MaxNLocator(6, steps=[1, 2, 5, 10])
+    span = scale.high / scale.low
+    steps = (1.0, 2.0, 5.0) if span < 100 else (1.0, 3.0) if span < 2000 else (1.0,)
+    return LogLocator(subs=steps, numticks=9)
+
+
+PLAIN = FuncFormatter(lambda value, _: f"{round(value, 9) + 0.0:g}".replace("-", "−"))
+"""A number without trailing zeros, with a true minus sign."""
+
+
+def scattered(n: int) -> Array:
+    """Return steps aside (n,) within a row, even about its middle and the same every time."""
+    steps = (np.arange(n) * _GOLDEN) % 1.0
+    return np.asarray((steps - steps.mean()) * _SCATTER) if n else np.zeros(0)

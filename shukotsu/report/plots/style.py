@@ -1,0 +1,197 @@
+"""Set how every picture looks: sizes, fonts and lines.
+
+A journal that wants it otherwise changes this and the palette.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+from unicodedata import category, east_asian_width
+
+import matplotlib
+from matplotlib import font_manager
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.ticker import FixedFormatter
+
+from shukotsu.errors import InputError
+from shukotsu.report.palette import INK, RULE, SOFT
+from shukotsu.report.wording import translations_of
+from shukotsu.study.translation import ENGLISH, N_, language
+
+ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 175.0
+SMALL_PT = 7.0
+
+FONT = N_("DejaVu Sans")
+FONTS_FOR_OTHER_SCRIPTS = (
+    "Noto Sans CJK JP",
+    "Noto Sans JP",
+    "IPAexGothic",
+    "IPAGothic",
+    "Source Han Sans JP",
+    "Yu Gothic",
+    "Hiragino Sans",
+    "MS Gothic",
+    "Noto Sans CJK SC",
+    "Microsoft YaHei",
+    "WenQuanYi Zen Hei",
+)
+"""Used where they are installed, for characters that FONT does not have."""
+
+STYLE: dict[str, Any] = {
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.titlepad": 3.0,
+    "axes.labelpad": 2.0,
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.facecolor": "none",
+    "grid.color": RULE,
+    "grid.linewidth": 0.5,
+    "xtick.labelsize": SMALL_PT,
+    "ytick.labelsize": SMALL_PT,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.major.size": 2.5,
+    "ytick.major.size": 2.5,
+    "xtick.minor.size": 0.0,
+    "ytick.minor.size": 0.0,
+    "lines.linewidth": 0.8,
+    "lines.markersize": 4.0,
+    "legend.fontsize": SMALL_PT,
+    "legend.frameon": False,
+    "legend.handlelength": 1.8,
+    "legend.columnspacing": 1.2,
+    "hatch.linewidth": 0.6,
+    "path.simplify_threshold": 0.1,  # pt
+    "text.parse_math": False,  # a name may hold $, \ and _
+    "svg.fonttype": "none",
+    "svg.hashsalt": "shukotsu",
+    "pdf.fonttype": 42,
+}
+"""Settings of matplotlib, on top of its own defaults; a user's matplotlibrc has no say."""
+
+
+@contextmanager
+def applied(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Draw and save in this style, `settings` on top, and leave matplotlib's settings as they were."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        all_settings: Any = {**STYLE, **_fonts(), **(settings or {})}
+        matplotlib.rcParams.update(all_settings)
+        yield
+
+
+def label(text: str) -> str:
+    """Return the text as the fonts at hand can write it; what none has becomes its code in ASCII."""
+    drawable = _characters(language())
+    return "".join(c if c.isprintable() and ord(c) in drawable else _code(c) for c in text)
+
+
+def without_controls(text: str) -> str:
+    """Return a text as XML can hold it."""
+    return "".join(_code(c) if category(c) in ("Cc", "Cs") else c for c in text)
+
+
+def rewrite(figure: Figure, writable: Callable[[str], str]) -> None:
+    """Change every text of a figure, line by line, to what its medium can hold."""
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        formatter = axis.get_major_formatter()
+        if isinstance(formatter, FixedFormatter):
+            formatter.seq = [writable(words) for words in formatter.seq]
+    for text in figure.findobj(Text):
+        assert isinstance(text, Text)
+        text.set_text("\n".join(map(writable, text.get_text().split("\n"))))
+
+
+def _code(character: str) -> str:
+    return (
+        character.encode("unicode_escape").decode() if ord(character) > 0x7F else f"\\x{ord(character):02x}"
+    )
+
+
+def width_mm(words: str) -> float:
+    """Return about how wide a text is in small letters: a Chinese or Japanese one is twice a Latin one."""
+    return 0.22 * SMALL_PT * sum(2 if east_asian_width(letter) in "WF" else 1 for letter in words)
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Return lines of at most so many Latin letters, as the fonts at hand can write them."""
+    return wrap(label(text), width if width_mm(text) < 1.5 * width_mm("m") * len(text) else width // 2)
+
+
+def _fonts_of(name: str) -> list[str]:
+    """Return the names of fonts that write a language, the best first: its translation of DejaVu Sans."""
+    return translations_of(name).gettext(FONT).split(", ")
+
+
+def font_of(name: str) -> Path | None:
+    """Return the file of the first installed font that writes a language; None where there is none."""
+
+    def first() -> Path | None:
+        files = {entry.name: Path(entry.fname) for entry in reversed(font_manager.fontManager.ttflist)}
+        return next((files[font] for font in _fonts_of(name) if font in files), None)
+
+    return first() or (first() if _seek_fonts() else None)
+
+
+@cache
+def _seek_fonts() -> int:
+    """Add fonts that were installed after matplotlib wrote down its list; return how many."""
+    listed = {entry.fname for entry in font_manager.fontManager.ttflist}
+    new = [path for path in font_manager.findSystemFonts() if path not in listed]
+    for path in new:
+        with suppress(OSError, RuntimeError):  # a file that is no font that can be drawn
+            font_manager.fontManager.addfont(path)
+    return len(new)
+
+
+def check_font(name: str) -> None:
+    """Raise InputError where no font is installed that writes the language of the figures."""
+    if name == ENGLISH or font_of(name) is not None:
+        return
+    raise InputError(
+        f"language: {name}: its figures need a font, and none of {', '.join(_fonts_of(name))} is "
+        "installed; install one (on Debian and Ubuntu: sudo apt-get install fonts-ipaexfont-gothic) or leave "
+        "the key language out of the study file"
+    )
+
+
+def _fonts() -> dict[str, Any]:
+    """Return settings of fonts, the page's language first. Only a TrueType file goes into a PDF as such."""
+    font = None if language() == ENGLISH else font_of(language())
+    if font is None:
+        return {"font.family": [FONT, *_installed()]}
+    name = font_manager.get_font(font).family_name
+    return {"font.family": [name, FONT, *_installed()], "pdf.fonttype": 42 if font.suffix == ".ttf" else 3}
+
+
+@cache
+def _installed() -> tuple[str, ...]:
+    """Return fonts for other scripts that are installed as TrueType files, which a PDF can hold."""
+    fonts = font_manager.fontManager.ttflist
+    names = {entry.name for entry in fonts if Path(entry.fname).suffix.lower() == ".ttf"}
+    return tuple(name for name in FONTS_FOR_OTHER_SCRIPTS if name in names)
+
+
+@cache
+def _characters(name: str) -> frozenset[int]:
+    """Return the code points that some font in use has."""
+    files = [Path(font_manager.findfont(font)) for font in (FONT, *_installed())]
+    files += filter(None, [None if name == ENGLISH else font_of(name)])
+    return frozenset[int]().union(*(font_manager.get_font(file).get_charmap().keys() for file in files))

@@ -1,0 +1,249 @@
+"""A recording's figures: its tip errors and joint angles over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from shukotsu.errors import InputError
+from shukotsu.report.hand_motion import view_base
+from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
+from shukotsu.report.plots.panels import PLAIN, Panel, in_rows, locator, print_figure, value_scale
+from shukotsu.report.plots.style import SMALL_PT
+from shukotsu.report.print_figures.study_figures import Drawing, NoDataError, count_range, drawn
+from shukotsu.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
+from shukotsu.report.score_tables import mean
+from shukotsu.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
+from shukotsu.report.table_cells import number, title
+from shukotsu.study.study import Recording, path_token
+from shukotsu.study.translation import N_, tr, word
+from shukotsu.tables.poses import pose_blocks
+
+_STRIP_MM, _ANGLE_MM, _FOOT_MM, _MARKS = 20.0, 18.0, 9.0, 8
+"""Heights, and about how many marks tell a line apart from others; they are no samples."""
+_GAP_STEPS = 1.9
+"""A step between valid samples that is so many times the usual one is a gap: one missing frame makes it 2."""
+_LINES = ((N_("Flexion"), INK), (N_("Abduction or deviation"), HUES["sky"][0]),
+          (N_("Axial rotation"), HUES["vermilion"][0]))  # fmt: skip
+"""Name and colour of each of ANGLES."""
+
+
+def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
+    """Draw a recording's figures: tip-error, and joint-angles of every fitted model."""
+    yield drawn("tip-error", partial(tip_error, results, recording))
+    for model in results.fitted:
+        name = f"joint-angles_{path_token(model)}"
+        yield drawn(name, partial(joint_angles, results, recording, model))
+    if not results.fitted:
+        yield drawn("joint-angles", _no_angles)
+
+
+def _no_angles() -> tuple[Figure, str]:
+    raise NoDataError(tr("joint angles need a model that fits the whole hand, and this study has none"))
+
+
+def find_recording(results: StudyResults, subject: str, hand: str, name: str) -> Recording:
+    """Return the recording of that subject and hand whose task (with `_` and the trial) is `name`.
+
+    Raises InputError that says which there are.
+    """
+    of_hand = [
+        recording
+        for recording in results.recordings
+        if recording.hand.hand == hand and subject in (recording.hand.who.label, recording.hand.who.token)
+    ]
+    for recording in of_hand:
+        plain = recording.task + (f"_{recording.trial}" if recording.trial else "")
+        if name in (recording.name, plain):
+            return recording
+    if of_hand:
+        choices = tr("this hand has ") + ", ".join(recording.name for recording in of_hand)
+    else:
+        choices = tr("hands are ") + ", ".join(f"{h.who.token} {h.hand}" for h in results.hands[:12])
+    raise InputError(f"--recording {subject} {hand} {name}: no such recording; {choices}")
+
+
+def recording_text(recording: Recording) -> str:
+    """Format the recording in words: hand, task and trial."""
+    trial = tr(", trial {trial}", trial=recording.trial) if recording.trial else ""
+    return tr("{hand}, {task}{trial}", hand=recording.hand, task=recording.task, trial=trial)
+
+
+class Trace(NamedTuple):
+    """Numbers over time as print can show them: x, smallest and largest (C,) of each column, NaN in gaps."""
+
+    x: Array
+    low: Array
+    high: Array
+
+
+def thin(x: Array, values: Array, columns: int) -> Trace | None:
+    """Thin numbers (T,), NaN where there is none, to so many columns of x; None where no number is valid."""
+    valid = np.isfinite(values)
+    if not valid.any():
+        return None
+    width = (x[-1] - x[0]) / columns or 1.0
+    usual = float(np.median(np.diff(x))) if len(x) > 1 else 0.0
+    kept_x, kept = x[valid], values[valid]
+    first = np.flatnonzero(np.diff(np.minimum((kept_x - x[0]) // width, columns - 1), prepend=-1))
+    step = np.diff(kept_x, prepend=kept_x[0])[first]
+    gaps = np.flatnonzero(step > max(_GAP_STEPS * usual, 1.5 * width if len(kept) > columns else 0.0))
+    low, high = np.minimum.reduceat(kept, first), np.maximum.reduceat(kept, first)
+    return Trace(*(np.insert(part, gaps, np.nan) for part in (kept_x[first], low, high)))
+
+
+def _times(results: StudyResults, recording: Recording) -> tuple[Array, str]:
+    """Return times of frames in s, or their numbers where there are no device times, and the axis label."""
+    base = view_base(results.layouts[recording.hand])
+    blocks = [(poses.frame, poses.time_s) for poses in pose_blocks(results.poses(recording), [base])]
+    frame, time_s = map(np.concatenate, zip(*blocks, strict=True))
+    if np.isfinite(time_s).all():
+        return time_s, tr("Device time [s]")
+    return frame.astype(float), tr("Frame")
+
+
+def _columns_for(n_lines: int) -> int:
+    """Return how many columns each of so many lines may take, so that the file stays small."""
+    return max(90, min(420, 5500 // max(1, n_lines)))
+
+
+def _time_axes(axes: Axes, x: Array, time_words: str) -> None:
+    """Put the recording's span on the horizontal axis, with numbers if it has words."""
+    pad = 0.01 * (x[-1] - x[0]) or 1.0
+    axes.set(xlim=(x[0] - pad, x[-1] + pad), xlabel=time_words)
+    axes.xaxis.set_major_formatter(PLAIN)
+    axes.yaxis.set_major_formatter(PLAIN)
+    axes.tick_params(labelbottom=bool(time_words), which="both")
+    axes.minorticks_off()
+    axes.grid(axis="y", clip_on=False)
+
+
+def tip_error(results: StudyResults, recording: Recording) -> tuple[Figure, str]:
+    """Draw a strip a digit. Raises NoDataError where no model replayed the recording."""
+    digits, traces = list(results.layouts[recording.hand].digits), {}
+    x, time_words = _times(results, recording)
+    for model in results.models:
+        with suppress(InputError):
+            for digit, read in read_tip_errors(results, recording, model).items():
+                trace = thin(x, read()[:, 0], _columns_for(len(digits) * len(results.models)))
+                if trace is not None and digit in digits:
+                    traces[model, digit] = trace
+    if not traces:
+        raise NoDataError(tr("no model has a tip error in this recording"))
+    scale = value_scale(np.concatenate([trace.high[np.isfinite(trace.high)] for trace in traces.values()]))
+    looks = model_looks(list(results.models))
+
+    def draw(axes: Axes, digit: str) -> None:
+        """Draw a line a model at the largest errors of each column, a shade down to the smallest."""
+        axes.set(yscale=scale.kind, ylim=(scale.low, scale.high), ylabel=tr("Tip error [mm]"))
+        axes.yaxis.set_major_locator(locator(scale))
+        _time_axes(axes, x, time_words if digit == digits[-1] else "")
+        models = [model for model, of_digit in traces if of_digit == digit]
+        for index, model in enumerate(models):
+            at, low, high = traces[model, digit]
+            step, look = max(1, len(at) // _MARKS), looks[model]
+            axes.fill_between(at, low, high, color=look.colour, alpha=0.12, linewidth=0)
+            axes.plot(
+                at, high, color=look.colour, linewidth=0.6, marker=look.marker, markersize=3.0,
+                markevery=(step * index // len(models), step), markeredgecolor=PAPER, markeredgewidth=0.3,
+            )  # fmt: skip
+        if not models:
+            words = tr("no tip error")
+            axes.text(0.02, 0.5, words, transform=axes.transAxes, va="center", fontsize=SMALL_PT, color=SOFT)
+
+    panels = []
+    for digit in digits:
+        foot_mm = _FOOT_MM if digit == digits[-1] else 1.0
+        panels.append(Panel(title(digit), title(digit), _STRIP_MM, foot_mm, partial(draw, digit=digit)))
+    models = [name for name in results.models if any(model == name for model, _ in traces)]
+    handles = [
+        Line2D([], [], color=looks[name].colour, marker=looks[name].marker, label=name) for name in models
+    ]
+    rows = [
+        row
+        for row in results.tip_errors
+        if (row["binding"], row_key(row)) == (LEAST_SQUARES, recording_key(recording))
+        and row["mean_mm"] is not None
+    ]
+    means = [
+        f"{model} {number(mean(row['mean_mm'] for row in rows if row['model'] == model))} mm"
+        for model in models
+    ]
+    return print_figure(in_rows(panels, 1), handles), tr(
+        "Tip error over time of {recording_text}: distance from the replayed fingertip to the distal "
+        "receiver, least-squares binding [mm]; n = {n} frames a digit. Line: the largest value of every "
+        "stretch of time that print can resolve; shade: down to the smallest; broken where frames are "
+        "missing. Mean over digits: {means}. It says how well the joints close and not where they are.",
+        recording_text=recording_text(recording),
+        n=count_range([row["n_frames"] for row in rows] or [0]),
+        means="; ".join(means),
+    )
+
+
+def joint_angles(results: StudyResults, recording: Recording, model: str) -> tuple[Figure, str]:
+    """Draw a panel a joint, digits in rows. Raises NoDataError where the hand was not posed."""
+    x, time_words = _times(results, recording)
+    try:
+        read = read_angles(results, recording, model)
+    except InputError as error:
+        raise NoDataError(f"{model}: {error}") from error
+    traces = _angle_traces(x, read)
+    if not traces:
+        raise NoDataError(tr("{model} has no joint angles of this recording", model=model))
+    every = [trace for of_joint in traces.values() for trace in of_joint]
+    low, high = min(np.nanmin(trace.low) for trace in every), max(np.nanmax(trace.high) for trace in every)
+    pad = 0.06 * (high - low) or 1.0
+    layout = results.layouts[recording.hand]
+    children = {name: joint.child for name, joint in layout.joints.items()}
+    of_digits = [
+        [joint for joint in traces if joint in digit.joints or children.get(joint) in digit.segments]
+        for digit in layout.digits.values()
+    ]
+    others = [joint for joint in traces if not any(joint in line for line in of_digits)]
+    lines = [line for line in (*of_digits, others) if line]
+
+    def draw(axes: Axes, joint: str, first: bool, last: bool) -> None:
+        axes.set(ylim=(low - pad, high + pad), ylabel=tr("Angle [deg]") if first else "")
+        _time_axes(axes, x, time_words if last else "")
+        axes.axhline(0.0, color=RULE, linewidth=0.8)
+        for (_, colour), trace in zip(_LINES, traces[joint], strict=True):
+            axes.fill_between(trace.x, trace.low, trace.high, color=colour, alpha=0.3, linewidth=0)
+            axes.plot(trace.x, trace.high, color=colour, linewidth=0.7)
+
+    rows = []
+    for line in lines:
+        last = line is lines[-1]
+        rows.append(
+            [
+                Panel(word(joint), word(joint), _ANGLE_MM, _FOOT_MM if last else 1.0,
+                      partial(draw, joint=joint, first=joint == line[0], last=last))
+                for joint in line
+            ]
+        )  # fmt: skip
+    handles = [Line2D([], [], color=colour, label=tr(name)) for name, colour in _LINES]
+    return print_figure(rows, handles), tr(
+        "Joint angles of {recording_text}, model {model}; n = {n_frames} frames. Joint coordinate system of "
+        "Grood and Suntay, signed as the International Society of Biomechanics recommends for the hand: "
+        "flexion, ulnar deviation and pronation are positive [deg]. Line: the largest value of every stretch "
+        "of time that print can resolve; shade: down to the smallest; broken where frames are missing.",
+        recording_text=recording_text(recording),
+        model=model,
+        n_frames=len(x),
+    )
+
+
+def _angle_traces(x: Array, read: Mapping[str, Callable[[], Array]]) -> dict[str, list[Trace]]:
+    """Return the three traces of each joint that has an angle."""
+    columns, traces = _columns_for(len(read) * len(ANGLES)), {}
+    for joint, angles in read.items():
+        thinned = [trace for values in angles().T if (trace := thin(x, values, columns)) is not None]
+        if len(thinned) == len(ANGLES):
+            traces[joint] = thinned
+    return traces

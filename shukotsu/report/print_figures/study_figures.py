@@ -1,0 +1,423 @@
+"""A study's figures, each with its caption, and how figures become files: the same figure, the same bytes."""
+
+from __future__ import annotations
+
+import io
+import traceback
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any, cast
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from shukotsu import PROGRAM, VERSION
+from shukotsu.errors import on_one_line
+from shukotsu.report.belief import BELIEVED, CARE, NOT, belief, wanted_text
+from shukotsu.report.judged_models import LEFT_OUT, PRIOR, REPLAY, TRUTH, JudgedModels, judged_models
+from shukotsu.report.movement_results import OF_ANGLE, RANGE, Movement, read_movement
+from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
+from shukotsu.report.plots.panels import (
+    FEWEST_FOR_QUARTILES,
+    FOOT_MM,
+    ROW_MM,
+    Panel,
+    Row,
+    Scale,
+    draw_rows,
+    in_rows,
+    lay_out,
+    panel_names,
+    print_figure,
+    row_axes,
+    scattered,
+    value_scale,
+)
+from shukotsu.report.plots.style import ONE_COLUMN_MM, SMALL_PT, applied, label, wrapped
+from shukotsu.report.recording_results import ANGLES
+from shukotsu.report.study_results import Row as TableRow
+from shukotsu.report.study_results import StudyResults, hand_of
+from shukotsu.report.table_cells import alike, capital, heading
+from shukotsu.report.wording import plain
+from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
+from shukotsu.study.results import STUDY_FIGURES
+from shukotsu.study.study import Hand, SubjectSession
+from shukotsu.study.translation import N_, listed, ngettext, tr, word
+from shukotsu.study.verdict import CARE_TIMES
+from shukotsu.tables.whole_files import replacing, write_text
+
+
+class NoDataError(Exception):
+    """Why a figure cannot be drawn, in a sentence without a full stop."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure, its name in paths and its caption; `missing` says why it shows nothing but a sentence."""
+
+    name: str
+    figure: Figure
+    caption: str
+    missing: str = ""
+
+
+def of_study(results: StudyResults) -> Iterator[Drawing]:
+    """Draw the study's figures, STUDY_FIGURES in turn."""
+    movement = read_movement(results)
+    draw: dict[str, Callable[[], tuple[Figure, str]]] = {
+        "models": lambda: models(results),
+        "joint-errors": lambda: joint_errors(results),
+        "joint-trust": lambda: joint_trust(results),
+        "ranges-of-motion": lambda: ranges_of_motion(results, movement),
+    }
+    for name in STUDY_FIGURES:
+        yield drawn(name, draw[name])
+
+
+def drawn(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
+    """Draw a figure in the house's style, or one that says why it cannot be drawn."""
+    try:
+        with applied():
+            figure, caption = draw()
+            lay_out(figure, label)
+    except NoDataError as error:
+        return not_drawn(name, str(error))
+    except MemoryError:
+        raise
+    except Exception as error:  # a figure must not cost a study the others
+        traceback.print_exc()
+        return not_drawn(name, on_one_line(f"{type(error).__name__}: {error}"))
+    versions = tr(
+        "Drawn by {PROGRAM} {VERSION} with matplotlib {version}.",
+        PROGRAM=PROGRAM,
+        VERSION=VERSION,
+        version=matplotlib.__version__,
+    )
+    return Drawing(name, figure, plain(f"{caption} {versions}"))
+
+
+def not_drawn(name: str, reason: str) -> Drawing:
+    """Draw a figure that says why there is none."""
+    sentence = plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
+    with applied():
+        lines = wrapped(sentence, 52)
+        figure = Figure(figsize=(ONE_COLUMN_MM / 25.4, (10.0 + 4.0 * len(lines)) / 25.4))
+        figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
+    return Drawing(name, figure, sentence, sentence)
+
+
+def save(folder: Path, drawing: Drawing) -> None:
+    """Write NAME.svg, NAME.pdf and NAME.txt, each whole or not at all. Raises InputError where it cannot.
+
+    Drawn in memory first, for matplotlib says more than one sentence of a disk that is full.
+    """
+    for kind, date in (("svg", "Date"), ("pdf", "CreationDate")):
+        written = io.BytesIO()
+        with applied():
+            drawing.figure.savefig(written, format=kind, metadata={date: None})
+        with replacing(folder / f"{drawing.name}.{kind}") as temporary:
+            temporary.write_bytes(written.getvalue())
+    write_text(folder / f"{drawing.name}.txt", drawing.caption + "\n")
+
+
+def study_text(results: StudyResults) -> str:
+    """Return which study it is, how many subjects and hands it has, and whether its recordings are real."""
+    return tr(
+        "Study {name}: {kind}{subjects}, {hands}{each}.",
+        name=results.name,
+        kind=tr("simulated recordings of ") if results.simulated else "",
+        subjects=ngettext("{n} subject", "{n} subjects", len(results.subjects)),
+        hands=ngettext("{n} hand", "{n} hands", len(results.hands)),
+        each=tr(" (counted in each session)") if results.has_sessions else "",
+    )
+
+
+def count_range(counts: Iterable[int]) -> str:
+    """Return the numbers of subjects or hands behind several marks: a number, or from which to which."""
+    low, high = min(counts := list(counts)), max(counts)
+    return f"{low}" if low == high else f"{low}–{high}"
+
+
+_MODEL_ROW_MM = 6.0
+"""High enough that a line through a subject's dots can be followed."""
+
+
+def model_panels(results: StudyResults) -> list[Panel]:
+    """Return a panel for each number that models are held against each other by: seen, then the truth."""
+    judged = {each.metric: each for each in judged_models(results)}
+    metrics = [REPLAY, *([TRUTH, "true_tip_mean_mm"] if TRUTH in judged else [LEFT_OUT])]
+    looks = model_looks(list(results.models)) | {PRIOR: Look(SOFT, "o")}
+    panels = []
+    for each in (judged[metric] for metric in metrics if metric in judged):
+        rows = []
+        for name in (name for name in (*results.models, PRIOR) if name in each.values):
+            values = np.array(list(each.values[name].values()))
+            interval = paired_difference(values).interval
+            rows.append(Row(name, looks[name], each.values[name], float(values.mean()), interval))
+        scale = value_scale([value for row in rows for value in row.values()])
+        axis = heading(each.metric) + (tr(", log scale") if scale.kind == "log" else "")
+        names = listed(row.name for row in rows)
+        title = tr("{quantity}, every subject under {names}.", quantity=heading(each.metric), names=names)
+        n = count_range(len(row.numbers) for row in rows)
+        kind = tr("n = {n} subjects, held out", n=n)
+        if not each.held_out:
+            kind = tr("n = {n} subjects, in-sample", n=n)
+        draw = partial(_draw_models, rows=rows, axis=axis, scale=scale, of_all=len(results.subjects))
+        panels.append(Panel(kind, title, _MODEL_ROW_MM * (len(rows) + 1), FOOT_MM, draw))
+    return panels
+
+
+def _draw_models(axes: Axes, rows: Sequence[Row], axis: str, scale: Scale, of_all: int) -> None:
+    """Draw rows of dots, and a line through the dots of every subject."""
+    draw_rows(axes, rows, axis, scale, of_all)
+    names = list(dict.fromkeys(name for row in rows for name in row.numbers))
+    x = [[row.numbers.get(name, np.nan) for row in rows] + [np.nan] for name in names]
+    y = [[*(aside + np.arange(len(rows))), np.nan] for aside in scattered(len(names))]
+    floor = scale.low if scale.kind == "log" else -np.inf
+    axes.plot(np.maximum(np.ravel(x), floor), np.ravel(y), color=RULE, linewidth=0.5, zorder=1.5)
+
+
+def models(results: StudyResults) -> tuple[Figure, str]:
+    """Draw the models' panels side by side. Raises NoDataError without a score."""
+    panels = model_panels(results)
+    if not panels:
+        raise NoDataError(tr("no model of this study has a score; see skeleton_scores and problems"))
+    headings = [
+        (f"({name}) " if name else "") + f"{panel.title.rstrip('.')}, {panel.heading}."
+        for name, panel in zip(panel_names(len(panels)), panels, strict=True)
+    ]
+    return print_figure(in_rows(panels, 2)), tr(
+        "Skeleton models held against each other. {study_text} A dot is a subject, the mean over hands, "
+        "recordings and digits, and a line goes through one subject's dots; mark: mean; bar: its 95 % "
+        "interval, from {n} subjects on. The replay's error says how well joints close and not where they "
+        "are. {headings}",
+        study_text=study_text(results),
+        n=FEWEST_SUBJECTS,
+        headings=" ".join(headings),
+    )
+
+
+def joints_in_order(results: StudyResults, joints: Collection[str]) -> list[str]:
+    """Return those joints digit by digit, then what belongs to no digit, then what no layout names."""
+    layouts = results.layouts.values()
+    of_digits = [joint for layout in layouts for digit in layout.digits.values() for joint in digit.joints]
+    others = [joint for layout in layouts for joint in layout.joints]
+    return [joint for joint in dict.fromkeys([*of_digits, *others, *sorted(joints)]) if joint in joints]
+
+
+_ACROSS = 3
+_SKELETON = ("subject", "session", "hand", "model", "calibrated_on")
+
+
+@dataclass
+class _ModelErrors:
+    """Errors and stated errors of a model, by joint and then by hand."""
+
+    error_mm: dict[str, dict[Hand, float]] = field(default_factory=lambda: defaultdict(dict))
+    sd_mm: dict[str, dict[Hand, float]] = field(default_factory=lambda: defaultdict(dict))
+
+
+def joint_errors(results: StudyResults) -> tuple[Figure, str]:
+    """Draw a panel a model; models with equal joints share one. Raises NoDataError without a truth."""
+    judged = next((each for each in judged_models(results) if each.metric == TRUTH), None)
+    if judged is None:
+        raise NoDataError(tr("the true joints are not known, or no model has a joint that could be compared"))
+    errors = _errors_of_models(results, judged)
+    of_hands = [of_hand for each in errors.values() for of_hand in each.error_mm.values()]
+    scale = value_scale([error for of_hand in of_hands for error in of_hand.values()])
+    prior = errors.pop(PRIOR, _ModelErrors())
+    joints = joints_in_order(results, {joint for each in errors.values() for joint in each.error_mm})
+    looks = model_looks(list(results.models))
+    panels = []
+    for names in alike({model: errors[model] for model in results.models if model in errors}):
+        of_model = errors[names[0]]
+        n = count_range(map(len, of_model.error_mm.values()))
+        words = tr("{own}; n = {n} hands", own=listed(names), n=n)
+        draw = partial(
+            _draw_errors, joints=joints, look=looks[names[0]], errors=of_model, prior=prior, scale=scale
+        )
+        panels.append(Panel(words, words, ROW_MM * len(joints), FOOT_MM, draw))
+    handles = [
+        Line2D([], [], color=colour, marker=marker, ls=cast(Any, style), alpha=alpha, label=words)
+        for colour, marker, style, alpha, words in (
+            (SOFT, "o", "none", 0.6, tr("hand")),
+            (SOFT, "o", "-", 1.0, tr("median, quartiles")),
+            (INK, "|", "none", 1.0, tr("stated 1-sigma error, median")),
+            (SOFT, "|", "none", 1.0, tr("{PRIOR}, median", PRIOR=PRIOR)),
+        )
+    ]
+    return print_figure(in_rows(panels, _ACROSS), handles), tr(
+        "Error of every joint centre, model by model. {study_text} Distance to the true centre "
+        "in the child receiver's frame [mm]. A dot is a hand; mark: median; bar: quartiles, from "
+        "{FEWEST_FOR_QUARTILES} hands on; black line: median of the stated 1-sigma error in "
+        "three dimensions (outside the scale where it is larger than every error); dotted line: "
+        "median of prior-only, the hand that anatomy expects. Models with equal joints share a "
+        "panel. {kind}.",
+        study_text=study_text(results),
+        FEWEST_FOR_QUARTILES=FEWEST_FOR_QUARTILES,
+        kind=tr("Held out") if judged.held_out else tr("In-sample"),
+    )
+
+
+def _errors_of_models(results: StudyResults, judged: JudgedModels) -> dict[str, _ModelErrors]:
+    """Return means over the skeletons that the answer is of, held out or not, of a hand's joint."""
+    scored = {
+        tuple(row[name] for name in _SKELETON) for row in results.scores if row["held_out"] == judged.held_out
+    }
+    values: dict[tuple[str, str, str, Hand], list[float]] = defaultdict(list)
+    for row in results.counted(results.joint_errors):
+        if row["model"] in judged.references or tuple(row[name] for name in _SKELETON) in scored:
+            for kind in ("error_mm", "sd_mm"):
+                if row[kind] is not None:
+                    values[kind, row["model"], row["joint"], hand_of(row)].append(row[kind])
+    errors: dict[str, _ModelErrors] = defaultdict(_ModelErrors)
+    for (kind, model, joint, hand), numbers in values.items():
+        getattr(errors[model], kind)[joint][hand] = float(np.mean(numbers))
+    return errors
+
+
+def _draw_errors(
+    axes: Axes, joints: Sequence[str], look: Look, errors: _ModelErrors, prior: _ModelErrors, scale: Scale
+) -> None:
+    """Draw every joint's errors by hand, crossed at the medians of the stated error and of anatomy's."""
+    rows = []
+    for joint in joints:
+        of_hand = errors.error_mm.get(joint, {})
+        numbers = {f"{hand.who.token} {hand.hand}": error for hand, error in of_hand.items()}
+        rows.append(Row(joint, look, numbers))
+    draw_rows(axes, rows, tr("Joint error [mm]"), scale)
+    for of_joint, colour, style in ((errors.sd_mm, INK, "solid"), (prior.error_mm, SOFT, "dotted")):
+        for y, joint in enumerate(joints):
+            if of_joint.get(joint):
+                level = np.median(list(of_joint[joint].values()))
+                axes.vlines(level, y - 0.4, y + 0.4, color=colour, linestyle=style, linewidth=0.8)
+
+
+_ABSENT = N_("no result")
+_FILLS = {BELIEVED: ("0.45", ""), CARE: (AMBER, "////"), NOT: (NO, "xxxx"), _ABSENT: ("white", "")}
+"""Fill and hatching."""
+
+
+def joint_trust(results: StudyResults) -> tuple[Figure, str]:
+    """Draw a panel a model; models that agree share one. Raises NoDataError without any joint."""
+    beliefs: dict[str, dict[str, dict[Hand, str]]] = {model: {} for model in results.models}
+    for (hand, model), rows in results.joints_of.items():
+        for row in rows if model in beliefs else []:
+            beliefs[model].setdefault(row["joint"], {})[hand] = belief(row)
+    beliefs = {model: of_model for model, of_model in beliefs.items() if of_model}
+    if not beliefs:
+        raise NoDataError(tr("no hand of this study has a joint"))
+    joints = joints_in_order(results, {joint for of_model in beliefs.values() for joint in of_model})
+    panels = []
+    for names in alike(beliefs):
+        words = tr("{models}; n = {n} hands", models=listed(names), n=len(results.hands))
+        draw = partial(_draw_trust, joints=joints, beliefs=beliefs[names[0]], hands=results.hands)
+        panels.append(Panel(words, words, ROW_MM * len(joints), FOOT_MM, draw))
+    handles = [
+        Patch(label=tr(kind).lstrip("✓◆✕ \u00a0"), facecolor=fill, hatch=hatch, edgecolor=INK, linewidth=0.4)
+        for kind, (fill, hatch) in _FILLS.items()
+    ]
+    return print_figure(in_rows(panels, _ACROSS), handles), tr(
+        "Which joints to believe: share of the study's hands [%] in which a joint is to be "
+        "believed (its centre is known to {wanted} mm or better, 1 sigma in three dimensions, and "
+        "nothing contradicts that), with care (to {care} mm, or something is against it), not "
+        "(known less well still, contradicted, suspect, or failed), or has no result. "
+        "{study_text} Made from all of the model's calibration recordings. Models that agree "
+        "share a panel. A joint that a model does not have has no bar.",
+        wanted=wanted_text(results.layouts.values()),
+        care=wanted_text(results.layouts.values(), CARE_TIMES),
+        study_text=study_text(results),
+    )
+
+
+def _draw_trust(
+    axes: Axes, joints: Sequence[str], beliefs: Mapping[str, Mapping[Hand, str]], hands: Sequence[Hand]
+) -> None:
+    """Draw the shares of hands by what to believe of a joint; no bar where the model has no such."""
+    row_axes(axes, [word(joint) for joint in joints], tr("Hands [%]"), Scale(0.0, 100.0))
+    rows = [(y, beliefs[joint]) for y, joint in enumerate(joints) if joint in beliefs]
+    foot = np.zeros(len(rows))
+    for kind, (fill, hatch) in _FILLS.items():
+        shares = [100.0 * sum(of.get(hand, _ABSENT) == kind for hand in hands) / len(hands) for _, of in rows]
+        y = [y for y, _ in rows]
+        axes.barh(y, shares, 0.8, foot, facecolor=fill, hatch=hatch, edgecolor=INK, linewidth=0.4)
+        foot += shares
+
+
+def range_panels(movement: Movement) -> list[Panel]:
+    """Return a panel for each of ANGLES that any joint has: joints in the colour of their digit."""
+    means = movement.subject_means.groupby([*OF_ANGLE, "subject"], sort=False)[RANGE].mean().sort_index()
+    joints = list(dict.fromkeys(movement.ranges["joint"]))
+    digits = list(dict.fromkeys(joint.partition("_")[0] for joint in joints if "_" in joint))
+    colours = {digit: look.colour for digit, look in digit_looks(digits).items()}
+    panels = []
+    for angle in ANGLES:
+        rows = [
+            Row(joint, Look(colours.get(joint.partition("_")[0], INK), "o"), means[joint, angle].to_dict())
+            for joint in joints
+            if (joint, angle) in means.index
+        ]
+        if not rows:
+            continue
+        axis = tr("{angle} [deg]", angle=capital(word(angle)))
+        scale = value_scale([value for row in rows for value in row.values()])
+        of_all = movement.ranges["subject"].nunique()
+        draw = partial(draw_rows, rows=rows, axis=axis, scale=scale, of_all=of_all)
+        title = tr("Range of motion by joint, {angle}.", angle=angle)
+        panels.append(Panel("", title, ROW_MM * (len(rows) + 1), FOOT_MM, draw))
+    return panels
+
+
+def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Figure, str]:
+    """Draw a row a joint angle, a dot a subject. Raises NoDataError without joint angles."""
+    if movement.ranges.empty:
+        raise NoDataError(movement.why_nothing)
+    return print_figure([range_panels(movement)]), tr(
+        "Range of motion (2.5th to 97.5th percentile) of every joint angle [deg]. {study_text} Model "
+        "{model}. A dot is a subject, the mean over recordings; mark: median; bar: quartiles. Hands "
+        "with a suspect finding are left out.",
+        study_text=study_text(results),
+        model=movement.model,
+    )
+
+
+def lengths_panel(results: StudyResults, who: SubjectSession, model: str) -> Panel | None:
+    """Return the panel of a subject's bone lengths under a model, for its page; None without any."""
+    lengths = {
+        hand: {(row["bone"], row["digit"]): row for row in rows if row["length_mm"] is not None}
+        for hand in results.hands_of(*who)
+        if (rows := results.bones_of.get((hand, model)))
+    }
+    bones = list(dict.fromkeys(bone for of_hand in lengths.values() for bone in of_hand))
+    if not bones:
+        return None
+    title = tr("Bone lengths of {who}, {model}.", who=who.label, model=model)
+    draw = partial(_draw_lengths, bones=bones, lengths=lengths)
+    return Panel("", title, ROW_MM * len(bones), FOOT_MM, draw)
+
+
+def _draw_lengths(
+    axes: Axes, bones: Sequence[tuple[str, str]], lengths: Mapping[Hand, Mapping[tuple[str, str], TableRow]]
+) -> None:
+    """Draw every bone's length with its 1-sigma error: right hands filled, left ones open."""
+    names = [name for name, _ in bones]
+    words = [word(name) + (f" ({word(digit)})" if names.count(name) > 1 else "") for name, digit in bones]
+    most = max(row["length_mm"] + (row["sd_mm"] or 0.0) for of in lengths.values() for row in of.values())
+    row_axes(axes, words, tr("Bone length, 1-sigma error [mm]"), Scale(0.0, 1.05 * most))
+    for hand, of_hand in lengths.items():
+        left = hand.hand == "left"
+        aside = 0.0 if len(lengths) == 1 else 0.18 if left else -0.18
+        for y, bone in enumerate(bones):
+            if bone in of_hand:
+                axes.errorbar(
+                    of_hand[bone]["length_mm"], y + aside, xerr=of_hand[bone]["sd_mm"], fmt="o", color=INK,
+                    elinewidth=0.8, markersize=3.4, markerfacecolor=PAPER if left else INK,
+                    markeredgewidth=0.7, clip_on=False,
+                )  # fmt: skip

@@ -1,0 +1,104 @@
+"""List the recordings, and what is wrong with them or did not go as the study asked."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from shukotsu.report.study_results import Row, StudyResults, hand_of, recording_key
+from shukotsu.report.table_cells import DataTable, quantity_column, table_of, text_column
+from shukotsu.study.findings import STAGE, faults
+from shukotsu.study.translation import ngettext, tr, translated, word
+
+STATUS_MARKS = {"used": "", "excluded": "○ ", "failed": "✕ ", "missing": "? ", "refused": "✕ "}
+
+
+def recordings_table(results: StudyResults) -> DataTable:
+    """Tabulate every recording of the sheet and what became of it."""
+    texts = {
+        "file": tr("File"), "subject": tr("Subject"), "session": tr("Session"), "hand": tr("Hand"),
+        "task": tr("Task"), "trial": tr("Trial"), "role": tr("Role"), "shown": tr("Status"),
+    }  # fmt: skip
+    rows = []
+    for recording in results.recordings:
+        status, message = results.status_of(recording)
+        row = results.recording_row_of.get(recording_key(recording), {}) | recording.key
+        row |= {"file": recording.file_as_written, "role": recording.role, "message": message}
+        rows.append(row | {"shown": STATUS_MARKS.get(status, "") + word(status)})
+    columns = (
+        *(text_column(texts[name], name) for name in texts if name != "session" or results.has_sessions),
+        *map(quantity_column, ("n_frames", "duration_s", "valid_percent")),
+        text_column(tr("Message"), "message"),
+    )
+    return table_of(tr("Every recording of the sheet."), columns, rows)
+
+
+@dataclass(frozen=True)
+class ListedFault:
+    """A fault as pages list it. where : its recording, or how many have it. places : those of several.
+    evidence : what shows it in each of them.
+    """
+
+    where: str
+    severity: str
+    text: str
+    places: str = ""
+    evidence: tuple[str, ...] = ()
+
+
+def faults_listed(rows: Sequence[Row]) -> list[ListedFault]:
+    """Return findings by fault, each with the recordings that have it."""
+    listed = []
+    for fault in faults(rows):
+        of_rows = (": ".join(filter(None, (where(seen.row), seen.what))) for seen in fault.seen)
+        places = list(dict.fromkeys(of_rows))
+        if len(places) == 1:
+            listed.append(ListedFault(places[0], fault.severity, fault.text))
+            continue
+        evidence = tuple(f"{where(seen.row)}: {seen.evidence}" for seen in fault.seen if seen.evidence)
+        several = ngettext("{n} recording", "{n} recordings", len(places))
+        listed.append(ListedFault(several, fault.severity, fault.text, "; ".join(places), evidence))
+    return listed
+
+
+_GRAVITY = ("suspect", "refused", "note")
+
+
+def all_problems(results: StudyResults) -> list[ListedFault]:
+    """Return all that is to be settled or did not go as the study asked, the gravest first.
+
+    Recordings that were not used for a reason that no problem tells come last, one item a reason.
+    """
+    rows = sorted(
+        [*results.findings, *results.other_problems],
+        key=lambda row: (row["stage"] != STAGE, _GRAVITY.index(row["severity"])),
+    )
+    messages = {row["message"] for row in results.problems}
+    unused: dict[str, list[str]] = defaultdict(list)
+    for recording in results.recordings:
+        status, message = results.status_of(recording)
+        if status != "used" and not (message and message in messages):
+            unused[": ".join(filter(None, (word(status), translated(message))))].append(
+                recording.file_as_written
+            )
+    others = [
+        ListedFault(files[0], "note", reason)
+        if len(files) == 1
+        else ListedFault(
+            ngettext("{n} recording", "{n} recordings", len(files)), "note", reason, "; ".join(files)
+        )
+        for reason, files in unused.items()
+    ]
+    return [*faults_listed(rows), *others]
+
+
+def where(problem: Row) -> str:
+    """Name in words what a row of problems is about."""
+    names = (
+        str(hand_of(problem).who) if problem["subject"] else "",
+        tr("{hand} hand", hand=problem["hand"]) if problem["hand"] else "",
+        problem["task"],
+        tr("model {model}", model=problem["model"]) if problem["model"] else "",
+    )
+    return tr(", ").join(filter(None, names)) or tr("the study")

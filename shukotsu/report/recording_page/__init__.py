@@ -1,0 +1,118 @@
+"""The page of one recording: the moving hand, plots that follow it, and the numbers behind."""
+
+from __future__ import annotations
+
+from shukotsu.report.belief import belief, believed_counts
+from shukotsu.report.links import navigation
+from shukotsu.report.palette import MARK_PATHS
+from shukotsu.report.recording_results import ModelResults, RecordingResults, angles_of
+from shukotsu.report.skeleton_tables import measured_ranges, measured_table
+from shukotsu.report.study_results import recording_key, row_key
+from shukotsu.report.table_cells import (
+    Column,
+    Folded,
+    capital,
+    number,
+    number_column,
+    quantity_column,
+    table_of,
+    text_column,
+)
+from shukotsu.report.templates import render
+from shukotsu.report.viewer import Block, view_of
+from shukotsu.study.study import Recording
+from shukotsu.study.translation import ngettext, tr, translated, word
+
+ANGLE_STEP_DEG = 0.1
+"""As the page prints angles: rounded to it once, they show the table's own digits."""
+
+
+def recording_page(results: RecordingResults) -> str:
+    """Return the recording's page; the same results give the same text."""
+    title, motion, angles = recording_title(results.recording), results.motion, angles_of(results.models)
+    row, facts = results.row, []
+    if row["n_frames"]:
+        facts.append(ngettext("{n} frame", "{n} frames", row["n_frames"]))
+    if row.get("duration_s") is not None:
+        facts.append(tr("{duration_s} s", duration_s=number(row["duration_s"])))
+    if row.get("valid_percent") is not None:
+        facts.append(tr("{valid} % of the poses may be used", valid=number(row["valid_percent"], 1)))
+    blocks = [Block(f"angles{i}", ANGLE_STEP_DEG, each.angle_deg) for i, each in enumerate(angles)]
+    header = {
+        "angles": [{"model": each.model, "joints": [word(joint) for joint in each.joints]} for each in angles]
+    }
+    columns = (
+        text_column(tr("Model"), "model"),
+        text_column(tr("Digit"), "digit"),
+        text_column(tr("Binding"), "binding"),
+        quantity_column("mean_mm"),
+        number_column("SD [mm]", "sd_mm"),
+        *map(quantity_column, ("median_mm", "p95_mm", "max_mm", "min_mm", "n_frames")),
+        number_column(tr("Of"), "n_frames_total", 0),
+        Column(tr("Held out"), lambda row: tr("yes") if row["held_out"] else tr("○ no"), is_text=True),
+        text_column(tr("Message"), "message"),
+    )
+    tip_errors = table_of(
+        tr("Tip error of the replay, {title}.", title=title),
+        columns,
+        [row for model in results.models for row in model.tip_errors],
+    )
+    return render(
+        "recording_page/page.html.j2",
+        title=title,
+        study=results.study.name,
+        facts=", ".join(facts),
+        said=translated(row["message"]) if motion is not None else "",
+        trouble=translated(results.trouble),
+        left_out={model: translated(reason) for model, reason in results.left_out.items()},
+        to=navigation(results.study, results.recording),
+        view=None if motion is None else view_of(title, motion, blocks, header),
+        every=1 if motion is None else motion.every,
+        angles=angles,
+        marks=list(MARK_PATHS.values()),
+        tip_errors=Folded(tr("Tip error of the replay in numbers"), tip_errors),
+        ranges=[folded for model in results.models if (folded := _ranges(results, model))],
+        evidence=[_evidence(model) for model in results.models],
+    )
+
+
+def failure_page(title: str, message: str) -> str:
+    """Return a page that says only why there is none of the recording."""
+    text = tr("This recording has no page: {message}", message=translated(message))
+    return render("base.html.j2", title=title, message=text)
+
+
+def recording_title(recording: Recording) -> str:
+    """Format subject, hand, task and trial in words."""
+    trial = tr(", trial {trial}", trial=recording.trial) if recording.trial else ""
+    return capital(tr("{hand}, {task}{trial}", hand=recording.hand, task=recording.task, trial=trial))
+
+
+def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:
+    """Tabulate the recording's rows of ranges_of_motion under a model; None without any."""
+    measured = measured_ranges(results.study, results.recording.hand, model.name)
+    rows = [row for row in measured if row_key(row) == recording_key(results.recording)]
+    caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=model.name)
+    return Folded(model.name, measured_table(caption, rows, with_recording=False)) if rows else None
+
+
+def _evidence(model: ModelResults) -> Folded:
+    """Tabulate each joint's gap, error and singular values in the calibration."""
+    values_of = {row["joint"]: row["singular_values"] or [None] * 6 for row in model.solutions}
+    singular = [tr("Singular value {n}", n=n) for n in range(1, 7)]
+    nothing = dict.fromkeys(singular)
+    rows = [
+        nothing | row | dict(zip(singular, values_of.get(row["joint"], []), strict=False))
+        for row in model.joints
+    ]
+    columns = (
+        text_column(tr("Joint"), "joint"),
+        Column(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
+        *map(quantity_column, ("gap_rms_mm", "gap_rms_free_mm", "sd_mm", "n_frames", "n_effective")),
+        *(number_column(heading, heading, 4) for heading in singular),
+        text_column(tr("Message"), "message"),
+    )
+    joints = ngettext("{n} joint", "{n} joints", len(model.joints))
+    caption = tr("What the calibration says of each joint, {name}.", name=model.name)
+    summary = f"{model.name}: {joints}; {believed_counts(model.joints)}"
+    return Folded(summary, table_of(caption, columns, rows))

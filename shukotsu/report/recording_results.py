@@ -1,0 +1,250 @@
+"""Read what a page or a print figure of one recording is made from: its motion, errors and angles under each
+model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError
+from shukotsu.hand.posed_recording import BLOCK_FRAMES, RecordingReader
+from shukotsu.hand.posing import Skeleton
+from shukotsu.report.hand_motion import (
+    MOST_FRAMES,
+    HandMotion,
+    ShownSkeleton,
+    fitted_skeleton,
+    hand_motion,
+    open_frame,
+    receiver_skeleton,
+    view_base,
+)
+from shukotsu.report.study_results import Row, StudyResults, recording_key, row_key
+from shukotsu.study.model import the_papers
+from shukotsu.study.results import FIT_TABLES
+from shukotsu.study.study import Recording
+from shukotsu.study.translation import N_
+from shukotsu.tables.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIONS, TIPS
+from shukotsu.tables.parts import Part, read_part
+from shukotsu.tables.poses import Poses, pose_blocks
+
+Array = npt.NDArray[np.float64]
+
+ANGLES = ("flexion", "abduction", "rotation")
+
+
+@dataclass(frozen=True)
+class JointAngles:
+    """Angles under one model at the T frames that are shown: (T, J, 3) as ANGLES, of joints (J,)."""
+
+    model: str
+    joints: tuple[str, ...]
+    angle_deg: Array
+
+
+@dataclass(frozen=True)
+class ModelResults:
+    """What one model says of the hand and the recording; angles is None unless it fits the whole hand.
+
+    joints, solutions : rows of joint_centres and joint_solutions. tip_errors : this recording's rows.
+    """
+
+    name: str
+    joints: list[Row]
+    solutions: list[Row]
+    tip_errors: list[Row]
+    angles: JointAngles | None
+
+
+@dataclass(frozen=True)
+class RecordingResults:
+    """One recording of a study; row is what the recordings table says of it.
+
+    models : those with results, in the study's order. left_out : the others and why. motion : None where
+    nothing can be shown; trouble then says why and is else empty.
+    """
+
+    study: StudyResults
+    recording: Recording
+    row: Row
+    models: tuple[ModelResults, ...]
+    left_out: dict[str, str]
+    motion: HandMotion | None
+    trouble: str
+
+
+def read_recording(results: StudyResults, recording: Recording) -> RecordingResults:
+    """Read what belongs to the recording, its motion thinned to MOST_FRAMES.
+
+    A model whose tables are absent, not to be read, empty or the record of a failure is left out with the
+    reason; so is all motion where the poses are.
+    """
+    row = results.recording_row_of.get(recording_key(recording), {"status": "missing", "message": ""})
+    models: dict[str, ModelResults] = {}
+    skeletons: list[ShownSkeleton] = []
+    left_out: dict[str, str] = {}
+    trouble, motion, poses, every = N_("no model of the study has results of this hand"), None, None, 1
+    readers = {name: _reader(results, recording, name) for name in results.models}
+    try:
+        reader = next(iter(readers.values()))
+        every = -(-reader.n_frames // MOST_FRAMES)
+        poses = reader.poses(every)
+    except InputError as error:
+        trouble = error.message
+    for name, reader in readers.items():
+        try:
+            models[name] = _model_results(results, reader, max(1, every))
+            if poses is not None:
+                skeletons.append(_skeleton(results, reader, poses))
+        except InputError as error:
+            left_out[name] = error.message
+            models.pop(name, None)
+    if row["status"] == "failed":
+        trouble = row["message"]
+    elif skeletons and poses is not None:
+        paper = the_papers(results.models[skeleton.model] for skeleton in skeletons)
+        layout = results.layouts[recording.hand]
+        try:
+            motion = hand_motion(recording.hand.hand, layout, poses, skeletons, paper, max(1, every))
+            trouble = ""
+        except InputError as error:
+            trouble = error.message
+    return RecordingResults(results, recording, row, tuple(models.values()), left_out, motion, trouble)
+
+
+def read_still(results: StudyResults, recording: Recording, models: Collection[str]) -> HandMotion:
+    """Read the hand in the one frame that a still picture shows, under each of the models.
+
+    Raises InputError where the recording has no frame to show.
+    """
+    layout, path = results.layouts[recording.hand], results.poses(recording)
+    name = path.relative_to(results.paths.folder).as_posix()
+    try:
+        shown = open_frame(pose_blocks(path, layout.measured, BLOCK_FRAMES), layout)
+    except InputError as error:
+        raise InputError(str(error).replace(str(path), name).rstrip(".")) from error
+    if shown is None:
+        raise InputError(f"{name} has no frame with a valid base receiver")
+    skeletons = [
+        _skeleton(results, _reader(results, recording, model), shown, still=True) for model in models
+    ]
+    return hand_motion(recording.hand.hand, layout, shown, skeletons)
+
+
+STRETCH_S, STRETCH_HZ = 6.0, 30.0
+"""How long a hand is shown in motion on the study's page, and with how many frames a second."""
+
+
+def read_stretch(results: StudyResults, recording: Recording, model: str) -> HandMotion:
+    """Read the hand under one model over the stretch of the recording in which its fingertips move most.
+
+    Raises InputError where the recording or the model has nothing to show.
+    """
+    reader, layout = _reader(results, recording, model), results.layouts[recording.hand]
+    poses = reader.poses(-(-reader.n_frames // MOST_FRAMES))
+    seconds = np.nanmedian(np.diff(poses.time_s)) if len(poses.time_s) > 1 else np.nan
+    step = max(1, round(1.0 / (STRETCH_HZ * seconds))) if seconds > 0 else 8
+    poses = poses.take(slice(0, None, step))
+    tips = poses.position_mm[:, [poses.index(digit.tip) for digit in layout.digits.values()]]
+    apart = tips - poses.position_mm[:, [poses.index(view_base(layout))]]
+    moved = np.nan_to_num(np.linalg.norm(np.diff(apart, axis=0), axis=-1)).sum(1)
+    length = min(len(poses.frame), round(STRETCH_S * STRETCH_HZ))
+    start = int(np.argmax(np.convolve(moved, np.ones(max(1, length - 1)), "valid"))) if len(moved) else 0
+    poses = poses.take(slice(start, start + length))
+    skeleton = _skeleton(results, reader, poses)
+    return hand_motion(recording.hand.hand, layout, poses, [skeleton], every=step)
+
+
+def read_angles(results: StudyResults, recording: Recording, model: str) -> dict[str, Callable[[], Array]]:
+    """Return readers of the angles (T, 3) of each joint, as ANGLES, under a model that fits the whole hand.
+
+    Raises InputError where the recording has none.
+    """
+    return _angles(_reader(results, recording, model))
+
+
+def read_tip_errors(
+    results: StudyResults, recording: Recording, model: str
+) -> dict[str, Callable[[], Array]]:
+    """Return readers of the replay's tip error (T, 1) by digit, mm, NaN in gaps; InputError where there is
+    none.
+    """
+    return _reader(results, recording, model).series(TIPS, ["error_mm"])
+
+
+def _reader(results: StudyResults, recording: Recording, model: str) -> RecordingReader:
+    hand = recording.hand
+    return RecordingReader(
+        recording,
+        results.layouts[hand],
+        results.models[model],
+        Part(hand.hand, model, "", *hand.who),
+        results.poses(recording),
+        lambda name: (
+            results.fit_table(hand, model, name) if name in FIT_TABLES else results.subject_table(hand, name)
+        ),
+    )
+
+
+def _angles(reader: RecordingReader) -> dict[str, Callable[[], Array]]:
+    return reader.series(JOINT_ANGLES, [f"{angle}_deg" for angle in ANGLES])
+
+
+def angles_of(models: Iterable[ModelResults]) -> list[JointAngles]:
+    """The joint angles of those models that state any, in their order."""
+    return [model.angles for model in models if model.angles is not None]
+
+
+def _model_results(results: StudyResults, reader: RecordingReader, every: int) -> ModelResults:
+    recording, name, part = reader.recording, reader.model.name, reader.part
+    hand = recording.hand
+    joints = results.joints_of.get((hand, name), [])
+    if not joints:
+        read_part(reader.tables(JOINT_CENTRES.name), JOINT_CENTRES, part, ["joint"])
+        raise InputError(N_("the joint_centres table has no row"))
+    path = results.subject_table(hand, JOINT_SOLUTIONS.name)
+    solutions = read_part(path, JOINT_SOLUTIONS, part, ["joint", "singular_values"]).to_pylist()
+    errors = [
+        row for row in results.tip_errors if row_key(row) == recording_key(recording) and row["model"] == name
+    ]
+    angles = None
+    if reader.is_fitted:
+        shown = {joint: read()[::every].copy() for joint, read in _angles(reader).items()}
+        angles = JointAngles(name, tuple(shown), np.stack(list(shown.values()), 1))
+    return ModelResults(name, joints, solutions, errors, angles)
+
+
+def _skeleton(
+    results: StudyResults, reader: RecordingReader, poses: Poses, *, still: bool = False
+) -> ShownSkeleton:
+    """Return one model's motion at the frames of poses; of a still picture without tip errors.
+
+    A fitted hand that was not posed in a recording that only calibrates is shown as its receivers carry it.
+    """
+    key = reader.recording.hand, reader.model.name
+    layout, model, place = reader.layout, reader.model, list(results.models).index(reader.model.name)
+    joints = {row["joint"]: row for row in results.joints_of.get(key, [])}
+    errors: dict[str, Array] = {}
+    if not still:
+        try:
+            errors = reader.numbers(TIPS, ["error_mm"], poses.frame)
+            if not errors:
+                raise InputError(f"the {TIPS.name} table has no row of this recording")
+        except InputError:
+            if not reader.is_fitted:
+                raise  # a fitted hand is posed, and shown, without a replay too
+    nothing = np.full((len(poses.frame), 1), np.nan)
+    replayed = np.concatenate([errors.get(digit, nothing) for digit in layout.digits], 1)
+    if reader.is_fitted:
+        try:
+            bones = reader.bones(poses, Skeleton(layout, model, joints, {}))
+            worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
+            return fitted_skeleton(layout, model, place, joints, worn, bones, replayed)
+        except InputError:
+            if not still:
+                raise
+    return receiver_skeleton(layout, model, place, joints, replayed, poses)

@@ -1,0 +1,170 @@
+"""The skeletons' scores in one evaluated task, and of simulated hands how far they are from the true ones.
+
+A row is of a reference, or of a model made from certain tasks: a model has a row for each set of tasks.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from shukotsu.report.study_results import Row, StudyResults, Trial, hand_of
+from shukotsu.report.table_cells import DASH, Column, DataTable, heading, number, shown, table_of
+from shukotsu.study.study import SubjectSession
+from shukotsu.study.translation import N_, ngettext, tr, translated
+
+IN_SAMPLE = N_("○ no")
+MEANS = (
+    "replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm", "metacarpal_deg",
+    "true_tip_mean_mm",
+)  # fmt: skip
+LEFT_OUT = "left_out_mean_mm"
+"""A replay never uses the distal receivers' positions: without a posed hand this is the replay's, and stands
+in its column alone.
+"""
+
+
+FAR_MM = 5.0
+"""A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""
+
+
+class Skeleton(NamedTuple):
+    """A model with the tasks that it was made from, or a reference, which was made from none."""
+
+    model: str
+    calibrated_on: str
+    held_out: bool
+    reference: bool
+
+
+Scored = tuple[Skeleton, list[Row]]
+
+
+def tasks_text(calibrated_on: str) -> str:
+    """The tasks of a column calibrated_on."""
+    return ", ".join(calibrated_on.split(";")) or DASH
+
+
+def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
+    """Return the scores of one subject's task, means over digits and hands; None where it has none.
+
+    Held-out skeletons come first, then in-sample ones, then references. Empty columns are left out.
+    """
+    groups: dict[Skeleton, list[Row]] = defaultdict(list)
+    for row in results.scores_in(trial):
+        groups[Skeleton(row["model"], row["calibrated_on"], row["held_out"], row["reference"])].append(row)
+    if not groups:
+        return None
+    order = {name: index for index, name in enumerate(results.models)}
+    scored = sorted(
+        groups.items(),
+        key=lambda each: (each[0].reference, not each[0].held_out, order.get(each[0].model, len(order))),
+    )
+    names = [name for name in MEANS if any(_is_known(name, row) for _, rows in scored for row in rows)]
+    columns = (
+        Column(tr("Skeleton"), lambda each: each[0].model, is_text=True),
+        Column(tr("Made from"), _made_from, is_text=True),
+        Column(tr("Held out"), _held_out, is_text=True),
+        *(Column(heading(name), partial(_mean_text, name)) for name in names),
+    )
+    caption = tr("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
+    return table_of(caption, columns, _blocks(scored), notes=_shortfalls(results, trial, scored, names))
+
+
+def _blocks(scored: Iterable[Scored]) -> dict[str, list[Scored]]:
+    blocks: dict[str, list[Scored]] = {tr("Skeleton"): [], tr("Reference"): []}
+    for skeleton, rows in scored:
+        blocks[tr("Reference") if skeleton.reference else tr("Skeleton")].append((skeleton, rows))
+    return {heading: group for heading, group in blocks.items() if group}
+
+
+def _made_from(scored: Scored) -> str:
+    return DASH if scored[0].reference else tasks_text(scored[0].calibrated_on)
+
+
+def _held_out(scored: Scored) -> str:
+    return DASH if scored[0].reference else tr("yes") if scored[0].held_out else tr(IN_SAMPLE)
+
+
+def _mean_text(name: str, scored: Scored) -> str:
+    return shown(name, mean(row[name] for row in scored[1] if _is_known(name, row)))
+
+
+def _is_known(name: str, row: Row) -> bool:
+    return row[name] is not None and (name != LEFT_OUT or row["posed_mean_mm"] is not None)
+
+
+def mean(values: Iterable[float | None]) -> float | None:
+    """Return the mean of what is there; None where nothing is."""
+    numbers = [value for value in values if value is not None]
+    return sum(numbers) / len(numbers) if numbers else None
+
+
+def _shortfalls(
+    results: StudyResults, trial: Trial, scored: Sequence[Scored], names: Sequence[str]
+) -> list[str]:
+    """Return which skeletons' means are over fewer digits than the task has, and why; a reason once."""
+    total = sum(len(results.layouts[r.hand].digits) for r in trial.recordings.values())
+    models_of: dict[str, dict[str, None]] = defaultdict(dict)
+    for skeleton, rows in scored:
+        counts = [sum(row[name] is not None for row in rows) for name in names]
+        fewest = min((count for count in counts if count), default=0)
+        parts = dict.fromkeys(translated(row["message"]).rstrip(".。") for row in rows if row["message"])
+        digits = ngettext("{n} digit", "{n} digits", total)
+        short = [tr("{n} of {total}", n=fewest, total=digits)] if fewest < total else []
+        if short or parts:
+            models_of["; ".join([*short, *parts])][skeleton.model] = None
+    return [f"{', '.join(models)}: {text}." for text, models in models_of.items()]
+
+
+def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
+    """Return the joints of both of a subject's hands against the truth, a row a skeleton; None without it."""
+    order = {name: index for index, name in enumerate(results.models)}
+    groups: dict[Skeleton, list[Row]] = defaultdict(list)
+    for row in results.joint_errors:
+        if hand_of(row).who == who:
+            model = row["model"]
+            skeleton = Skeleton(model, row["calibrated_on"], held_out=False, reference=model not in order)
+            groups[skeleton].append(row)
+    if not groups:
+        return None
+    scored = sorted(groups.items(), key=lambda each: order.get(each[0].model, len(order)))
+
+    def quantile(title: str, share: float, name: str = "error_mm") -> Column:
+        def cell(each: Scored) -> str:
+            values = _sizes(each, name)
+            return number(float(np.quantile(values, share)) if values else None)
+
+        return Column(title, cell)
+
+    columns = (
+        Column(tr("Skeleton"), lambda each: each[0].model, is_text=True),
+        Column(tr("Made from"), _made_from, is_text=True),
+        Column(tr("Joints"), lambda each: f"{len(_sizes(each, 'error_mm'))}/{len(each[1])}"),
+        quantile(heading("median_mm"), 0.5),
+        quantile("90 % [mm]", 0.9),
+        quantile(heading("max_mm"), 1.0),
+        Column(
+            f"> {FAR_MM:.0f} mm [%]", lambda each: _percent([e > FAR_MM for e in _sizes(each, "error_mm")])
+        ),
+        quantile(tr("Axis [deg]"), 0.5, "axis_deg"),
+        quantile(heading("bone_error_percent"), 0.5, "bone_error_percent"),
+        Column(
+            tr("In the stated 95 % [%]"),
+            lambda each: _percent([row["within_95"] for row in each[1] if row["within_95"] is not None]),
+        ),
+    )
+    caption = tr("Joints against the true ones, both hands: {who}. Axis, bone length: medians.", who=who)
+    return table_of(caption, columns, _blocks(scored))
+
+
+def _percent(answers: Sequence[bool]) -> str:
+    return number(100.0 * sum(answers) / len(answers) if answers else None, 0)
+
+
+def _sizes(scored: Scored, name: str) -> list[float]:
+    return [abs(row[name]) for row in scored[1] if row[name] is not None]

@@ -1,0 +1,170 @@
+"""Tables of a hand: how long each bone is, where the receivers sit, how far each joint moved."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from shukotsu.errors import InputError
+from shukotsu.report.belief import BELIEVED, NO_JOINT, belief
+from shukotsu.report.links import anchor, link
+from shukotsu.report.study_results import Row, StudyResults
+from shukotsu.report.table_cells import (
+    DASH,
+    Block,
+    Column,
+    DataTable,
+    Folded,
+    error_column,
+    heading,
+    number,
+    quantity_column,
+    table_of,
+    text_column,
+    title,
+    with_error,
+)
+from shukotsu.study.study import Hand
+from shukotsu.study.translation import ngettext, tr, translated, word
+from shukotsu.tables.catalogue import RANGES_OF_MOTION
+from shukotsu.tables.parts import Part, read_part
+from shukotsu.tables.typed_table import rows_of
+
+_STATUS = {"ok": "✓", "weak": "◆", "failed": "✕"}
+
+
+def bone_table(results: StudyResults, hand: Hand) -> DataTable:
+    """Tabulate the bone lengths of a hand, mm, a column a model; a bone is named after its segment."""
+    of_models = {model: _named_bones(results, hand, model) for model in results.models}
+    names = _in_order(results, {name for bones in of_models.values() for name in bones})
+    rows = tuple((name, *(_length(bones.get(name)) for bones in of_models.values())) for name in names)
+    messages = {
+        translated(row["message"]): None
+        for bones in of_models.values()
+        for row in bones.values()
+        if row["message"]
+    }
+    return DataTable(
+        tr("Bone lengths [mm] with 1-sigma error: {name}.", name=hand),
+        (Block((heading("length_mm"), *results.models), rows),),
+        tuple(messages) if rows else (tr("No bone length was computed."),),
+    )
+
+
+def lengths_table(results: StudyResults, model: str) -> DataTable:
+    """Tabulate the bone lengths of all hands, mm: a row a hand, a column a bone, with verdicts."""
+    of_hands = {hand: _named_bones(results, hand, model) for hand in results.hands}
+    names = _in_order(results, {name for bones in of_hands.values() for name in bones})
+    rows = tuple(
+        (
+            anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
+            word(hand.hand),
+            _believed(results, hand, bones),
+            *(_length(bones.get(name)) for name in names),
+        )
+        for hand, bones in of_hands.items()
+    )
+    header = (tr("Subject"), tr("Hand"), tr("Believed"))
+    return DataTable(
+        tr("Bone lengths [mm] with 1-sigma error: {name}.", name=model),
+        (Block((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
+        () if names else (tr("No bone length was computed."),),
+        frozenset(range(2)),
+    )
+
+
+def _named_bones(results: StudyResults, hand: Hand, model: str) -> dict[str, Row]:
+    """Rows of bone_lengths by the bone's name, with its digit where several have one of that name."""
+    uses = Counter(segment for digit in results.layouts[hand].digits.values() for segment in digit.segments)
+    return {
+        row["bone"] if uses[row["bone"]] < 2 else f"{row['bone']} ({word(row['digit'])})": row
+        for row in results.bones_of.get((hand, model), [])
+    }
+
+
+def _in_order(results: StudyResults, names: set[str]) -> list[str]:
+    """Names of bones in the order of the layouts' segments."""
+    order = {segment: i for layout in results.layouts.values() for i, segment in enumerate(layout.segments)}
+    return sorted(names, key=lambda name: (order.get(name.split(" ")[0], len(order)), name))
+
+
+def _believed(results: StudyResults, hand: Hand, bones: dict[str, Row]) -> str:
+    """How many of a hand's lengths to believe; none of one with a finding."""
+    if not bones:
+        return DASH
+    if hand in results.suspect:
+        return tr("{n} of {total}", n=0, total=len(bones)) + " ◆"
+    count = sum(belief(row) == BELIEVED for row in bones.values())
+    return tr("{n} of {total}", n=count, total=len(bones))
+
+
+def _length(row: Row | None) -> str:
+    """The length with its error, a doubt's sign behind it."""
+    if row is None or row["length_mm"] is None:
+        return DASH
+    verdict = belief(row)
+    sign = "" if verdict == BELIEVED else f" {verdict[0]}"
+    return with_error(row["length_mm"], row["sd_mm"], 1) + sign
+
+
+def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
+    """Tabulate where the receivers of a hand sit on their bones, for each model that fits the whole hand."""
+    columns = (
+        text_column(tr("Receiver"), "segment"),
+        Column(tr("Status"), lambda row: _STATUS[row["status"]], is_text=True),
+        error_column(tr("Along the bone [mm]"), "along", "mm", 2),
+        error_column(tr("To the thumb's side [mm]"), "lateral", "mm", 2),
+        error_column(tr("Over the bone [mm]"), "height", "mm", 2),
+        quantity_column("residual_mm"),
+        quantity_column("residual_deg"),
+        Column(tr("Came loose"), _loose, is_text=True),
+        text_column(tr("Message"), "message"),
+    )
+    folded = []
+    for model in results.fitted:
+        rows = results.receivers_of.get((hand, model), [])
+        counts = ngettext("{n} receiver", "{n} receivers", len(rows))
+        summary = tr("{hand} hand", hand=title(hand.hand)) + f", {model}: {counts}"
+        folded.append(Folded(summary, table_of(summary, columns, rows, tr(NO_JOINT))))
+    return folded
+
+
+def _loose(row: Row) -> str:
+    if row["loose_from_frame"] is None:
+        return ""
+    return tr(
+        "◆ {task} from frame {frame} on: moved {mm} mm, turned {deg} deg",
+        task=row["loose_task"],
+        frame=row["loose_from_frame"],
+        mm=number(row["loose_shift_mm"], 1),
+        deg=number(row["loose_turn_deg"], 1),
+    ).replace("◆  ", "◆ ")
+
+
+def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
+    """Return rows of ranges_of_motion of a hand under a model; none where movement was not measured."""
+    path = results.subject_table(hand, RANGES_OF_MOTION.name)
+    if not path.is_file():
+        return []
+    part = Part(hand.hand, model, "", hand.subject, hand.session)
+    columns = [column.name for column in RANGES_OF_MOTION.columns]
+    try:
+        return list(rows_of(read_part(path, RANGES_OF_MOTION, part, columns)))
+    except InputError:
+        return []
+
+
+def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> DataTable:
+    """Tabulate range, posture and speed of every joint angle, each range with its stated 1-sigma error."""
+    task = Column(tr("Task"), lambda row: ", ".join(filter(None, (row["task"], row["trial"]))), is_text=True)
+    columns = (
+        text_column(tr("Joint"), "joint"),
+        text_column(tr("Angle"), "angle"),
+        *((task,) if with_recording else ()),
+        error_column(f"{tr('Range of motion')} [deg]", "range", "deg"),
+        quantity_column("low_deg"),
+        quantity_column("high_deg"),
+        quantity_column("full_range_deg"),
+        error_column(f"{tr('Median')} [deg]", "median", "deg"),
+        *map(quantity_column, ("speed_median_deg_s", "speed_p95_deg_s", "valid_percent")),
+    )
+    return table_of(caption, columns, rows)

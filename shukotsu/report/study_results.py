@@ -1,0 +1,335 @@
+"""Read the report's input: a study, or one subject of it, with the short tables of its hands."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from shukotsu.errors import InputError
+from shukotsu.hand.known_digits import leading_model
+from shukotsu.study.findings import NOTE, REFUSED, STAGE, problem_row, worded
+from shukotsu.study.layout import Layout
+from shukotsu.study.model import SkeletonModel, read_model
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.results import FAILED_PAGES, Results
+from shukotsu.study.study import Hand, Recording, Study, SubjectSession, path_token
+from shukotsu.study.translation import tr
+from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
+from shukotsu.tables.recording_summary import subject_tables
+from shukotsu.tables.typed_table import Table, read_metadata, read_table, rows_of
+
+Row = dict[str, Any]
+HandModel = tuple[Hand, str]
+
+FIRST_FRAME, LEAST_SQUARES = "first-frame", "least-squares"
+HANDS = ("right", "left")
+
+_ROWS_OF = {
+    "recordings": "recording_rows",
+    "problems": "problems",
+    "joint_centres": "joints",
+    "bone_lengths": "bones",
+    "tip_errors": "tip_errors",
+    "skeleton_scores": "scores",
+    "joint_errors": "joint_errors",
+    "receivers": "receivers",
+    "gains": "gains",
+    "model_values": "model_values",
+    "model_differences": "model_differences",
+}
+"""The tables that are read, and what StudyResults calls their rows."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One subject's evaluated task: the recordings of it by hand, right first as the paper prints them."""
+
+    who: SubjectSession
+    task: str
+    trial: str
+    recordings: dict[str, Recording]
+
+    @property
+    def title(self) -> str:
+        """Task and trial in words."""
+        return f"{self.task}, {tr('trial {trial}', trial=self.trial)}" if self.trial else self.task
+
+
+def _by_hand_and_model(attribute: str) -> cached_property[dict[HandModel, list[Row]]]:
+    """The rows of that attribute by hand and model, in the table's order."""
+
+    def grouped(results: StudyResults) -> dict[HandModel, list[Row]]:
+        groups: dict[HandModel, list[Row]] = defaultdict(list)
+        for row in getattr(results, attribute):
+            groups[hand_of(row), row["model"]].append(row)
+        return dict(groups)
+
+    return cached_property(grouped)
+
+
+@dataclass(frozen=True)
+class StudyResults:
+    """A study, or the part of it that is one subject's, with its results.
+
+    Rows are dictionaries by column, null as None; those of tables that are keyed so are of whole skeletons,
+    made without leaving out a task.
+    """
+
+    name: str
+    recordings: tuple[Recording, ...]
+    simulated: bool
+    paths: Results
+    models: Mapping[str, SkeletonModel]
+    layouts: Mapping[Hand, Layout]
+    recording_rows: list[Row]
+    problems: list[Row]
+    joints: list[Row]
+    bones: list[Row]
+    tip_errors: list[Row]
+    scores: list[Row]
+    joint_errors: list[Row]
+    receivers: list[Row]
+    gains: list[Row]
+    model_values: list[Row]
+    model_differences: list[Row]
+
+    @cached_property
+    def subjects(self) -> list[str]:
+        """Every subject, in the sheet's order."""
+        return list(dict.fromkeys(recording.hand.subject for recording in self.recordings))
+
+    @cached_property
+    def sessions(self) -> list[SubjectSession]:
+        """Every subject in every session of theirs, in the sheet's order."""
+        return list(dict.fromkeys(recording.hand.who for recording in self.recordings))
+
+    @property
+    def has_sessions(self) -> bool:
+        """Return whether the sheet names any session."""
+        return any(who.session for who in self.sessions)
+
+    @cached_property
+    def hands(self) -> list[Hand]:
+        """Every hand, in the sheet's order."""
+        return list(dict.fromkeys(recording.hand for recording in self.recordings))
+
+    @cached_property
+    def shown(self) -> list[Recording]:
+        """Every recording that tips are evaluated on, and so has a page."""
+        return [r for r in self.recordings if r.role in ("evaluation", "both") and not r.exclude]
+
+    def poses(self, recording: Recording) -> Path:
+        """A recording's poses table."""
+        return self.paths.folder / recording.hand.folder / recording.name / "poses.parquet"
+
+    def subject_table(self, hand: Hand, table: str) -> Path:
+        """A table of a hand's subject, of both hands and all models."""
+        return self.paths.subject(*hand.who) / f"{table}.parquet"
+
+    def fit_table(self, hand: Hand, model: str, table: str) -> Path:
+        """A table of a hand under a model that fits the whole hand."""
+        return self.paths.subject(*hand.who) / "fits" / hand.hand / path_token(model) / f"{table}.parquet"
+
+    @cached_property
+    def suspect(self) -> frozenset[Hand]:
+        """Hands with a finding that makes them suspect: they are shown, and are in no statistic."""
+        return frozenset(hand_of(row) for row in self.problems if row["severity"] == "suspect")
+
+    def counted(self, rows: list[Row]) -> list[Row]:
+        """Those rows that statistics are made of: not of suspect hands."""
+        return [row for row in rows if hand_of(row) not in self.suspect]
+
+    @cached_property
+    def judging(self) -> StudyResults:
+        """The same without the rows of suspect hands."""
+        tables = ("joints", "bones", "tip_errors", "scores", "joint_errors")
+        counted: dict[str, Any] = {name: self.counted(getattr(self, name)) for name in tables}
+        return replace(self, **counted)
+
+    @cached_property
+    def findings(self) -> list[Row]:
+        """Problems that poses show in what was declared of recordings, notes left out."""
+        return [row for row in self.problems if row["stage"] == STAGE and row["severity"] != NOTE]
+
+    @property
+    def of_hands(self) -> bool:
+        """Return whether all layouts are of hands; else what the tables call a hand is a side of a body."""
+        return all(layout.is_hand for layout in self.layouts.values())
+
+    @cached_property
+    def accepted(self) -> list[Row]:
+        """Findings that the recordings sheet gives a reason for."""
+        return [row for row in self.problems if row["stage"] == STAGE and row["accepted"]]
+
+    def add_problem(self, stage: str, message: str, task: str = "") -> None:
+        """Add what went wrong while the page is made, before its problems are asked for."""
+        self.problems.append(_problem(SubjectSession(""), stage, message, task=task))
+
+    @cached_property
+    def other_problems(self) -> list[Row]:
+        """Problems that are neither findings to be settled nor accepted ones."""
+        apart = {id(row) for row in (*self.findings, *self.accepted)}
+        return [row for row in self.problems if id(row) not in apart]
+
+    joints_of = _by_hand_and_model("joints")
+    bones_of = _by_hand_and_model("bones")
+    receivers_of = _by_hand_and_model("receivers")
+    gains_of = _by_hand_and_model("gains")
+
+    @property
+    def fitted(self) -> list[str]:
+        """The models that fit the whole hand, in the study's order."""
+        return [name for name, model in self.models.items() if model.fitting is not None]
+
+    @property
+    def leading(self) -> str:
+        """The model that pages show first."""
+        return leading_model(self.models, self.layouts.values())
+
+    @cached_property
+    def _tip_error_of(self) -> dict[tuple[str, ...], Row]:
+        key = [name for name in TIP_ERRORS.key if name != "made_without"]
+        return {tuple(row[name] for name in key): row for row in self.tip_errors}
+
+    @cached_property
+    def recording_row_of(self) -> dict[tuple[str, ...], Row]:
+        """Rows of the recordings table by subject, session, hand, task and trial."""
+        return {tuple(row[name] for name in RECORDINGS.key): row for row in self.recording_rows}
+
+    def tip_error(self, recording: Recording, model: str, digit: str, binding: str) -> Row | None:
+        """The row of tip_errors for one cell group; None where the table has none."""
+        return self._tip_error_of.get((*recording_key(recording), model, digit, binding))
+
+    def status_of(self, recording: Recording) -> tuple[str, str]:
+        """The recording's status (used, excluded, failed or missing) and the reason, if any."""
+        row = self.recording_row_of.get(recording_key(recording))
+        if row is not None:
+            return row["status"], row["message"] or recording.exclude
+        if recording.exclude:
+            return "excluded", recording.exclude
+        return "missing", "the results do not name this recording"
+
+    def trials(self, subject: str, session: str = "") -> Iterator[Trial]:
+        """The subject's evaluated tasks, excluded and failed recordings among them, in the sheet's order."""
+        groups: dict[tuple[str, str], dict[str, Recording]] = defaultdict(dict)
+        for recording in self.recordings:
+            if recording.hand.who == (subject, session) and recording.role in ("evaluation", "both"):
+                groups[recording.task, recording.trial][recording.hand.hand] = recording
+        for (task, trial), by_hand in groups.items():
+            recordings = {hand: by_hand[hand] for hand in HANDS if hand in by_hand}
+            yield Trial(SubjectSession(subject, session), task, trial, recordings)
+
+    def scores_in(self, trial: Trial) -> list[Row]:
+        """The rows of skeleton_scores of a subject's task, in the table's order, right hand first."""
+        wanted = (*trial.who, trial.task, trial.trial)
+        names = ("subject", "session", "task", "trial")
+        rows = [row for row in self.scores if tuple(row[name] for name in names) == wanted]
+        return sorted(rows, key=lambda row: bool(row["hand"] != "right"))
+
+    def hands_of(self, subject: str, session: str = "") -> list[Hand]:
+        """The subject's hands, right first."""
+        mine = [hand for hand in self.hands if hand.who == (subject, session)]
+        return sorted(mine, key=lambda hand: hand.hand != "right")
+
+
+def recording_key(recording: Recording) -> tuple[str, ...]:
+    """Subject, session, hand, task and trial: what the tables call the recording."""
+    return tuple(recording.key.values())
+
+
+def row_key(row: Row) -> tuple[str, ...]:
+    """The same of a row of a table."""
+    return tuple(row[name] for name in RECORDINGS.key)
+
+
+def hand_of(row: Row) -> Hand:
+    """The hand that a row of a table is of."""
+    return Hand(row["subject"], row["hand"], row["session"])
+
+
+def read_results(study: Study, folder: Path) -> StudyResults:
+    """Read the study-wide tables from `folder`.
+
+    Raises InputError where a table is absent or is another one. A table that records that its own making
+    failed counts as empty, and the reason joins the problems.
+    """
+    paths = Results(folder)
+    failures: list[Row] = []
+    rows: dict[str, Any] = {
+        name: _study_rows(paths.study_table(name), TABLES[name], failures) for name in _ROWS_OF
+    }
+    rows["problems"] += [*failures, *_failed_exports(study, paths), *_failed_pages(study, paths)]
+    return StudyResults(
+        name=study.name,
+        recordings=study.recordings,
+        simulated=study.simulation is not None,
+        paths=paths,
+        models={name: read_model(path.absolute()) for name, path in study.models.items()},
+        layouts={hand: study.judged_layout(hand) for hand in study.hands},
+        **{attribute: rows[name] for name, attribute in _ROWS_OF.items()},
+    )
+
+
+def read_subject(plan: SubjectPlan) -> StudyResults:
+    """Read one subject's tables: the same results, for a study of that subject alone.
+
+    Raises InputError where a table is absent or another one; a part that failed is among the problems.
+    """
+    gathered = subject_tables(plan)
+    rows: dict[str, Any] = {"recordings": gathered.recordings, "problems": gathered.problems}
+    for name in _ROWS_OF:
+        if name in gathered.tables:
+            rows[name] = list(rows_of(gathered.tables[name].select(_columns_shown(TABLES[name]))))
+    return StudyResults(
+        name=plan.study,
+        recordings=plan.recordings,
+        simulated=any(plan.truth(recording) is not None for recording in plan.recordings),
+        paths=Results(plan.folder.parent),
+        models=plan.models,
+        layouts={plan.hand(hand): layout for hand, layout in plan.layouts.items()},
+        **{attribute: rows.get(name, []) for name, attribute in _ROWS_OF.items()},
+    )
+
+
+def _failed_exports(study: Study, paths: Results) -> list[Row]:
+    """List what the export stage could not write, and why."""
+    files = sorted(paths.exports.glob("*.failed.txt")) if study.exports else []
+    return [
+        _problem(SubjectSession(""), "export", message, task=file.name.removesuffix(".failed.txt"))
+        for file in files
+        for message in file.read_text("utf-8").splitlines()
+    ]
+
+
+def _failed_pages(study: Study, paths: Results) -> Iterator[Row]:
+    """Pages of subjects that could not be made, and why."""
+    for who in study.sessions:
+        file = paths.subject_pages(*who) / FAILED_PAGES
+        for line in file.read_text("utf-8").splitlines() if file.is_file() else ():
+            page, _, message = line.partition(": ")
+            yield _problem(who, "subject_pages", message, task=page)
+
+
+def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> Row:
+    return problem_row(stage, worded("", REFUSED, message), **who._asdict(), **where)
+
+
+def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; expected a {table.name} table")
+    failure = read_metadata(path).get("failure")
+    if failure is not None:
+        failures.append(_problem(SubjectSession(""), "report", f"{path.name}: {failure}"))
+        return []
+    return list(rows_of(read_table(path, table, _columns_shown(table))))
+
+
+def _columns_shown(table: Table) -> list[str]:
+    """Columns that pages show: not those of lists, which are most of what there is to read."""
+    return [column.name for column in table.columns if not pa.types.is_fixed_size_list(column.type)]

@@ -1,0 +1,136 @@
+"""The study's tables from those of its subjects; whatever failed is a row of problems with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from shukotsu import PROGRAM, VERSION
+from shukotsu.checks.compared_recordings import copies
+from shukotsu.errors import INTERNAL
+from shukotsu.study.config_files import REFERENCE, read_config, yaml_text
+from shukotsu.study.findings import NOTE, REFUSED, STAGE, problem_row, worded
+from shukotsu.study.layout import read_layout
+from shukotsu.study.plan import SubjectPlan, read_plan
+from shukotsu.study.results import GATHERED_TABLES, Results
+from shukotsu.study.sheets import CORRECTIONS, read_sheet
+from shukotsu.study.study import Study, columns_handed_on, correction_problems, unmatched_rows
+from shukotsu.tables.catalogue import (
+    FINDINGS,
+    JOINT_CENTRES,
+    JOINT_SOLUTIONS,
+    PROBLEMS,
+    RECEIVERS,
+    RECORDINGS,
+    TABLES,
+)
+from shukotsu.tables.recording_summary import part_problems, subject_tables
+from shukotsu.tables.typed_table import (
+    Column,
+    Provenance,
+    Table,
+    columns_from_rows,
+    read_metadata,
+    write_table,
+)
+from shukotsu.tables.whole_files import write_text
+
+Row = dict[str, Any]
+
+
+def gather_study(study: Study, results: Results) -> None:
+    """Write the study-wide tables into its results folder. Raises TableError where a subject's is damaged."""
+    plans = [read_plan(results.plan(*who)) for who in study.sessions]
+    of_subjects = [subject_tables(plan) for plan in plans]
+    recordings = [row for subject in of_subjects for row in subject.recordings]
+    problems: list[Row] = [
+        problem_row("plan", worded("recording", REFUSED, row.message), **vars(row.hand), task=row.task)
+        for row in study.unusable
+    ]
+    for plan, subject in zip(plans, of_subjects, strict=True):
+        problems += [*_bugs(plan), *subject.problems]
+    problems += _same_files(plans)
+    problems += _correction_rows(study)
+    problems += [problem_row("plan", worded("sheet", REFUSED, text)) for text in unmatched_rows(study)]
+    problems += [problem_row("plan", worded("sheet", NOTE, text)) for text in columns_handed_on(study)]
+    for name in GATHERED_TABLES:
+        rows = pa.concat_tables([subject.tables[name] for subject in of_subjects])
+        files = [file for plan in plans for file in plan.files_of(name)]
+        columns = {column.name: rows.column(column.name) for column in TABLES[name].columns}
+        provenance = Provenance.of(files, results.folder)
+        write_table(results.study_table(name), TABLES[name], columns, provenance)
+    _write_resolved(study, results)
+    provenance = Provenance.of(list(study.sheets.values()))
+    unique = list({tuple(row[key] for key in _UNIQUE): row for row in reversed(problems)}.values())[::-1]
+    for table, table_rows in ((_with_further_columns(study, recordings), recordings), (PROBLEMS, unique)):
+        write_table(results.study_table(table.name), table, columns_from_rows(table, table_rows), provenance)
+
+
+def _with_further_columns(study: Study, rows: Sequence[Row]) -> Table:
+    """Return the recordings table with what the sheet has besides, which is put into the rows."""
+    taken = {column.name for column in RECORDINGS.columns}
+    names = {name: f"{name}_of_sheet" if name in taken else name for name, _ in study.recordings[0].more}
+    more = {tuple(recording.key.values()): recording.more for recording in study.recordings}
+    for row in rows:
+        row |= {names[name]: text for name, text in more[tuple(row[key] for key in RECORDINGS.key)]}
+    text = pa.string()
+    columns = [Column(name, text, "", "as in the recordings sheet", nullable=True) for name in names.values()]
+    return replace(RECORDINGS, columns=(*RECORDINGS.columns, *columns))
+
+
+_UNIQUE = ("subject", "session", "hand", "task", "model", "message")
+
+
+def _same_files(plans: Sequence[SubjectPlan]) -> Iterator[Row]:
+    """Name recordings whose poses are, number by number, those of another subject's, or another session's."""
+    digests = {plan.who: read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"] for plan in plans}
+    of_recordings = (
+        (recording, digests[plan.who].get("/".join(recording.key.values()), ""))
+        for plan in plans
+        for recording in plan.recordings
+    )
+    for recording, finding in copies(of_recordings):
+        yield problem_row(STAGE, finding, **vars(recording.hand), task=recording.title)
+
+
+_WRITTEN_BEFORE = (
+    (JOINT_SOLUTIONS, "joint_solutions", "solve_joints"),
+    (JOINT_CENTRES, "projected_joints", "project_planes"),
+    (RECEIVERS, RECEIVERS.name, "fit_hand"),
+)
+"""Tables of stages whose failures others pass on, by form and file, and the rule that writes each."""
+
+
+def _bugs(plan: SubjectPlan) -> Iterator[Row]:
+    """Name bugs with the stage that they are in, before others pass them on as their own failures."""
+    references = [plan.fit_table(hand, REFERENCE, RECEIVERS.name) for hand in plan.hands]
+    for table, name, stage in _WRITTEN_BEFORE:
+        files = plan.files_of(name) + (references if name == RECEIVERS.name else [])
+        for file in filter(Path.is_file, files):
+            problems = part_problems(plan, file, table, stage)
+            yield from (row for row in problems if row["message"].startswith(INTERNAL))
+
+
+def _correction_rows(study: Study) -> list[Row]:
+    path = study.sheets.get("corrections")
+    if path is None:
+        return []
+    layout = read_layout(study.layout.absolute())
+    messages = correction_problems(read_sheet(path, CORRECTIONS), path, study.hands, layout)
+    return [problem_row("project_planes", worded("correction", REFUSED, text)) for text in messages]
+
+
+def _write_resolved(study: Study, results: Results) -> None:
+    """Write the study with its layouts and models, every default filled in, as one YAML file."""
+    layouts = dict.fromkeys(recording.layout for recording in study.recordings)
+    whole = {
+        "program": f"{PROGRAM} {VERSION}",
+        "study": study.config,
+        "layouts": [read_config(path, "layout") for path in layouts],
+        "models": [read_config(path, "model") for path in study.models.values()],
+    }
+    write_text(results.resolved, yaml_text(whole))

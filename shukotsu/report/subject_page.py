@@ -1,0 +1,136 @@
+"""The page of one subject: its hands, which joints to believe, scores, the paper's tables, lengths."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from markupsafe import Markup
+
+from shukotsu.errors import InputError
+from shukotsu.report import provenance
+from shukotsu.report.belief import believed_counts, gain_lines, joint_table
+from shukotsu.report.headline import opening, used_text
+from shukotsu.report.links import link, recording_links
+from shukotsu.report.paper_tables import (
+    is_the_papers_hand,
+    least_squares_table,
+    printed_table,
+    study_table,
+    table_title,
+)
+from shukotsu.report.plots.hand import hand_panel
+from shukotsu.report.plots.panels import page_picture
+from shukotsu.report.print_figures.study_figures import lengths_panel
+from shukotsu.report.recording_results import read_still
+from shukotsu.report.score_tables import score_table, truth_table
+from shukotsu.report.skeleton_tables import bone_table, measured_ranges, measured_table, receiver_tables
+from shukotsu.report.study_results import StudyResults, Trial
+from shukotsu.report.table_cells import Folded
+from shukotsu.report.templates import render
+from shukotsu.study.study import Hand, SubjectSession
+from shukotsu.study.translation import tr, translated
+
+
+def render_subject(results: StudyResults) -> str:
+    """Return the page of the one subject that `results` is of; the same results give the same text.
+
+    Its only link to other subjects is that to the study's page: were they named here, one subject more
+    would make the others' pages anew.
+    """
+    (who,) = results.sessions
+    hands, page = results.hands_of(*who), results.paths.subject_page(*who)
+    lengths = lengths_panel(results, who, results.leading)
+    return render(
+        "subject.html.j2",
+        study=results.name,
+        to_study=link(results.name, page, results.paths.report),
+        recordings=recording_links(results, page, who),
+        opening=opening(results),
+        used=used_text(results),
+        problems=provenance.all_problems(results),
+        accepted=provenance.faults_listed(results.accepted),
+        name=who.label,
+        model=results.leading,
+        hands=[_hand_part(results, hand) for hand in reversed(hands)],
+        trials=[_trial_part(results, trial) for trial in results.trials(*who)],
+        truth=truth_table(results, who),
+        lengths=page_picture(lengths) if lengths else "",
+        folded=_folded(results, who),
+    )
+
+
+def _hand_part(results: StudyResults, hand: Hand) -> dict[str, Any]:
+    """A hand: its picture, its joints under every model, the leading one's first; what to record next."""
+    model = results.leading
+    caption, still = _still(results, hand)
+    tables = [
+        Folded(
+            f"{name}: {believed_counts(results.joints_of.get((hand, name), []))}",
+            joint_table(results, hand, name),
+        )
+        for name in (model, *(name for name in results.models if name != model))
+    ]
+    return {
+        "name": tr("{hand} hand", hand=hand.hand.capitalize()),
+        "caption": caption,
+        "still": still,
+        "leading": tables[0],
+        "others": tables[1:],
+        "next": gain_lines(results.gains_of.get((hand, model), [])),
+    }
+
+
+def _still(results: StudyResults, hand: Hand) -> tuple[str, Markup]:
+    """The hand in the first of its recordings that has a frame to show, with what it shows; where there is
+    none, why.
+    """
+    name, reasons = tr("{hand} hand", hand=hand.hand.capitalize()), []
+    recordings = [each for each in results.recordings if each.hand == hand and not each.exclude]
+    for recording in sorted(recordings, key=lambda each: each.role == "calibration"):
+        try:
+            motion = read_still(results, recording, [results.leading])
+        except InputError as error:
+            reasons.append(translated(error.message))
+            continue
+        title = tr("Skeleton of {hand}, {model}.", hand=hand, model=results.leading)
+        return f"{name}, {recording.task}", page_picture(hand_panel(title, motion, motion.skeletons[0], 0))
+    why = "; ".join(dict.fromkeys(reasons)) or tr("it has no recording in use")
+    return f"{name}: {why}", Markup()
+
+
+def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
+    """One evaluated task: scores, None without any, and the study's tables beside the paper's."""
+    beside = is_the_papers_hand(results, trial)
+    return {
+        "title": trial.title,
+        "scores": score_table(results, trial),
+        "pairs": [
+            {
+                "title": table_title(model),
+                "table": study_table(results, trial, model),
+                "printed": printed_table(model.paper_table) if beside and model.paper_table else None,
+            }
+            for model in results.models.values()
+        ],
+        "least_squares": least_squares_table(results, trial),
+    }
+
+
+def _folded(results: StudyResults, who: SubjectSession) -> dict[str, list[Folded]]:
+    """Folded tables by their section: lengths, ranges, receivers, recordings."""
+    hands = results.hands_of(*who)
+    names = {hand: tr("{hand} hand", hand=hand.hand.capitalize()) for hand in hands}
+    ranges = []
+    for hand in hands:
+        if rows := measured_ranges(results, hand, results.leading):
+            caption = tr(
+                "Range of motion, posture and speed, with 1-sigma errors: {name}.",
+                name=hand,
+            )
+            ranges.append(Folded(names[hand], measured_table(caption, rows, with_recording=True)))
+    return {
+        "lengths": [Folded(names[hand], bone_table(results, hand)) for hand in hands],
+        "ranges": ranges,
+        "receivers": [folded for hand in hands for folded in receiver_tables(results, hand)],
+        "recordings": [Folded(used_text(results), provenance.recordings_table(results))],
+    }

@@ -1,0 +1,197 @@
+"""A table as the page and the terminal show it: text cells, ready to be laid out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from shukotsu.scores.paired_statistics import LEVEL
+from shukotsu.study.translation import N_, tr, translated, word
+
+DASH = "–"
+
+
+class Quantity(NamedTuple):
+    """What a column of numbers is called on pages, its unit, and with how many decimals it is shown."""
+
+    label: str
+    unit: str
+    decimals: int
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "sd_mm": Quantity(N_("SD of the centre"), "mm", 2),
+    "range_deg": Quantity(N_("Moved"), "deg", 1),
+    "gap_rms_mm": Quantity(N_("Gap rms"), "mm", 2),
+    "gap_rms_free_mm": Quantity(N_("Free gap rms"), "mm", 2),
+    "axis_plane_deg": Quantity(N_("Axis to plane"), "deg", 1),
+    "correction_mm": Quantity(N_("Correction"), "mm", 1),
+    "error_mm": Quantity(N_("Joint against the truth"), "mm", 2),
+    "true_tip_mean_mm": Quantity(N_("Fingertip against the truth"), "mm", 2),
+    "metacarpal_deg": Quantity(N_("Metacarpal direction against the truth"), "deg", 2),
+    "left_out_mean_mm": Quantity(N_("Distal receivers left out"), "mm", 2),
+    "posed_mean_mm": Quantity(N_("Posed hand to distal receivers"), "mm", 2),
+    "replay_mean_mm": Quantity(N_("Tip error of the replay"), "mm", 2),
+    "wrist_mcp_sd_mm": Quantity(N_("SD of wrist to MCP"), "mm", 2),
+    "low_deg": Quantity("2.5 %", "deg", 1),
+    "high_deg": Quantity("97.5 %", "deg", 1),
+    "full_range_deg": Quantity(N_("Full range"), "deg", 1),
+    "speed_median_deg_s": Quantity(N_("Speed, median"), "deg/s", 1),
+    "length_mm": Quantity(N_("Bone length"), "mm", 1),
+    "bone_error_percent": Quantity(N_("Bone length"), "%", 2),
+    "residual_mm": Quantity(N_("Residual"), "mm", 2),
+    "residual_deg": Quantity(N_("Residual"), "deg", 2),
+    "mean_mm": Quantity(N_("Mean"), "mm", 2),
+    "median_mm": Quantity(N_("Median"), "mm", 2),
+    "p95_mm": Quantity("95 %", "mm", 2),
+    "max_mm": Quantity(N_("Max"), "mm", 2),
+    "min_mm": Quantity(N_("Min"), "mm", 2),
+    "n_effective": Quantity(N_("Independent samples"), "", 1),
+    "speed_p95_deg_s": Quantity(N_("Speed, 95 %"), "deg/s", 1),
+    "valid_percent": Quantity(N_("Valid"), "%", 1),
+    "duration_s": Quantity(N_("Duration"), "s", 2),
+    "n_frames": Quantity(N_("Frames"), "", 0),
+}
+"""By the column of a table: the one place that says how pages, figures and the terminal write a number."""
+
+
+def heading(name: str) -> str:
+    """Return a quantity's label with its unit."""
+    quantity = QUANTITIES[name]
+    return tr(quantity.label) + (f" [{quantity.unit}]" if quantity.unit else "")
+
+
+def shown(name: str, value: float | None) -> str:
+    """Return a value of a quantity with its decimals; a dash where there is none."""
+    return number(value, QUANTITIES[name].decimals)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows under one header; the first cell of the header and of every row is their heading."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class DataTable:
+    """A captioned table of one block or more; columns are numbers except those named in text_columns."""
+
+    caption: str
+    blocks: tuple[Block, ...]
+    notes: tuple[str, ...] = ()
+    text_columns: frozenset[int] = frozenset({0})
+
+
+@dataclass(frozen=True)
+class Folded:
+    """A table that is folded away under a summary line."""
+
+    summary: str
+    table: DataTable
+
+
+class Column(NamedTuple):
+    """A column of a table made row by row: its heading, and the text of its cell in a row."""
+
+    heading: str
+    cell: Callable[[Any], str]
+    is_text: bool = False
+
+
+def quantity_column(name: str) -> Column:
+    """Return the numbers of a quantity under its heading."""
+    return Column(heading(name), lambda row: shown(name, row.get(name)))
+
+
+def number_column(heading: str, name: str, decimals: int = 2) -> Column:
+    """Return the numbers of that name in the rows; a dash where there is none."""
+    return Column(heading, lambda row: number(row.get(name), decimals))
+
+
+def error_column(heading: str, name: str, unit: str, decimals: int = 1) -> Column:
+    """Return the numbers of the column `name_unit` with their 1-sigma errors, `name_sd_unit`."""
+    return Column(heading, lambda row: with_error(row[f"{name}_{unit}"], row[f"{name}_sd_{unit}"], decimals))
+
+
+def text_column(heading: str, name: str) -> Column:
+    """Return the text of that name in the rows: sentences and names of the project translated."""
+
+    def cell(row: Any) -> str:
+        if name in _SENTENCES:
+            return translated(row[name])
+        return word(row[name]) if name in _NAMES else str(row[name])
+
+    return Column(heading, cell, is_text=True)
+
+
+_SENTENCES = frozenset({"message", "question", "test"})
+_NAMES = frozenset({"hand", "digit", "angle", "binding", "across", "Hand"})
+"""Columns of tables whose texts are sentences, and whose texts are names of the project."""
+
+
+def table_of(
+    caption: str,
+    columns: Sequence[Column],
+    rows: Iterable[Any] | Mapping[str, Sequence[Any]],
+    if_empty: str = "",
+    notes: Iterable[str] = (),
+) -> DataTable:
+    """Return a table of one block, or of one for each heading that has rows.
+
+    if_empty : a note for a table without rows.
+    """
+    groups = rows if isinstance(rows, Mapping) else {columns[0].heading: list(rows)}
+    blocks = tuple(
+        Block(
+            (heading, *(column.heading for column in columns[1:])),
+            tuple(tuple(column.cell(row) for column in columns) for row in group),
+        )
+        for heading, group in groups.items()
+        if group or groups is not rows
+    )
+    empty = (if_empty,) if if_empty and not any(groups.values()) else ()
+    texts = frozenset(index for index, column in enumerate(columns) if column.is_text)
+    return DataTable(caption, blocks, (*empty, *notes), texts)
+
+
+def number(value: float | None, decimals: int = 2) -> str:
+    """The number with so many decimals; a dash where there is none."""
+    if value is None or value != value:
+        return DASH
+    return f"{value:.{decimals}f}".replace("-0." + "0" * decimals, "0." + "0" * decimals)
+
+
+def with_error(value: float | None, sd: float | None, decimals: int = 2) -> str:
+    """Return the number with its 1-sigma error, where both are there."""
+    error = f" ± {number(sd, decimals)}" if value is not None and sd is not None else ""
+    return number(value, decimals) + error
+
+
+def p_text(p: float) -> str:
+    """The test's p with two digits, or as many as it takes to stay on its side of LEVEL."""
+    if p < 0.0001:
+        return "p < 0.0001"
+    texts = (f"{p:.{digits}g}" for digits in range(2, 17))
+    return "p = " + next(text for text in texts if (float(text) <= LEVEL) == (p <= LEVEL))
+
+
+def alike(values: Mapping[str, object]) -> list[list[str]]:
+    """Return names in groups of equal values, in their order."""
+    groups: list[list[str]] = []
+    for name, value in values.items():
+        same = next((group for group in groups if values[group[0]] == value), None)
+        groups.append([name]) if same is None else same.append(name)
+    return groups
+
+
+def capital(text: str) -> str:
+    """The text with a capital first letter."""
+    return text[:1].upper() + text[1:]
+
+
+def title(name: str) -> str:
+    """The name of a digit or a hand as a heading."""
+    return capital(word(name).replace("_", " "))

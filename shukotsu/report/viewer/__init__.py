@@ -1,0 +1,265 @@
+"""The moving hand: one recording's motion packed into a page that plays it, without any other program.
+
+Every number is stored as a whole multiple of its block's step, so it is off by at most half a step, however
+long the recording. A channel's multiples are written as differences from frame to frame, the sign in the
+lowest bit, all lowest bytes first: the high bytes are then nearly all zero and deflate takes them away.
+`viewer.js` reads what `packed` writes.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from markupsafe import Markup
+
+from shukotsu.hand.posing import ReceiverPoint
+from shukotsu.report.belief import BELIEFS
+from shukotsu.report.hand_motion import (
+    Array,
+    HandMotion,
+    JointAxis,
+    ShownSkeleton,
+    seen,
+    shown_first,
+    still_frame,
+    upright,
+)
+from shukotsu.report.plots.hand import hand_panel
+from shukotsu.report.plots.panels import page_picture
+from shukotsu.study.translation import tr, word
+
+POSITION_STEP_MM = 0.05
+"""A point is off by at most sqrt(3) / 2 of it, 0.044 mm."""
+ROTATION_STEP = 1 / 8192
+"""Step of a unit quaternion's parts: a receiver is off by at most 0.014 degrees."""
+ERROR_STEP_MM = 0.01
+TIME_STEP_S = 1e-5
+FARTHEST_MM = 10_000.0
+"""A tracker reaches 2 m: a point farther than this could not be shown, and becomes a gap."""
+NOMINAL_HZ = 240.0
+"""Frames a second at which a recording without device times is shown."""
+_LEVEL = 6  # the highest, 9, takes a quarter longer to win one part in a thousand
+_EXTENT_FRAMES = 200
+_NEAR_MM = 45.0
+
+
+@dataclass(frozen=True)
+class Block:
+    """Numbers of one kind: shape (T, N, W), a gap where any of the W is NaN; each within step / 2."""
+
+    name: str
+    step: float
+    values: Array
+
+
+@dataclass(frozen=True)
+class View:
+    """One moving hand as `viewer.html.j2` shows it.
+
+    title : what it shows, for who cannot see it. places : of the models in the study, which their colours
+    go by. shown : indices of the models in view before any is chosen. still : the picture that stands in
+    where nothing moves, and still_caption what that is. data : what `viewer.js` reads. remark : what else
+    to know, or empty.
+    """
+
+    title: str
+    digits: tuple[str, ...]
+    models: tuple[str, ...]
+    places: tuple[int, ...]
+    shown: tuple[int, ...]
+    still: Markup
+    still_caption: str
+    data: Markup
+    remark: str
+
+
+def view_of(
+    title: str, motion: HandMotion, extra: Sequence[Block] = (), extra_header: Mapping[str, Any] | None = None
+) -> View:
+    """Pack a hand's motion for the template, and beside it what other scripts of the page need.
+
+    extra, extra_header : as of motion_text.
+    """
+    shown = shown_first(motion)
+    first = motion.skeletons[shown[0]]
+    frame = still_frame(motion, first)
+    remarks = []
+    if motion.every > 1:
+        remarks.append(tr("Of the recording one frame in {every} is here.", every=motion.every))
+    if not np.isfinite(motion.time_s).any():
+        remarks.append(
+            tr(
+                "The recording has no device time; it is shown as if it had {NOMINAL_HZ:g} frames a second.",
+                NOMINAL_HZ=NOMINAL_HZ,
+            )
+        )
+    return View(
+        title=title,
+        digits=tuple(map(word, motion.digits)),
+        models=tuple(skeleton.model for skeleton in motion.skeletons),
+        places=tuple(skeleton.place for skeleton in motion.skeletons),
+        shown=shown,
+        still=page_picture(hand_panel(title, motion, first, frame)),
+        still_caption=tr("{models}, frame {frame}", models=first.model, frame=motion.frame[frame]),
+        data=Markup(motion_text(motion, extra, extra_header)),
+        remark=" ".join(remarks),
+    )
+
+
+def motion_text(
+    motion: HandMotion, extra: Sequence[Block] = (), extra_header: Mapping[str, Any] | None = None
+) -> str:
+    """Return the motion as one JSON object that may stand inside a script element: a header and base64 data.
+
+    extra : further blocks of the motion's T frames, `viewer.blocks[name]` to a script. extra_header : what
+    JSON can hold, `viewer.header.extra`.
+    """
+    header = _header(motion)
+    data, header["blocks"] = packed([*_blocks(motion), *extra])
+    header["extra"] = dict(extra_header or {})
+    header["data"] = base64.b64encode(data).decode("ascii")
+    text = json.dumps(header, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+def packed(blocks: Sequence[Block]) -> tuple[bytes, list[dict[str, Any]]]:
+    """Return the blocks one after the other, zlib-compressed, and what a reader must know of each.
+
+    A block is its byte planes (N, W, T) of coded differences, the lowest first; code 0 is a gap.
+    """
+    raw, parts = [], []
+    for block in blocks:
+        valid = np.asarray(np.isfinite(block.values).all(-1, keepdims=True))
+        steps = np.rint(np.where(valid, block.values, 0.0) / block.step).astype(np.int64)
+        change = np.diff(_held(steps, valid), axis=0, prepend=0)
+        code = np.where(valid, 1 + ((change << 1) ^ (change >> 63)), 0).transpose(1, 2, 0)
+        planes = max(1, -(-int(code.max(initial=0)).bit_length() // 8))
+        raw += [(code >> (8 * plane)).astype(np.uint8).tobytes() for plane in range(planes)]
+        shape = dict(zip(("frames", "count", "width"), block.values.shape, strict=True))
+        parts.append({"name": block.name, "step": block.step, **shape, "planes": planes})
+    return zlib.compress(b"".join(raw), _LEVEL), parts
+
+
+def playing_times_s(time_s: Array) -> Array:
+    """Return when each frame is shown, (T,), from 0 and never backwards.
+
+    Device times as recorded; a frame without one stands between its neighbours, and a recording that has
+    none at all is shown at NOMINAL_HZ.
+    """
+    index = np.arange(len(time_s), dtype=float)
+    timed = np.isfinite(time_s)
+    if not timed.any():
+        return np.asarray(index / NOMINAL_HZ)
+    filled = np.maximum.accumulate(np.interp(index, index[timed], time_s[timed]))
+    return np.asarray(filled - filled[0])
+
+
+def _blocks(motion: HandMotion) -> list[Block]:
+    blocks = [
+        Block("time", TIME_STEP_S, playing_times_s(motion.time_s)[:, None, None]),
+        Block("frame", 1.0, motion.frame.astype(float)[:, None, None]),
+        Block("receivers", POSITION_STEP_MM, _near(motion.receiver_mm)),
+        Block("rotations", ROTATION_STEP, _steady_signs(motion.receiver_quaternion)),
+    ]
+    for index, skeleton in enumerate(motion.skeletons):
+        if skeleton.on_receivers is None:
+            blocks.append(Block(f"points{index}", POSITION_STEP_MM, _near(skeleton.position_mm)))
+        blocks.append(Block(f"errors{index}", ERROR_STEP_MM, _near(skeleton.tip_error_mm[..., None])))
+    return blocks
+
+
+def _near(values: Array) -> Array:
+    """Return NaN for what is too far away to be shown."""
+    return np.where(np.abs(values) <= FARTHEST_MM, values, np.nan)
+
+
+def _steady_signs(quaternion: Array) -> Array:
+    """Return the same rotations (T, R, 4), signs such that neighbours in time are near, gaps or not."""
+    valid = np.asarray(np.isfinite(quaternion).all(-1, keepdims=True))
+    filled = _held(np.where(valid, quaternion, 0.0), valid)
+    turned = (filled[1:] * filled[:-1]).sum(-1) < 0
+    sign = np.cumprod(np.where(turned, -1.0, 1.0), axis=0)
+    sign = np.concatenate([np.ones((1, quaternion.shape[1])), sign])
+    return np.asarray(quaternion * sign[..., None])
+
+
+def _held(values: npt.NDArray[Any], valid: npt.NDArray[np.bool_]) -> npt.NDArray[Any]:
+    """Return values (T, N, W), those not valid (T, N, 1) replaced by the last valid before them, if any."""
+    last = np.maximum.accumulate(np.where(valid, np.arange(len(values))[:, None, None], 0), axis=0)
+    return np.take_along_axis(values, last, axis=0)
+
+
+def _header(motion: HandMotion) -> dict[str, Any]:
+    middle, half = _extent(motion)
+    based = np.isfinite(motion.receiver_mm[:, motion.base]).all(-1)
+    return {
+        "hand": motion.hand,
+        "digits": [word(digit) for digit in motion.digits],
+        "receivers": motion.receivers,
+        "base": motion.base,
+        "firstBase": int(np.argmax(based)),
+        "upright": upright(motion).ravel().tolist(),
+        "middle": middle.round(1).tolist(),
+        "half": half.round(1).tolist(),
+        "shown": shown_first(motion),
+        "skeletons": [_skeleton(motion, skeleton) for skeleton in motion.skeletons],
+    }
+
+
+def _extent(motion: HandMotion) -> tuple[Array, Array]:
+    """Return middle and half size (3,), mm, of what the hand fills in the view, a margin included.
+
+    From some frames, the farthest left out; a joint far from every receiver must not make the hand small.
+    """
+    frames = np.arange(0, len(motion.frame), max(1, len(motion.frame) // _EXTENT_FRAMES))
+
+    def in_view(world_mm: Array) -> Array:
+        points = seen(motion, frames, world_mm[frames]).reshape(-1, 3)
+        return points[np.isfinite(points).all(-1)]
+
+    receivers = in_view(motion.receiver_mm)
+    low, high = np.percentile(receivers, [2, 98], axis=0)
+    points = np.concatenate([receivers, *(in_view(skeleton.position_mm) for skeleton in motion.skeletons)])
+    near = ((points >= low - _NEAR_MM) & (points <= high + _NEAR_MM)).all(-1)
+    low, high = np.percentile(points[near], [2, 98], axis=0)
+    return (low + high) / 2, np.maximum(20.0, (high - low) / 2) * 1.15 + 4.0
+
+
+def _skeleton(motion: HandMotion, skeleton: ShownSkeleton) -> dict[str, Any]:
+    carried = skeleton.on_receivers
+    return {
+        "model": skeleton.model,
+        "place": skeleton.place,
+        "points": skeleton.points,
+        "tips": [skeleton.points.index(f"{digit}_tip") for digit in motion.digits],
+        "sd": [round(float(sd), 2) if np.isfinite(sd) else None for sd in skeleton.sd_mm],
+        "belief": [BELIEFS.index(belief) for belief in skeleton.believed],
+        "bones": [(b.start, b.end, b.digit, b.level, b.shared) for b in skeleton.bones],
+        "axes": [_axis(motion, axis) for axis in skeleton.axes if axis.segment in motion.receivers],
+        "seats": None if carried is None else [_seat(motion, point) for point in carried],
+    }
+
+
+def _seat(motion: HandMotion, point: ReceiverPoint) -> tuple[int, list[float]] | None:
+    """Return the receiver that carries a point, and where in its frame, mm; None where there is none."""
+    if point.segment not in motion.receivers or np.linalg.norm(point.point_mm) > FARTHEST_MM:
+        return None
+    return motion.receivers.index(point.segment), [round(float(part), 3) for part in point.point_mm]
+
+
+def _axis(motion: HandMotion, axis: JointAxis) -> dict[str, Any]:
+    cut = axis.plane_segment in motion.receivers
+    return {
+        "point": axis.point,
+        "receiver": motion.receivers.index(axis.segment),
+        "axis": axis.axis,
+        "plane": motion.receivers.index(axis.plane_segment) if cut else None,
+        "normal": axis.normal,
+    }

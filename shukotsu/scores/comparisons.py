@@ -1,0 +1,185 @@
+"""Skeleton models over the subjects of a study: their numbers, subject by subject, and what they say.
+
+Each subject gives one difference of two models, the mean over the places in which both have a number: a place
+that only one of them has would favour the model that failed where it was hard.
+
+The baseline is the paper's: of the models that reproduce one of its tables uncorrected the last, for the
+first of them leaves metacarpals at rest, and everything beats it by centimetres; without any of the paper's
+the study's first model. Fitted hands, where only they are asked, are compared with anatomy alone.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from shukotsu.scores.observations import METRICS, PRIOR, Metric, ScoredStudy, observations
+from shukotsu.scores.paired_statistics import EQUAL, Array, holm, paired_difference, smallest_p
+from shukotsu.study.model import the_papers
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Row = dict[str, Any]
+
+ALL_DIGITS = ""
+NOT_SCORED = "not scored"
+
+
+@dataclass
+class ComparedModels:
+    """Rows of the tables model_values, model_pairs and model_differences."""
+
+    values: list[Row] = field(default_factory=list)
+    pairs: list[Row] = field(default_factory=list)
+    differences: list[Row] = field(default_factory=list)
+
+
+def compare_models(study: ScoredStudy) -> ComparedModels:
+    """Compare a study's models by every metric that any has a number of, held out if there are any."""
+    compared = ComparedModels()
+    for metric in METRICS:
+        models = study.taking(metric)
+        for held_out in (True, False):
+            seen = observations(study, metric, [*models, *metric.references], held_out=held_out)
+            present = set(seen.loc[seen["value"].notna(), "model"])
+            if present.intersection(models):
+                _compare(study, metric, seen, present, compared, held_out=held_out)
+                break
+    return compared
+
+
+def _compare(
+    study: ScoredStudy,
+    metric: Metric,
+    seen: pd.DataFrame,
+    present: Collection[str],
+    compared: ComparedModels,
+    *,
+    held_out: bool,
+) -> None:
+    """Add the rows of one metric."""
+    models = study.taking(metric)
+    baseline = the_papers(study.models.values()) or next(iter(study.models))
+    others = models
+    if metric.fitted_only or len(models) == 1:
+        baseline = PRIOR if PRIOR in present else models[0]
+        others = [baseline]
+    of_metric: Row = {"metric": metric.name, "unit": metric.unit}
+    scopes = dict(_scopes(study, seen))
+    references = [name for name in metric.references if name in present]
+    for digit, places in scopes.items():
+        row = of_metric | {"digit": digit, "held_out": held_out}
+        expected = list(dict.fromkeys([*models, baseline]))
+        for value in _values(places, study.subjects, expected, references):
+            compared.values.append(row | {"reference": value["model"] in references} | value)
+    of_metric |= {"table": metric.table, "held_out": held_out, "n_subjects": len(study.subjects)}
+    for other in others:
+        for family in ([ALL_DIGITS], [digit for digit in scopes if digit != ALL_DIGITS]):
+            rows: list[Row] = []
+            for model in models:
+                for digit in family if model != other else ():
+                    shared = _shared(scopes[digit], model, other)
+                    of_pair = of_metric | {"digit": digit, "model": model, "other": other}
+                    compared.pairs += [of_pair | pair for pair in shared]
+                    rows.append(of_pair | {"baseline": other == baseline} | _difference(shared))
+            n_comparisons = sum(row["p"] is not None for row in rows)
+            for name in ("p", "smallest_p"):
+                for row, p_holm in zip(rows, holm([row[name] for row in rows]), strict=True):
+                    row |= {f"{name}_holm": p_holm, "n_comparisons": n_comparisons}
+            compared.differences += rows
+
+
+def _scopes(study: ScoredStudy, seen: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Value and reason of every model by subject, digit and place: of all digits, then of each.
+
+    Digits stand as the layouts name them, then what else has numbers. Raises ValueError where a model was
+    observed twice in a place.
+    """
+    places = seen.pivot(index=["subject", "digit", "place"], columns="model", values=["value", "reason"])
+    yield ALL_DIGITS, places
+    of_place = places.index.get_level_values("digit")
+    of_layouts = [digit for layout in study.layouts.values() for digit in layout.digits]
+    for digit in dict.fromkeys([*of_layouts, *sorted(set(of_place))]):
+        if digit in of_place:
+            yield digit, places[of_place == digit]
+
+
+def _values(
+    places: pd.DataFrame, subjects: Sequence[str], models: Sequence[str], references: Sequence[str]
+) -> Iterator[Row]:
+    """Every subject's number under each model, with what is missing of it, and each reference.
+
+    Missing are the places, of those that any of `models` was seen in, without a number.
+    """
+    names = list(dict.fromkeys([*models, *references]))
+    values = places["value"].reindex(columns=names).astype(float)
+    reasons = places["reason"].reindex(columns=names).astype(object)
+    means, counts = (getattr(values.groupby(level="subject"), what)() for what in ("mean", "count"))
+    is_seen = reasons[list(models)].notna().any(axis=1)
+    missing: dict[tuple[str, str], dict[str, int]] = {}
+    for model in models:
+        absent = reasons.loc[is_seen & values[model].isna(), model]
+        for (subject, *_), reason in absent.where(absent.notna(), NOT_SCORED).items():
+            own = missing.setdefault((subject, model), {})
+            own[reason.rstrip(".")] = own.get(reason.rstrip("."), 0) + 1
+    for subject in subjects:
+        known = subject in means.index
+        for name in names:
+            n_places = int(counts.at[subject, name]) if known else 0
+            if name in references and not n_places:
+                continue
+            why = missing.get((subject, name), {NOT_SCORED: 1} if not known and name in models else {})
+            yield {
+                "subject": subject,
+                "model": name,
+                "value": float(means.at[subject, name]) if n_places else None,
+                "n_places": n_places,
+                "missing": json.dumps(why, ensure_ascii=False) if why else "",
+            }
+
+
+def _shared(places: pd.DataFrame, model: str, other: str) -> list[Row]:
+    """Each subject's means of two models over the places in which both have a number."""
+    values = places["value"].reindex(columns=[model, other]).astype(float).dropna().groupby(level="subject")
+    counts = values.size()
+    return [
+        {
+            "subject": subject,
+            "value": float(value),
+            "other_value": float(other_value),
+            "difference": float(value - other_value),
+            "n_places": int(counts[subject]),
+        }
+        for subject, value, other_value in values.mean().itertuples(name=None)
+    ]
+
+
+def _difference(shared: Sequence[Row]) -> Row:
+    """What the subjects' differences between two models say, not corrected yet."""
+    n = len(shared)
+    row: Row = {"n_compared_subjects": n, "p": None, "smallest_p": None}
+    if not n:
+        return row
+    d: Array = np.array([pair["difference"] for pair in shared])
+    d = np.where(np.abs(d) <= EQUAL, 0.0, d)
+    tested = paired_difference(d)
+    low, high = tested.interval or (None, None)
+    return row | {
+        "mean": sum(pair["value"] for pair in shared) / n,
+        "other_mean": sum(pair["other_value"] for pair in shared) / n,
+        "mean_difference": math.fsum(d) / n,
+        "median_difference": float(np.median(d)),
+        "interval_95_low": low,
+        "interval_95_high": high,
+        "p": tested.p,
+        "smallest_p": smallest_p(n),
+        "effect_size": tested.effect,
+        "n_better": int((d < 0).sum()),
+        "n_equal": int((d == 0).sum()),
+    }

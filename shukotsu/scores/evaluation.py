@@ -1,0 +1,310 @@
+"""All rows of a hand: every skeleton and reference in every recording, digit by digit, and joints' errors."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, nullcontext
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import joined
+from shukotsu.hand.digit_chain import Rows, all_valid, carried_mm
+from shukotsu.hand.known_digits import known_digits
+from shukotsu.hand.posed_recording import QUATERNION, readable
+from shukotsu.hand.rotations import Array, conjugate, rotate
+from shukotsu.scores.scored_skeleton import TIP, Row, ScoredSkeleton, read_skeleton
+from shukotsu.scores.truth import TrueDigit, Truth, at_frames, directions, joint_errors, read_truth, truth_for
+from shukotsu.study.config_files import REFERENCE
+from shukotsu.study.layout import Digit, Layout
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.study import Recording
+from shukotsu.tables.catalogue import BONE_POSES, JOINT_ERRORS, METACARPALS, POSED_TIPS, SKELETON_SCORES, TIPS
+from shukotsu.tables.parts import open_parts
+from shukotsu.tables.poses import Poses, RecordingName, read_poses
+from shukotsu.tables.typed_table import Table, vector_of
+
+DISTAL_RECEIVER, TRUE_SKELETON = "distal-receiver", "true-skeleton"
+"""Rows that every model stands beside: the distal receiver as it is, and the true skeleton."""
+
+
+@dataclass(frozen=True)
+class EvaluatedRecording:
+    """A recording that skeletons are scored in.
+
+    poses : as `read_poses` gives them; None where it has none, message : why. truth : by digit, frames
+    numbered as the recording's, of a simulated one; stated_truth : its joints and bones.
+    """
+
+    recording: Recording
+    layout: Layout
+    poses: Poses | None
+    truth: Mapping[str, TrueDigit]
+    stated_truth: Truth | None
+    message: str = ""
+
+    @property
+    def name(self) -> RecordingName:
+        """Whose recording it is, and of what."""
+        return RecordingName(**self.recording.key)
+
+    def row(self, digit: str, model: str, message: str = "") -> Row:
+        """A reference's row without numbers; one that no recording made."""
+        return {
+            **asdict(self.name),
+            "model": model,
+            "calibrated_on": "",
+            "held_out": True,
+            "reference": True,
+            "digit": digit,
+            "n_frames": 0,
+            "message": joined([self.message, message]),
+        }
+
+
+def evaluated_recording(plan: SubjectPlan, recording: Recording, truth: Truth | None) -> EvaluatedRecording:
+    """Read a recording and its truth. Raises InputError where the truth is not that of the recording."""
+    layout = plan.layouts[recording.hand.hand]
+    reasons: list[str] = []
+    poses = readable(lambda: read_poses(plan.poses(recording), layout.measured), reasons)
+    if poses is None:
+        return EvaluatedRecording(recording, layout, None, {}, None, *reasons)
+    tip_of = {digit.name: digit.tip for digit in layout.digits.values()}
+    true = {} if truth is None else truth.digits(poses, tip_of)
+    return EvaluatedRecording(recording, layout, poses, true, truth)
+
+
+def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> list[Row]:
+    """Return rows of one skeleton in one recording, a digit each, or why it has no numbers."""
+    name, rows = recording.name, []
+    reader = replace(skeleton.reader, recording=recording.recording)
+    columns = ("error_mm", "frame", *TIP)
+    for digit in recording.layout.digits.values():  # of a long recording one alone is in memory
+        reasons = [skeleton.message]
+
+        def numbers(table: Table, names: Sequence[str], of: str, why: list[str] = reasons) -> Array | None:
+            read = readable(lambda: reader.numbers(table, names, name=of, every=False), why)
+            return None if read is None else read.get(of)
+
+        posed = replayed = None if skeleton.reference else numbers(TIPS, columns, digit.name)
+        lost = skeleton.reference and bool(skeleton.message)
+        if reader.is_fitted:
+            posed = None if lost else numbers(POSED_TIPS, (*columns, "error_left_out_mm"), digit.name)
+        bone = None
+        if recording.truth and not lost:
+            table, of = (BONE_POSES, digit.segments[0]) if skeleton.reference else (METACARPALS, digit.name)
+            bone = numbers(table, ("frame", *QUATERNION), of)
+        message = skeleton.tip_messages.get((name.task, name.trial, digit.name), "")
+        row = recording.row(digit.name, reader.part.model, joined([*reasons, message]))
+        tip = np.empty((0, len(columns))) if posed is None else posed
+        frame, poses = tip[:, 1].astype(np.int64), recording.poses
+        if skeleton.reference and poses is not None:
+            poses = poses.take(np.flatnonzero(np.isin(poses.frame, frame)))
+        row |= {
+            "calibrated_on": skeleton.calibrated_on,
+            "held_out": skeleton.held_out(name),
+            "reference": skeleton.reference,
+            "wrist_mcp_sd_mm": wrist_mcp_sd(poses, digit, recording.layout, skeleton.stated.joints),
+        }
+        row |= tip_numbers(replayed, posed, fitted=reader.is_fitted)
+        true = recording.truth.get(digit.name)
+        if true is not None:
+            row |= true_tip_numbers(tip[:, 2:5], frame, true)
+            if bone is not None and digit.metacarpal:
+                direction = directions(bone[:, 1:])
+                row["metacarpal_deg"] = metacarpal_deg(direction, bone[:, 0].astype(np.int64), true)
+        rows.append(row)
+    return rows
+
+
+def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) -> Row:
+    """Return tip errors of one digit in one recording, and n_frames.
+
+    replayed : (T, ...) of tips; posed : of posed_tips where the model poses the whole hand (fitted); first
+    the error, last the left-out one. The replay never asks where the distal receiver is: without a posed
+    hand its error is the left-out one, too.
+    """
+    nothing = np.empty(0)
+    replay = nothing if replayed is None else known(replayed[:, 0])
+    row = mean_and_p95("replay", replay)
+    error_mm = nothing if not fitted or posed is None else known(posed[:, 0])
+    if fitted:
+        left_out = mean_and_p95("left_out", nothing if posed is None else posed[:, -1])
+    else:
+        left_out = {name.replace("replay", "left_out"): row[name] for name in row}
+    return {
+        **row,
+        **left_out,
+        "posed_mean_mm": float(error_mm.mean()) if len(error_mm) else None,
+        "n_frames": max(len(replay), len(error_mm)),
+    }
+
+
+def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> Row:
+    """Return mean and 95th percentile of how far tips (T, 3) are off; nothing without a frame."""
+    apart = np.linalg.norm(tip_mm - at_frames(true.tip_mm, true.frame, frame), axis=-1)
+    return mean_and_p95("true_tip", apart)
+
+
+def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> float | None:
+    """Return the mean angle of directions (T, 3) to the metacarpal's true ones; None without a frame."""
+    truth = at_frames(true.metacarpal, true.frame, frame)
+    apart, together = (np.linalg.norm(vector, axis=-1) for vector in (direction - truth, direction + truth))
+    angle = known(np.degrees(2 * np.arctan2(apart, together)))
+    return float(angle.mean()) if len(angle) else None
+
+
+def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows) -> float | None:
+    """Return the SD over frames of the distance from wrist to MCP joint, mm; None if either is not seen."""
+    if poses is None or layout.wrist is None or not digit.metacarpal or digit.base != layout.wrist.segment:
+        return None
+    wrist, mcp = (_child_mm(joints, name) for name in (layout.wrist.joint, digit.joints[1]))
+    if wrist is None or mcp is None:
+        return None
+    ends = (digit.base, digit.segments[1])
+    seen = all_valid(poses, ends)
+    along_mm = carried_mm(poses, ends[1], mcp) - carried_mm(poses, ends[0], wrist)
+    apart_mm = np.linalg.norm(along_mm, axis=-1)[seen]
+    return float(apart_mm.std()) if len(apart_mm) > 1 else None
+
+
+def known(values: Array) -> Array:
+    """Return those of the values (T,) that are finite."""
+    return values[np.isfinite(values)]
+
+
+def mean_and_p95(name: str, values_mm: Array) -> Row:
+    """Return the mean and 95th percentile of the finite values (T,); nothing where there is none."""
+    values_mm = known(values_mm)
+    if not len(values_mm):
+        return {}
+    return {f"{name}_mean_mm": float(values_mm.mean()), f"{name}_p95_mm": float(np.percentile(values_mm, 95))}
+
+
+def _child_mm(joints: Rows, name: str) -> Array | None:
+    row = joints.get(name)
+    if row is None or row["status"] == "failed" or row["child_x_mm"] is None:
+        return None
+    return vector_of(row, "child_", "_mm")
+
+
+def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Row:
+    """Return the row of a tip taken to be at the distal receiver: no tip error, the true tip as it is."""
+    row, poses = recording.row(digit.name, DISTAL_RECEIVER), recording.poses
+    if poses is None:
+        return row
+    true = recording.truth.get(digit.name)
+    valid, index = all_valid(poses, (digit.tip,)), poses.index(digit.tip)
+    row["n_frames"] = int(valid.sum())
+    if row["n_frames"]:
+        row |= {"replay_mean_mm": 0.0, "replay_p95_mm": 0.0}
+    if true is not None:
+        row |= true_tip_numbers(poses.position_mm[valid, index], poses.frame[valid], true)
+    return row
+
+
+def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None:
+    """Return the row of the true skeleton, replayed as any other: skin and tracker are all that is off.
+
+    The metacarpal is the true one in every frame; the true tip stays where it was on average in the distal
+    receiver's frame. None where the truth knows no such digit.
+    """
+    true, truth, poses = recording.truth.get(digit.name), recording.stated_truth, recording.poses
+    if true is None or truth is None or poses is None or not digit.metacarpal:
+        return None
+    joints, bones = truth.stated.joints, truth.stated.bones
+    needed = [joints.get(name, {}).get("child_x_mm") for name in digit.joints[1:]]
+    needed += [bones.get(name, {}).get("x_mm") for name in digit.segments[1:]]
+    if None in needed:
+        return None
+    measured = [name for name in digit.segments if recording.layout.segments[name].measured]
+    usable = all_valid(poses, (digit.base, *measured))
+    bone = true.metacarpal_mm * at_frames(true.metacarpal, true.frame, poses.frame)
+    replayed = carried_mm(poses, digit.base, _true_base(digit, joints, bone, poses)) + bone
+    for segment in digit.segments[1:-1]:
+        replayed = replayed + rotate(
+            poses.quaternion[:, poses.index(segment)], vector_of(bones[segment], "", "_mm")
+        )
+    last = poses.index(digit.tip)
+    dip_mm = vector_of(joints[digit.joints[-1]], "child_", "_mm")
+    replayed = replayed - rotate(poses.quaternion[:, last], dip_mm)
+    error = np.where(usable, np.linalg.norm(replayed - poses.position_mm[:, last], axis=-1), np.nan)
+    row = recording.row(digit.name, TRUE_SKELETON) | {"n_frames": int(np.isfinite(error).sum())}
+    row |= mean_and_p95("replay", error) | mean_and_p95("left_out", error)
+    row["wrist_mcp_sd_mm"] = wrist_mcp_sd(poses, digit, recording.layout, joints)
+    row["metacarpal_deg"] = 0.0
+    tip_mm = carried_mm(poses, digit.tip, dip_mm + vector_of(bones[digit.tip], "", "_mm"))
+    valid = poses.valid[:, last]
+    return row | true_tip_numbers(np.where(valid[:, None], tip_mm, np.nan), poses.frame, true)
+
+
+def _true_base(digit: Digit, joints: Rows, bone: Array, poses: Poses) -> Array:
+    """The digit's first joint (3,) in the base receiver's frame, or where the true bone starts in mean."""
+    first = joints.get(digit.joints[0])
+    if first is not None and first["parent_x_mm"] is not None:
+        return vector_of(first, "parent_", "_mm")
+    back = rotate(conjugate(poses.quaternion[:, poses.index(digit.base)]), bone)
+    seen = poses.valid[:, poses.index(digit.base)] & np.isfinite(bone[:, 0])
+    if not seen.any():
+        return np.full(3, np.nan)
+    return np.asarray(vector_of(joints[digit.joints[1]], "parent_", "_mm") - back[seen].mean(0))
+
+
+def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
+    """Return rows of skeleton_scores and of joint_errors of a hand, of each key the first.
+
+    A model that never used a task is the same without it. Raises InputError for another's truth.
+    """
+    truths = _truths(plan, hand)
+    with ExitStack() as stack:
+        open_once = cache(lambda path, table: stack.enter_context(open_parts(path, table)))
+        opened = lambda path, table: nullcontext(open_once(path, table))  # noqa: E731
+        parts = [part for part in plan.parts() if part.hand == hand]
+        if known_digits(plan.layouts[hand]):
+            parts.append(plan.part(hand, REFERENCE))
+        skeletons = [read_skeleton(opened, plan, part) for part in parts]
+        scores = [
+            row
+            for recording in plan.evaluated(hand)
+            for row in _score_rows(evaluated_recording(plan, recording, truths.get(recording)), skeletons)
+        ]
+    errors = []
+    for skeleton in skeletons:
+        truth = truth_for(skeleton.tasks, list(truths.values()))
+        if truth is not None:
+            keys = {"model": skeleton.reader.part.model, "calibrated_on": skeleton.calibrated_on}
+            errors += [keys | row for row in joint_errors(skeleton.stated, truth, plan.layouts[hand])]
+    return _first_of_each(scores, SKELETON_SCORES.key), _first_of_each(errors, JOINT_ERRORS.key)
+
+
+def _first_of_each(rows: Sequence[Row], key: Sequence[str]) -> list[Row]:
+    first: dict[tuple[object, ...], Row] = {}
+    for row in rows:
+        first.setdefault(tuple(row.get(name) for name in key), row)
+    return list(first.values())
+
+
+def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, Truth]:
+    """Truths of a hand's recordings that are there; one that is not costs its columns and no more."""
+    truths = {}
+    for recording in plan.recordings_of(hand, "calibration", "evaluation", "both"):
+        folder = plan.truth(recording)
+        if folder is not None and folder.is_dir():
+            name = RecordingName(plan.subject, hand, recording.task, recording.trial, plan.session)
+            truths[recording] = read_truth(folder, name)
+        elif folder is not None:
+            print(f"note: no truth: {folder}: no such folder", file=sys.stderr)
+    return truths
+
+
+def _score_rows(recording: EvaluatedRecording, skeletons: Sequence[ScoredSkeleton]) -> Iterator[Row]:
+    """Rows of skeleton_scores of one recording: skeletons first, then references without a skeleton."""
+    for skeleton in skeletons:
+        if skeleton.reader.part.made_without in ("", recording.name.task):  # its tables are meant to hold it
+            yield from score_skeleton(recording, skeleton)
+    digits = recording.layout.digits.values()
+    yield from (distal_receiver_row(recording, digit) for digit in digits)
+    yield from (row for digit in digits if (row := true_skeleton_row(recording, digit)) is not None)

@@ -1,0 +1,177 @@
+"""The numbers that skeleton models are compared by, in every place of a study, and why one is not there.
+
+A place is a digit in a recording, or a joint of a hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+from shukotsu.study.layout import Layout
+from shukotsu.study.model import SkeletonModel
+from shukotsu.study.study import Hand
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PRIOR, NAIL, TRUE = "prior-only", "distal-receiver", "true-skeleton"
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number by which skeletons are compared; the smaller, the better.
+
+    name : a column of `table`. references : compared beside the models. fitted_only : whether only models
+    that pose a fitted hand take this test.
+    """
+
+    name: str
+    references: tuple[str, ...]
+    fitted_only: bool = False
+    table: str = "skeleton_scores"
+    unit: str = "mm"
+
+
+METRICS = (
+    Metric("error_mm", (PRIOR,), table="joint_errors"),
+    Metric("metacarpal_deg", (PRIOR,), unit="deg"),
+    Metric("true_tip_mean_mm", (PRIOR, NAIL, TRUE)),
+    Metric("left_out_mean_mm", (PRIOR, TRUE), fitted_only=True),
+    Metric("replay_mean_mm", (TRUE,)),
+)
+"""Those that judge a skeleton first (docs/evaluation.md)."""
+
+NO_NUMBER = "no such number"
+OTHER_KIND = {
+    True: "made from this task too, not held out",
+    False: "made without this task, not in-sample",
+}
+_PLACE = ["subject", "model", "digit", "place"]
+_SKELETON = ["subject", "session", "hand", "model", "calibrated_on"]
+SCORE_COLUMNS = (*_SKELETON, "task", "trial", "digit", "held_out", "message")
+ERROR_COLUMNS = (*_SKELETON, "joint")
+RECORDING_COLUMNS = ("subject", "session", "hand", "task", "trial", "role", "status", "message")
+
+
+@dataclass(frozen=True)
+class ScoredStudy:
+    """A study's models with its scores; rows of suspect hands are in neither scores nor errors.
+
+    scores, errors, recordings : skeleton_scores, joint_errors and recordings, of which the columns above are
+    read, and those of METRICS.
+    """
+
+    subjects: tuple[str, ...]
+    models: Mapping[str, SkeletonModel]
+    layouts: Mapping[Hand, Layout]
+    scores: pd.DataFrame
+    errors: pd.DataFrame
+    recordings: pd.DataFrame
+
+    def taking(self, metric: Metric) -> list[str]:
+        """The models that take the metric's test."""
+        return [
+            name for name, model in self.models.items() if not metric.fitted_only or model.fitting is not None
+        ]
+
+
+class Observation(NamedTuple):
+    """One model in one place: its number, or None and the reason."""
+
+    subject: str
+    model: str
+    digit: str
+    place: str
+    value: float | None
+    reason: str = ""
+
+
+def observations(
+    study: ScoredStudy, metric: Metric, names: Collection[str], *, held_out: bool
+) -> pd.DataFrame:
+    """Return the numbers of models and references in every place, a row as an Observation; without one, why.
+
+    A reference was made from nothing, so it counts as held out and as in-sample. A joint's error is held out
+    where the skeleton has held-out scores.
+    """
+    import pandas as pd
+
+    rows = _error_rows(study, metric) if metric.table == "joint_errors" else _score_rows(study, metric)
+    rows = rows[rows["model"].isin(list(names))]
+    counts = rows["kind"].isin([held_out]) | ~rows["model"].isin(list(study.models))
+    rows = rows.assign(counts=counts, value=rows["number"].where(counts))
+    found = rows.groupby(_PLACE, sort=False)["value"].mean().reset_index()
+    found = found.merge(_reasons(rows, held_out=held_out), how="left", on=_PLACE).fillna({"reason": ""})
+    absent = [] if metric.table == "joint_errors" else list(_unscored(study, names))
+    if not absent:
+        return found
+    others = pd.DataFrame(absent, columns=Observation._fields).astype({"value": float})
+    return pd.concat([found, others], ignore_index=True)
+
+
+def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
+    """Return why a place has no number: the messages of its rows that count, or that none does."""
+    groups = rows.groupby(_PLACE, sort=False)
+    rows = rows[groups["value"].transform("count") == 0]
+    rows = rows[rows["counts"] | ~rows.groupby(_PLACE)["counts"].transform("any")]
+    texts = rows["message"].where(rows["counts"], OTHER_KIND[held_out])
+    joined = texts.groupby([rows[name] for name in _PLACE], sort=False)
+    return (
+        joined.agg(lambda own: "; ".join(dict.fromkeys(filter(None, own))) or NO_NUMBER)
+        .rename("reason")
+        .reset_index()
+    )
+
+
+def _score_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
+    """Return rows of skeleton_scores with place, number and kind (whether it is held out)."""
+    scores = study.scores
+    return scores.assign(
+        place=_recordings(scores), number=scores[metric.name].astype(float), kind=scores["held_out"]
+    )
+
+
+def _error_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
+    """Return rows of joint_errors with digit (of none the joint itself), place, number and kind."""
+    kinds = study.scores[[*_SKELETON, "held_out"]].drop_duplicates().rename(columns={"held_out": "kind"})
+    joints = study.errors.merge(kinds, how="left", on=_SKELETON)
+    digits = {
+        (*hand.who, hand.hand, joint): digit.name
+        for hand, layout in study.layouts.items()
+        for digit in layout.digits.values()
+        for joint in digit.joints
+    }
+    keys = zip(*(joints[name] for name in ("subject", "session", "hand", "joint")), strict=True)
+    return joints.assign(
+        digit=[digits.get(key, key[3]) for key in keys],
+        place=_sessions(joints) + joints["hand"] + " hand, " + joints["joint"],
+        number=joints[metric.name].astype(float),
+        message="",
+    )
+
+
+def _sessions(rows: pd.DataFrame) -> pd.Series[str]:
+    """Return how names of places begin: with the session, where there is one."""
+    return ("session " + rows["session"] + ", ").where(rows["session"] != "", "")
+
+
+def _recordings(rows: pd.DataFrame) -> pd.Series[str]:
+    """Return the names of recordings as places."""
+    trials = (", trial " + rows["trial"]).where(rows["trial"] != "", "")
+    return _sessions(rows) + rows["hand"] + " hand, " + rows["task"] + trials
+
+
+def _unscored(study: ScoredStudy, names: Collection[str]) -> Iterator[Observation]:
+    """Return the evaluated recordings without any score, with what became of them."""
+    key = ["subject", "session", "hand", "task", "trial"]
+    scored = set(study.scores[key].itertuples(index=False, name=None))
+    rows = study.recordings[study.recordings["role"] != "calibration"]
+    for row, place in zip(rows.itertuples(), _recordings(rows), strict=True):
+        if (row.subject, row.session, row.hand, row.task, row.trial) in scored:
+            continue
+        reason = ": ".join(filter(None, (row.status, row.message)))
+        for digit in study.layouts[Hand(row.subject, row.hand, row.session)].digits:
+            for name in names:
+                yield Observation(row.subject, name, digit, place, None, reason)

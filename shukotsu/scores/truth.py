@@ -1,0 +1,208 @@
+"""The truth beside a simulated recording, and how far a hand's joints and bones are from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError, reading_what_was_brought
+from shukotsu.hand.posed_recording import QUATERNION
+from shukotsu.hand.rotations import Array, rotate, unit
+from shukotsu.scores.scored_skeleton import TIP, Row, Stated
+from shukotsu.study.layout import Layout
+from shukotsu.study.study import Hand
+from shukotsu.study.verdict import RADIUS_SD
+from shukotsu.tables.catalogue import BONE_LENGTHS, DISTAL_RECEIVER, JOINT_CENTRES, METACARPALS, TIPS
+from shukotsu.tables.parts import numbers_by_name
+from shukotsu.tables.poses import Poses, RecordingName
+from shukotsu.tables.typed_table import Table, read_table, rows_of, vector_columns, vector_of
+
+OTHER_MM = 0.5
+"""A recording's own truth says to rounding how far each tip is from its receiver; another's does not."""
+
+DISTAL = np.array([1.0, 0.0, 0.0])
+"""Direction of a bone in its own frame."""
+
+
+@dataclass(frozen=True)
+class TrueDigit:
+    """A digit in T frames, transmitter's frame: bone's tip, distance to the receiver, metacarpal."""
+
+    frame: npt.NDArray[np.int64]
+    tip_mm: Array
+    to_receiver_mm: Array
+    metacarpal: Array
+    metacarpal_mm: float
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A recording's truth. stated : its joints, seen from the receivers as they rode, and its bones."""
+
+    folder: Path
+    name: RecordingName
+    stated: Stated
+
+    def digits(self, poses: Poses, tip_of: Mapping[str, str]) -> dict[str, TrueDigit]:
+        """The digits' truth, its frames numbered as the recording's, which may count from another number.
+
+        tip_of : digits' distal segments. Raises InputError where the truth cannot be read or is not of this
+        recording.
+        """
+        of_digit = _digits(self.folder)
+        if not of_digit or not poses.valid.any():
+            return {}
+        first = next(iter(of_digit.values())).frame[0]
+        off_mm = {
+            shift: _off_mm(of_digit, poses, tip_of, shift) for shift in (0, int(poses.frame[0] - first))
+        }
+        shift = min(off_mm, key=lambda shift: off_mm[shift])
+        if off_mm[shift] > OTHER_MM:
+            raise InputError(
+                f"{self.folder}: is not the truth of this recording of {self.name}, whose receivers are not "
+                "where it says that they were recorded; simulate the recording and its truth again"
+            )
+        return {digit: replace(true, frame=true.frame + shift) for digit, true in of_digit.items()}
+
+
+def read_truth(folder: Path, name: RecordingName) -> Truth:
+    """Read a folder's truth of a recording's hand. Raises InputError where it is another's."""
+    joints, bones = _rows(folder, JOINT_CENTRES, name), _rows(folder, BONE_LENGTHS, name)
+    stated = Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
+    return Truth(folder, name, stated)
+
+
+def _rows(folder: Path, table: Table, name: RecordingName) -> list[Row]:
+    """Rows of a table of a folder; InputError where they are of another hand than the recording."""
+    path = folder / f"{table.name}.parquet"
+    with reading_what_was_brought():
+        rows = list(rows_of(read_table(path, table)))
+    for hand in {Hand(row["subject"], row["hand"], row["session"]) for row in rows} - {name.of_hand}:
+        raise InputError(f"{path}: is of {hand}; expected {name.of_hand}")
+    return rows
+
+
+def at_frames(values: Array, frames: npt.NDArray[np.int64], wanted: npt.NDArray[np.int64]) -> Array:
+    """Rows of `values` (T, ...) of the frames `known`, rising, at the frames wanted; NaN where not known."""
+    if np.array_equal(frames, wanted):
+        return values
+    if not len(frames):
+        return np.full((len(wanted), *values.shape[1:]), np.nan)
+    index = np.minimum(np.searchsorted(frames, wanted), len(frames) - 1)
+    rows = np.array(values[index], float)
+    rows[frames[index] != wanted] = np.nan
+    return rows
+
+
+def directions(quaternion: Array) -> Array:
+    """The directions of bones (T, 4), (T, 3)."""
+    return np.asarray(rotate(quaternion, DISTAL))
+
+
+def _digits(folder: Path) -> dict[str, TrueDigit]:
+    tips = _by_digit(folder, TIPS, ("frame", *TIP, "error_mm"))
+    metacarpals = _by_digit(folder, METACARPALS, ("frame", *QUATERNION, "length_mm"))
+    digits = {}
+    for digit in tips.keys() & metacarpals.keys():
+        tip, bone = tips[digit], metacarpals[digit]
+        frame = tip[:, 0].astype(np.int64)
+        metacarpal = at_frames(directions(bone[:, 1:5]), bone[:, 0].astype(np.int64), frame)
+        digits[digit] = TrueDigit(frame, tip[:, 1:4], tip[:, 4], metacarpal, float(bone[0, 5]))
+    return digits
+
+
+def _by_digit(folder: Path, table: Table, columns: Sequence[str]) -> dict[str, Array]:
+    """Numbers (T, columns) of each digit."""
+    with reading_what_was_brought():
+        rows = read_table(folder / f"{table.name}.parquet", table, ["digit", *columns])
+    return numbers_by_name(rows, "digit", columns)
+
+
+def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str, str], shift: int) -> float:
+    """Median of how far tips' distances to receivers differ from the truth's; infinite without a frame."""
+    off = [np.empty(0)]
+    for digit, true in of_digit.items():
+        if digit in tip_of:
+            index = poses.index(tip_of[digit])
+            tip_mm = at_frames(true.tip_mm, true.frame + shift, poses.frame)
+            stated = at_frames(true.to_receiver_mm, true.frame + shift, poses.frame)
+            distance = np.linalg.norm(tip_mm - poses.position_mm[:, index], axis=-1)
+            off.append(np.abs(distance - stated)[poses.valid[:, index]])
+    together = np.concatenate(off)
+    finite = together[np.isfinite(together)]
+    return float(np.median(finite)) if len(finite) else float("inf")
+
+
+def truth_for(tasks: Sequence[str], truths: Sequence[Truth]) -> Stated | None:
+    """A skeleton's reference: joints' means over its calibrations' truths, else over all, if any."""
+    stated = [truth.stated for truth in truths if truth.name.task in tasks]
+    stated = stated or [truth.stated for truth in truths]
+    if not stated:
+        return None
+    joints = {
+        name: _averaged([each.joints[name] for each in stated if name in each.joints])
+        for name in stated[0].joints
+    }
+    return replace(stated[0], joints=joints)
+
+
+def _averaged(rows: Sequence[Mapping[str, Any]]) -> Row:
+    """Return one joint's rows of several recordings as one."""
+    frames = [row["n_frames"] for row in rows]
+    mean = dict(rows[0])
+    for side in ("parent_", "child_"):
+        mean |= vector_columns(
+            side, np.average([vector_of(row, side, "_mm") for row in rows], 0, frames), "_mm"
+        )
+        axis = np.average([vector_of(row, f"axis_{side}") for row in rows], 0, frames)
+        mean |= vector_columns(f"axis_{side}", unit(axis))
+    return mean
+
+
+def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
+    """Rows of every joint between two receivers of which the truth is known, without the skeleton's keys."""
+    rows = []
+    for joint in layout.solvable:
+        true = truth.joints.get(joint.name)
+        if true is None or not true["parent_segment"]:
+            continue
+        row: Row = {"joint": joint.name, "bone": ""}
+        estimated = stated.joints.get(joint.name)
+        if estimated is not None and estimated["status"] != "failed":
+            row |= centre_errors(estimated, true)
+        bone, length = stated.bones.get(joint.child), truth.bones.get(joint.child, {}).get("length_mm")
+        # a bone that starts at the wrist, or ends at the distal receiver, is not the bone itself
+        whole = bone and bone["starts_at"] == joint.name and bone["ends_at"] != DISTAL_RECEIVER
+        stated_mm = bone["length_mm"] if bone and whole else None
+        if stated_mm is not None and length is not None:
+            off_mm = float(stated_mm) - length
+            row |= {"bone": joint.child, "bone_error_mm": off_mm, "bone_error_percent": 100 * off_mm / length}
+        rows.append(row)
+    return rows
+
+
+def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Row:
+    """Errors of one joint by its rows of joint_centres; within_95 : of the worse half, as sd_mm is."""
+    child, parent = (
+        vector_of(estimated, side, "_mm") - vector_of(true, side, "_mm") for side in ("child_", "parent_")
+    )
+    axis, estimated_axis = (vector_of(row, "axis_child_") for row in (true, estimated))
+    turned = np.linalg.norm(np.cross(estimated_axis, axis)), abs(estimated_axis @ axis)
+    axis_deg = float(np.degrees(np.arctan2(*turned)))  # whichever way they point
+    both = float(np.linalg.norm(child)), float(np.linalg.norm(parent))
+    sd_mm = estimated["sd_mm"]
+    within = None if sd_mm is None or np.isnan(both).all() else bool(np.nanmax(both) <= RADIUS_SD * sd_mm)
+    return {
+        "error_mm": both[0],
+        "along_mm": float(abs(child @ axis)),
+        "across_mm": float(np.linalg.norm(np.cross(child, axis))),
+        "parent_error_mm": both[1],
+        "axis_deg": axis_deg if true["dof"] == 1 else None,
+        "sd_mm": sd_mm,
+        "within_95": within,
+    }

@@ -1,0 +1,98 @@
+"""Forward kinematics: joint angles to the pose of every bone, all frames at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from shukotsu.hand import rotations
+from shukotsu.hand.rotations import Array
+from shukotsu.simulate.random_hand import (
+    ABDUCTION,
+    AXIAL,
+    BONES,
+    FINGER_CMC,
+    FLEXION,
+    JOINTS,
+    LEVELS,
+    PARENT,
+    WRIST,
+    Hand,
+)
+from shukotsu.simulate.realism import Realism
+
+
+def coupled_angles(voluntary_rad: Array, hand: Hand, realism: Realism) -> Array:
+    """Joint angles (T, J, 3) that follow from the voluntary flexion and abduction, locked ones left out."""
+    flexion, abduction = voluntary_rad[..., FLEXION], voluntary_rad[..., ABDUCTION]
+    bent = 1.0 - np.cos(flexion)
+    per_abduction, per_flexion, wobble_abduction, wobble_axial = hand.coupling.T
+    angles = np.stack(
+        [
+            flexion,
+            abduction + wobble_abduction * bent,
+            per_abduction * abduction + per_flexion * flexion + wobble_axial * bent,
+        ],
+        -1,
+    )
+    if realism.hinges_only:
+        others = np.setdiff1d(np.arange(len(JOINTS)), FINGER_CMC)
+        angles[:, others, ABDUCTION:] = 0.0
+    angles[:, FINGER_CMC, ABDUCTION] = 0.0
+    if not realism.mobile_palm:
+        angles[:, FINGER_CMC] = 0.0
+    return angles
+
+
+def relaxed_angles(hand: Hand, realism: Realism) -> Array:
+    """The joint angles (J, 3) of the relaxed hand."""
+    voluntary = np.zeros((1, len(JOINTS), 3))
+    voluntary[0, :, FLEXION] = hand.relaxed_rad
+    return np.asarray(coupled_angles(voluntary, hand, realism)[0])
+
+
+def bone_poses(
+    hand: Hand, angles_rad: Array, root_position_mm: Array, root_quaternion: Array
+) -> tuple[Array, Array]:
+    """Pose every bone: origins (T, B, 3) in mm and orientations (T, B, 4) in the transmitter frame.
+
+    angles_rad : (T, J, 3) flexion, abduction, axial. root_position_mm (T, 3) : the wrist centre;
+    root_quaternion (T, 4) : the forearm.
+    """
+    n_frames = len(angles_rad)
+    position = np.empty((n_frames, len(BONES), 3))
+    quaternion = np.empty((n_frames, len(BONES), 4))
+    position[:, 0], quaternion[:, 0] = root_position_mm, root_quaternion
+    for level in LEVELS:
+        parents, bones = PARENT[level], slice(level.start + 1, level.stop + 1)
+        axes, angles, skew = hand.axes[level], angles_rad[:, level], hand.skew_mm[level]
+        joints, (first, second) = np.arange(len(parents)), hand.order[level].T
+        carrying = rotations.about_axis(axes[joints, first], angles[:, joints, first])
+        carried = rotations.about_axis(axes[joints, second], angles[:, joints, second])
+        turned = rotations.multiply(carrying, carried)
+        turned = rotations.multiply(turned, rotations.about_axis(axes[:, AXIAL], angles[..., AXIAL]))
+        bent = (angles[..., FLEXION] - hand.relaxed_rad[level])[..., None]
+        glide = hand.glide_mm[level]
+        origin = hand.origin_mm[level] + ((1.0 - np.cos(bent)) * glide[:, 0] + np.sin(bent) * glide[:, 1])
+        if skew.any():  # the axes pass half the skew before and behind the centre
+            origin = origin - skew / 2 + rotations.rotate(carrying, skew) - rotations.rotate(turned, skew / 2)
+        above = quaternion[:, parents]
+        position[:, bones] = position[:, parents] + rotations.rotate(above, origin)
+        quaternion[:, bones] = rotations.multiply(rotations.multiply(above, turned), hand.rest[level])
+    return position, quaternion
+
+
+def poses_in_hand(hand: Hand, angles_rad: Array) -> tuple[Array, Array]:
+    """Pose every bone with the hand's own frame as the transmitter's: shapes as `bone_poses`."""
+    n_frames = len(angles_rad)
+    still = angles_rad.copy()
+    still[:, WRIST] = 0.0
+    return bone_poses(hand, still, np.zeros((n_frames, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n_frames, 1)))
+
+
+def flexion_axis(hand: Hand, joint: int, angles_rad: Array, bone_quaternion: Array) -> Array:
+    """Unit flexion axis (T, 3) of a joint in the transmitter frame: abduction may carry it."""
+    axis = hand.axes[joint, FLEXION]
+    if hand.order[joint, 0] == ABDUCTION:
+        abducted = rotations.about_axis(hand.axes[joint, ABDUCTION], angles_rad[:, joint, ABDUCTION])
+        axis = rotations.rotate(abducted, axis)
+    return np.asarray(rotations.rotate(bone_quaternion[:, PARENT[joint]], axis))

@@ -1,0 +1,58 @@
+"""A recording as a file: the tidy format that any lab can bring, CSV or Parquet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
+
+from shukotsu.errors import InputError
+from shukotsu.simulate.simulation import Simulated
+from shukotsu.tables.parquet_files import store_digest
+from shukotsu.tables.poses import Poses
+from shukotsu.tables.whole_files import replacing
+
+ENDINGS = (".parquet", ".csv")
+
+
+def check_ending(path: Path) -> None:
+    """Raise InputError unless the file's name says a format that can be written."""
+    if path.suffix not in ENDINGS:
+        raise InputError(f"{path}: the ending says the format; expected {' or '.join(ENDINGS)}")
+
+
+def tidy(recording: Simulated | Poses) -> pa.Table:
+    """The recording as a tidy table: one row per frame and segment, by frame, in the layout's order."""
+    n_frames, n_segments = recording.position_mm.shape[:2]
+    columns = {
+        "frame": pa.array(np.repeat(recording.frame, n_segments)),
+        "time_s": pa.array(np.repeat(recording.time_s, n_segments)),
+        "segment": pa.array(list(recording.segments) * n_frames, pa.string()),
+    }
+    for i, axis in enumerate("xyz"):
+        columns[f"{axis}_mm"] = pa.array(recording.position_mm[..., i].ravel())
+    for i, part in enumerate("wxyz"):
+        columns[f"q{part}"] = pa.array(recording.quaternion[..., i].ravel())
+    return pa.table(columns)
+
+
+def write_recording(path: Path, recording: Simulated | Poses) -> None:
+    """Write the recording, atomically; numbers in CSV read back to the very same values."""
+    check_ending(path)
+    with replacing(path) as temporary:
+        if path.suffix == ".csv":
+            options = pyarrow.csv.WriteOptions(quoting_style="needed")
+            pyarrow.csv.write_csv(tidy(recording), temporary, options)
+        else:
+            dictionary = ["frame", "time_s", "segment"]
+            pq.write_table(
+                tidy(recording),
+                temporary,
+                compression="zstd",
+                use_dictionary=dictionary,
+                write_page_checksum=True,
+            )
+            store_digest(temporary)

@@ -1,0 +1,149 @@
+"""The exact truth beside a simulated recording, in the tables of the contract (model "truth").
+
+`joint_centres`: a joint centre is stated where it was on average over the recording, in the receiver's frame
+as the receiver rode on the skin; so is its axis. The centre is the origin of the child's bone frame, which
+glides on the parent's bone. Tracker and field have no part in this; `gap_rms_mm` is the gap that these
+centres have in the recording as written.
+`bone_lengths`: joint to joint in the relaxed posture; the last bone of a digit ends at the tip of the BONE,
+not at a receiver.
+`metacarpals`: length_mm is CMC to MCP; swing and twist are estimators' words and stay null.
+`tips`: the tip of the bone, and beside it that of the digit, skin and pulp included; error_mm is the former's
+distance to the distal receiver as recorded, null where that was lost, and a true skeleton has no first-frame
+error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shukotsu.hand.rotations import Array
+from shukotsu.simulate.random_hand import BONES, DIGITS, JOINTS, PARENT, TIP_BONES
+from shukotsu.simulate.simulation import Simulated
+from shukotsu.study.verdict import UNJUDGED
+from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_TIP, JOINT_CENTRES, METACARPALS, TIPS
+from shukotsu.tables.typed_table import Column, Provenance, columns_from_rows, vector_columns, write_table
+
+MODEL_NAME = "truth"
+
+_SKIN_TIP = tuple(
+    Column(
+        f"skin_tip_{axis}_mm",
+        TIPS.column(f"tip_{axis}_mm").type,
+        "mm",
+        f"end of the digit, skin and pulp included, in the transmitter frame, {axis}",
+    )
+    for axis in "xyz"
+)
+TRUE_TIPS = replace(TIPS, columns=(*TIPS.columns, *_SKIN_TIP))
+"""As any reader of tips expects, and more."""
+
+
+def write_truth(folder: Path, simulated: Simulated, provenance: Provenance) -> None:
+    """Write the four truth tables into a folder, named as in the contract."""
+    for table, columns in (
+        (JOINT_CENTRES, columns_from_rows(JOINT_CENTRES, _joint_rows(simulated))),
+        (BONE_LENGTHS, columns_from_rows(BONE_LENGTHS, _bone_rows(simulated))),
+        (METACARPALS, _metacarpal_columns(simulated)),
+        (TRUE_TIPS, _tip_columns(simulated)),
+    ):
+        write_table(folder / f"{table.name}.parquet", table, columns, provenance)
+
+
+def _joint_rows(simulated: Simulated) -> list[dict[str, Any]]:
+    return [
+        {
+            **_keys(simulated),
+            "joint": joint.name,
+            "parent_segment": joint.parent_segment,
+            "child_segment": joint.child_segment,
+            "dof": joint.dof,
+            **vector_columns("parent_", joint.parent_mm, "_mm"),
+            **vector_columns("child_", joint.child_mm, "_mm"),
+            **vector_columns("axis_parent_", joint.axis_parent),
+            **vector_columns("axis_child_", joint.axis_child),
+            "sd_mm": 0.0,
+            "gap_rms_mm": float(np.sqrt(np.mean(joint.gap_mm**2))),
+            "range_deg": joint.range_deg,
+            "n_frames": len(simulated.frame),
+            "source": "simulation",
+            **UNJUDGED,
+            "status": "ok",
+            "message": "" if joint.parent_segment else "no parent receiver",
+        }
+        for joint in simulated.truth.joints.values()
+    ]
+
+
+def _keys(simulated: Simulated) -> dict[str, str]:
+    whose = {"subject": simulated.subject, "session": simulated.session, "hand": simulated.hand}
+    return {**whose, "model": MODEL_NAME, "made_without": ""}
+
+
+def _bone_rows(simulated: Simulated) -> list[dict[str, Any]]:
+    """Rows of the bones; the vector of one that carries a receiver is in that receiver's frame as it rode."""
+    rows = []
+    for bone in range(BONES.index("thumb_metacarpal"), len(BONES)):
+        name, length_mm = BONES[bone], float(simulated.truth.hand.length_mm[bone])
+        row = {
+            **_keys(simulated),
+            "digit": name.split("_")[0],
+            "bone": name,
+            "starts_at": JOINTS[bone - 1],
+            "ends_at": BONE_TIP if bone in TIP_BONES else JOINTS[list(PARENT).index(bone)],
+            "length_mm": length_mm,
+            "sd_mm": 0.0,
+            **UNJUDGED,
+            "message": "",
+            "driven_by": name if name in simulated.truth.mounts.segments else "",
+        }
+        if row["driven_by"]:
+            along = simulated.truth.along[simulated.truth.mounts.segments.index(name)]
+            row |= vector_columns("", length_mm * along, "_mm")
+        rows.append(row)
+    return rows
+
+
+def _digit_columns(simulated: Simulated) -> dict[str, Any]:
+    """Key columns of a table with a row per digit and frame."""
+    n_rows = len(DIGITS) * len(simulated.frame)
+    keys = {**_keys(simulated), "task": simulated.task, "trial": ""}
+    return {
+        **{name: [value] * n_rows for name, value in keys.items()},
+        "digit": np.repeat(DIGITS, len(simulated.frame)).tolist(),
+        "frame": np.tile(simulated.frame, len(DIGITS)),
+    }
+
+
+def _by_digit(values: Array) -> Array:
+    """(T, 5, ...) -> (5 T, ...), digit after digit."""
+    return np.swapaxes(values, 0, 1).reshape(-1, *values.shape[2:])
+
+
+def _metacarpal_columns(simulated: Simulated) -> dict[str, Any]:
+    metacarpals = [BONES.index(f"{digit}_metacarpal") for digit in DIGITS]
+    quaternion = _by_digit(simulated.truth.bone_quaternion[:, metacarpals])
+    unknown = np.full(len(quaternion), np.nan)
+    return {
+        **_digit_columns(simulated),
+        **{f"q{part}": quaternion[:, i] for i, part in enumerate("wxyz")},
+        "swing_deg": unknown,
+        "twist_deg": unknown,
+        "length_mm": np.repeat(simulated.truth.hand.length_mm[metacarpals], len(simulated.frame)),
+        "flags": [""] * len(quaternion),
+    }
+
+
+def _tip_columns(simulated: Simulated) -> dict[str, Any]:
+    tip, skin_tip = _by_digit(simulated.truth.tip_mm), _by_digit(simulated.truth.skin_tip_mm)
+    return {
+        **_digit_columns(simulated),
+        "time_s": np.tile(simulated.time_s, len(DIGITS)),
+        **{f"tip_{axis}_mm": tip[:, i] for i, axis in enumerate("xyz")},
+        "error_mm": np.linalg.norm(tip - _by_digit(simulated.distal_mm), axis=-1),
+        "error_first_frame_mm": np.full(len(tip), np.nan),
+        **{f"skin_tip_{axis}_mm": skin_tip[:, i] for i, axis in enumerate("xyz")},
+    }

@@ -1,0 +1,303 @@
+"""YAML, all of which is read here: configuration, checked against its JSON Schema, defaults filled in.
+
+The schemas are closed: a typo is refused by name. `docs/configuration.md` is made from them.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+import os
+import re
+from collections.abc import Hashable, Iterator
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from shukotsu.errors import InputError, shortened
+from shukotsu.left import instead
+from shukotsu.resources import ROOT
+from shukotsu.tables import limits
+from shukotsu.tables.text_files import read_text, slash_hint
+
+SCHEMA_FOLDER = ROOT / "schemas" / "json"
+CONFIG_FOLDER = ROOT / "config"
+
+REFERENCE = "prior-only"
+"""The hand that anatomy expects: a model without a step, which the workflow adds beside a study's own."""
+
+
+class _StrictLoader(yaml.CSafeLoader):  # type: ignore[misc, unused-ignore]
+    """YAML 1.2, in which a key given twice is an error and not a silent last word.
+
+    PyYAML's own is 1.1: 012 is ten there, 1:30 ninety, no false.
+    """
+
+
+_StrictLoader.yaml_implicit_resolvers = {}
+
+
+class _Dumper(yaml.SafeDumper):
+    """YAML that is the same in both versions: what either takes for more than a text is quoted."""
+
+
+_CORE_SCHEMA = {
+    "null": ("~|null|Null|NULL|", "~nN"),
+    "bool": ("true|True|TRUE|false|False|FALSE", "tTfF"),
+    "int": ("[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    "float": (
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        "-+.0123456789",
+    ),
+    "merge": ("<<", "<"),
+}
+"""What plain texts stand for (YAML 1.2.2, 10.3.2), by their first letters; merging alone is 1.1's."""
+
+for _tag, (_pattern, _letters) in _CORE_SCHEMA.items():
+    for _class in (_StrictLoader, _Dumper):
+        _firsts = [*_letters, *([""] if _tag == "null" else [])]
+        _class.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})\Z"), _firsts)
+
+
+_StrictLoader.add_constructor(
+    "tag:yaml.org,2002:int", lambda _, node: int(node.value, {"0o": 8, "0x": 16}.get(node.value[:2], 10))
+)
+_StrictLoader.add_constructor(
+    "tag:yaml.org,2002:float",
+    lambda _, node: float(node.value.lower().replace(".inf", "inf").replace(".nan", "nan")),
+)
+
+
+def _mapping_without_twins(loader: _StrictLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+    seen: list[Any] = []
+    for key_node, _ in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        if not isinstance(key, Hashable) or key in seen:
+            what = f"the key {key!r} is given twice" if key in seen else f"{key!r} cannot be a key"
+            raise yaml.constructor.ConstructorError(None, None, what, key_node.start_mark)
+        seen.append(key)
+    return loader.construct_mapping(node, deep=True)
+
+
+_StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_twins)
+
+
+def json_schema(kind: str) -> dict[str, Any]:
+    """Return the JSON Schema of a kind of configuration file: study, layout or model."""
+    loaded: dict[str, Any] = json.loads((SCHEMA_FOLDER / f"{kind}.schema.json").read_text("utf-8"))
+    return loaded
+
+
+def read_yaml(path: Path, kind: str) -> Any:
+    """Read a YAML file without checking what it says.
+
+    Raises InputError where the file is absent, is not YAML or gives a key twice.
+    """
+    return loaded_yaml(read_text(path, f"a {kind} file", limits.CONFIG_BYTES), str(path))
+
+
+def loaded_yaml(text: str, where: str) -> Any:
+    """Read a text as YAML, as `read_yaml` does a file; `where` names it in messages."""
+    try:
+        _check_nesting(text)
+        loader = _StrictLoader(text)
+        try:
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            _count_values(node, {})
+            return loader.construct_document(node)
+        finally:
+            loader.dispose()
+    except yaml.MarkedYAMLError as error:
+        raise InputError(f"{where}: not valid YAML: {_place_and_problem(error, text)}") from error
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a tagged number that is none
+        raise InputError(f"{where}: not valid YAML: {error}") from error
+
+
+def yaml_text(content: Any) -> str:
+    """Return plain mappings, lists and values as YAML, in any version of it."""
+    return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
+
+
+def as_yaml_1_1(path: Path) -> Any:
+    """Read a file as Snakemake does its configuration, to compare the two; InputError as `read_yaml`."""
+    try:
+        return yaml.safe_load(read_text(path, "a configuration", limits.CONFIG_BYTES))
+    except (yaml.YAMLError, ValueError) as error:
+        raise InputError(f"{path}: not valid YAML: {error}") from error
+
+
+def _check_nesting(text: str) -> None:
+    """Raise YAMLError where lists and mappings are too deep in each other for what comes after, in C."""
+    depth = 0
+    event: Any
+    for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > limits.CONFIG_DEPTH:
+            problem = f"lists and groups are nested deeper than {limits.CONFIG_DEPTH}"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
+
+
+def _count_values(node: yaml.Node, counted: dict[int, int]) -> int:
+    """Return the number of values in a node, an alias counted as what it stands for.
+
+    Raises YAMLError where they are too many, or where an alias stands for what holds it.
+    """
+    if id(node) in counted:
+        return counted[id(node)]
+    counted[id(node)] = limits.CONFIG_VALUES  # while it is being counted: an alias in itself has no end
+    parts = node.value if isinstance(node, yaml.CollectionNode) else ()
+    inside = [part for pair in parts for part in pair] if isinstance(node, yaml.MappingNode) else parts
+    total = 1 + sum(_count_values(part, counted) for part in inside)
+    if total > limits.CONFIG_VALUES:
+        raise yaml.MarkedYAMLError(
+            problem=f"stands for more than {limits.CONFIG_VALUES} values", problem_mark=node.start_mark
+        )
+    counted[id(node)] = total
+    return total
+
+
+def _place_and_problem(error: yaml.MarkedYAMLError, text: str) -> str:
+    """Return the parser's own words for the problem, and its place as an editor counts lines."""
+    mark = error.problem_mark or error.context_mark
+    where = f" (line {mark.line + 1}, column {mark.column + 1})" if mark is not None else ""
+    problem = error.problem or error.context or "damaged"
+    lines = text.splitlines()
+    line = lines[mark.line] if mark is not None and mark.line < len(lines) else ""
+    tab = "; indent with blanks, not with tabs" if "\t" in line[: len(line) - len(line.lstrip())] else ""
+    return f"{problem}{where}{tab}"
+
+
+def read_config(path: Path, kind: str, *, with_defaults: bool = True) -> dict[str, Any]:
+    """Read a configuration file of that kind (study, layout, model), by default with defaults filled in.
+
+    Raises InputError where the file is absent, is not YAML, or does not match its schema.
+    """
+    loaded = read_yaml(path, kind)
+    checked = check_config(loaded, kind, str(path))
+    return checked if with_defaults else dict(loaded)
+
+
+def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
+    """Check a loaded configuration against its schema and fill in the defaults; `where` names the file."""
+    import jsonschema  # slow to import
+
+    if not isinstance(loaded, dict):
+        kinds = {type(None): "nothing", str: "a text", list: "a list"}
+        what = kinds.get(type(loaded), "a value")
+        raise InputError(f"{where}: holds {what}, no keys; expected a {kind} file, lines of `key: value`")
+    if fault := next(_odd_values(loaded), ""):
+        raise InputError(f"{where}: {fault}")
+    schema = json_schema(kind)
+    errors = jsonschema.Draft202012Validator(schema).iter_errors(loaded)
+    if (error := jsonschema.exceptions.best_match(errors)) is not None:
+        raise InputError(f"{where}: {_sentence(error)}")
+    filled: dict[str, Any] = _with_defaults(loaded, schema, schema)
+    return filled
+
+
+def shipped(kind: str) -> list[str]:
+    """Names of the layouts or models that ship; `kind` is layout or model."""
+    return sorted(path.stem for path in (CONFIG_FOLDER / f"{kind}s").glob("*.yaml"))
+
+
+def config_path(name: str, kind: str, folder: Path) -> Path:
+    """Find a layout or model: the name of one that ships, or a path relative to `folder`.
+
+    Raises InputError that lists what there is.
+    """
+    if (kind, name) == ("model", REFERENCE):
+        return CONFIG_FOLDER / "references" / f"{name}.yaml"
+    if name in shipped(kind):
+        return CONFIG_FOLDER / f"{kind}s" / f"{name}.yaml"
+    path = folder / name
+    if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
+        return path
+    if why := instead(kind, name):
+        raise InputError(f"{kind}s: {why}")
+    close = difflib.get_close_matches(name, shipped(kind), 1)
+    near = f"; did you mean {close[0]!r}?" if close else slash_hint(name)
+    raise InputError(
+        f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
+        f"nor a file in {folder}{near}"
+    )
+
+
+_IN_WORDS = {
+    "^[A-Za-z0-9][A-Za-z0-9._-]*$": "a name of letters A to Z, digits, '.', '_' and '-' that begins with a "
+    "letter or a digit",
+    "^[a-z][a-z0-9_]*$": "a name of small letters, digits and '_' that begins with a letter",
+    "^[XYZ]{3}$": "three of the letters X, Y and Z",
+    "object": "a group, lines of `key: value`",
+    "array": "a list",
+    "string": "a text",
+    "number": "a number",
+    "integer": "a whole number",
+    "boolean": "true or false",
+    "null": "nothing",
+    **dict.fromkeys(("minimum", "minItems", "minProperties", "minLength"), "at least"),
+    **dict.fromkeys(("maximum", "maxItems", "maxLength"), "at most"),
+    "exclusiveMinimum": "more than",
+}
+"""What the patterns, types and bounds of the schemas mean."""
+
+
+def _sentence(error: Any) -> str:
+    """Return what an error of jsonschema means, with its key, what is there and what was expected."""
+    path, instance, rule, value = error.absolute_path, error.instance, error.validator, error.validator_value
+    text = repr(instance) if isinstance(instance, str) else json.dumps(instance, default=str)
+    actual = "is empty" if instance is None else f"is {shortened(text, 100)}"
+    if rule == "additionalProperties":
+        keys = list(error.schema.get("properties", {}))
+        odd = sorted(str(key) for key in set(instance) - set(keys))
+        close = difflib.get_close_matches(odd[0], keys, 1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        why = next(filter(None, (instead("key", key) for key in odd)), "")
+        fault = why or f"unknown key {', '.join(map(repr, odd))}; known are {', '.join(keys)}{hint}"
+    elif rule == "required":
+        fault = f"the key {', '.join(repr(key) for key in value if key not in instance)} is missing"
+    elif rule == "enum":
+        why = instead(str(path[0]).removesuffix("s"), str(instance))
+        fault = why or f"{actual}; expected one of {', '.join(map(str, value))}"
+    elif rule == "type":
+        kinds = [value] if isinstance(value, str) else value
+        fault = f"{actual}; expected {' or '.join(_IN_WORDS[kind] for kind in kinds)}"
+    elif rule == "pattern":
+        fault = f"{actual}; expected {_IN_WORDS.get(value, value)}"
+    elif rule in _IN_WORDS:
+        size = f"has {len(instance)}" if isinstance(instance, str | list | dict) else actual
+        letters = " letters" if isinstance(instance, str) else ""
+        meaning = f": {error.schema['description']}" if isinstance(instance, list | dict) else ""
+        fault = f"{size}{letters}; expected {_IN_WORDS[rule]} {value}{meaning}"
+    elif rule == "uniqueItems":
+        fault = f"{actual}, which names one thing twice"
+    else:
+        fault = shortened(error.message, 200)
+    return ": ".join(filter(None, (".".join(map(str, path)), fault)))
+
+
+def _odd_values(value: Any, place: str = "") -> Iterator[str]:
+    """Name what JSON Schema lets pass or trips over: .nan, .inf, huge numbers, control characters."""
+    if isinstance(value, float) and not math.isfinite(value):
+        yield f"{place}: is {value}; expected a finite number"
+    if isinstance(value, int) and abs(value) > limits.LARGEST_WHOLE:
+        yield f"{place}: is a number of more than {len(str(limits.LARGEST_WHOLE)) - 1} digits"
+    if isinstance(value, str) and any(ord(c) < 32 and c not in "\n\t" for c in value):
+        yield f"{place}: holds a control character"
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, part in parts:
+        yield from _odd_values(part, f"{place}.{key}" if place else str(key))
+
+
+def _with_defaults(value: Any, schema: dict[str, Any], root: dict[str, Any]) -> Any:
+    if "$ref" in schema:
+        schema = {**root["$defs"][schema["$ref"].rsplit("/", 1)[-1]], **schema}
+    if not isinstance(value, dict):
+        return value
+    properties: dict[str, Any] = schema.get("properties", {})
+    filled = {key: part["default"] for key, part in properties.items() if "default" in part} | value
+    others = schema.get("additionalProperties") or {}
+    return {key: _with_defaults(part, properties.get(key, others), root) for key, part in filled.items()}

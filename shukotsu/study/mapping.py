@@ -1,0 +1,223 @@
+"""A mapping: how a lab's own file is to be read, each unit and convention said and none guessed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from shukotsu.errors import InputError, listed
+from shukotsu.study.config_files import check_config, read_yaml
+from shukotsu.tables.units import MM_PER_UNIT
+
+
+@dataclass(frozen=True)
+class FileMapping:
+    """One mapping file, read and checked; the keys of `config` are those of `json/mapping.schema.json`."""
+
+    where: str
+    format: str
+    mm_per_unit: float
+    rate_hz: float | None
+    orientation: Mapping[str, Any] | None
+    receivers: Mapping[str, Mapping[str, Any]]
+    fixed: tuple[str, ...]
+    config: Mapping[str, Any]
+
+    @property
+    def position_axes(self) -> tuple[str, ...]:
+        """Return the file's axes that are x, y and z: each a letter, with a minus where it is negated."""
+        return tuple(self.config.get("position_axes", "xyz"))
+
+    @property
+    def details(self) -> Mapping[str, Any]:
+        """The group of keys that belongs to the format, defaults filled in; empty where there is none."""
+        group: Mapping[str, Any] = self.config.get(self.format, {})
+        return group
+
+
+def read_mapping(path: Path) -> FileMapping:
+    """Read a mapping file. Raises InputError where it is absent, no YAML or does not say enough."""
+    return mapping_from_config(read_yaml(path, "mapping"), str(path))
+
+
+def mapping_from_config(loaded: Any, where: str) -> FileMapping:
+    """Check a loaded mapping, fill in its defaults; `where` names it in messages."""
+    if isinstance(loaded, dict) and (fault := next(_first_faults(loaded), "")):
+        raise InputError(f"{where}: {fault}")
+    config = check_config(loaded, "mapping", where)
+    if fault := next(_faults(config, loaded.keys()), ""):
+        raise InputError(f"{where}: {fault}")
+    return FileMapping(
+        where,
+        config["format"],
+        MM_PER_UNIT[config["position_unit"]],
+        config.get("rate_hz"),
+        config.get("orientation"),
+        config["receivers"],
+        tuple(config["fixed"]),
+        config,
+    )
+
+
+_UNEDITED = re.compile(r"CHECK(\d+|_\w+)?")
+"""What a drafted mapping has where the file cannot say the truth."""
+
+_SEGMENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
+
+
+def _unedited(value: object, place: str) -> Iterator[str]:
+    if isinstance(value, str) and _UNEDITED.fullmatch(value):
+        yield place
+    elif isinstance(value, list):
+        for part in value:
+            yield from _unedited(part, place)
+    elif isinstance(value, Mapping):
+        for key, part in value.items():
+            inner = f"{place}.{key}" if place else str(key)
+            if _UNEDITED.fullmatch(str(key)):
+                yield inner
+            yield from _unedited(part, inner)
+
+
+def _first_faults(loaded: Mapping[str, Any]) -> Iterator[str]:
+    """Name, before the schema does, what a draft or a first mapping most often gets wrong."""
+    if places := list(dict.fromkeys(_unedited(loaded, ""))):
+        verb = "says" if len(places) == 1 else "say"
+        yield f"{listed(places, 4)} still {verb} CHECK: put the truth there"
+    receivers = loaded.get("receivers")
+    for name in receivers if isinstance(receivers, Mapping) else ():
+        if not _SEGMENT_NAME.fullmatch(str(name)):
+            bare = re.sub(r"[^a-z0-9]+", "_", str(name).lower()).strip("_")
+            guess = f"; did you mean {bare!r}?" if _SEGMENT_NAME.fullmatch(bare) else ""
+            yield (
+                f"receivers: {name!r} is no segment's name; names are lower case letters, digits and "
+                f"underscores{guess}"
+            )
+
+
+_NEEDED = {"quaternion": ("order",), "euler": ("axes", "unit"), "matrix": ()}
+_NUMBERS = {"quaternion": 4, "euler": 3, "matrix": 9}
+
+_TURNED = {"c3d": "a C3D file needs", "sequence": "a sequence's transforms need"}
+
+_RECEIVER_KEYS = {
+    "wide": ("position", "orientation", "time", "quality"),
+    "long": ("value",),
+    "c3d": ("markers", "rotation"),
+    "xdf": ("value",),
+    "capture": ("value",),
+    "sequence": ("value",),
+}
+"""The keys of a receiver that a format (of csv: its kind of rows) reads."""
+
+_LONG_KEYS = ("receiver", "position", "orientation")
+"""Of csv with long rows."""
+
+
+def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
+    """Name what does not go together in a mapping that its schema allows; keys : those of the file itself."""
+    form, axes = config["format"], config["position_axes"]
+    odd = sorted({"csv", "c3d", "xdf"} & set(keys) - {form})
+    if odd:
+        yield f"{odd[0]}: is for another format; format is {form}"
+    if "orientation" in config:
+        yield from _orientation_faults(form, config["orientation"])
+    if sorted(axis[-1] for axis in axes) != ["x", "y", "z"]:
+        yield f"position_axes: is {', '.join(axes)}; expected each of x, y and z once"
+    if form == "c3d" and axes != ["x", "y", "z"]:
+        yield "position_axes: a C3D file has positions and rotations in one frame; leave it out"
+    rows = config["csv"]["rows"] if form == "csv" else form
+    reads = _RECEIVER_KEYS[rows]
+    for segment, receiver in config["receivers"].items():
+        odd = [key for key in receiver if key not in reads]
+        if odd:
+            what = f"csv with {rows} rows" if form == "csv" else form
+            yield (
+                f"receivers.{segment}.{odd[0]}: does not belong to {what}, which reads "
+                f"{', '.join(reads) or 'no key here'}; leave it out"
+            )
+        if segment in config["fixed"]:
+            yield f"fixed: {segment} has a receiver too; keep one of the two"
+    if form == "csv":
+        yield from _csv_faults(config)
+    if form == "c3d":
+        yield from _c3d_faults(config["receivers"])
+    if form == "capture":
+        odd = [key for key in ("orientation", "rate_hz") if key in config]
+        odd += ["fixed"] * bool(config["fixed"]) + ["position_axes"] * (axes != ["x", "y", "z"])
+        if odd:
+            yield f"{odd[0]}: a raw capture says it itself; leave it out"
+
+
+def _orientation_faults(form: str, orientation: Mapping[str, Any]) -> Iterator[str]:
+    kind, axes = orientation["kind"], orientation.get("axes", "XYZ")
+    if form in _TURNED:
+        yield f"orientation: {_TURNED[form]} none; leave it out"
+    missing = [key for key in _NEEDED[kind] if key not in orientation]
+    if missing:
+        yield f"orientation: {kind} needs the key {', '.join(map(repr, missing))}"
+    odd = [key for key in ("order", "axes", "unit") if key in orientation and key not in _NEEDED[kind]]
+    if odd:
+        yield f"orientation.{odd[0]}: does not belong to {kind}; leave it out"
+    if axes[0] == axes[1] or axes[1] == axes[2]:
+        yield f"orientation.axes: {axes} turns twice in a row about one axis"
+
+
+def _csv_faults(config: Mapping[str, Any]) -> Iterator[str]:
+    table, receivers, long = config["csv"], config["receivers"], config["csv"]["rows"] == "long"
+    if table["delimiter"] == table["decimal"]:
+        yield "csv.decimal: the comma cannot both separate cells and be a decimal mark"
+    if "orientation" not in config:
+        yield "the key 'orientation' is missing: a receiver has positions and turns; say where"
+    missing = [key for key in _LONG_KEYS if key not in table]
+    if long and missing:
+        yield f"csv: long rows need the key {', '.join(map(repr, missing))}"
+    odd = [key for key in (*_LONG_KEYS, "quality") if key in table]
+    if odd and not long:
+        yield f"csv.{odd[0]}: is for long rows; with wide rows give it to each receiver"
+    segments: dict[str, str] = {}
+    for segment, receiver in receivers.items():
+        for key in ("value",) if long else ("position", "orientation"):
+            if key not in receiver:
+                yield f"receivers.{segment}: the key {key!r} is missing"
+        other = segments.setdefault(str(receiver.get("value", segment)), segment)
+        if other != segment:
+            yield f"receivers: {other} and {segment} both have value {receiver['value']!r}"
+    groups = [("csv", table), *((f"receivers.{name}", part) for name, part in receivers.items())]
+    for place, group in groups:
+        columns, kind = group.get("orientation", []), config["orientation"]["kind"]
+        if columns and len(columns) != _NUMBERS[kind]:
+            yield f"{place}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
+        for key in ("position", "orientation", "time", "quality", "frame", "receiver"):
+            cell = group.get(key, [])
+            for column in cell if isinstance(cell, list) else [cell]:
+                if isinstance(column, str) and not table["header"]:
+                    yield f"{place}.{key}: {column!r} is a name; without a header give numbers"
+    for column, keys in (("time", ["time_unit"]), ("quality", ["quality_above", "quality_below"])):
+        places = [place for place, group in groups if column in group]
+        units = [key for key in keys if key in table]
+        if places and not units:
+            yield f"{places[0]}.{column}: needs {' or '.join(f'csv.{key}' for key in keys)}"
+        if units and not places:
+            yield f"csv.{units[0]}: no {column} column is named"
+    timed = "time" in table or all("time" in part for part in receivers.values())
+    if not table["in_step"] and not (timed and "rate_hz" in config):
+        yield (
+            "csv.in_step: receivers that are not in step need a time column and rate_hz, the rate of the "
+            "grid of frames that they are put on"
+        )
+
+
+def _c3d_faults(receivers: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    for segment, receiver in receivers.items():
+        if len(receiver) != 1:
+            yield f"receivers.{segment}: needs either 'markers' or 'rotation'"
+        markers = receiver.get("markers", [])
+        if 0 < len(markers) < 3:
+            yield f"receivers.{segment}.markers: has {len(markers)}; expected 3 or more of a rigid cluster"
+        for marker in markers:
+            if markers.count(marker) > 1:
+                yield f"receivers.{segment}.markers: {marker!r} is named twice"

@@ -1,0 +1,160 @@
+"""A skeleton model: one YAML file that says how each stage treats the joints and the metacarpals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from shukotsu.errors import InputError
+from shukotsu.study.config_files import config_path, read_config
+from shukotsu.tables.whole_files import file_state
+
+
+@dataclass(frozen=True)
+class JointSolving:
+    """The group `joints` of a model file: how joints are solved, and from which recordings."""
+
+    solver: str
+    singular_values: int
+    calibration: str
+
+
+@dataclass(frozen=True)
+class Planes:
+    """The group `planes`: whether and how planes cut the joints' axes."""
+
+    cut: bool
+    parallel_limit_deg: float
+    corrections: bool
+
+
+@dataclass(frozen=True)
+class HandFitting:
+    """The group `fit`, of a model that fits the whole hand at once."""
+
+    share_lengths: bool
+    contacts: tuple[str, ...]
+    frames: int
+    steps: int
+
+
+@dataclass(frozen=True)
+class MetacarpalPosing:
+    """The group `metacarpals`: how they are posed."""
+
+    unmeasured: str
+    measured: str
+    twist_factor: float
+    rest_direction: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class SkeletonModel:
+    """One model file, read and checked: its groups, each with the keys of `json/model.schema.json`.
+
+    A stage takes its group as a whole, so that no key of it can be left behind. fitting : None where the
+    joints are not fitted as a whole hand.
+    """
+
+    name: str
+    description: str
+    paper_table: int | None
+    joints: JointSolving
+    planes: Planes
+    fitting: HandFitting | None
+    wrist: str
+    own_cmc: tuple[str, ...]
+    metacarpals: MetacarpalPosing
+
+    @property
+    def solving(self) -> JointSolving:
+        """Return how to solve joints one by one. Of a hand that is fitted as a whole this says only how well
+        their halves can close and of how many frames, which the closed form with all values free gives.
+        """
+        free = replace(self.joints, solver="closed", singular_values=6)
+        return self.joints if self.fitting is None else free
+
+    @property
+    def is_reference(self) -> bool:
+        """Return whether it is the hand that anatomy expects, with no word from the data."""
+        return self.fitting is not None and not self.fitting.steps
+
+
+def the_papers(models: Iterable[SkeletonModel]) -> str:
+    """The name of the paper's skeleton: of the models of its tables that nobody corrected by hand the last.
+
+    Empty where there is none. The first of them leaves metacarpals at rest, and everything beats it by
+    centimetres, so it is nothing to compare with.
+    """
+    of_table = {
+        model.paper_table: model.name
+        for model in models
+        if model.paper_table is not None and not model.planes.corrections
+    }
+    return of_table[max(of_table)] if of_table else ""
+
+
+def read_model(name: str | Path, folder: Path = Path()) -> SkeletonModel:
+    """Read a model by name or path (relative to `folder`); InputError where it is wrong."""
+    path = config_path(str(name), "model", folder)
+    return _read(path, *file_state(path))
+
+
+@lru_cache(maxsize=32)
+def _read(path: Path, *_: int) -> SkeletonModel:
+    config = read_config(path, "model")
+    if config["model"] != path.stem:
+        raise InputError(
+            f"{path}: model: is {config['model']!r}; expected the file's own name, {path.stem!r}"
+        )
+    return model_from_config(config, str(path))
+
+
+def model_from_config(config: dict[str, Any], where: str) -> SkeletonModel:
+    """Make a model of a checked file's content; `where` names it in the InputError of one that is wrong."""
+    joints, planes, metacarpals = config["joints"], config["planes"], config["metacarpals"]
+    if planes["corrections"] and not planes["cut"]:
+        raise InputError(f"{where}: planes.corrections: is true, but planes.cut: false makes centres final")
+    fit = dict(config["fit"])
+    whole_hand = fit.pop("whole_hand")
+    _check_fit(where, config, whole_hand=whole_hand)
+    if not any(metacarpals["rest_direction"]):
+        raise InputError(f"{where}: metacarpals.rest_direction: has no length")
+    return SkeletonModel(
+        name=config["model"],
+        description=config["description"],
+        paper_table=config.get("paper_table"),
+        joints=JointSolving(**joints),
+        planes=Planes(**planes),
+        fitting=HandFitting(**_with_tuples(fit)) if whole_hand else None,
+        wrist=config["wrist"],
+        own_cmc=tuple(config["own_cmc"]),
+        metacarpals=MetacarpalPosing(**_with_tuples(metacarpals)),
+    )
+
+
+def _with_tuples(group: dict[str, Any]) -> dict[str, Any]:
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in group.items()}
+
+
+def _check_fit(where: str, config: dict[str, Any], *, whole_hand: bool) -> None:
+    """Refuse a model whose joints or metacarpals do not go with its fit of the whole hand, or with none."""
+    fitted = [key for key in ("unmeasured", "measured") if config["metacarpals"][key] == "fitted"]
+    if fitted and not whole_hand:
+        raise InputError(
+            f"{where}: metacarpals.{fitted[0]}: is fitted, but no whole hand is fitted; write fit: "
+            "{whole_hand: true}"
+        )
+    if whole_hand and config["planes"]["cut"]:
+        raise InputError(
+            f"{where}: planes.cut: is true; a fit of the whole hand places its joints itself, so write "
+            "planes: {cut: false}"
+        )
+    if whole_hand and len(fitted) < 2:
+        raise InputError(
+            f"{where}: metacarpals: a fit of the whole hand poses them all; write metacarpals: "
+            "{unmeasured: fitted, measured: fitted}"
+        )

@@ -1,0 +1,523 @@
+"""A study: its file, its sheets, and which recording serves which purpose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from shukotsu.errors import InputError, guess, listed
+from shukotsu.study.config_files import REFERENCE, check_config, config_path, read_config
+from shukotsu.study.layout import Layout, read_layout
+from shukotsu.study.model import SkeletonModel, read_model
+from shukotsu.study.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
+from shukotsu.study.translation import tr
+from shukotsu.tables.limits import FILE_NAME_BYTES, NAMES_BYTES
+
+OWN_FACTORS = ("session", "hand", "task")
+"""Columns that every recording has and that may be factors."""
+
+MOST_LEVELS, MOST_NUMBERS = 8, 4
+"""A factor with more levels, or more that are all numbers (they were measured, and have an order), is not
+compared pair by pair.
+"""
+
+SIZES = ("hand_length_mm", "hand_breadth_mm")
+"""Sizes of a hand in the participants sheet."""
+
+NO_LEVEL = ("", "n/a")
+"""Cells that give no level."""
+
+REPETITIONS = 20
+"""Snakemake takes a name that ends in so many repetitions for a rule that feeds itself."""
+
+
+class SubjectSession(NamedTuple):
+    """A skeleton is of a subject, in one session where the sheet names any; str() names both."""
+
+    subject: str
+    session: str = ""
+
+    @property
+    def token(self) -> str:
+        """Name in paths, after `sub-`."""
+        return path_token(self.subject) + (f"_ses-{path_token(self.session)}" if self.session else "")
+
+    @property
+    def label(self) -> str:
+        """Subject, and session where there is one."""
+        return f"{self.subject}, session {self.session}" if self.session else self.subject
+
+    def __str__(self) -> str:
+        named = tr("subject {subject}", subject=self.subject)
+        return named + (tr(", session {session}", session=self.session) if self.session else "")
+
+
+@dataclass(frozen=True)
+class Hand:
+    """One subject's hand, in one session where the sheet names any; str() names it."""
+
+    subject: str
+    hand: str
+    session: str = ""
+
+    @property
+    def who(self) -> SubjectSession:
+        """Subject and session."""
+        return SubjectSession(self.subject, self.session)
+
+    @property
+    def folder(self) -> str:
+        """Part of a path below the study's results."""
+        return f"sub-{self.who.token}/{self.hand}"
+
+    def __str__(self) -> str:
+        return tr("{who}, {hand} hand", who=str(self.who), hand=self.hand)
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One row of the recordings sheet, paths resolved. more : further columns, which no plan has."""
+
+    hand: Hand
+    task: str
+    trial: str
+    role: str
+    file: Path
+    file_as_written: str
+    layout: Path
+    format: str
+    mapping: Path | None
+    hemisphere: str
+    exclude: str
+    accept: str = ""
+    events: Path | None = None
+    pulses: str = ""
+    factors: tuple[tuple[str, str], ...] = ()
+    more: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Task and trial as one part of a path."""
+        return path_token(self.task) + (f"_{path_token(self.trial)}" if self.trial else "")
+
+    @property
+    def key(self) -> dict[str, str]:
+        """Its key in tables: subject, session, hand, task, trial, in this order."""
+        whose = {"subject": self.hand.subject, "session": self.hand.session, "hand": self.hand.hand}
+        return {**whose, "task": self.task, "trial": self.trial}
+
+    @property
+    def title(self) -> str:
+        """Task and trial in words."""
+        return ", ".join(filter(None, (self.task, self.trial)))
+
+
+@dataclass(frozen=True)
+class UnusableRow:
+    """A row of the recordings sheet that is left out, and why: the study goes on with the others."""
+
+    hand: Hand
+    task: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Simulated recordings go to a folder and are made by a seed."""
+
+    folder: Path
+    seed: int
+
+
+@dataclass(frozen=True)
+class Study:
+    """One study file with its sheets, layouts and models, read and checked."""
+
+    name: str
+    recordings: tuple[Recording, ...]
+    models: dict[str, Path]
+    layout: Path
+    exports: tuple[str, ...]
+    export_settings: dict[str, Any]
+    simulation: Simulation | None
+    sheets: dict[str, Path]
+    config: dict[str, Any]
+    unusable: tuple[UnusableRow, ...] = ()
+
+    @property
+    def hands(self) -> tuple[Hand, ...]:
+        """Every hand of the study, in the sheet's order."""
+        return tuple(self._by_hand)
+
+    @cached_property
+    def _by_hand(self) -> dict[Hand, list[Recording]]:
+        hands: dict[Hand, list[Recording]] = {}
+        for recording in self.recordings:
+            hands.setdefault(recording.hand, []).append(recording)
+        return hands
+
+    @property
+    def subjects(self) -> tuple[str, ...]:
+        """Every subject of the study, in the sheet's order."""
+        return tuple(dict.fromkeys(recording.hand.subject for recording in self.recordings))
+
+    @property
+    def sessions(self) -> tuple[SubjectSession, ...]:
+        """Every subject in every session of theirs, in the sheet's order."""
+        return tuple(dict.fromkeys(recording.hand.who for recording in self.recordings))
+
+    def of_session(self, subject: str, session: str = "") -> Study:
+        """Return the study with that subject's recordings of that session alone.
+
+        Raises InputError where the study has none.
+        """
+        recordings = tuple(r for r in self.recordings if r.hand.who == (subject, session))
+        if not recordings:
+            label = SubjectSession(subject, session).label
+            names = listed([who.label for who in self.sessions])
+            raise InputError(f"study {self.name}: has no subject {label!r}; expected one of {names}")
+        return replace(self, recordings=recordings)
+
+    @property
+    def language(self) -> str:
+        """Language of the report, a code as in its key's list."""
+        return str(self.config["language"])
+
+    @property
+    def factors(self) -> tuple[str, ...]:
+        """Names of the study's factors, see `factor_levels`."""
+        return tuple(self.config["factors"])
+
+    @property
+    def shown(self) -> tuple[Recording, ...]:
+        """Every recording that tips are evaluated on, and so has a page in the report."""
+        return shown(self.recordings)
+
+    def layout_of(self, hand: Hand) -> Path:
+        """Return the layout of the hand's recordings; of several that which wears most receivers."""
+        layouts = list(dict.fromkeys(recording.layout for recording in self._by_hand[hand]))
+        if len(layouts) == 1:
+            return layouts[0]
+        return max(layouts, key=lambda path: len(read_layout(path.absolute()).expected))
+
+    def judged_layout(self, hand: Hand) -> Layout:
+        """Return the layout of the hand's recordings, with what the study asks of its joints."""
+        layout = read_layout(self.layout_of(hand).absolute())
+        return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
+
+
+def path_token(text: str) -> str:
+    """Turn any name into one part of a path: letters (of any script), digits, '-' and '_' stay.
+
+    Everything else becomes %XX (UTF-8 bytes), so that two names never share a path; the last letter of
+    a name that ends in REPETITIONS of something becomes %%XX.
+    """
+    coded = ["".join(f"%{byte:02X}" for byte in letter.encode()) for letter in text]
+    safe = [c if c.isalnum() or c in "-_" else code for c, code in zip(text, coded, strict=True)]
+    token = "".join(safe)
+    lengths = range(1, NAMES_BYTES // REPETITIONS + 1)
+    if any(len(token) >= n * REPETITIONS and token.endswith(token[-n:] * REPETITIONS) for n in lengths):
+        safe[-1] = f"%{coded[-1]}"
+    return "".join(safe)
+
+
+def shown(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
+    """Return those that tips are evaluated on."""
+    return tuple(r for r in recordings if r.role in ("evaluation", "both") and not r.exclude)
+
+
+def levels_of(
+    recordings: Iterable[Recording], participants: Iterable[Row], names: Iterable[str]
+) -> list[dict[str, str]]:
+    """Return a row for every recording: its key, and its level of each factor, empty where it has none."""
+    people = {row["subject"]: row.values for row in participants}
+    further = [name for name in names if name not in OWN_FACTORS]
+    rows = []
+    for recording in recordings:
+        values = {**people.get(recording.hand.subject, {}), **dict(recording.factors)}
+        texts = {name: "" if values.get(name) is None else str(values[name]) for name in further}
+        rows.append(recording.key | {name: "" if t in NO_LEVEL else t for name, t in texts.items()})
+    return rows
+
+
+def factor_levels(study: Study) -> list[dict[str, str]]:
+    """Return a row for every evaluated recording: subject, session, hand, task, trial, and a level a factor.
+
+    Factors are named in the study file under `factors`: session, hand, task, or a further
+    column of the participants or the recordings sheet. A level is text; it is empty where the recording or
+    the participant has none. Raises InputError where the participants sheet cannot be read.
+    """
+    participants = read_sheet(study.sheets.get("participants"), PARTICIPANTS)
+    return levels_of(study.shown, participants, study.factors)
+
+
+def not_compared(study: Study) -> dict[str, str]:
+    """Return, by the factors whose levels are not compared pair by pair, why they are not."""
+
+    def is_number(text: str) -> bool:
+        with suppress(ValueError):
+            return math.isfinite(float(text))
+        return False
+
+    rows = factor_levels(study)
+    reasons = {}
+    for factor in study.factors:
+        levels = {row[factor] for row in rows} - {""}
+        if len(levels) < 2:
+            reasons[factor] = f"has {len(levels)} level{'' if levels else 's'}, so nothing is compared"
+        elif factor not in OWN_FACTORS and all(map(is_number, levels)) and len(levels) > MOST_NUMBERS:
+            reasons[factor] = f"has {len(levels)} numbers as levels, which are not compared pair by pair"
+        elif len(levels) > MOST_LEVELS:
+            reasons[factor] = (
+                f"has {len(levels)} levels; at most {MOST_LEVELS} are compared pair by pair; put groups of "
+                "them into the sheet's column"
+            )
+    return reasons
+
+
+def read_study(path: Path) -> Study:
+    """Read a study file and everything it names. Raises InputError where any of it is wrong."""
+    return study_from_config(read_config(path, "study"), path.parent, str(path))
+
+
+def study_from_config(config: dict[str, Any], folder: Path, where: str) -> Study:
+    """Make a study of a loaded study file; its relative paths resolve against `folder`."""
+    config = check_config(config, "study", where)
+    layout = config_path(config["layout"], "layout", folder)
+    models = _models(config["models"], folder, where)
+    settings = dict(config["export_settings"])
+    for name in settings["models"]:
+        if name not in models:
+            raise InputError(
+                f"{where}: export_settings.models: {name!r} is no model of the study; expected one of "
+                f"{', '.join(models)}"
+            )
+    sheets: dict[str, Path] = {name: folder / config[name] for name in SHEETS if name in config}
+    mapping = folder / config["mapping"] if "mapping" in config else None
+    recordings, unusable = _recordings(sheets["recordings"], folder, layout, mapping, config["factors"])
+    for path in {r.layout for r in recordings} | {layout}:
+        read_layout(path.absolute())
+    rows = {name: read_sheet(sheets.get(name), SHEETS[name]) for name in ("participants", *HAND_SHEETS)}
+    _check_factors(config["factors"], recordings, rows["participants"], where)
+    if "events" in sheets:
+        _check_events(sheets["events"], rows["events"], recordings, unusable)
+    simulated = config.get("simulation")
+    return Study(
+        config["study"],
+        recordings,
+        models,
+        layout,
+        tuple(config["exports"]),
+        settings | {"models": settings["models"] or list(models)},
+        Simulation(folder / simulated["folder"], simulated["seed"]) if simulated is not None else None,
+        sheets,
+        config,
+        unusable,
+    )
+
+
+def _no_hand(row: Row, hands: Iterable[Hand]) -> str:
+    """Return that the study lacks the hand that a row is of, empty where it has it.
+
+    A row without a session is of all sessions.
+    """
+    hand = Hand(row["subject"], row["hand"], row["session"])
+    sides = set(hands)
+    if hand in sides | {replace(side, session="") for side in sides}:
+        return ""
+    return f"column subject: the study has no {hand.hand} hand of {hand.who.label!r}"
+
+
+def correction_problems(rows: Iterable[Row], path: Path, hands: Iterable[Hand], layout: Layout) -> list[str]:
+    """Return, a sentence a row, which corrections cannot be applied: no such hand or no such joint."""
+    sides, joints = set(hands), [joint.name for joint in layout.solvable]
+    problems = []
+    for row in rows:
+        reason = _no_hand(row, sides)
+        if not reason and row["joint"] not in joints:
+            meant = guess(row["joint"], joints)
+            reason = f"column joint: {row['joint']!r} is no joint of layout {layout.name}; {meant}"
+        if reason:
+            problems.append(f"{path.name}: row {row.line}, {reason}; the row was not applied")
+    return problems
+
+
+def unmatched_rows(study: Study) -> list[str]:
+    """Return, a sentence each, which rows of measurements and touches are of no hand of the study,
+    and whose names the sheet of participants and that of recordings write otherwise.
+    """
+    problems = [
+        f"{study.sheets[name].name}: row {row.line}, {reason}; the row was not applied"
+        for name in ("measurements", "touches")
+        for row in read_sheet(study.sheets.get(name), SHEETS[name])
+        if (reason := _no_hand(row, study.hands))
+    ]
+    people = {row["subject"]: row.line for row in read_sheet(study.sheets.get("participants"), PARTICIPANTS)}
+    recorded = {*study.subjects, *(row.hand.subject for row in study.unusable)}
+    nobody = [name for name in people if name not in recorded]
+    missing = [name for name in study.subjects if name not in people]
+    if nobody and missing:
+        names = listed([repr(name) for name in missing], 3)
+        problems.append(
+            f"{study.sheets['participants'].name}: has no row of {names}, and row {people[nobody[0]]} is of "
+            f"{nobody[0]!r}, who has no recording; write names alike in both sheets, or sizes and factors "
+            "of these subjects stay unknown"
+        )
+    return problems
+
+
+def columns_handed_on(study: Study) -> list[str]:
+    """Return, in a sentence if there are any, the recordings sheet's columns that the study does not use."""
+    names = [name for name, _ in study.recordings[0].more if name not in study.factors]
+    where = study.sheets["recordings"].name
+    use = "not used, but handed on to recordings.parquet as they stand"
+    return [f"{where}: further columns, {use}: {listed(names)}"] if names else []
+
+
+def _check_factors(
+    names: Iterable[str], recordings: Sequence[Recording], participants: Sequence[Row], where: str
+) -> None:
+    """Raise InputError where a factor is no further column of one sheet, participants' or recordings'."""
+    cells = {cell.name for sheet in (PARTICIPANTS, RECORDINGS) for cell in sheet.cells}
+    further = dict.fromkeys(name for row in participants for name in row.values)
+    columns = [*OWN_FACTORS, *(name for name in further if name not in cells)]
+    of_recordings = {name for recording in recordings for name, _ in recording.factors}
+    for name in names:
+        if name in OWN_FACTORS:
+            continue
+        if name in cells:
+            reason = f"tells no levels apart; expected one of {', '.join(columns)}"
+        elif name in of_recordings and name in columns:
+            reason = "is a column of both sheets, participants and recordings; keep one of them"
+        elif name not in of_recordings and name not in columns:
+            reason = f"is no column of the sheets of participants and recordings; {guess(name, columns)}"
+        else:
+            continue
+        raise InputError(f"{where}: factors: {name!r} {reason}")
+
+
+def _check_events(
+    path: Path, rows: Sequence[Row], recordings: Sequence[Recording], unusable: Sequence[UnusableRow]
+) -> None:
+    """Raise InputError where a row is of no single recording: session and trial may be left out for one."""
+    of_key: dict[tuple[str, ...], list[Recording]] = {}
+    for recording in recordings:
+        of_key.setdefault((recording.hand.subject, recording.hand.hand, recording.task), []).append(recording)
+    left_out = {(row.hand.subject, row.hand.hand, row.task) for row in unusable}
+    for row in rows:
+        key = tuple(row[name] for name in ("subject", "hand", "task"))
+        named = [
+            recording
+            for recording in of_key.get(key, [])
+            if all(row[name] in ("", recording.key[name]) for name in ("session", "trial"))
+        ]
+        if len(named) == 1 or (not named and key in left_out):
+            continue
+        what = "several recordings; say which in the columns session and trial" if named else "no recording"
+        words = ", ".join(row[name] for name in ("subject", "session", "hand", "task", "trial") if row[name])
+        raise InputError(f"{path}: row {row.line}: {words} names {what} of the recordings sheet")
+
+
+def _models(names: list[str], folder: Path, where: str) -> dict[str, Path]:
+    models: dict[str, Path] = {}
+    for name in names:
+        path = config_path(name, "model", folder)
+        model: SkeletonModel = read_model(path.absolute())
+        if model.name in models:
+            raise InputError(f"{where}: models: {model.name} is given twice")
+        if model.is_reference or model.name == REFERENCE:
+            raise InputError(
+                f"{where}: models: {name}: is a reference, which every study has as {REFERENCE}; "
+                "leave it out, or write fit: {steps: 1} or more under another name"
+            )
+        models[model.name] = path
+    return models
+
+
+def _why_unusable(recording: Recording) -> str:
+    """Return why no file can have the names that a row asks for; empty where they can."""
+    names = (*recording.hand.who, recording.task, recording.trial)
+    n_bytes = sum(len(path_token(name).encode()) for name in names)
+    if n_bytes > NAMES_BYTES:
+        return (
+            f"columns subject, session, task, trial: have {n_bytes} bytes in the names of files; expected at "
+            f"most {NAMES_BYTES}"
+        )
+    for column in ("file", "mapping", "events"):
+        path: Path | None = getattr(recording, column)
+        if path and max((len(part.encode()) for part in path.parts), default=0) > FILE_NAME_BYTES:
+            limit = f"{FILE_NAME_BYTES} bytes, which no file's name has"
+            return f"column {column}: has a part of more than {limit}"
+    return ""
+
+
+OWN_ENDINGS = (".arrows", ".parquet", ".pq")
+"""Endings of files that say what their numbers are; no mapping of the study's is for them."""
+
+
+def _recordings(
+    sheet: Path, folder: Path, layout: Path, mapping: Path | None, factors: Sequence[str]
+) -> tuple[tuple[Recording, ...], tuple[UnusableRow, ...]]:
+    """Return the recordings of the sheet, and the rows that can be none.
+
+    layout, mapping : of rows that name none.
+    """
+    recordings, unusable, cells = [], [], {cell.name for cell in RECORDINGS.cells}
+    layouts: dict[Hand, tuple[Path, int]] = {}
+    paths: dict[tuple[str, str], int] = {}
+    units: dict[str, tuple[SubjectSession, int]] = {}
+    for row in read_sheet(sheet, RECORDINGS, factors):
+        worn = config_path(row["layout"], "layout", folder) if row["layout"] else layout
+        needs_none = row["format"] != "auto" or row["file"].lower().endswith(OWN_ENDINGS)
+        recording = Recording(
+            Hand(row["subject"], row["hand"], row["session"]),
+            row["task"],
+            row["trial"],
+            row["role"],
+            folder / row["file"],
+            row["file"],
+            worn,
+            row["format"],
+            folder / row["mapping"] if row["mapping"] else None if needs_none else mapping,
+            row["hemisphere"],
+            row["exclude"],
+            row["accept"],
+            folder / row["events"] if row["events"] else None,
+            row["pulses"],
+            tuple((name, row[name]) for name in factors if name in row.values and name not in OWN_FACTORS),
+            tuple((name, text) for name, text in row.values.items() if name and name not in cells),
+        )
+        reason = _why_unusable(recording)
+        if reason:
+            message = f"{sheet.name}: row {row.line}, {reason}; the row was left out"
+            unusable.append(UnusableRow(recording.hand, row["task"], message))
+            continue
+        first, line = layouts.setdefault(recording.hand, (worn, row.line))
+        if first != worn and not read_layout(worn.absolute()).is_as(read_layout(first.absolute())):
+            raise InputError(
+                f"{sheet}: row {row.line}, column layout: {worn.stem} has other bodies, joints or digits "
+                f"than {first.stem}, the layout of row {line}; layouts of a hand may differ in the "
+                "receivers worn"
+            )
+        line = paths.setdefault((recording.hand.folder.casefold(), recording.name.casefold()), row.line)
+        if line != row.line:
+            raise InputError(
+                f"{sheet}: row {row.line}: its results would have the path of row {line}; "
+                "rename subject, session, task or trial"
+            )
+        whose, line = units.setdefault(recording.hand.who.token, (recording.hand.who, row.line))
+        if whose != recording.hand.who:
+            raise InputError(
+                f"{sheet}: row {row.line}: results of {recording.hand.who} would have the path of {whose} "
+                f"(row {line}); rename one"
+            )
+        recordings.append(recording)
+    if not recordings:
+        reasons = "; ".join(row.message for row in unusable[:1])
+        raise InputError(f"{sheet}: has no recording; add a row a recording{reasons and f' ({reasons})'}")
+    return tuple(recordings), tuple(unusable)

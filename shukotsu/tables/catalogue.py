@@ -1,0 +1,105 @@
+"""Tables of the contract by name: `TABLES["poses"]` or POSES, read from `tables/poses.yaml` when asked for.
+
+docs/tables.md is made from these files. Conventions: mm, s, degrees; unit quaternions (w, x, y, z) from the
+receiver's (or bone's) frame to the transmitter's; text columns are never null, empty text means "nothing to
+say".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from functools import cache
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import yaml
+
+from shukotsu.resources import ROOT
+from shukotsu.tables.typed_table import Column, Table
+
+FOLDER = ROOT / "schemas"
+
+BONE_TIP, DISTAL_RECEIVER = "bone tip", "distal receiver"
+"""Where a digit's last bone may end."""
+
+HAND_KEY = ("subject", "session", "hand")
+RECORDING_KEY = (*HAND_KEY, "task", "trial")
+
+_TYPES = {
+    "text": pa.string(),
+    "bool": pa.bool_(),
+    "int8": pa.int8(),
+    "int64": pa.int64(),
+    "double": pa.float64(),
+}
+
+
+class _Tables(Mapping[str, Table]):
+    """Tables by name; a file is read when its table is asked for."""
+
+    def __getitem__(self, name: str) -> Table:
+        if name not in _names():
+            raise KeyError(name)
+        return _read_table(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_names())
+
+    def __len__(self) -> int:
+        return len(_names())
+
+
+TABLES = _Tables()
+
+
+def __getattr__(name: str) -> Table:
+    """Return the table that a name in capitals stands for."""
+    if name.isupper() and name.lower() in TABLES:
+        return TABLES[name.lower()]
+    raise AttributeError(f"{__name__} has no {name}")
+
+
+@cache
+def shared_columns() -> dict[str, tuple[Column, ...]]:
+    """Return the columns that several tables have, by the name that their files have for them."""
+    columns = _yaml(FOLDER / "columns.yaml")["columns"]
+    return {name: _columns(name, keys) for name, keys in columns.items()}
+
+
+@cache
+def _names() -> tuple[str, ...]:
+    return tuple(sorted(path.stem for path in (FOLDER / "tables").glob("*.yaml")))
+
+
+@cache
+def _read_table(name: str) -> Table:
+    content = _yaml(FOLDER / "tables" / f"{name}.yaml")
+    columns = [
+        column
+        for spelled, keys in content["columns"].items()
+        for column in (_columns(spelled, keys) if keys else shared_columns()[spelled])
+    ]
+    return Table(name, int(content["version"]), content["row"], tuple(columns), tuple(content["key"]))
+
+
+def _columns(spelled: str, keys: Mapping[str, str]) -> tuple[Column, ...]:
+    """Return the column of an entry, or those that it stands for: one for each letter of {x,y,z}."""
+    kind, _, length = keys["type"].rstrip("]").partition("[")
+    type_ = pa.list_(_TYPES[kind], int(length)) if length else _TYPES[kind]
+    braces = r"{([\w,]+)}"
+    columns = []
+    for letters in product(*(group.split(",") for group in re.findall(braces, spelled))):
+        name, meaning = spelled, keys["meaning"]
+        for letter in letters:
+            name, meaning = (re.sub(braces, letter, text, count=1) for text in (name, meaning))
+        columns.append(Column(name, type_, keys.get("unit", ""), meaning, keys.get("nullable") == "true"))
+    return tuple(columns)
+
+
+def _yaml(path: Path) -> dict[str, Any]:
+    """Read a file in which every value is a text, which takes half the time of one with numbers."""
+    content: dict[str, Any] = yaml.load(path.read_bytes(), yaml.CBaseLoader)
+    return content

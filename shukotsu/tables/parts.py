@@ -1,0 +1,298 @@
+"""Subject tables: rows of every skeleton of a subject in one file, each skeleton a part of it.
+
+A part is one hand under one model, made without one task's recordings or of all. It has rows, or it failed
+and the file says why; the file's metadata lists the parts with the parameters of each.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, astuple, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from shukotsu.errors import InputError, TableError, listed
+from shukotsu.study.study import Hand, SubjectSession
+from shukotsu.tables.parquet_files import open_parquet
+from shukotsu.tables.typed_table import (
+    Provenance,
+    Table,
+    TableFile,
+    arrow_table,
+    columns_from_rows,
+    open_table,
+    rows_of,
+    table_writer,
+)
+
+PARTS_KEY = "shukotsu_parts"
+"""File-level metadata: a JSON list, an object a part."""
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Part:
+    """One skeleton's share of a subject table; a key that the table lacks is empty.
+
+    made_without : the task whose recordings were left out, empty for the whole skeleton.
+    """
+
+    hand: str
+    model: str = ""
+    made_without: str = ""
+    subject: str = ""
+    session: str = ""
+
+    def __str__(self) -> str:
+        session = f", session {self.session}" if self.session else ""
+        model = f", model {self.model}" if self.model else ""
+        without = f", made without {self.made_without}" if self.made_without else ""
+        return f"subject {self.subject}{session}, {self.hand} hand{model}{without}"
+
+
+class PartsWriter:
+    """A subject table while it is written; see `parts_writer`."""
+
+    def __init__(self, table: Table, schema: pa.Schema, writer: pq.ParquetWriter) -> None:
+        self._table, self._schema, self._writer = table, schema, writer
+        self._parts: dict[Part, dict[str, Any]] = {}
+        self._waiting: list[tuple[Part, pa.Table]] = []
+
+    def rows(self, part: Part, rows: Iterable[Mapping[str, Any]], **parameters: Any) -> None:
+        """Add a part's rows; a nullable column that a row does not name is null there."""
+        self._parts.setdefault(part, {}).update(parameters)
+        keys = _named_keys(self._table, part)
+        columns = columns_from_rows(self._table, [{**keys, **row} for row in rows])
+        self._waiting.append((part, arrow_table(self._table, columns, self._schema)))
+
+    def columns(self, part: Part, columns: Mapping[str, Any], **parameters: Any) -> None:
+        """Add columns of a part, all of one recording, as a row group; keys of the part may be left out.
+
+        A value that is a text is that of every row.
+        """
+        self._parts.setdefault(part, {}).update(parameters)
+        count = next(len(values) for values in columns.values() if not isinstance(values, str))
+        whole = {
+            name: pa.repeat(pa.scalar(values), count) if isinstance(values, str) else values
+            for name, values in {**_named_keys(self._table, part), **columns}.items()
+        }
+        rows = arrow_table(self._table, whole, self._schema)
+        self._writer.write_table(rows, row_group_size=max(1, rows.num_rows))
+
+    def failure(self, part: Part, message: str, **parameters: Any) -> None:
+        """Record why a part has no rows; those of `rows` are dropped, and nobody reads those of `columns`."""
+        self._waiting = [(other, rows) for other, rows in self._waiting if other != part]
+        self._parts.setdefault(part, {}).update({**parameters, "failure": message})
+
+    def finish(self) -> None:
+        """Write the rows that wait as one row group, and the list of parts."""
+        if self._waiting:
+            self._writer.write_table(pa.concat_tables(rows for _, rows in self._waiting))
+        listed = [{**asdict(part), **parameters} for part, parameters in self._parts.items()]
+        text = json.dumps(listed, ensure_ascii=False, sort_keys=True)
+        self._writer.add_key_value_metadata({PARTS_KEY: text})
+
+
+@contextmanager
+def parts_writer(path: Path, table: Table, provenance: Provenance) -> Iterator[PartsWriter]:
+    """Open a subject table to write its parts in turn; atomic when it closes."""
+    schema = table.arrow_schema(provenance.metadata())
+    with table_writer(path, table, schema) as writer:
+        parts = PartsWriter(table, schema, writer)
+        yield parts
+        parts.finish()
+
+
+def part_metadata(path: Path, table: Table) -> dict[Part, dict[str, Any]]:
+    """Return the parameters of every part of a subject table, `failure` among them where it failed.
+
+    Raises InputError where the file is not that table or lists no parts.
+    """
+    with open_table(path, table) as file:
+        return _parts_of(file.file, path)
+
+
+def parts_in(path: Path) -> list[Part]:
+    """Return the parts of any subject table; none where it is no such table, or not there."""
+    if not path.is_file():
+        return []
+    with open_parquet(path, "a subject table") as file:
+        return list(_parts_of(file, path)) if PARTS_KEY.encode() in (file.metadata.metadata or {}) else []
+
+
+def check_subject(path: Path, subject: str, session: str = "") -> None:
+    """Raise TableError where a subject table is of other subjects, or sessions, only.
+
+    What is no subject table, or not there, is left to the reader, which knows what it expects.
+    """
+    subjects = sorted({(part.subject, part.session) for part in parts_in(path)})
+    if subjects and (subject, session) not in subjects:
+        names = listed([SubjectSession(*who).label for who in subjects])
+        raise TableError(
+            f"{path}: has no rows of {SubjectSession(subject, session)}, but of {names}; remove it and run "
+            "the study again"
+        )
+
+
+def one_hand_of(path: Path, table: Table, subject: str | None, session: str | None, hand: str | None) -> Hand:
+    """Return the one hand that a subject table is of, or that of the subject, session and side given.
+
+    Raises InputError where the table is of several hands and none is given.
+    """
+    with open_table(path, table) as file:
+        hands = {Hand(part.subject, part.hand, part.session) for part in _parts_of(file.file, path)}
+    matching = [
+        side
+        for side in hands
+        if subject in (None, side.subject) and session in (None, side.session) and hand in (None, side.hand)
+    ]
+    if len(matching) != 1:
+        names = "; ".join(sorted(map(str, hands))) or "none"
+        raise InputError(
+            f"{path}: holds hands of {names}; say with --subject, --session and --hand which one to take"
+        )
+    return matching[0]
+
+
+class PartsReader:
+    """A subject table that is open for reading; see `open_parts`."""
+
+    def __init__(self, file: TableFile) -> None:
+        self._file = file
+        self._parts = _parts_of(file.file, file.path)
+
+    def _keys(self, part: Part) -> dict[str, str]:
+        """Return a part's keys; InputError where the table lacks the part, or says that it failed."""
+        if part not in self._parts:
+            raise TableError(f"{self._file.path}: has no rows of {part}; remove it and run the study again")
+        if "failure" in self._parts[part]:
+            raise InputError(self._parts[part]["failure"])
+        return _named_keys(self._file.table, part)
+
+    def rows(self, part: Part) -> list[dict[str, Any]]:
+        """Return one part's rows of a short table, which is read as a whole the first time.
+
+        Raises InputError as `part` does.
+        """
+        return self._rows.get(tuple(self._keys(part).values()), [])
+
+    @cached_property
+    def _rows(self) -> dict[tuple[str, ...], list[dict[str, Any]]]:
+        """Rows by the keys of their parts."""
+        names = [*_named_keys(self._file.table, Part(""))]
+        by_part: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+        for row in rows_of(self._file.read()):
+            by_part.setdefault(tuple(row[name] for name in names), []).append(row)
+        return by_part
+
+    def part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
+        """Read one part's rows, or only some of their columns.
+
+        Raises InputError where the table lacks the part, or says that the part failed.
+        """
+        pieces = [rows for _, rows in self._file.rows_with(self._keys(part), columns)]
+        return pa.concat_tables(pieces or [self._file.read(columns, [])])
+
+    def recording(
+        self,
+        part: Part,
+        task: str,
+        trial: str,
+        by: str,
+        columns: Sequence[str],
+        n_frames: int | None = None,
+        frames: npt.NDArray[np.int64] | None = None,
+        name: str = "",
+    ) -> dict[str, Array]:
+        """Read numbers of one recording from a frame-by-frame table.
+
+        by : the column that names what there are rows of (segment, digit or joint). Gives (T, len(columns))
+        by that name, in the order of the file, null as NaN. frames : rising numbers (T,) of those to read,
+        NaN where there is no row; all rows if None. name : to read alone. Raises InputError as `part`, and
+        where n_frames is given and there are not so many rows.
+        """
+        keys = self._keys(part) | {"task": task, "trial": trial} | ({by: name} if name else {})
+        between = {} if frames is None or not len(frames) else {"frame": (int(frames[0]), int(frames[-1]))}
+        needed = columns if frames is None else ["frame", *columns]
+        pieces: dict[str, list[Array]] = {}
+        counts: dict[str, int] = {}
+        for value, rows in self._file.rows_with(keys, needed, between, by):
+            if not rows.num_rows:
+                continue
+            numbers = {value: _numbers(rows, needed)} if value else numbers_by_name(rows, by, needed)
+            for label, piece in numbers.items():
+                if frames is None:
+                    pieces.setdefault(label, []).append(piece)
+                    counts[label] = counts.get(label, 0) + len(piece)
+                    continue
+                (aligned,) = pieces.setdefault(label, [np.full((len(frames), len(columns)), np.nan)])
+                index = np.searchsorted(frames, piece[:, 0])
+                shared = index < len(frames)
+                shared[shared] = frames[index[shared]] == piece[shared, 0]
+                aligned[index[shared]] = piece[shared, 1:]
+                counts[label] = counts.get(label, 0) + int(shared.sum())
+        for label, count in counts.items():
+            if n_frames is not None and count != n_frames:
+                raise TableError(
+                    f"{self._file.path}: {task}{trial and ', '}{trial}, {label}: has {count} frames and the "
+                    f"recording {n_frames}; remove it and run the study again"
+                )
+        return {label: np.concatenate(rows) if rows[1:] else rows[0] for label, rows in pieces.items()}
+
+
+@contextmanager
+def open_parts(path: Path, table: Table) -> Iterator[PartsReader]:
+    """Open a subject table to read several of its parts or recordings.
+
+    Raises InputError where the file is not that table or lists no parts.
+    """
+    with open_table(path, table) as file:
+        yield PartsReader(file)
+
+
+def read_part(path: Path, table: Table, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
+    """Read one part's rows, or only some of their columns.
+
+    Raises InputError where the file is not that table, lacks the part, or says that the part failed.
+    """
+    with open_parts(path, table) as parts:
+        return parts.part(part, columns)
+
+
+def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str, Array]:
+    """Columns (N, C) of the rows of each name in the column `by`, in the order in which names appear."""
+    numbers = _numbers(rows, columns)
+    names = rows.column(by).combine_chunks().dictionary_encode()
+    codes = names.indices.to_numpy()
+    return {name: numbers[codes == code] for code, name in enumerate(names.dictionary.to_pylist())}
+
+
+def _numbers(rows: pa.Table, columns: Sequence[str]) -> Array:
+    return np.stack([np.asarray(rows.column(name).to_numpy(), float) for name in columns], -1)
+
+
+def _named_keys(table: Table, part: Part) -> dict[str, str]:
+    names = {column.name for column in table.columns}
+    return {name: value for name, value in asdict(part).items() if name in names}
+
+
+def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
+    try:
+        listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
+        parts = {Part(*(entry.pop(field.name) for field in fields(Part))): entry for entry in listed}
+        texts = [text for part in parts for text in astuple(part)]
+        texts += [entry.get(name, "") for entry in parts.values() for name in ("failure", "note")]
+        if not all(isinstance(text, str) for text in texts):
+            raise TypeError("a name or a reason is no text")
+        return parts
+    except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
+        raise TableError(f"{path}: does not list its parts; remove it and run the study again") from error

@@ -1,0 +1,339 @@
+"""Receiver poses as arrays: the poses table, read whole or a block of frames at a time.
+
+The table is a full grid: every segment has a row for every frame, so a block of frames is the same slice
+of every segment, and a recording need never be in memory at once.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError, TableError
+from shukotsu.study.layout import Layout
+from shukotsu.study.study import Hand
+from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.limits import FARTHEST_MM
+from shukotsu.tables.parquet_files import open_parquet
+from shukotsu.tables.typed_table import TableFile, column_array, open_table, read_metadata
+
+Array = npt.NDArray[np.float64]
+
+BLOCK_FRAMES = 1 << 16
+
+KEPT_BYTES = 200 * 10**6
+"""Of recordings that were read whole, together; one that takes more than a quarter of it is not kept."""
+
+BYTES_A_POSE = 57
+_NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
+_COLUMNS = ("frame", "time_s", *_NUMBERS, "valid")
+
+
+@dataclass(frozen=True)
+class RecordingName:
+    """Whose hand it is and what it did."""
+
+    subject: str
+    hand: str
+    task: str
+    trial: str = ""
+    session: str = ""
+
+    @property
+    def of_hand(self) -> Hand:
+        """The hand alone."""
+        return Hand(self.subject, self.hand, self.session)
+
+    def __str__(self) -> str:
+        return ", ".join(word for word in (str(self.of_hand), self.task, self.trial) if word)
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses of S receivers over T frames; first dimension is time.
+
+    frame : (T,) int; time_s : (T,), of the first segment that has one, NaN where none has; position_mm :
+    (T, S, 3), quaternion : (T, S, 4) unit (w, x, y, z), receiver to transmitter frame; valid : (T, S)
+    bool. Where not valid, numbers may be NaN.
+    """
+
+    segments: tuple[str, ...]
+    frame: npt.NDArray[np.int64]
+    time_s: Array
+    position_mm: Array
+    quaternion: Array
+    valid: npt.NDArray[np.bool_]
+
+    def index(self, segment: str) -> int:
+        """Position of the segment in the second dimension."""
+        return self.segments.index(segment)
+
+    def take(self, rows: slice | npt.NDArray[np.int64]) -> Poses:
+        """Only some of the frames."""
+        return Poses(
+            self.segments,
+            self.frame[rows],
+            self.time_s[rows],
+            self.position_mm[rows],
+            self.quaternion[rows],
+            self.valid[rows],
+        )
+
+
+PosesReader = Callable[..., Iterator[Poses]]
+"""Called with names of segments: a hand's recordings in turn, long ones in blocks, with those at least."""
+
+
+def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
+    """Return a reader of recordings, of which `segments` are all; it raises InputError as `read_poses` does.
+
+    Short recordings are kept between calls, with all segments; of long ones only what is asked for is read,
+    some frames at a time.
+    """
+
+    def read(*wanted: str) -> Iterator[Poses]:
+        for path in paths:
+            if _is_short(path, segments):
+                yield read_poses(path, segments)
+            else:
+                yield from pose_blocks(path, wanted)
+
+    return read
+
+
+def recording_name(path: Path) -> RecordingName:
+    """Return the recording's name from a poses file's metadata, also where its making failed."""
+    metadata = read_metadata(path, f"a {POSES.name} table")
+    if metadata["schema"] != POSES.name:
+        raise TableError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")
+    parameters = metadata["parameters"]
+    names = {name: parameters.get(name) for name in ("subject", "hand", "task", "trial")}
+    names["session"] = parameters.get("session", "")  # a recording without one does not name it
+    for name, text in names.items():
+        if not isinstance(text, str):
+            raise TableError(f"{path}: its metadata lacks {name!r}; make it with shukotsu.readers")
+    return RecordingName(**names)
+
+
+def read_poses(path: Path, segments: Sequence[str]) -> Poses:
+    """Read the poses of those segments, whole; a segment that the file lacks is never valid.
+
+    The arrays cannot be written to: whoever reads a short recording next gets the same ones, see KEPT_BYTES.
+    """
+    stat = path.stat() if path.is_file() else None
+    key = None if stat is None else (path.absolute(), stat.st_size, stat.st_mtime_ns, tuple(segments))
+    if key is not None and key in _kept:
+        _kept.move_to_end(key)
+        return _kept[key]
+    (poses,) = pose_blocks(path, segments, block_frames=None)
+    for array in _arrays(poses):
+        array.flags.writeable = False
+    if key is not None and _size_bytes(poses) <= KEPT_BYTES // 4:
+        _kept[key] = poses
+        while sum(map(_size_bytes, _kept.values())) > KEPT_BYTES:
+            _kept.popitem(last=False)
+    return poses
+
+
+def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
+    """Read one frame in `every`, from the first on, as `read_poses` reads all."""
+    if every <= 1:
+        return read_poses(path, segments)
+    kept, start = [], 0
+    for block in pose_blocks(path, segments):
+        kept.append(block.take(np.arange(-start % every, len(block.frame), every)))  # copies
+        start += len(block.frame)
+    return joined_poses(kept)
+
+
+def joined_poses(parts: Sequence[Poses]) -> Poses:
+    """Return parts of a recording, at least one, as one."""
+    arrays = zip(*map(_arrays, parts), strict=True)
+    return Poses(parts[0].segments, *(np.concatenate(pieces) for pieces in arrays))
+
+
+_kept: OrderedDict[tuple[Path, int, int, tuple[str, ...]], Poses] = OrderedDict()
+"""Recordings by their file's path, size and time, and by segments; last the one that was asked for last."""
+
+
+def _arrays(poses: Poses) -> tuple[npt.NDArray[Any], ...]:
+    return poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid
+
+
+def _is_short(path: Path, segments: Sequence[str]) -> bool:
+    """Return whether a recording may be in memory as a whole."""
+    return frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4
+
+
+def _size_bytes(poses: Poses) -> int:
+    return sum(array.nbytes for array in _arrays(poses))
+
+
+def pose_blocks(
+    path: Path, segments: Sequence[str], block_frames: int | None = BLOCK_FRAMES
+) -> Iterator[Poses]:
+    """Read the poses of those segments in blocks of `block_frames` frames (None: one block).
+
+    The last block is shorter. Gives at least one block, which is empty where the recording has no frame.
+    Raises InputError where the file is no poses table or its segments do not share their frames.
+    """
+    with open_table(path, POSES) as file:
+        groups = _row_groups(file)
+        present = [segment for segment in segments if segment in groups]
+        counts = [sum(file.group_rows[group] for group in groups[segment]) for segment in present]
+        for segment, count in zip(present, counts, strict=True):
+            if count != counts[0]:
+                raise _unshared(path, segment)
+        n_frames = counts[0] if counts else 0
+        size = block_frames or max(1, n_frames)
+        pieces = {segment: _pieces(file, groups[segment], size) for segment in present}
+        for start in range(0, max(1, n_frames), size):
+            block = _empty(segments, min(size, n_frames - start))
+            for index, segment in enumerate(segments):
+                if segment not in pieces:
+                    block.position_mm[:, index] = block.quaternion[:, index] = np.nan
+            for segment in present:
+                filled = 0
+                while filled < len(block.frame):
+                    rows, columns = next(pieces[segment])
+                    _fill(path, block, segment, rows, columns, first=segment == present[0])
+                    filled = rows.stop
+            yield block
+
+
+def check_layout(path: Path, layout: Layout) -> None:
+    """Raise TableError where a poses file was made with a layout of other segments than this one's.
+
+    A layout that measures fewer of the segments will do, or one of which the recording wore fewer receivers.
+    """
+    with open_parquet(path, f"a {POSES.name} table") as file:  # also one whose making failed
+        segments = _row_groups(TableFile(path, POSES, file))
+    made_with = read_metadata(path)["parameters"].get("layout", layout.name)
+    lacking = [name for name in layout.measured if name not in segments]
+    if made_with != layout.name and lacking and not set(segments) <= set(layout.segments):
+        raise TableError(
+            f"{path}: was imported with layout {made_with} and has no {lacking[0]}; layout {layout.name} "
+            f"measures {', '.join(layout.measured)}; import the recording with it"
+        )
+
+
+def frame_count(path: Path) -> int:
+    """Return the number of frames of a poses file, which its footer tells."""
+    with open_table(path, POSES) as file:
+        groups = next(iter(_row_groups(file).values()), [])
+        return sum(file.group_rows[group] for group in groups)
+
+
+def _row_groups(file: TableFile) -> dict[str, list[int]]:
+    """Return which row groups hold each segment. Raises TableError where one holds two, or does not say."""
+    groups: dict[str, list[int]] = {}
+    for group, n_rows in enumerate(file.group_rows):
+        if not n_rows:
+            continue
+        ends = file.ends(group, "segment")
+        if ends is None or ends[0] != ends[1]:
+            raise TableError(
+                f"{file.path}: a row group holds several segments; make it with `shukotsu import`"
+            )
+        groups.setdefault(ends[0], []).append(group)
+    return groups
+
+
+def _pieces(
+    file: TableFile, groups: Sequence[int], size: int
+) -> Iterator[tuple[slice, dict[str, npt.NDArray[Any]]]]:
+    """Read a segment's columns, of which one row group at a time is in memory, cut where blocks of `size`
+    frames end; with each piece where in its block it stands.
+    """
+    start = 0
+    for group in groups:
+        table = file.read(_COLUMNS, [group])
+        arrays = {name: column_array(table, name) for name in _COLUMNS}
+        first, n_rows = 0, table.num_rows
+        del table
+        while first < n_rows:
+            at = start % size
+            count = min(n_rows - first, size - at)
+            yield slice(at, at + count), {n: array[first : first + count] for n, array in arrays.items()}
+            first, start = first + count, start + count
+
+
+def _unshared(path: Path, segment: str) -> TableError:
+    return TableError(f"{path}: segment {segment} does not have the frames of the others; make it again")
+
+
+def _fill(
+    path: Path,
+    block: Poses,
+    segment: str,
+    rows: slice,
+    columns: dict[str, npt.NDArray[Any]],
+    *,
+    first: bool,
+) -> None:
+    """Put a segment's columns into those rows of the block; of the first one the frames, too."""
+    index = block.index(segment)
+    if first:
+        block.frame[rows] = columns["frame"]
+    elif not np.array_equal(columns["frame"], block.frame[rows]):
+        raise _unshared(path, segment)
+    times = block.time_s[rows]
+    np.copyto(times, columns["time_s"], where=np.isnan(times))
+    for axis, name in enumerate(_NUMBERS):
+        if (columns["valid"] & (np.abs(columns[name]) > FARTHEST_MM)).any():  # squares overflow
+            raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
+        numbers = block.position_mm if axis < 3 else block.quaternion
+        numbers[rows, index, axis if axis < 3 else axis - 3] = columns[name]
+    block.valid[rows, index] = columns["valid"]
+
+
+def _empty(segments: Sequence[str], n_frames: int) -> Poses:
+    """Poses yet to fill in, in memory number by number as the file's columns are; valid nowhere."""
+    shape = (n_frames, len(segments))
+    return Poses(
+        tuple(segments),
+        np.empty(n_frames, np.int64),
+        np.full(n_frames, np.nan),
+        np.empty((*shape, 3), order="F"),
+        np.empty((*shape, 4), order="F"),
+        np.zeros(shape, bool, order="F"),
+    )
+
+
+def one_hand(paths: Sequence[Path], subject: str | None, session: str | None, hand: str | None) -> Hand:
+    """Return the hand that all the poses files are of, or the one given where there is no file.
+
+    Raises InputError where the files disagree with each other or with what is given.
+    """
+    names = [(path, recording_name(path)) for path in paths]
+    if not names and (subject is None or hand is None):
+        raise InputError("no poses file, so --subject and --hand must say whose hand it is")
+    name = names[0][1] if names else RecordingName("", "", "")
+    wanted = Hand(subject or name.subject, hand or name.hand, name.session if session is None else session)
+    for path, name in names:
+        if name.of_hand != wanted:
+            raise InputError(f"{path}: is of {name}; expected {wanted}")
+    return wanted
+
+
+def usable_poses(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
+    """Split poses files into those that hold poses and the reasons why others hold none.
+
+    Raises TableError where one is no poses table.
+    """
+    usable, reasons = [], []
+    for path in paths:
+        try:
+            with open_table(path, POSES):
+                usable.append(path)
+        except TableError:
+            raise
+        except InputError as error:
+            reasons.append(error.message)
+    return usable, reasons

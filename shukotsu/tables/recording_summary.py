@@ -1,0 +1,263 @@
+"""A subject's part of the study's tables: rows of recordings, short tables, and problems, made here alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from shukotsu.errors import InputError, TableError
+from shukotsu.study.findings import NOTE, REFUSED, Finding, problem_of, problem_row, worded
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.results import GATHERED_TABLES
+from shukotsu.study.study import Recording
+from shukotsu.study.verdict import TOO_CLOSE, doubts_of
+from shukotsu.tables.catalogue import (
+    CLOCKS,
+    FINDINGS,
+    JOINT_CENTRES,
+    MOVED_RECEIVERS,
+    POSES,
+    RECEIVERS,
+    RECORDINGS,
+    TABLES,
+)
+from shukotsu.tables.device_clock import Array, device_clock
+from shukotsu.tables.parts import part_metadata
+from shukotsu.tables.typed_table import (
+    Table,
+    column_array,
+    read_metadata,
+    read_row_groups,
+    read_table,
+    rows_of,
+)
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class SubjectTables:
+    """A subject's rows of the tables recordings and problems, and the gathered ones, of whole skeletons."""
+
+    recordings: list[Row]
+    problems: list[Row]
+    tables: Mapping[str, pa.Table]
+
+
+def subject_tables(plan: SubjectPlan) -> SubjectTables:
+    """Read what a study gathers of one subject, and name what is wrong; TableError where a table is damaged.
+
+    A recording that a finding refuses is not called used.
+    """
+    recordings, problems = [], []
+    for recording in plan.recordings:
+        row, findings = recording_row(recording, plan.poses(recording))
+        where = {**vars(recording.hand), "task": recording.title}
+        problems += [problem_row("capture", finding, **where) for finding in findings]
+        recordings.append(row)
+    by_name = {tuple(row[key] for key in RECORDINGS.key): row for row in recordings}
+    for finding in rows_of(read_table(plan.table(FINDINGS.name), FINDINGS)):
+        row = by_name[tuple(finding[key] for key in RECORDINGS.key)]
+        if finding["severity"] == REFUSED and row["status"] == "used":
+            row |= {"status": REFUSED, "message": finding["message"]}
+        problems.append(problem_of(finding))
+    tables = {}
+    problems_of_rows = {
+        RECEIVERS.name: _receiver_problems,
+        MOVED_RECEIVERS.name: _moved_problems,
+        CLOCKS.name: _clock_problems,
+        JOINT_CENTRES.name: _joint_problems,
+    }
+    for name, stage in GATHERED_TABLES.items():
+        table, parts = TABLES[name], [TABLES[name].arrow_schema({}).remove_metadata().empty_table()]
+        for file in plan.files_of(name):
+            rows = read_table(file, table)
+            whole = "made_without" in table.key
+            parts.append(rows.filter(pc.equal(rows.column("made_without"), "")) if whole else rows)
+            problems += part_problems(plan, file, table, stage)
+        tables[name] = pa.concat_tables([part.replace_schema_metadata() for part in parts])
+        if name in problems_of_rows:
+            problems += problems_of_rows[name](tables[name])
+    for hand in plan.hands:
+        if not plan.all_calibrating(hand):
+            uncalibrated = Finding("hand", REFUSED, "uncalibrated")
+            problems.append(problem_row("solve_joints", uncalibrated, **vars(plan.hand(hand))))
+    return SubjectTables(recordings, problems, tables)
+
+
+def part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> Iterator[Row]:
+    """Name parts that failed, and what a stage notes of others."""
+    for part, parameters in part_metadata(file, table).items():
+        where = {**vars(plan.hand(part.hand)), "model": part.model}
+        kind = "skeleton" if part.model else "hand"
+        for name, severity in (("failure", REFUSED), ("note", NOTE)):
+            if name in parameters and not part.made_without:
+                yield problem_row(stage, worded(kind, severity, parameters[name]), **where)
+
+
+RECEIVER_KINDS = {
+    "": "receiver",
+    "step": "receiver-loose",
+    "slide": "receiver-slid",
+}
+"""Kinds of problems by what displaced a receiver."""
+
+OF_A_MODEL = ("subject", "session", "hand", "model")
+
+
+def _receiver_problems(receivers: pa.Table) -> list[Row]:
+    """Receivers that came loose or slid, and touches that were refused, once however many models say so; a
+    disturbed field once for all receivers that are in it.
+
+    A receiver without a valid pose is named with its recording.
+    """
+    problems, in_field = [], dict[tuple[str, ...], list[Row]]()
+    for row in rows_of(receivers):
+        if not row["message"] or row["status"] == "failed":
+            continue
+        if row["loose_kind"] == "field":
+            in_field.setdefault(tuple(row[key] for key in OF_A_MODEL), []).append(row)
+            continue
+        values = {"segment": row["segment"], "text": row["message"]}
+        finding = Finding(RECEIVER_KINDS[row["loose_kind"]], NOTE, "", values)
+        problems.append(problem_row("fit_hand", finding, **_hand_of(row)))
+    for rows in in_field.values():
+        finding = Finding("field-disturbed", NOTE, "", _field_values(rows))
+        problems.append(problem_row("fit_hand", finding, **_hand_of(rows[0])))
+    return problems
+
+
+def _moved_problems(moved: pa.Table) -> list[Row]:
+    """Receivers that sit elsewhere in a recording than in the calibration."""
+    return [
+        problem_row(
+            "fit_hand",
+            Finding("receiver-moved", NOTE, "", {"segment": row["segment"], "text": row["message"]}),
+            **_hand_of(row),
+            task=_title(row),
+        )
+        for row in rows_of(moved)
+        if row["message"]
+    ]
+
+
+def _title(row: Row) -> str:
+    return ", ".join(filter(None, (row["task"], row["trial"])))
+
+
+def _hand_of(row: Row) -> dict[str, str]:
+    return {key: row[key] for key in ("subject", "session", "hand")}
+
+
+def _field_values(rows: Sequence[Row]) -> dict[str, Any]:
+    """Summarise a disturbed field's effect on the receivers in it, from their rows."""
+    mm, deg, share = (
+        max(row[name] for row in rows) for name in ("loose_shift_mm", "loose_turn_deg", "left_out_share")
+    )
+    return {
+        **{axis: rows[0][f"field_{axis}_mm"] for axis in "xyz"},
+        "count": len(rows),
+        "mm": mm,
+        "deg": deg,
+        "percent": 100 * share,
+        "segments": [row["segment"] for row in rows],
+    }
+
+
+def _joint_problems(joints: pa.Table) -> list[Row]:
+    """Neighbouring MCP centres that are nearer to each other than any hand has them, under each model."""
+    return [
+        problem_row(
+            "estimate_metacarpals",
+            Finding(TOO_CLOSE, NOTE, "", values),
+            **{key: row[key] for key in OF_A_MODEL},
+        )
+        for row in rows_of(joints)
+        if (values := doubts_of(row).get(TOO_CLOSE))
+    ]
+
+
+def _clock_problems(clocks: pa.Table) -> list[Row]:
+    """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
+    return [
+        problem_row(
+            "align_events",
+            worded("events", NOTE, row["message"]),
+            **_hand_of(row),
+            task=_title(row),
+        )
+        for row in rows_of(clocks)
+        if row["status"] in ("weak", "failed")
+    ]
+
+
+def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]]:
+    """Return the recording's row of the recordings table, and the problems with it.
+
+    poses : the recording's poses table; an excluded recording needs none.
+    """
+    row: Row = {
+        **recording.key,
+        "role": recording.role,
+        "file": recording.file_as_written,
+        "status": "used",
+        "n_frames": 0,
+        "n_receivers": 0,
+        "message": "",
+    }
+    if recording.exclude:
+        return row | {"status": "excluded", "message": recording.exclude}, []
+    try:
+        n_rows, n_valid, time_s = _summed(poses)
+    except InputError as error:
+        failed = worded("recording", REFUSED, str(error))
+        return row | {"status": "failed", "message": failed.message}, [failed]
+    parameters = read_metadata(poses)["parameters"]
+    notes, absent, losses = (_texts(poses, parameters, name) for name in ("notes", "absent", "losses"))
+    missing = parameters.get("missing_frames", 0)
+    if not isinstance(missing, int):
+        raise TableError(
+            f"{poses}: its metadata have no number of missing_frames; make it with shukotsu.readers"
+        )
+    dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
+    problems = [Finding("recording", NOTE, "no-pose", {"segments": [*dead]})] if dead else []
+    problems += [worded("recording", NOTE, loss) for loss in losses]
+    row["message"] = "; ".join(dict.fromkeys([*(problem.message for problem in problems), *notes]))
+    n_frames = n_rows // max(len(n_valid), 1)
+    expected = (n_frames + missing) * len({*n_valid, *absent})
+    row["tracker"] = str(parameters.get("tracker", ""))
+    row["n_frames"] = n_frames
+    row["n_receivers"] = sum(1 for count in n_valid.values() if count)
+    row["duration_s"] = device_clock(time_s)[0]
+    row["valid_percent"] = 100.0 * sum(n_valid.values()) / expected if expected else None
+    return row, problems
+
+
+def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
+    """Return a list of texts of the poses table's parameters; TableError where it is something else."""
+    texts = parameters.get(name, [])
+    if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+        raise TableError(f"{path}: its metadata have no list of {name}; make it with shukotsu.readers")
+    return texts
+
+
+def _summed(poses: Path) -> tuple[int, dict[str, int], Array]:
+    """Count rows, and valid ones by segment; return the frames' times (T,), of the first segment with one."""
+    n_rows, n_valid, seen, time_s = 0, dict[str, int](), dict[str, int](), np.zeros(0)
+    for rows in read_row_groups(poses, POSES, ["segment", "time_s", "valid"]):
+        n_rows += rows.num_rows
+        for segment in pc.unique(rows["segment"]).to_pylist():
+            of_segment = rows.filter(pc.equal(rows["segment"], segment))
+            start, end = seen.get(segment, 0), seen.get(segment, 0) + of_segment.num_rows
+            n_valid[segment] = n_valid.get(segment, 0) + pc.sum(of_segment["valid"]).as_py()
+            time_s = np.concatenate([time_s, np.full(max(0, end - len(time_s)), np.nan)])
+            times = time_s[start:end]
+            np.copyto(times, column_array(of_segment, "time_s"), where=np.isnan(times))
+            seen[segment] = end
+    return n_rows, n_valid, time_s

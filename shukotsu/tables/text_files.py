@@ -1,0 +1,88 @@
+"""Text files: read whole or opened, with a sentence for all that is no text file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from shukotsu.errors import InputError
+from shukotsu.tables.limits import check_regular, read_whole
+
+_OTHER_KINDS = (
+    (b"%PDF", "is a PDF document"),
+    (b"PK\x03\x04", "is a spreadsheet or another packed file (.xlsx, .ods, .zip)"),
+    (b"\xd0\xcf\x11\xe0", "is an old spreadsheet or document (.xls, .doc)"),
+    (b"\x1f\x8b", "is packed by gzip"),
+    (b"PAR1", "is a Parquet file"),
+    (b"\xff\xfe", "is UTF-16 text"),
+    (b"\xfe\xff", "is UTF-16 text"),
+)
+
+
+def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: str = "") -> str:
+    """Read a text file in UTF-8, a byte order mark left out, every end of a line a line feed.
+
+    expected : what it should be, for the sentences.
+    most_bytes : of a file that is never longer. remedy : how to get an absent one. Raises InputError where
+    the file is absent, too long, of another kind or not in UTF-8.
+    """
+    with reading(path, expected, remedy):
+        text = decoded(path, read_whole(path, expected, most_bytes), expected)
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def decoded(path: Path, data: bytes, expected: str) -> str:
+    """Return the text of a file's bytes. Raises InputError where they are of another kind or not in UTF-8."""
+    refuse_other_kind(path, data[:8], expected)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise undecodable(path, line) from error
+
+
+def undecodable(path: Path, line: int) -> InputError:
+    """Name the first line that is not UTF-8."""
+    return InputError(f"{path}: line {line}: is not UTF-8 text; save it as UTF-8")
+
+
+def refuse_other_kind(path: Path, start: bytes, expected: str) -> None:
+    """Raise InputError where a file's first bytes are those of a kind that is no text."""
+    for signature, what in _OTHER_KINDS:
+        if start.startswith(signature):
+            save = "UTF-8" if "UTF-16" in what else "CSV" if "spreadsheet" in what else "text"
+            raise InputError(f"{path}: {what}; expected {expected}: save it as {save}")
+
+
+def open_text(path: Path, expected: str = "a recording") -> BinaryIO:
+    """Open a text file to read its bytes. Raises InputError where it is of another kind, and as `open`."""
+    check_regular(path, expected)
+    stream = path.open("rb")
+    try:
+        refuse_other_kind(path, stream.read(8), expected)
+        stream.seek(0)
+    except InputError:
+        stream.close()
+        raise
+    return stream
+
+
+@contextmanager
+def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iterator[None]:
+    """Turn what goes wrong when a file is opened or read into a sentence."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        what = remedy or f"expected {expected}"
+        raise InputError(f"{path}: no such file; {what}{slash_hint(str(path))}") from error
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror or error}); expected {expected}"
+        ) from error
+
+
+def slash_hint(path: str) -> str:
+    """Return what is wrong with a path that another system writes so; empty for any other."""
+    return "; folders are separated by / and not by \\" if "\\" in path else ""

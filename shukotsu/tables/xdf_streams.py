@@ -1,0 +1,210 @@
+"""The streams of an XDF file (XDF 1.0), read by pyxdf.
+
+Where a file is damaged pyxdf goes on and logs it; what is cut off inside a sample it fills with numbers that
+were never recorded. So the file that it is given raises where it ends, and what it logs is a refusal.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError
+from shukotsu.tables.limits import MEMORY_BYTES, MEMORY_PER_BYTE, check_regular
+from shukotsu.tables.text_files import reading
+
+Floats = npt.NDArray[np.float64]
+
+NUMBERS = ("double64", "float32", "int64", "int32", "int16", "int8")
+TEXT = "string"
+"""Channel formats of numbers, and that of texts."""
+
+POSITION = ("positionx", "positiony", "positionz")
+QUATERNION = ("orientationa", "orientationb", "orientationc", "orientationd")
+"""A is the scalar; B, C and D are the axial components x, y and z."""
+
+EULER = ("orientationp", "orientationh", "orientationr")
+
+
+@dataclass(frozen=True)
+class Stream:
+    """What a stream's header says of it. rate_hz : nominal, 0 where it is irregular."""
+
+    number: int
+    name: str
+    type: str
+    format: str
+    channel_count: int
+    rate_hz: float
+
+
+@dataclass(frozen=True)
+class Channel:
+    """What a stream's header says of one channel; empty where it says nothing."""
+
+    index: int
+    label: str
+    owner: str
+    type: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The T samples of a stream.
+
+    time_s : (T,), corrected by the clock offsets where there are any, and not smoothed. values : by sample
+    and channel. offsets : (N, 2), time on the stream's clock, and what is to be added to it, in s.
+    """
+
+    channels: tuple[Channel, ...]
+    time_s: Floats
+    values: Any
+    offsets: Floats
+    notes: tuple[str, ...]
+
+
+def owners(channels: tuple[Channel, ...]) -> list[str]:
+    """Return the markers and objects that have a position or an orientation, in the order of the channels."""
+    posed = (*POSITION, *QUATERNION, *EULER)
+    return list(dict.fromkeys(c.owner for c in channels if c.type in posed and c.owner))
+
+
+def pose_channels(where: str, channels: tuple[Channel, ...], owner: str) -> list[Channel]:
+    """Return the channels of x, y, z and A, B, C, D of a marker or object. Raises InputError for others."""
+    where = f"{where}, {owner}"
+    by_owner = [channel for channel in channels if channel.owner == owner]
+    types = [channel.type for channel in by_owner]
+    if set(types) & set(EULER) and not set(types) & set(QUATERNION):
+        raise InputError(
+            f"{where}: has angles (OrientationP, H, R), whose order XDF does not say; record quaternions"
+        )
+    for kind in (*POSITION, *QUATERNION):
+        if types.count(kind) != 1:
+            spelled = kind.capitalize()[:-1] + kind[-1].upper()
+            raise InputError(
+                f"{where}: has {types.count(kind) or 'no'} channels of type {spelled}; expected one"
+            )
+    return [by_owner[types.index(kind)] for kind in (*POSITION, *QUATERNION)]
+
+
+def read_streams(path: Path) -> list[Stream]:
+    """Return the streams of a file, in its order. Raises InputError where it is no XDF file or is damaged."""
+    import pyxdf
+
+    with _opened(path) as (file, _):
+        infos = pyxdf.resolve_streams(file)
+    if len({info["stream_id"] for info in infos}) < len(infos):
+        raise InputError(f"{path}: is damaged: a stream begins again; copy it again")
+    return [
+        Stream(
+            info["stream_id"],
+            (info["name"] or "").strip(),
+            (info["type"] or "").strip(),
+            (info["channel_format"] or "").strip(),
+            info["channel_count"],
+            info["nominal_srate"],
+        )
+        for info in infos
+    ]
+
+
+def load_stream(path: Path, stream: Stream) -> Samples:
+    """Return the samples of a stream. Raises InputError where it has none, or is damaged."""
+    import pyxdf
+
+    where = f"{path}: stream {stream.name}"
+    with _opened(path) as (file, damages):
+        (loaded,), _ = pyxdf.load_xdf(file, select_streams=stream.number, dejitter_timestamps=False)
+    if damages:
+        raise InputError(f"{where}: is damaged ({damages[0]}); copy the file again")
+    time_s, values, notes = np.asarray(loaded["time_stamps"], float), loaded["time_series"], []
+    if "footer" not in loaded:
+        notes.append("the file is cut off before the stream's end; what comes before it is read")
+        if stream.format == TEXT:  # the last one's letters may lack some
+            time_s, values = time_s[:-1], values[:-1]
+    if not len(time_s):
+        raise InputError(f"{where}: has no samples")
+    offsets = np.array([loaded["clock_times"], loaded["clock_values"]], float).T
+    return Samples(_channels(loaded["info"]), time_s, values, offsets, tuple(notes))
+
+
+class _Complete(io.BufferedReader):
+    """A file that raises where it ends within what is asked for."""
+
+    def readinto(self, buffer: Any) -> int:
+        count = super().readinto(buffer)
+        if count < len(buffer):
+            raise EOFError("the file is cut off")
+        return count
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
+    """Open a file, packed by gzip or not; list the damages that pyxdf logs before the file's end."""
+    damages: list[str] = []
+
+    def note(record: logging.LogRecord) -> bool:
+        if record.levelno >= logging.ERROR and file.peek(1):
+            damages.append(record.getMessage())
+        return False
+
+    with reading(path):
+        size = check_regular(path, "a recording")
+        with path.open("rb") as stream:
+            is_packed = stream.read(2) == b"\x1f\x8b"
+        raw = gzip.GzipFile(path) if is_packed else io.FileIO(path)
+    file = _Complete(cast(io.RawIOBase, raw))
+    logger = logging.getLogger("pyxdf.pyxdf")
+    logger.addFilter(note)
+    try:
+        most = MEMORY_PER_BYTE * size + MEMORY_BYTES
+        if is_packed and raw.seek(most + 1) > most:
+            raise InputError(
+                f"{path}: unpacks from {size / 1e6:.1f} MB to more than {most / 1e6:.0f} MB; unpack it "
+                "with gunzip to an .xdf file"
+            )
+        raw.seek(0)
+        if file.peek(4)[:4] != b"XDF:":
+            raise InputError(f"{path}: is no XDF file; it does not begin with XDF:")
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield file, damages
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # pyxdf raises whatever its code runs into
+        raise InputError(f"{path}: is damaged: pyxdf cannot read it ({error}); copy it again") from error
+    finally:
+        logger.removeFilter(note)
+        file.close()
+
+
+def _channels(info: Any) -> tuple[Channel, ...]:
+    """Return what a header says of its channels; pyxdf has every element as a list."""
+    described = info.get("desc", [None])[0] or {}
+    listed = (described.get("channels", [None])[0] or {}).get("channel", [])
+    return tuple(
+        Channel(
+            index,
+            _text(channel, "label"),
+            _text(channel, "marker") or _text(channel, "object"),
+            _text(channel, "type").lower(),
+            _text(channel, "unit").lower(),
+        )
+        for index, channel in enumerate(listed)
+    )
+
+
+def _text(element: Any, tag: str) -> str:
+    text = element.get(tag, [""])[0] if isinstance(element, dict) else ""
+    return text.strip() if isinstance(text, str) else ""

@@ -1,0 +1,74 @@
+"""The families of trackers: what is known of each without talking to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from shukotsu.errors import InputError
+from shukotsu.left import instead
+
+
+class UsbTracker(NamedTuple):
+    """A tracker on USB: its name, its state, and the endpoints out and in where bulk transfers read it."""
+
+    name: str
+    state: str
+    endpoints: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family of trackers.
+
+    title : its name for people. rates_hz : frames a second that a user can choose, the usual one first.
+    connectors : receivers that it has at most. remedies : options that make its stream smaller. usb : by
+    vendor and product.
+    """
+
+    title: str
+    rates_hz: tuple[int, ...]
+    connectors: int
+    remedies: str
+    usb: Mapping[tuple[int, int], UsbTracker] = field(default_factory=dict)
+
+
+USUAL = "liberty"
+POLHEMUS = 0x0F44
+HIGH_SPEED, FULL_SPEED = (0x04, 0x88), (0x02, 0x82)
+READY, WANTS_FIRMWARE, NOT_READ = "ready", "wants its firmware", "not read by this program"
+
+
+def _on_usb(name: str, product: int) -> dict[tuple[int, int], UsbTracker]:
+    return {
+        (POLHEMUS, product + 0x20): UsbTracker(f"{name} (high-speed USB)", READY, HIGH_SPEED),
+        (POLHEMUS, product + 0x21): UsbTracker(f"{name} (high-speed USB)", WANTS_FIRMWARE),
+        (POLHEMUS, product + 0x12): UsbTracker(name, READY, FULL_SPEED),
+        (POLHEMUS, product + 0x11): UsbTracker(name, WANTS_FIRMWARE),
+    }
+
+
+FAMILIES = {
+    "liberty": Family(
+        "LIBERTY", (240, 120), 16, "--stations, --items short, --rate 120", _on_usb("LIBERTY", 0xFF00)
+    ),
+    "patriot": Family("PATRIOT", (60,), 2, "--stations, --items short", _on_usb("PATRIOT", 0xEF00)),
+    "viper": Family(
+        "VIPER",
+        (240, 120),
+        16,
+        "--rate 120",
+        {(POLHEMUS, 0xBF01): UsbTracker("VIPER", READY), (POLHEMUS, 0xCF01): UsbTracker("G4", NOT_READ)},
+    ),
+}
+
+USB_TRACKERS = {device: tracker for family in FAMILIES.values() for device, tracker in family.usb.items()}
+"""By USB vendor and product."""
+
+
+def check_family(name: str, where: str) -> None:
+    """Raise InputError where no family has that name; where : what names it, for the message."""
+    if name not in FAMILIES:
+        why = instead("family", name) or f"is {name!r}; expected one of {', '.join(FAMILIES)}"
+        raise InputError(f"{where}: {why}")

@@ -1,0 +1,301 @@
+"""A tracker's port: a serial device, a pseudo-terminal, a URL of pySerial (socket://, rfc2217://), or USB.
+
+Only three wires of a LIBERTY's RS-232 are connected, so no flow control is ever switched on.
+"""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import os
+import re
+import select
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import serial
+
+from shukotsu.errors import InputError
+from shukotsu.left import instead
+from shukotsu.tracker.families import POLHEMUS, READY, USB_TRACKERS, WANTS_FIRMWARE
+
+WAIT_S = 0.1
+"""Longest time that a read waits for a first byte."""
+
+_READ_BYTES, _QUANTUM_S, _EMPTY_READS = 65536, 0.005, 3
+
+PortEntry = tuple[str, int | None, int | None, str]
+"""A serial port: its name, USB vendor, USB product, description."""
+
+WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it comes back under another number"
+HINT = (
+    "A tracker on USB is no serial port by itself; on Linux, once it has its firmware, this makes it one:\n"
+    "  sudo modprobe usbserial vendor=0x0f44 product=0x{product:04x}"
+)
+
+
+class PortGoneError(Exception):
+    """The port does not exist any more, or its other end has closed it."""
+
+
+class Port(ABC):
+    """An open port.
+
+    name : as the user wrote it. baud : what a serial device is set to; None for others. line_baud : bits a
+    second of the serial line behind it; None where there is none (a terminal, a network, a tracker's USB).
+    """
+
+    def __init__(self, name: str, baud: int | None = None, line_baud: int | None = None) -> None:
+        self.name = name
+        self.baud = baud
+        self.line_baud = line_baud
+
+    def set_baud(self, baud: int) -> None:
+        """Change the line's rate, or note it where the port has none to set."""
+        self.baud = self.line_baud = baud
+
+    @abstractmethod
+    def read(self) -> bytes:
+        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+
+    @abstractmethod
+    def write(self, data: bytes) -> None:
+        """Send all of it. Raises PortGoneError."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the port; what goes wrong then is of no interest any more."""
+
+
+class SerialPort(Port):
+    """A port of pySerial's.
+
+    Where a system can wait for a descriptor, a read ends with the first bytes that come, so that the host's
+    time is that of their arrival; elsewhere (Windows, rfc2217) it is theirs to _QUANTUM_S.
+    """
+
+    def __init__(self, name: str, device: Any, baud: int | None, line_baud: int | None) -> None:
+        super().__init__(name, baud, line_baud)
+        self._device = device
+        waits = hasattr(os, "fork") and not name.startswith("rfc2217:")
+        self._descriptor = int(device.fileno()) if waits else None
+        self._empty = 0
+
+    def set_baud(self, baud: int) -> None:
+        """Change the line's rate."""
+        self._device.baudrate = baud
+        super().set_baud(baud)
+
+    def read(self) -> bytes:
+        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        try:
+            if self._descriptor is None:
+                return bytes(self._device.read(_READ_BYTES))
+            if not select.select([self._descriptor], [], [], WAIT_S)[0]:
+                return b""
+            data = os.read(self._descriptor, _READ_BYTES)
+        except BlockingIOError:
+            return b""
+        except (OSError, serial.SerialException, TypeError) as error:
+            # TypeError: pySerial's answer when its descriptor is closed by another thread.
+            raise PortGoneError(_reason(error)) from error
+        self._empty = 0 if data else self._empty + 1
+        if self._empty >= _EMPTY_READS:
+            raise PortGoneError("it was closed at the other end")
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send all of it. Raises PortGoneError."""
+        try:
+            self._device.write(data)
+        except (OSError, serial.SerialException) as error:
+            raise PortGoneError(_reason(error)) from error
+
+    def close(self) -> None:
+        """Close the port; what goes wrong then is of no interest any more."""
+        with suppress(OSError, serial.SerialException):
+            self._device.close()
+
+
+READ_BYTES = 4096
+WRITE_S = 2.0
+RULE = 'SUBSYSTEM=="usb", ATTR{idVendor}=="0f44", MODE="0666"'
+
+
+class UsbPort(Port):
+    """The port `usb:VVVV:PPPP` (vendor and product), or `usb:` for the only tracker there is.
+
+    Raises InputError where there is none, it wants its firmware, or it may not be opened.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        try:
+            usb = self._usb = importlib.import_module("usb1")  # whose read that times out has what came
+            self._context = usb.USBContext()
+            self._context.open()
+        except (ImportError, OSError) as error:
+            raise InputError(
+                "usb: needs libusb1 (pip install libusb1) and the system's libusb-1.0"
+            ) from error
+        device, (self._out, self._in) = self._chosen(name.partition(":")[2].lower())
+        try:
+            self._handle = device.open()
+            self._handle.claimInterface(0)
+        except usb.USBErrorAccess as error:
+            raise InputError(
+                f"{name}: may not be opened by you; put {RULE} into /etc/udev/rules.d/99-polhemus.rules and "
+                "connect it anew"
+            ) from error
+        except usb.USBErrorBusy as error:
+            raise InputError(
+                f"{name}: another program has it open, or the kernel as a serial port "
+                "(sudo modprobe -r usbserial)"
+            ) from error
+        except usb.USBError as error:
+            raise InputError(f"{name}: cannot be opened ({error}); connect it anew") from error
+
+    def _chosen(self, wanted: str) -> tuple[Any, tuple[int, int]]:
+        """Return the device and its endpoints."""
+        trackers = []
+        for device in self._context.getDeviceIterator(skip_on_error=True):
+            ids = (device.getVendorID(), device.getProductID())
+            if ids in USB_TRACKERS and wanted in ("", f"{ids[0]:04x}:{ids[1]:04x}"):
+                trackers.append((device, USB_TRACKERS[ids]))
+        if len(trackers) != 1:
+            raise InputError(
+                f"{self.name}: are {len(trackers)} trackers on USB; expected one; "
+                "`shukotsu record --devices` lists them"
+            )
+        device, tracker = trackers[0]
+        if tracker.endpoints is None:
+            asleep = tracker.state == WANTS_FIRMWARE
+            why = f"{tracker.state}; {WITHOUT_FIRMWARE}" if asleep else "is not read this way"
+            raise InputError(f"{self.name}: a {tracker.name} {why}; see `shukotsu record --devices`")
+        return device, tracker.endpoints
+
+    def read(self) -> bytes:
+        """Return what has come, waiting at most WAIT_S; empty where nothing came. Raises PortGoneError."""
+        try:
+            return bytes(self._handle.bulkRead(self._in, READ_BYTES, round(1000 * WAIT_S)))
+        except self._usb.USBErrorTimeout as error:
+            return bytes(error.received)
+        except self._usb.USBError as error:
+            raise PortGoneError(f"it was unplugged or switched off: {error}") from error
+
+    def write(self, data: bytes) -> None:
+        """Send all of it. Raises PortGoneError."""
+        try:
+            while data:
+                data = data[self._handle.bulkWrite(self._out, data, round(1000 * WRITE_S)) :]
+        except self._usb.USBError as error:
+            raise PortGoneError(f"it takes nothing: {error}") from error
+
+    def close(self) -> None:
+        """Close the port; what goes wrong then is of no interest any more."""
+        self._context.close()
+
+
+def open_port(name: str, baud: int) -> Port:
+    """Open a port for this program alone. baud : to set where the port is a serial device.
+
+    Raises InputError where there is no such port, it may not be opened, or another program has it.
+    """
+    scheme, colon, _ = name.partition(":")
+    if colon and (why := instead("port", scheme)):
+        raise InputError(f"--port: {why}")
+    if colon and scheme == "usb":
+        from shukotsu.tracker.record.port import UsbPort
+
+        return UsbPort(name)
+    options: dict[str, Any] = {"baudrate": baud, "timeout": _QUANTUM_S}
+    if "://" not in name:
+        options |= {"exclusive": True, "write_timeout": 2.0}
+    elif not re.fullmatch(r"(socket|rfc2217)://[^/]+:\d{1,5}([/?].*)?", name):
+        kinds = "socket://HOST:PORT or rfc2217://HOST:PORT"
+        raise InputError(f"{name}: is no port of a network; expected {kinds}")
+    try:
+        device = serial.serial_for_url(name, **options)
+    except (OSError, serial.SerialException, ValueError) as error:
+        raise InputError(f"{name}: {_why_not(name, error)}") from error
+    if "://" in name:
+        return SerialPort(name, device, None, None)
+    from serial.tools import list_ports
+
+    path = str(Path(name).resolve())
+    # neither a terminal nor a tracker's own USB is a serial line, though a tty shows it
+    is_line = not path.startswith("/dev/pts/")
+    is_line &= (path, POLHEMUS) not in [(port.device, port.vid) for port in list_ports.comports()]
+    return SerialPort(name, device, baud, baud if is_line else None)
+
+
+def _why_not(name: str, error: Exception) -> str:
+    number, text = getattr(error, "errno", None), str(error)
+    if "exclusively lock" in text or number in (errno.EBUSY, errno.EAGAIN):
+        return "another program has it open, and two cannot share a tracker; end that one first"
+    if re.fullmatch(r"[\w.-]+:\d+", name):
+        return f"no such port; for one on the network give --port socket://{name}"
+    if number == errno.ENOENT or "No such file" in text:
+        return "no such port; `shukotsu record --devices` lists those there are"
+    if number == errno.EACCES or "Permission denied" in text:
+        return "may not be opened by you; on most systems members of the group dialout may"
+    if "://" in name:
+        return f"cannot be reached ({_reason(error)}){perhaps_taken(name) if 'refused' in text else ''}"
+    return f"is no port that can be opened ({_reason(error)})"
+
+
+def perhaps_taken(name: str) -> str:
+    """Format why a connection to a network port may end at once: most serve one program at a time."""
+    return "; perhaps another program has it" if "://" in name else ""
+
+
+def _reason(error: Exception) -> str:
+    """Return the error's reason without the layers that pySerial puts around it."""
+    if isinstance(error, OSError) and not isinstance(error, serial.SerialException) and error.strerror:
+        return error.strerror
+    return re.sub(r".*\[Errno \d+\] ", "", str(error)) or type(error).__name__
+
+
+def serial_ports() -> list[PortEntry]:
+    """Return every serial port of this machine."""
+    from serial.tools import list_ports
+
+    ports = sorted(list_ports.comports())
+    return [(port.device, port.vid, port.pid, port.description or "serial port") for port in ports]
+
+
+def usb_devices(root: Path = Path("/sys/bus/usb/devices")) -> list[tuple[int, int]]:
+    """Return vendor and product of every device on USB, as far as the system tells."""
+    devices = []
+    for vendor in sorted(root.glob("*/idVendor")):
+        try:
+            product = (vendor.parent / "idProduct").read_text("ascii")
+            devices.append((int(vendor.read_text("ascii"), 16), int(product, 16)))
+        except (OSError, ValueError):  # unplugged just now
+            continue
+    return devices
+
+
+def port_lines(ports: Sequence[PortEntry], usb: Sequence[tuple[int, int]]) -> list[str]:
+    """Return a list for people of serial ports, and of trackers on USB (vendor, product) without one."""
+    lines = []
+    for name, vendor, product, description in ports:
+        tracker = USB_TRACKERS.get((vendor or 0, product or 0))
+        number = "" if vendor is None or product is None else f" (USB {vendor:04x}:{product:04x})"
+        lines.append(f"{name}  {tracker.name if tracker else description}{number}")
+    for ids in usb:
+        if ids not in USB_TRACKERS or any(ids == entry[1:3] for entry in ports):
+            continue
+        tracker, number = USB_TRACKERS[ids], f"{ids[0]:04x}:{ids[1]:04x}"
+        lines += [f"USB {number}  {tracker.name}: {tracker.state}"]
+        if tracker.endpoints is not None:
+            lines += [f"give it as --port usb:{number} (needs libusb1), or:"]
+        if tracker.state == READY:
+            lines += ["has no serial port yet. " + HINT.format(product=ids[1])]
+        elif tracker.state == WANTS_FIRMWARE:
+            lines += [WITHOUT_FIRMWARE]
+    nothing = ["No serial port and no tracker is connected to this machine.", HINT.format(product=0xFF20)]
+    return lines or nothing

@@ -1,1 +1,0 @@
-"""Not in the paper: events of recordings, on the recording's own clock."""

@@ -1,0 +1,73 @@
+"""Command line: poses of a subject's recordings -> findings table, each finding printed."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shukotsu import command_line, job
+from shukotsu.study import subject_stage
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage check_recordings",
+        "Test what was declared about recordings against what their poses say: units, orders, sides, swaps.",
+        "shukotsu stage check_recordings --poses results/demo/sub-01/right/rom/poses.parquet "
+        "--layout liberty16",
+    )
+    subject_stage.add_plan_options(parser, calibration="--poses")
+    parser.add_argument("--out", type=Path, help="the findings table to write")
+    return parser
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """Check every recording of the subject that holds poses; print the findings, write them if asked to."""
+    from shukotsu.checks.checked_subject import check_subject
+    from shukotsu.study.finding_sentences import in_quotes
+    from shukotsu.tables.catalogue import FINDINGS
+    from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
+
+    plan = subject_stage.plan_of(arguments)
+    checked = check_subject(plan, arguments)
+    rows = [
+        {**recording.key, **finding.accept(recording.accept).columns}
+        for recording, of_recording in checked
+        for finding in of_recording.findings
+    ]
+    for row in rows:
+        name = " ".join(filter(None, (row["hand"], row["task"], row["trial"])))
+        print(f"{name}: {row['severity']}: {row['kind']}: {in_quotes(row['message'])}")
+    if not rows:
+        print("no finding")
+    if arguments.out is not None:
+        digests = {"/".join(recording.key.values()): checks.digest for recording, checks in checked}
+        provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder, digests=digests)
+        write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), provenance)
+
+
+def record_bug(arguments: argparse.Namespace, message: str) -> None:
+    """Write a note on every recording that it was not checked, and why."""
+    from shukotsu.errors import InputError
+    from shukotsu.study.findings import unchecked
+    from shukotsu.tables.catalogue import FINDINGS
+    from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
+
+    if arguments.out is None:
+        raise InputError(message)
+    recordings = [
+        recording for recording in subject_stage.plan_of(arguments).recordings if not recording.exclude
+    ]
+    rows = [{**recording.key, **unchecked(message).columns} for recording in recordings]
+    write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance((), {"digests": {}}))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; return its exit code."""
+    return command_line.run(build_parser, argv, check, record_bug=record_bug)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

@@ -1,0 +1,52 @@
+"""Command line: the exports of all subjects -> one flat folder, as hard links."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+from pathlib import Path
+
+from shukotsu import command_line, job
+from shukotsu.tables.whole_files import replacing
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage export.collect",
+        "Link every file of some folders, and of the folders in them, into one folder.",
+        "shukotsu stage export.collect --folders results/demo/sub-*/exports --out results/demo/exports",
+        records_failure=False,
+    )
+    parser.add_argument("--folders", type=Path, nargs="*", required=True, help="folders that hold exports")
+    parser.add_argument("--out", type=Path, required=True, help="the folder to link them into")
+    return parser
+
+
+def collect(arguments: argparse.Namespace) -> None:
+    """Link the files; hidden ones are not collected: Snakemake keeps a folder's time in one."""
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for folder in arguments.folders:
+        for path in sorted(folder.rglob("[!.]*")):
+            if path.is_file():
+                link_or_copy(path, arguments.out / path.relative_to(folder))
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """Make `target` a hard link to the file, or a copy where the file system has no such links."""
+    with replacing(target) as temporary:
+        try:
+            os.link(source, temporary)
+        except OSError:
+            shutil.copy2(source, temporary)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; give its exit code."""
+    return command_line.run(build_parser, argv, collect)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

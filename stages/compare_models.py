@@ -1,0 +1,41 @@
+"""Command line: a study's scores and joint errors -> how its skeleton models compare."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shukotsu import command_line, job
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage compare_models",
+        "Compare a study's skeleton models over its subjects: every subject's number under each model, and "
+        "what the differences say of two models.",
+        "shukotsu stage compare_models --study config/demo.yaml --results results/demo",
+        records_failure=False,
+    )
+    parser.add_argument("--study", type=Path, required=True, help="the study file")
+    parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
+    return parser
+
+
+def compare(arguments: argparse.Namespace) -> None:
+    """Read the study's scores and errors, write the tables of comparisons."""
+    from shukotsu.scores.study_comparison import compare_study
+    from shukotsu.study.results import Results
+    from shukotsu.study.study import read_study
+
+    compare_study(read_study(arguments.study), Results(arguments.results))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser, argv, compare)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

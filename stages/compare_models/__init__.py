@@ -1,1 +1,0 @@
-"""Stage: how a study's skeleton models compare over its subjects."""

@@ -1,0 +1,49 @@
+"""Command line: a study's tables of movement -> how its subjects, sessions and tasks differ."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shukotsu import command_line, job
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage compare_movement",
+        "Compare the movement of a study's subjects over its factors, and say how well it repeats.",
+        "shukotsu stage compare_movement --study config/demo.yaml --results results/demo",
+        records_failure=False,
+    )
+    parser.add_argument("--study", type=Path, required=True, help="the study file")
+    parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
+    return parser
+
+
+def compare(arguments: argparse.Namespace) -> None:
+    """Read the study's tables of movement, write those of comparisons."""
+    from shukotsu.movement.study_comparison import compare_study
+    from shukotsu.study.results import Results
+    from shukotsu.study.study import factor_levels, not_compared, read_study
+
+    study = read_study(arguments.study)
+    left = not_compared(study)
+    for factor, message in left.items():
+        print(f"note: factor {factor}: {message}", file=sys.stderr)
+    compare_study(
+        factor_levels(study),
+        [name for name in study.factors if name not in left],
+        Results(arguments.results),
+        list(study.sheets.values()),
+    )
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser, argv, compare)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

@@ -1,0 +1,57 @@
+"""Command line: poses and joint centres -> wrist point, bone lengths and metacarpal postures."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from shukotsu import command_line, job
+from shukotsu.study import subject_stage
+
+WRITES = {"out_joints": "joint_centres", "out_bones": "bone_lengths", "out": "metacarpals"}
+FITTED = ("fitted_joints", "fitted_bones", "bone_poses")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage estimate_metacarpals",
+        "Locate the wrist, measure the bones and pose the metacarpals (Eq. 8-11 of the paper).",
+        "shukotsu stage estimate_metacarpals --projected-joints projected_joints.parquet "
+        "--calibration rom/poses.parquet --poses opposition/poses.parquet --layout liberty16 "
+        "--model paper-fig4 --out-joints joint_centres.parquet --out-bones bone_lengths.parquet "
+        "--out metacarpals.parquet",
+    )
+    subject_stage.add_plan_options(
+        parser, "findings", "projected_joints", *FITTED, calibration="--calibration", evaluated="--poses"
+    )
+    command_line.add_outputs(
+        parser,
+        out_joints="joint_centres with the wrist point",
+        out_bones="the bone_lengths table to write",
+        out="the metacarpals table to write",
+    )
+    return parser
+
+
+def estimate(arguments: argparse.Namespace) -> None:
+    """Build every skeleton of the plan, write the three tables."""
+    from shukotsu.paper.part_tables import write_part
+
+    plan = subject_stage.plan_of(arguments)
+    fits = [plan.table(name, *fit) for fit in plan.fits_of_hands() for name in FITTED]
+    files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
+    provenance = subject_stage.provenance_of(plan, [plan.table("projected_joints"), *fits], files)
+    with subject_stage.writing(arguments, WRITES, provenance) as tables:
+        for part in plan.parts():
+            with subject_stage.recording_failure(arguments, part, *tables.values()):
+                write_part(plan, part, tables)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; return its exit code."""
+    return subject_stage.run(build_parser, argv, estimate, WRITES)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

@@ -1,1 +1,0 @@
-"""Score each skeleton: on recordings it was not made from, beside references, and against the truth."""

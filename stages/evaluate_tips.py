@@ -1,0 +1,59 @@
+"""Command line: poses, joints, bones and metacarpals -> tips and tip_errors tables."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from shukotsu import command_line, job
+from shukotsu.study import subject_stage
+
+WRITES = {"out": "tips", "out_errors": "tip_errors"}
+SKELETON = ("joint_centres", "bone_lengths", "metacarpals")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage evaluate_tips",
+        "Replay the skeleton and measure how far its tips are from the distal receivers (section 6).",
+        "shukotsu stage evaluate_tips --poses opposition/poses.parquet "
+        "--calibration rom/poses.parquet --joint-centres joint_centres.parquet "
+        "--bone-lengths bone_lengths.parquet --metacarpals metacarpals.parquet --layout liberty16 "
+        "--model paper-fig4 --out tips.parquet --out-errors tip_errors.parquet",
+    )
+    subject_stage.add_plan_options(
+        parser, "findings", *SKELETON, calibration="--calibration", evaluated="--poses"
+    )
+    command_line.add_outputs(
+        parser, out="the tips table to write", out_errors="the tip_errors table to write"
+    )
+    return parser
+
+
+def evaluate(arguments: argparse.Namespace) -> None:
+    """Replay every skeleton of the plan in its recordings, write both tables."""
+    from shukotsu.paper.replay import write_part
+    from shukotsu.tables.catalogue import TABLES
+    from shukotsu.tables.parts import part_metadata
+
+    plan = subject_stage.plan_of(arguments)
+    made_of = [plan.table(name) for name in SKELETON]
+    for path, name in zip(made_of, SKELETON, strict=True):
+        part_metadata(path, TABLES[name])  # another table is called that before it is held against the rest
+    files = [*subject_stage.poses_files(plan), *subject_stage.config_files(arguments)]
+    provenance = subject_stage.provenance_of(plan, made_of, files)
+    subject_stage.check_made_together(*made_of)
+    with subject_stage.writing(arguments, WRITES, provenance) as tables:
+        for part in plan.parts():
+            with subject_stage.recording_failure(arguments, part, *tables.values()):
+                write_part(plan, part, tables["tips"], tables["tip_errors"])
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; return its exit code."""
+    return subject_stage.run(build_parser, argv, evaluate, WRITES)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

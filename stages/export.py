@@ -1,0 +1,62 @@
+"""Command line: subjects' tables -> skeletons and their motion in formats that other programs read."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shukotsu import command_line, job
+from shukotsu.export.registry import DESCRIPTION, add_options
+from shukotsu.study import subject_stage
+
+TABLES = ("findings", "joint_centres", "bone_lengths", "metacarpals")
+POSED = ("joint_angles", "bone_poses", "posed_tips", "moved_receivers")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage export",
+        DESCRIPTION,
+        "shukotsu stage export --plan results/demo/sub-01/plan.json --hand right --recording opposition "
+        "--model whole-hand --formats bvh,csv --out exports",
+    )
+    add = parser.add_argument
+    add("--plan", type=Path, nargs="+", required=True, help="subjects' plans; tables are those beside them")
+    add("--poses", type=Path, nargs="*", default=[], dest="evaluated", help="poses, with the tables below")
+    subject_stage.add_tables(parser, *TABLES, *POSED)
+    add_options(parser)
+    return parser
+
+
+def export(arguments: argparse.Namespace) -> None:
+    """Export from the tables of one subject that are named, or from those beside each plan."""
+    from shukotsu.errors import InputError
+    from shukotsu.export.exported_plans import export_plans
+    from shukotsu.study.plan import plan_of_results
+
+    paths = arguments.plan
+    if not any(vars(arguments)[name] for name in (*arguments.tables, "evaluated")):
+        export_plans({path: plan_of_results(path) for path in paths}, arguments)
+    elif len(paths) > 1:
+        raise InputError("--plan: names several subjects; name tables of one alone, or none")
+    else:
+        options = argparse.Namespace(**vars(arguments) | {"plan": paths[0]})
+        export_plans({paths[0]: subject_stage.plan_of(options)}, arguments)
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write why nothing could be exported."""
+    from shukotsu.export import exported_plans
+
+    exported_plans.record_failure(arguments, message)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage on a command line; return its exit code."""
+    return command_line.run(build_parser, argv, export, record_failure)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

@@ -1,0 +1,80 @@
+"""Command line: calibration poses -> the whole hand, and recordings posed with it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shukotsu import command_line, job
+from shukotsu.study import subject_stage
+from shukotsu.study.results import FIT_TABLES
+
+if TYPE_CHECKING:
+    from shukotsu.tables.parts import Part
+
+WRITES = {"out": FIT_TABLES}
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage fit_hand",
+        "Fit the whole hand at once to its calibration, and pose recordings with it.",
+        "shukotsu stage fit_hand --plan results/demo/sub-01/plan.json --hand right --model whole-hand "
+        "--findings results/demo/sub-01/findings.parquet --out results/demo/sub-01/fits/right/whole-hand\n"
+        "  shukotsu stage fit_hand --poses rom/poses.parquet --replay opposition/poses.parquet "
+        "--layout liberty16 --model whole-hand --out fit",
+    )
+    subject_stage.add_plan_options(
+        parser,
+        "findings",
+        calibration="--poses",
+        evaluated="--replay",
+        sizes=("hand_length_mm", "hand_breadth_mm"),
+        sheets=("measurements", "touches"),
+    )
+    parser.add_argument(
+        "--other-poses",
+        type=Path,
+        nargs="*",
+        default=[],
+        help="calibration poses of the same person's other hand, whose bones are as long",
+    )
+    command_line.add_outputs(parser, out="folder of the tables to write")
+    return parser
+
+
+def fit(arguments: argparse.Namespace) -> None:
+    """Fit every part of the hand and write what it is and how it moved."""
+    from shukotsu.fit.compile_kernel import held_kernel
+    from shukotsu.fit.part_tables import fitted_plan, fitted_tables, parts_of, write_part
+    from shukotsu.tables.typed_table import Provenance
+
+    with held_kernel(alone=False):
+        plan = fitted_plan(subject_stage.plan_of(arguments), arguments.hand, arguments.model)
+    files = [*subject_stage.poses_files(plan), *arguments.other_poses]
+    files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
+    with subject_stage.writing(arguments, WRITES, Provenance.of(files, plan.folder)) as tables:
+        for part in parts_of(plan, arguments.hand, arguments.model):
+            recorded = fitted_tables(plan, part, tables)
+            with subject_stage.recording_failure(arguments, part, *recorded):
+                write_part(plan, part, arguments.other_poses, tables)
+
+
+def parts(arguments: argparse.Namespace, _: str) -> list[Part]:
+    """Return the skeletons of the hand under the model."""
+    from shukotsu.fit.part_tables import fitted_plan, parts_of
+
+    plan = fitted_plan(subject_stage.plan_of(arguments), arguments.hand, arguments.model)
+    return parts_of(plan, arguments.hand, arguments.model)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; return its exit code."""
+    return subject_stage.run(build_parser, argv, fit, WRITES, parts)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

@@ -1,0 +1,40 @@
+"""Command line: the tables of every hand and model -> the study's tables, what failed named."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shukotsu import command_line, job
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage gather",
+        "Put the tables of every hand and model of a study together, and list what went wrong.",
+        "shukotsu stage gather --study config/demo.yaml --results results/demo",
+        records_failure=False,
+    )
+    parser.add_argument("--study", type=Path, required=True, help="the study file")
+    parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
+    return parser
+
+
+def gather(arguments: argparse.Namespace) -> None:
+    """Read what the hands wrote, write the study's tables."""
+    from shukotsu.report.study_tables import gather_study
+    from shukotsu.study.results import Results
+    from shukotsu.study.study import read_study
+
+    gather_study(read_study(arguments.study), Results(arguments.results))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser, argv, gather)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

@@ -1,0 +1,64 @@
+"""Command line: poses, skeletons and fits, and events -> the subject's tables of movement."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from shukotsu import command_line, job
+from shukotsu.study import subject_stage
+from shukotsu.study.results import MEASURED_TABLES
+
+if TYPE_CHECKING:
+    from shukotsu.tables.parts import Part
+
+WRITES = {"out": MEASURED_TABLES}
+SKELETON = ("joint_centres", "bone_lengths", "metacarpals")
+POSED = ("joint_angles", "posed_tips", "bone_poses")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage measure_movement",
+        "Measure movement in every evaluated recording: ranges, speeds, cycles, ways of the fingertips, and "
+        "which of them struck at an event; in those that only calibrate, ranges.",
+        "shukotsu stage measure_movement --poses opposition/poses.parquet "
+        "--joint-centres joint_centres.parquet --bone-lengths bone_lengths.parquet "
+        "--metacarpals metacarpals.parquet --layout liberty16 --model paper-fig4 --out measured",
+    )
+    tables = ("findings", *SKELETON, *POSED, "moved_receivers", "events", "clocks")
+    subject_stage.add_plan_options(parser, *tables, calibration="--calibration", evaluated="--poses")
+    command_line.add_outputs(parser, out="folder of the tables to write")
+    return parser
+
+
+def measure(arguments: argparse.Namespace) -> None:
+    """Measure every recording under every whole skeleton, write the tables."""
+    from shukotsu.movement.measured_hand import measure_hand
+
+    plan = subject_stage.plan_of(arguments)
+    made_of = [plan.table(name) for name in SKELETON]
+    made_of += [plan.table(name, *fit) for name in POSED for fit in plan.fits_of_hands()]
+    files = [*subject_stage.poses_files(plan), *arguments.events, *arguments.clocks]
+    provenance = subject_stage.provenance_of(plan, made_of, files)
+    with subject_stage.writing(arguments, WRITES, provenance) as tables:
+        for hand in plan.hands:
+            measure_hand(arguments, plan, hand, tables)
+
+
+def parts(arguments: argparse.Namespace, table: str) -> list[Part]:
+    """Return the parts of a table of the stage: hands, or whole skeletons."""
+    if table == "movement_cycles":
+        return subject_stage.hands_of(arguments)
+    return subject_stage.plan_of(arguments).whole_parts
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; return its exit code."""
+    return subject_stage.run(build_parser, argv, measure, WRITES, parts)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

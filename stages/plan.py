@@ -1,0 +1,45 @@
+"""Command line: a study file and its sheets -> one subject's plan."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shukotsu import command_line, job
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the argument parser."""
+    parser = command_line.parser(
+        "python -m shukotsu.workflow.write_plan",
+        "Write what the stages need to know of the study about one subject, everything resolved.",
+        "python -m shukotsu.workflow.write_plan --study config/demo.yaml --subject 01 --results results/demo "
+        "--out results/demo/sub-01/plan.json",
+        records_failure=False,
+    )
+    parser.add_argument("--study", type=Path, required=True, help="the study file")
+    parser.add_argument("--results", type=Path, required=True, help="the study's results folder")
+    parser.add_argument("--subject", required=True, help="the subject, as in the recordings sheet")
+    parser.add_argument("--session", default="", help="the session, where the sheet names any")
+    parser.add_argument("--out", type=Path, required=True, help="the plan to write")
+    return parser
+
+
+def write_plan(arguments: argparse.Namespace) -> None:
+    """Read the study, write the subject's plan."""
+    from shukotsu.study.plan import StudyPlans, plan_text
+    from shukotsu.study.study import read_study
+    from shukotsu.tables.whole_files import write_text
+
+    plans = StudyPlans(read_study(arguments.study), arguments.results)
+    write_text(arguments.out, plan_text(plans.content(arguments.subject, arguments.session)))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write the plan; return the exit code."""
+    return command_line.run(build_parser, argv, write_plan)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

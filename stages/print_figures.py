@@ -1,0 +1,82 @@
+"""Command line of the figures: a study's or one recording's, as SVG and PDF with their captions."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shukotsu import command_line, job
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage report.print_figures",
+        "Draw a study's figures, or with --recording one recording's, for print: NAME.svg, NAME.pdf and the "
+        "caption NAME.txt of each.",
+        "shukotsu stage report.print_figures --study config/demo.yaml --results results/demo "
+        "--out results/demo/figures",
+    )
+    parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
+    parser.add_argument(
+        "--results", type=Path, required=True, metavar="FOLDER", help="the study's results folder"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the figures go")
+    parser.add_argument(
+        "--recording",
+        nargs=3,
+        metavar=("SUBJECT", "HAND", "NAME"),
+        help="draw this recording instead, e.g. 01 right opposition (with a trial: opposition_2), into "
+        "FOLDER/sub-SUBJECT/HAND/NAME",
+    )
+    return parser
+
+
+def draw(arguments: argparse.Namespace) -> None:
+    """Read the study's results and write every figure; say on stderr which has no data."""
+    from shukotsu.report.plots.style import check_font
+    from shukotsu.report.print_figures import recording_figures
+    from shukotsu.report.print_figures.study_figures import of_study, save
+    from shukotsu.report.study_results import read_results
+    from shukotsu.report.wording import speaking
+    from shukotsu.study.study import read_study
+    from shukotsu.study.translation import ENGLISH
+
+    study = read_study(arguments.study)
+    results = read_results(study, arguments.results)
+    folder = arguments.out
+    check_font(study.language)
+    with speaking(study.language):
+        if arguments.recording:
+            recording = recording_figures.find_recording(results, *arguments.recording)
+            folder = folder / recording.hand.folder / recording.name
+            drawings = recording_figures.of_recording(results, recording)
+        else:
+            drawings = of_study(results)
+        for drawing in drawings:
+            save(folder, drawing)
+            if drawing.missing:
+                why = drawing.missing if study.language == ENGLISH else "not drawn; the caption says why"
+                print(f"{folder / drawing.name}: {why}", file=sys.stderr)
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write a study's figures as the sentence that says why there are none."""
+    if arguments.recording:
+        print("error: a recording's figures are in no study's list; nothing was written", file=sys.stderr)
+        return
+    from shukotsu.report.print_figures.study_figures import not_drawn, save
+    from shukotsu.study.results import STUDY_FIGURES
+
+    for name in STUDY_FIGURES:
+        save(arguments.out, not_drawn(name, message))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage and return its exit code."""
+    return command_line.run(build_parser, argv, draw, record_failure)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

@@ -1,0 +1,48 @@
+"""Command line: joint_solutions -> joint_centres table (without the wrist point)."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from shukotsu import command_line, job
+from shukotsu.study import subject_stage
+
+WRITES = {"out": "projected_joints"}
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage project_planes",
+        "Cut every joint's axis with its plane (end of the paper's section 4); apply manual corrections.",
+        "shukotsu stage project_planes --joint-solutions joint_solutions.parquet --layout liberty16 "
+        "--model paper-fig4 --out projected_joints.parquet",
+    )
+    subject_stage.add_plan_options(parser, "findings", "joint_solutions", sheets=("corrections",))
+    command_line.add_outputs(parser, out="the joint_centres table to write")
+    return parser
+
+
+def project_planes(arguments: argparse.Namespace) -> None:
+    """Place every joint of every skeleton of the plan, write the table."""
+    from shukotsu.paper.place import place_joints
+
+    plan = subject_stage.plan_of(arguments)
+    solutions = plan.table("joint_solutions")
+    files = subject_stage.config_files(arguments)
+    files += [] if plan.is_study else plan.sheets.values()  # a study's hold other subjects' rows as well
+    provenance = subject_stage.provenance_of(plan, [solutions], files)
+    with subject_stage.writing(arguments, WRITES, provenance) as tables:
+        for part in plan.parts():
+            with subject_stage.recording_failure(arguments, part, *tables.values()):
+                tables["projected_joints"].rows(part, place_joints(solutions, plan, part))
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; return its exit code."""
+    return subject_stage.run(build_parser, argv, project_planes, WRITES)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

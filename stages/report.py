@@ -1,0 +1,77 @@
+"""Command line of the report stage: write the study's page."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from shukotsu import command_line, job
+from shukotsu.errors import InputError
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage report",
+        "Write the page of a study's results, which opens offline. "
+        "The pages that it links to are written by shukotsu.stages.report.subject.",
+        "shukotsu stage report --study config/demo.yaml --results results/demo "
+        "--out results/demo/report.html",
+    )
+    parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
+    parser.add_argument(
+        "--results", type=Path, required=True, metavar="FOLDER", help="the study's results folder"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="HTML", help="the page to write")
+    return parser
+
+
+def report(arguments: argparse.Namespace) -> None:
+    """Read the study's results; write the page."""
+    from shukotsu.report.movement_results import read_movement
+    from shukotsu.report.study_page import render_failure, render_study
+    from shukotsu.report.study_results import read_results
+    from shukotsu.report.wording import speaking
+    from shukotsu.study.study import read_study
+    from shukotsu.tables.whole_files import write_text
+
+    study = read_study(arguments.study)
+    results = read_results(study, arguments.results)
+    with speaking(study.language):
+        with command_line.recorded(arguments, record=True) as messages:
+            write_text(arguments.out, render_study(results, study, read_movement(results)))
+        for message in messages:
+            write_text(arguments.out, render_failure(message))
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write a page that says why there is no report."""
+    from shukotsu.report.study_page import render_failure
+    from shukotsu.report.wording import speaking
+    from shukotsu.tables.whole_files import write_text
+
+    with speaking(_language(arguments.study)):
+        write_text(arguments.out, render_failure(message))
+
+
+def _language(study: Path) -> str:
+    """The study's language; English where its file cannot be read, which may be what went wrong."""
+    from shukotsu.report.wording import check_language
+    from shukotsu.study.config_files import read_config
+
+    try:
+        language = str(read_config(study, "study")["language"])
+        check_language(language)
+    except InputError:
+        return "en"
+    return language
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; give its exit code."""
+    return command_line.run(build_parser, argv, report, record_failure)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

@@ -1,0 +1,113 @@
+"""Command line of the simulation."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from shukotsu import command_line, job
+
+ANATOMIES = ("blend", "ct", "xray", "buchholz", "myohand")
+REALISM_OPTIONS = ("anatomy", "mounts", "artefact", "faults")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the command's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage simulate",
+        "Simulate a hand recorded with 16 receivers at 240 Hz; write the exact truth beside it.",
+        "shukotsu stage simulate --subject 01 --hand right --task opposition --seed 7 "
+        "--anatomy ct --out sub-01_hand-right_task-opposition.parquet",
+        records_failure=False,
+    )
+    parser.add_argument("--subject", required=True, help="any name; together with the seed it is a person")
+    parser.add_argument("--session", default="", help="any name; each has its receivers put on anew")
+    parser.add_argument("--hand", required=True, choices=("right", "left"))
+    parser.add_argument("--task", required=True, choices=("opposition", "rom"), help="rom: range of motion")
+    parser.add_argument("--seed", type=int, default=0, help="same seed, same bytes (default: 0)")
+    parser.add_argument("--out", required=True, type=Path, help="tidy recording, .parquet or .csv")
+    parser.add_argument(
+        "--truth", type=Path, help="folder of the truth tables (default: the recording's stem + _truth)"
+    )
+    parser.add_argument("--forearm", action="store_true", help="wear a receiver on the forearm too")
+    parser.add_argument("--frames", type=int, help="frames (default: opposition 3774, rom 7200)")
+    add_realism_options(parser)
+    return parser
+
+
+def add_realism_options(parser: argparse.ArgumentParser) -> None:
+    """Declare what a recording shares with a real one; what is not given is as --realism says."""
+    group = parser.add_argument_group("realism")
+    group.add_argument(
+        "--realism",
+        choices=("full", "exact"),
+        default="full",
+        help="exact: every assumption of the paper holds to rounding (default: full)",
+    )
+    group.add_argument(
+        "--anatomy",
+        choices=ANATOMIES,
+        help="whom the person is drawn around: a blend of published hands, the person's own, or one of them "
+        "(default: blend)",
+    )
+    for name, what in (
+        ("mounts", "how far receivers are misplaced"),
+        ("artefact", "how far skin moves receivers"),
+        ("faults", "how often the tracker loses poses, names the wrong hemisphere and jumps"),
+    ):
+        usual = 0 if name == "faults" else 1
+        group.add_argument(
+            f"--{name}", type=_scale, help=f"{what}, over what is usual (default: {usual}; exact: 0)"
+        )
+
+
+def _scale(text: str) -> float:
+    """A number from 0 to 10."""
+    try:
+        scale = float(text)
+    except ValueError:
+        scale = -1.0
+    if not 0.0 <= scale <= 10.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no scale; expected a number from 0 to 10")
+    return scale
+
+
+def write_simulation(arguments: argparse.Namespace) -> None:
+    """Simulate one recording; write it and its truth."""
+    from shukotsu.simulate.realism import Realism
+    from shukotsu.simulate.recording import check_ending, write_recording
+    from shukotsu.simulate.simulation import simulate
+    from shukotsu.simulate.written_truth import write_truth
+    from shukotsu.tables.typed_table import Provenance  # not at start-up: --help needs no NumPy
+
+    check_ending(arguments.out)
+    given = {name: getattr(arguments, name) for name in REALISM_OPTIONS}
+    given = {name: value for name, value in given.items() if value is not None}
+    realism = replace(Realism.exact() if arguments.realism == "exact" else Realism.full(), **given)
+    simulated = simulate(
+        arguments.subject,
+        arguments.hand,
+        arguments.task,
+        arguments.seed,
+        realism,
+        arguments.frames,
+        forearm=arguments.forearm,
+        session=arguments.session,
+    )
+    write_recording(arguments.out, simulated)
+    folder = arguments.truth or arguments.out.with_name(f"{arguments.out.stem}_truth")
+    names = ("subject", "hand", "task", "seed", "realism", "forearm")
+    given |= {"session": arguments.session} if arguments.session else {}
+    provenance = Provenance(parameters={name: getattr(arguments, name) for name in names} | given)
+    write_truth(folder, simulated, provenance)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the command; return its exit code."""
+    return command_line.run(build_parser, argv, write_simulation)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

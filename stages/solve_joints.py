@@ -1,0 +1,66 @@
+"""Command line: poses of the calibration recordings -> joint_solutions table."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from shukotsu import command_line, job
+from shukotsu.study import subject_stage
+
+WRITES = {"out": "joint_solutions"}
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage solve_joints",
+        "Find the centre and axis of every joint between two receivers (Eq. 1-7 of the paper).",
+        "shukotsu stage solve_joints --poses results/demo/sub-01/right/rom/poses.parquet "
+        "--layout liberty16 --model paper-fig4 --out joint_solutions.parquet",
+    )
+    subject_stage.add_plan_options(parser, "findings", calibration="--poses")
+    command_line.add_outputs(parser, out="the joint_solutions table to write")
+    return parser
+
+
+def solve(arguments: argparse.Namespace) -> None:
+    """Solve the joints of every hand under every model, also without each task that is left out in turn."""
+    from shukotsu.errors import InputError
+    from shukotsu.hand.known_digits import refusal
+    from shukotsu.paper.part_solutions import PartRequest, solve_parts
+    from shukotsu.tables.typed_table import Provenance
+
+    plan = subject_stage.plan_of(arguments)
+    if not plan.models:
+        raise InputError("--model: none is given; expected a skeleton model that ships, or a path")
+    provenance = Provenance.of(subject_stage.poses_files(plan), plan.folder)
+    requests = [
+        PartRequest(
+            part,
+            tuple(plan.poses(r) for r in plan.calibrating(part.hand, part.model, part.made_without)),
+            plan.layouts[part.hand],
+            plan.models[part.model].solving,
+        )
+        for part in plan.parts()
+    ]
+    outcomes = solve_parts(requests)
+    with subject_stage.writing(arguments, WRITES, provenance) as tables:
+        solutions = tables["joint_solutions"]
+        for part, outcome in outcomes.items():
+            with subject_stage.recording_failure(arguments, part, solutions):
+                plan.check_calibration_left(part.hand)
+                if reason := refusal(plan.layouts[part.hand], part.model, plan.models[part.model]):
+                    raise InputError(reason)
+                if isinstance(outcome, Exception):
+                    raise outcome
+                solutions.rows(part, [{**plan.who._asdict(), **row} for row in outcome])
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the stage; return its exit code."""
+    return subject_stage.run(build_parser, argv, solve, WRITES)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))

@@ -1,0 +1,286 @@
+"""`shukotsu inspect`: what it says of each kind of file; its drafts lead to an import."""
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import recording_files
+import yaml
+from recording_files import ARM, of
+
+from shukotsu.__main__ import main
+from shukotsu.errors import InputError
+from shukotsu.hand.rotations import matrix, unit
+from shukotsu.readers.samples import Samples
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_recording
+from shukotsu.simulate.simulation import simulate
+from shukotsu.study.mapping import read_mapping
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+WHO = ["--layout", "arm", "--subject", "01", "--hand", "right", "--task", "rom"]
+RNG = np.random.default_rng(12)
+FRAMES = 40
+TURNED = unit(np.array([1.0, 0.2, -0.1, 0.3]) + RNG.normal(scale=0.05, size=(FRAMES, 4)))
+PLACE = RNG.normal(scale=0.2, size=(FRAMES, 3))
+
+GUIDE_FILE = """# lab export
+Time;H_x;H_y;H_z;H_az;H_el;H_ro;F_x;F_y;F_z;F_az;F_el;F_ro
+0;10,1;2,2;3,1;10;20;30;11,1;3,2;4,1;20;21;31
+4,2;10,2;2,3;3,2;11;20;30;11,2;3,3;4,2;20;22;31
+8,3;10,4;2,4;3,3;12;20;30;11,4;3,4;4,3;20;24;31
+"""
+
+
+@pytest.fixture
+def run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> "Run":
+    return Run(tmp_path, capsys)
+
+
+class Run:
+    """The command run on files in a folder of its own."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.folder, self._capsys = folder, capsys
+        self.mapping = folder / "mapping.yaml"
+
+    def write(self, name: str, content: str | bytes) -> Path:
+        """Write a file."""
+        path = self.folder / name
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
+        return path
+
+    def table(self, name: str, titles: str, rows: Iterable[Iterable[float]], mark: str = ",") -> Path:
+        """Write a table, without a header where there are no titles."""
+        lines = [mark.join(f"{value:.6f}" for value in row) for row in rows]
+        return self.write(name, "\n".join([titles.replace(",", mark), *lines] if titles else lines) + "\n")
+
+    def inspect(self, path: Path, *words: str, code: int = 0) -> str:
+        """What the command prints, to stdout or on bad input to stderr."""
+        assert main(["inspect", str(path), "--layout", "arm", *words]) == code
+        out = self._capsys.readouterr()
+        return out.err if code else out.out
+
+    def drafted(self, path: Path) -> str:
+        """What it prints when it drafts a mapping, too."""
+        return self.inspect(path, "--write-mapping", str(self.mapping))
+
+    def imported(self, path: Path, answers: dict[str, str]) -> Samples:
+        """The file read by its draft with the first place of each key set right.
+
+        Names go by their CHECK name.
+        """
+        with pytest.raises(InputError, match=r"still says? CHECK: put the truth there"):
+            read_mapping(self.mapping)
+        text = self.mapping.read_text("utf-8")
+        for key, value in answers.items():
+            name = key.startswith("CHECK")
+            pattern = rf"(?m)^(\s*){key}:( CHECK)?( *#.*)?" if name else rf"(?m)^(\s*{key}:) CHECK.*$"
+            text, count = re.subn(pattern, rf"\g<1>{value}:" if name else rf"\g<1> {value}", text, count=1)
+            assert count == 1, (key, text)
+        self.mapping.write_text(text, "utf-8")
+        return recording_files.read(path, ARM, yaml.safe_load(text))
+
+
+FORWARD = {"rotates": "receiver-to-transmitter"}
+
+
+def test_the_guides_page_shows_what_is_printed(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its mapping reads the file that it is shown for."""
+    monkeypatch.chdir(run.folder)
+    run.write("session3.csv", GUIDE_FILE)
+    page = (REPOSITORY / "docs" / "mappings.md").read_text("utf-8")
+    out = run.inspect(Path("session3.csv"), "--layout", "liberty16", "--write-mapping", "mapping.yaml")
+    assert f"```text\n{out}```" in page
+    mapping = yaml.safe_load(re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)[0])
+    samples = recording_files.read(Path("session3.csv"), ARM, mapping)
+    hand = of(samples, "hand")
+    np.testing.assert_allclose(samples.numbers[hand, 0], np.array([10.1, 10.2, 10.4]) * 25.4)
+
+
+def test_a_wide_table_of_quaternions(run: Run) -> None:
+    cells = np.concatenate([np.arange(FRAMES)[:, None] / 120, PLACE, TURNED], 1)
+    path = run.table("old.txt", "t,px,py,pz,w,i,j,k", cells, "\t")
+    out = run.inspect(path)
+    assert "cells separated by tabs, decimal point, a header" in out
+    assert "in s 120 Hz" in out
+    assert "quaternion w i j k: median norm 1.00000" in out
+    assert "so wxyz is likelier" in out
+    assert re.search(r"position px py pz: span .* in mm nothing, .* in m a desk", out)
+    assert f"\nnext: shukotsu inspect {path} --write-mapping" in out
+    sixteen = np.concatenate([TURNED, PLACE, np.roll(TURNED, 1, 0), PLACE, np.ones((FRAMES, 2))], 1)
+    assert "a table as text: 40 rows, 16 columns" in run.inspect(run.table("a.txt", "", sixteen, " "))
+    absent = run.folder / "absent" / "mapping.yaml"
+    run.inspect(path, "--write-mapping", str(absent), code=2)
+    assert not absent.parent.exists()
+    run.drafted(path)
+    answers = {"position_unit": "m", "order": "wxyz", **FORWARD, "time_unit": "s", "CHECK_1": "hand"}
+    samples = run.imported(path, answers)
+    np.testing.assert_allclose(samples.numbers[:, :3], PLACE * 1000, atol=1e-3)
+    np.testing.assert_allclose(samples.numbers[:, 3:], TURNED, atol=1e-6)
+    np.testing.assert_allclose(samples.time_s, np.arange(FRAMES) / 120, atol=1e-6)
+
+
+def test_what_other_programs_write(run: Run) -> None:
+    """Angles of joints alone, a header that begins with %time, receivers by the dozen in one line each."""
+    angles = RNG.normal(size=(FRAMES, 4))
+    glove = run.table("glove.csv", "t,Thumb_MCP_Flex,Index_MCP_Flex,Index_MCP_Spread", angles)
+    assert "has angles of joints (Thumb_MCP_Flex, " in run.inspect(glove, code=2)
+    nanoseconds = 1.7e18 + 1e7 * np.arange(FRAMES)[:, None]
+    assert "time column %time: " in run.inspect(
+        run.table("ros.csv", "%time,x,y,z,qw,qx,qy,qz", np.concatenate([nanoseconds, PLACE, TURNED], 1))
+    )
+    titles = [f"s{n}_{axis}" for n in range(17) for axis in ("x", "y", "z", "qw", "qx", "qy", "qz")]
+    many = run.table("many.csv", ",".join(titles), np.tile(np.concatenate([PLACE, TURNED], 1), 17))
+    assert run.inspect(many).count("\nposition") == 1
+
+
+def test_a_long_table(run: Run) -> None:
+    rows = [
+        f"{frame},{sensor},{frame * 8},{frame + 0.5},{sensor},3.25,{frame},{-sensor * frame},{3 * frame},0\n"
+        for frame in range(1, 30)
+        for sensor in (1, 2)
+    ]
+    titles = "sample,sensor,timestamp,p1,p2,p3,azimuth,elevation,roll,button\n"
+    path = run.write("old.csv", titles + "".join(rows))
+    out = run.drafted(path)
+    assert "frame column sample: 1 to 29" in out
+    assert "receiver column sensor: one row a receiver and frame; it has 1, 2" in out
+    assert "degrees, as 87 is more than two pi" in out
+    answers = {"position_unit": "cm", "time_unit": "ms"}
+    samples = run.imported(path, answers | {"CHECK_1": "hand", "CHECK_2": "forearm"})
+    hand = of(samples, "hand")
+    assert hand.sum() == (~hand).sum() == 29
+    np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(1, 30) + 0.5) * 10)
+
+
+def test_a_tracker_s_own_text_goes_round_its_stations(run: Run) -> None:
+    """Rows that are lost, and a last round that is cut short, leave the others in their frames."""
+    rows = [
+        f"0{station} {frame + 0.5:8.4f} {station + 0.25:8.4f} 3.2500 {3 * frame:9.4f} {station:8.4f} 0.0000\n"
+        for frame in range(30)
+        for station in (1, 2)
+        if (frame, station) not in ((7, 2), (29, 2))
+    ]
+    path = run.write("tracker.txt", "".join(rows))
+    out = run.drafted(path)
+    assert "receiver column number 1: one row a receiver and frame; it has 01, 02" in out
+    draft = yaml.safe_load(run.mapping.read_text("utf-8"))
+    assert draft["csv"] | {"receiver": 1, "position": [2, 3, 4], "orientation": [5, 6, 7]} == draft["csv"]
+    assert (draft["position_unit"], draft["csv"]["rows"]) == ("CHECK", "long")
+    assert draft["orientation"] == {"kind": "euler", "axes": "ZYX", "unit": "deg", **FORWARD}
+    answers = {"position_unit": "inch", "rate_hz": "240"}
+    samples = run.imported(path, answers | {"CHECK_01": "hand", "CHECK_02": "forearm"})
+    hand = of(samples, "hand")
+    assert samples.frame[hand].tolist() == [*range(30)]
+    assert samples.frame[~hand].tolist() == [*range(7), *range(8, 29)]
+    np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(30) + 0.5) * 25.4)
+
+
+def write_c3d(path: Path, points: np.ndarray, labels: list[str], unit_text: str = "") -> Path:
+    """A C3D file of 50 Hz; points: (T, P, 3). Without points it has the poses as a ROTATION `hand 1`."""
+    import ezc3d
+
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [50.0]
+    file["parameters"]["POINT"]["UNITS"]["value"] = [unit_text] if unit_text else []
+    file["parameters"]["POINT"]["LABELS"]["value"] = labels
+    file["data"]["points"] = np.concatenate([points, np.ones((*points.shape[:2], 1))], -1).transpose(2, 1, 0)
+    if not labels:
+        whole = np.tile(np.eye(4)[:, :, None, None], (1, 1, 1, 2 * FRAMES))
+        whole[:3, :3, 0, ::2], whole[:3, 3, 0, ::2] = np.moveaxis(matrix(TURNED), 0, -1), PLACE.T
+        file.add_parameter("ROTATION", "LABELS", ["hand 1"])
+        file["data"]["rotations"] = whole
+    file.write(str(path))
+    return path
+
+
+def test_a_c3d_file_names_its_rigid_clusters(run: Run) -> None:
+    shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
+    rigid = shape @ np.swapaxes(matrix(TURNED), 1, 2) + 1000 * PLACE[:, None]
+    points = np.concatenate([rigid, RNG.normal(scale=100, size=(FRAMES, 3, 3))], 1)
+    points[:10, 3] = np.nan
+    labels = ["Arm1", "Arm2", "Arm3", "Dot1", "Dot2", "Dot3"]
+    path = write_c3d(run.folder / "a.c3d", points, labels, "mm")
+    out = run.drafted(path)
+    facts = ["C3D: 6 points, 40 frames numbered from 1", "rate 50 Hz", "unit mm (POINT:UNITS)"]
+    for fact in (*facts, "missing: Dot1 25 %"):
+        assert fact in out
+    assert "markers Arm1, Arm2, Arm3: keep their distances: a rigid cluster" in out
+    draft = run.mapping.read_text()
+    assert "first_frame" not in draft
+    assert "#   last_frame: 40  # frames count from 1 at the first stored frame" in draft
+    samples = run.imported(path, {"CHECK_Arm1": "upper_arm"})
+    np.testing.assert_allclose(samples.numbers[:, :3], rigid[:, 0], atol=1e-3)
+    assert samples.notes[0].startswith("cluster upper_arm: 3 markers")
+
+
+def test_a_c3d_file_with_markers_of_any_names_has_its_rigid_clusters_found(run: Run) -> None:
+    """Two segments that turn apart, and a marker that goes its own way; names tell nothing."""
+    shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
+    places = [1000 * PLACE, 300 * PLACE[::-1]]
+    turns = [matrix(TURNED), matrix(TURNED[::-1])]
+    rigid = [
+        shape @ np.swapaxes(turn, 1, 2) + place[:, None] for turn, place in zip(turns, places, strict=True)
+    ]
+    loose = RNG.normal(scale=100, size=(FRAMES, 1, 3))
+    points = np.concatenate([*rigid, loose], 1)[:, [0, 3, 1, 4, 6, 2, 5]]
+    labels = ["RSHO", "LPSI", "CLAV", "STRN", "RUPA", "T10", "RBAK"]
+    out = run.drafted(write_c3d(run.folder / "a.c3d", points, labels, "mm"))
+    for names in ("RSHO, CLAV, T10", "LPSI, STRN, RBAK"):
+        assert f"markers {names}: keep their distances: a rigid cluster" in out
+    samples = run.imported(run.folder / "a.c3d", {"CHECK_RSHO": "upper_arm", "CHECK_LPSI": "forearm"})
+    own = samples.segment == samples.segments.index("upper_arm")
+    np.testing.assert_allclose(samples.numbers[own, :3], rigid[0][:, 0], atol=1e-3)
+
+
+TIDY = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
+TIDY_ROWS = "7,0.5,hand,1,2,3,1,0,0,0\n8,0.51,hand,,,,,,,\n8,0.51,elbow,1,2,3,1,0,0,0\n"
+
+
+def test_own_files_need_no_mapping(run: Run) -> None:
+    path = run.write("rom.csv", TIDY + TIDY_ROWS)
+    out = run.inspect(path)
+    assert "a tidy recording (CSV): needs no mapping" in out
+    assert "3 rows, frames 7 to 8, 2 of them" in out
+    assert "not measured in layout arm: elbow" in out
+    assert "1 of 3 rows lack a number" in out
+    assert "next: shukotsu import --in" in out
+    assert "needs no mapping" in run.inspect(path, "--write-mapping", str(run.mapping), code=2)
+    assert not run.mapping.exists()
+    run.write("rom.csv", TIDY + TIDY_ROWS.replace("elbow", "forearm"))
+    poses = run.folder / "poses.parquet"
+    assert main(["import", "--in", str(path), *WHO, "--out", str(poses)]) == 0
+    out = run.inspect(poses)
+    assert "table poses (version 1)" in out
+    assert "column x_mm [mm]" in out
+    assert "nothing to import" in out
+
+
+@pytest.mark.slow
+def test_inspection_and_import_say_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of a recording in metres, and of a left hand without and with a word on which hand it is."""
+    made = {hand: simulate("01", hand, "rom", 7, Realism.full(), 900) for hand in ("right", "left")}
+    metres = replace(made["right"], position_mm=made["right"].position_mm / 1000)
+    write_recording(tmp_path / "metres.csv", metres)
+    write_recording(tmp_path / "left.parquet", made["left"])
+    sentence = "units: The positions are 1000 times too small, in m and read as mm"
+
+    def said(*words: str) -> tuple[str, str]:
+        assert main([*words]) == 0
+        captured = capsys.readouterr()
+        return captured.out, captured.err
+
+    assert f"suspect: {sentence}" in said("inspect", str(tmp_path / "metres.csv"))[0]
+    who = ["--layout", "liberty16", "--subject", "01", "--hand", "right", "--task", "rom"]
+    poses = str(tmp_path / "poses.parquet")
+    printed = said("import", "--in", str(tmp_path / "metres.csv"), "--out", poses, *who)[1]
+    assert f"suspect: {tmp_path / 'metres.csv'}: {sentence}" in printed
+    assert f"suspect: {sentence}" in said("inspect", poses)[0]
+    left = said("inspect", str(tmp_path / "left.parquet"))[0]
+    assert "it looks like a left hand" in left
+    assert "suspect" not in left
+    assert "wrong-hand" in said("inspect", str(tmp_path / "left.parquet"), "--hand", "right")[0]

@@ -1,0 +1,49 @@
+"""Hands to export, made once."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from browser import browser  # noqa: F401
+from export_samples.known_hands import KnownHand, make_hand
+
+
+@pytest.fixture(scope="session", params=["right", "left"])
+def known(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
+    """A short recording of either hand; not to be changed."""
+    return make_hand(tmp_path_factory.mktemp(request.param), request.param)
+
+
+@pytest.fixture(scope="session")
+def right(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
+    """A short recording of a right hand; not to be changed."""
+    return make_hand(tmp_path_factory.mktemp("right"), "right")
+
+
+@pytest.fixture
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
+    """A very short recording of a right hand, to be spoiled."""
+    return make_hand(tmp_path_factory.mktemp("fresh"), "right", 40)
+
+
+@pytest.fixture(scope="session")
+def export_tool() -> Callable[[str], Path]:
+    """Return the path of a program that reads exports, by its place in the folder of such programs.
+
+    The folder is .tools, or what SHUKOTSU_TOOLS names; the test is skipped where it lacks the program, or
+    where node is needed and absent.
+    """
+    folder = Path(os.environ.get("SHUKOTSU_TOOLS", Path(__file__).parents[2] / ".tools"))
+
+    def find(name: str) -> Path:
+        if not (folder / name).exists():
+            pytest.skip(f"no {name} in {folder}; SHUKOTSU_TOOLS can name another")
+        if name.startswith("node_modules") and shutil.which("node") is None:
+            pytest.skip("no node on PATH")
+        return folder / name
+
+    return find

@@ -1,0 +1,161 @@
+"""The command line: files with their names, notes beside them, and one sentence where it cannot be done."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from export_samples.known_hands import FITTED, POSE, REPLAYED, KnownHand, make_hand, make_hands
+from stage_runs import export as main
+
+from shukotsu.tables.catalogue import BONE_POSES
+
+STEM = f"sub-01_hand-right_task-opposition_model-{FITTED}"
+
+
+def run(known: KnownHand, out: Path, *argv: str, model: str = FITTED) -> int:
+    """Export the hand's recording under one model as BVH and CSV, unless argv says otherwise."""
+    which = ["--plan", str(known.plan_path), "--hand", known.made.hand, "--recording", "opposition"]
+    return main([*which, "--model", model, "--formats", "bvh,csv", "--out", str(out), *argv])
+
+
+def hand_with_a_gap(folder: Path, hand: str) -> KnownHand:
+    """A hand of 60 frames, four of which lack a bone."""
+    known = make_hand(folder, hand, 60)
+    rows = known.rows(FITTED, BONE_POSES)
+    for row in rows:
+        if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
+            row |= dict.fromkeys(POSE)
+    known.write(FITTED, BONE_POSES, rows)
+    return known
+
+
+def test_files_have_their_names_and_notes(
+    right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(right, tmp_path, "--licence", "CC BY 4.0") == 0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {f"{STEM}{end}" for end in (".bvh", ".bvh.txt", ".csv", "_angles.csv", ".json")}
+    told = capsys.readouterr()
+    assert told.out.splitlines() == [str(tmp_path / f"{STEM}.bvh"), str(tmp_path / f"{STEM}.csv")]
+    assert "bvh: not in the file: device times" in told.err
+    note = (tmp_path / f"{STEM}.bvh.txt").read_text("utf-8")
+    assert "licence: CC BY 4.0\n" in note
+    assert f"  sub-01/fits/right/{FITTED}/bone_poses.parquet\n" in note
+    assert str(tmp_path) not in note
+
+
+def test_options_reach_the_files(
+    right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = ["--transmitter-up=-z", "--rig", "mixamo", "--bones", "stiff"]
+    assert run(right, tmp_path, *argv) == 0
+    text, rows = (tmp_path / f"{STEM}.bvh").read_text(), pd.read_csv(tmp_path / f"{STEM}.csv")
+    wrist_mm = rows[rows["joint"] == "mixamorig:RightHand"][["x_mm", "y_mm", "z_mm"]].to_numpy()
+    root_cm = np.loadtxt(text.splitlines()[-len(wrist_mm) :])[:, :3]
+    np.testing.assert_allclose(root_cm, wrist_mm[:, [0, 2, 1]] * [0.1, -0.1, 0.1], atol=1e-6)
+    assert "JOINT mixamorig:RightHandIndex1\n" in text
+    assert [line.split()[1] for line in text.splitlines() if "CHANNELS" in line] == ["6"] + ["3"] * 15
+    assert "folded into the bones after them" in capsys.readouterr().err
+
+
+def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) -> None:
+    known = hand_with_a_gap(tmp_path, "right")
+    out = tmp_path / "out"
+    assert run(known, out) == 2
+    assert not list(out.glob("*.bvh*"))
+    cells = pd.read_csv(out / f"{STEM}.csv")
+    assert cells["x_mm"].isna().sum() == 4
+    assert run(known, out, "--gaps", "interpolate") == 0
+    assert not pd.read_csv(out / f"{STEM}.csv")["x_mm"].isna().any()
+    assert "\nFrames: 60\n" in (out / f"{STEM}.bvh").read_text()
+    assert "1 gaps (4 frames" in (out / f"{STEM}.bvh.txt").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["--formats", "bvh,fbx"], "'fbx' is no format; expected one or more of"),
+        (["--hand", "left"], "has no left hand of '01'; it has right"),
+        (["--recording", "rom"], "'rom' is not one recording of the right hand"),
+        (["--model", "rigid"], "has no model 'rigid'; it has paper-fig4, whole-hand"),
+        (["--frames", "5000:"], "no frame of the recording is in 5000:"),
+        (["--rig", "maya"], "there is no rig 'maya'"),
+        (["--unit", "m"], "--unit left in 0.2: leave it out"),
+        (["--plan", "none/plan.json"], "none/plan.json: no such file"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_sentence(
+    right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str], argv: list[str], message: str
+) -> None:
+    assert run(right, tmp_path / "out", *argv) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert message in lines[-1]
+    assert lines[-1].startswith("error: ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_failure_can_be_recorded(right: KnownHand, tmp_path: Path) -> None:
+    """Of a format, of a recording under a model, or of the whole subject, and the rest is written."""
+    assert run(right, tmp_path, "--frames", "5000:", "--record-failure") == 0
+    assert "no frame of the recording" in (tmp_path / f"{STEM}.failed.txt").read_text("utf-8")
+    assert run(right, tmp_path, "--fps", "9", "--record-failure", "--rig", "maya") == 0
+    for name in ("bvh", "csv"):
+        assert "no rig 'maya'" in (tmp_path / f"{STEM}_{name}.failed.txt").read_text("utf-8")
+    assert run(right, tmp_path) == 0
+    assert not list(tmp_path.glob("*.failed.txt"))
+    assert run(right, tmp_path, "--record-failure", model="none") == 0
+    assert "has no model 'none'" in (tmp_path / "sub-01.failed.txt").read_text("utf-8")
+
+
+def test_a_model_that_failed_keeps_no_other_from_being_written(
+    fresh: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fresh.write(FITTED, BONE_POSES, "the hand was not fitted")
+    out = tmp_path / "out"
+    assert run(fresh, out, "--record-failure", model=f"{FITTED},{REPLAYED}") == 0
+    assert (out / f"{STEM}.failed.txt").read_text("utf-8") == "the hand was not fitted\n"
+    assert (out / f"{STEM.replace(FITTED, REPLAYED)}.bvh").is_file()
+    assert run(fresh, out, model=f"{FITTED},{REPLAYED}") == 2
+    assert capsys.readouterr().err.endswith("error: the hand was not fitted\n")
+
+
+def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path) -> None:
+    """Both hands in files of their own under every model."""
+    known = make_hands(tmp_path, ["right", "left"], 30)[0]
+    out = tmp_path / "out"
+    argv = ["--plan", str(known.plan_path), "--out", str(out)]
+    assert main([*argv, "--formats", "csv"]) == 0
+    stems = {
+        f"sub-01_hand-{hand}_task-opposition_model-{model}"
+        for hand in ("right", "left")
+        for model in (REPLAYED, FITTED)
+    }
+    ends = (".csv", "_angles.csv", ".json")
+    assert {path.name for path in out.iterdir()} == {f"{stem}{end}" for stem in stems for end in ends}
+
+
+def test_a_dataset_of_several_subjects(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Receivers once, a skeleton for every model that was made; participants as in the sheet."""
+    hands = []
+    for subject in ("01", "02"):
+        (tmp_path / subject).mkdir()
+        hands.append(make_hand(tmp_path / subject, "right", 20, subject))
+    hands[1].write(FITTED, BONE_POSES, "the hand was not fitted")
+    sheet, out = tmp_path / "participants.tsv", tmp_path / "out"
+    sheet.write_text("subject\thand_length_mm\n01\t180\n03\t190\n", "utf-8")
+    argv = ["--plan", *(str(known.plan_path) for known in hands), "--participants", str(sheet)]
+    assert main([*argv, "--formats", "bids", "--licence", "CC0", "--out", str(out)]) == 2
+    assert capsys.readouterr().err.endswith("error: the hand was not fitted\n")
+    skeletons = {"01": ("", "skeletonpaperQdfig4", "skeletonwholeQdhand"), "02": ("", "skeletonpaperQdfig4")}
+    assert {path.name for path in out.rglob("*_motion.tsv")} == {
+        f"sub-{subject}_task-opposition_tracksys-righthand{skeleton}_motion.tsv"
+        for subject, own in skeletons.items()
+        for skeleton in own
+    }
+    table = (out / "bids" / "participants.tsv").read_text("utf-8").splitlines()
+    assert [line.split("\t")[0] for line in table] == ["participant_id", "sub-01", "sub-02"]
+    assert table[1].split("\t")[2].startswith("180")
+    assert '"License": "CC0"' in (out / "bids" / "dataset_description.json").read_text("utf-8")

@@ -1,0 +1,162 @@
+"""Gaps are refused, held, cut or interpolated, as asked, never unasked; other rates keep speeds and gaps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from export_samples.moving_fingers import blanked, moving_fingers, timed
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shukotsu.errors import InputError
+from shukotsu.export.gaps import closed, find_gaps, resampled
+from shukotsu.export.motion import local_motion
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import about_axis, angle, conjugate, multiply, unit
+
+MCP, TIP = 2, 3
+
+
+def turned_apart_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    return np.degrees(angle(multiply(conjugate(first), second)))
+
+
+def test_a_gap_is_refused_with_its_place_and_the_choices() -> None:
+    motion = blanked(blanked(moving_fingers(50), np.s_[10:13, MCP]), np.s_[30:31, 0])
+    with pytest.raises(InputError) as refused:
+        closed(motion, "refuse", 0.1)
+    said = str(refused.value)
+    assert (
+        "subject 01, right hand, wave, made: joint index_mcp has no pose in frames 17 to 19 (0.040 s)" in said
+    )
+    assert "first of 2 gaps" in said
+    assert "--gaps hold, cut or interpolate" in said
+
+
+def test_a_hold_keeps_the_posture_while_the_hand_goes_on() -> None:
+    motion = moving_fingers(50)
+    held = closed(blanked(motion, np.s_[10:20, [MCP, TIP]]), "hold", 0.1)
+    (local_mm, local), (before_mm, before) = local_motion(held), local_motion(motion)
+    assert turned_apart_deg(local[9:20, MCP], before[9:10, MCP]).max() < 1e-6
+    np.testing.assert_allclose(local_mm[9:20, MCP], before_mm[9:10, MCP].repeat(11, 0), atol=1e-9)
+    assert np.linalg.norm(held.position_mm[19, MCP] - held.position_mm[9, MCP]) > 1, (
+        "but in the world it moves"
+    )
+    known = np.r_[0:10, 20:50]
+    np.testing.assert_array_equal(held.position_mm[known], motion.position_mm[known])
+    assert held.notes == (
+        "1 gaps (10 frames, the longest 0.110 s) filled by the pose before, held in the frame of the bone "
+        "before",
+    )
+
+
+def test_a_cut_leaves_the_longest_whole_stretch() -> None:
+    motion = blanked(blanked(moving_fingers(50), np.s_[0:2, TIP]), np.s_[20:21, MCP])
+    found = closed(motion, "cut", 0.1)
+    np.testing.assert_array_equal(found.frame, np.arange(21, 50) + 7)
+    assert found.whole.all()
+    assert found.notes == (
+        "gaps cut: frames 28 to 56 stay, the longest stretch without a gap (29 of 50); cut away: 7-27",
+    )
+
+
+def test_a_gap_that_is_too_long_or_open_is_not_interpolated() -> None:
+    motion = moving_fingers(50)
+    with pytest.raises(InputError, match=r"longer than --max-gap-s 0.1; raise it"):
+        closed(blanked(motion, np.s_[10:25, MCP]), "interpolate", 0.1)
+    assert closed(blanked(motion, np.s_[10:25, MCP]), "interpolate", 0.2).whole.all()
+    for end in (slice(0, 3), slice(47, 50)):
+        with pytest.raises(InputError, match="open to one end"):
+            closed(blanked(motion, (end, MCP)), "interpolate", 9.0)
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 39), st.integers(1, 6), st.integers(0, 5)), max_size=6),
+    st.sets(st.integers(1, 38), max_size=8),
+    st.sampled_from(["hold", "cut"]),
+)
+def test_no_gap_is_left_and_known_poses_stay(
+    holes: list[tuple[int, int, int]], lost: set[int], policy: str
+) -> None:
+    motion = moving_fingers(40, slip_mm=0.5)
+    spoiled = motion
+    for start, length, joint in holes:
+        spoiled = blanked(spoiled, np.s_[start : start + length, joint])
+    spoiled = spoiled.take(np.array([i for i in range(40) if i not in lost]))
+    if not spoiled.known.any(0).all() or (policy == "cut" and not spoiled.whole.any()):
+        return
+    found = closed(spoiled, policy, 0.1)
+    assert found.whole.all()
+    assert not find_gaps(found)
+    for row, frame in enumerate(found.frame):
+        was = np.flatnonzero(spoiled.frame == frame)
+        known = spoiled.known[was[0]] if len(was) else np.zeros(6, bool)
+        np.testing.assert_array_equal(found.position_mm[row, known], motion.position_mm[frame - 7, known])
+    np.testing.assert_allclose(np.linalg.norm(found.quaternion, axis=-1), 1, atol=1e-9)
+
+
+def spinning(time_s: np.ndarray, axis: np.ndarray, speed: float, rate_hz: float) -> PosedRecording:
+    """Every bone turns about one axis at one speed, and moves along it at another."""
+    motion = moving_fingers(len(time_s))
+    turn = about_axis(axis, speed * time_s)[:, None].repeat(6, 1)
+    place = (time_s[:, None, None] * axis * 30).repeat(6, 1)
+    return replace(timed(motion, time_s=time_s), rate_hz=rate_hz, position_mm=place, quaternion=turn)
+
+
+@given(
+    st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 0.1),
+    st.floats(-40, 40),
+    st.floats(5, 300),
+    st.integers(0, 2**31),
+)
+def test_a_constant_angular_velocity_stays_one(
+    axis: list[float], speed: float, fps: float, seed: int
+) -> None:
+    """At uneven times too, and through half turns; up to 0.2 rad between frames as recorded."""
+    rng = np.random.default_rng(seed)
+    time_s = 3 + np.cumsum(rng.uniform(0.002, 0.005, 60))
+    along = unit(np.array(axis))
+    motion = spinning(time_s, along, speed, 1 / 0.0035)
+    found = resampled(motion, fps)
+    even = time_s[0] + np.arange(len(found.frame)) / fps
+    np.testing.assert_allclose(found.time_s, even, atol=1e-9)
+    assert time_s[-1] - 1 / fps < found.time_s[-1] <= time_s[-1]
+    truth = about_axis(along, speed * found.time_s)
+    assert angle(multiply(conjugate(truth), found.quaternion[:, 0])).max() < 1e-7
+    np.testing.assert_allclose(found.position_mm[:, 3], found.time_s[:, None] * along * 30, atol=1e-9)
+    assert (np.sum(found.quaternion[1:] * found.quaternion[:-1], -1) >= -1e-9).all()
+    assert found.rate_hz == fps
+
+
+def test_a_gap_that_was_kept_stays_a_gap() -> None:
+    motion = moving_fingers(100)
+    position = motion.position_mm.copy()
+    position[40:50, 2] = np.nan
+    found = resampled(replace(motion, position_mm=position), 30)
+    inside = (found.time_s > motion.time_s[39]) & (found.time_s < motion.time_s[50])
+    np.testing.assert_array_equal(~found.known[:, 2], inside)
+    assert found.known[:, 0].all()
+    assert inside.sum() == 3
+
+
+def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
+    motion = moving_fingers(100).take(np.r_[0:40, 50:100])
+    found = resampled(motion, 30)
+    inside = (found.time_s > motion.time_s[39]) & (found.time_s < motion.time_s[40])
+    np.testing.assert_array_equal(~found.whole, inside)
+    assert not found.receivers.valid[inside].any()
+    assert found.receivers.valid[~inside].all()
+    assert resampled(motion, 30, widest_s=0.2).whole.all()
+
+
+def test_times_that_do_not_tell_are_refused() -> None:
+    motion = moving_fingers(10)
+    timeless = replace(timed(motion, time_s=np.full(10, np.nan)), rate_hz=np.nan)
+    with pytest.raises(InputError, match="rate_hz"):
+        resampled(timeless, 60)
+    time_s = motion.time_s.copy()
+    time_s[5] = time_s[4]
+    with pytest.raises(InputError, match="does not grow from frame 11"):
+        resampled(timed(motion, time_s=time_s), 60)

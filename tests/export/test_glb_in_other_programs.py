@@ -1,0 +1,232 @@
+"""Programs that are not ours read a GLB file and have every joint, and the body, where the tables have it.
+
+They are in .tools at the repository's root, or where SHUKOTSU_TOOLS says: node_modules as of
+tests/export_tools/package.json, blender/bin/python with bpy. A test is skipped without its program.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from export_samples.moving_fingers import moving_fingers
+from guide_pages import blocks
+
+from shukotsu.export.glb import bone_mesh, write
+from shukotsu.export.motion import rest_pose
+from shukotsu.export.rigging import with_webxr_names
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import conjugate, rotate
+
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "web.md"
+
+
+class _Silent(SimpleHTTPRequestHandler):
+    def log_message(self, *words: object) -> None:
+        """Say nothing."""
+
+
+def page_under(heading: str) -> str:
+    """The HTML page that the guide shows under a heading."""
+    found = re.search(rf"## {heading}\n.*?```html\n(.*?)```", GUIDE.read_text("utf-8"), re.DOTALL)
+    assert found, heading
+    return found.group(1)
+
+
+@contextmanager
+def served(page: str, glb: Path, modules: Path, folder: Path) -> Iterator[str]:
+    """Address of a page that has the file and the modules beside it, as the guide says, in that folder."""
+    (folder / "index.html").write_text(page, "utf-8")
+    (folder / "favicon.ico").touch()  # browsers ask for it
+    (folder / "hand.glb").write_bytes(glb.read_bytes())
+    (folder / "node_modules").symlink_to(modules.resolve(), target_is_directory=True)
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Silent, directory=str(folder))) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_address[1]}/"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+pytestmark = pytest.mark.tools
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+SCRIPTS = REPOSITORY / "tests" / "export_tools"
+ExportTool = Callable[[str], Path]
+NEAR_M = 3e-7
+"""Asked for is 1e-6."""
+
+
+def output_of(*words: str | Path) -> Any:
+    """What a program says on stdout, which is JSON."""
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def read_in_node(export_tool: ExportTool, file: Path) -> Any:
+    """What three.js and the validator of the Khronos Group say of a file."""
+    modules = export_tool("node_modules/three").parent
+    found = output_of("node", SCRIPTS / "read_glb.mjs", modules, file)
+    assert found["messages"] == [], "errors, warnings, and no information either"
+    return found
+
+
+def read_in_blender(export_tool: ExportTool, file: Path, rate_hz: float) -> Any:
+    """What Blender has of a file."""
+    return output_of(export_tool("blender/bin/python"), SCRIPTS / "read_with_blender.py", file, str(rate_hz))
+
+
+def assert_joints(joints: Any, motion: PosedRecording, near_m: float, rows: slice = slice(None)) -> None:
+    """Every joint of a hand is there, under its WebXR name, where the motion has it in those frames."""
+    motion = with_webxr_names(motion)
+    assert set(joints) == set(motion.names)
+    found = np.stack([joints[name] for name in motion.names], 1)
+    np.testing.assert_allclose(found, motion.position_mm[rows] / 1000, atol=near_m)
+
+
+def last_body(motion: PosedRecording) -> np.ndarray:
+    """Vertices (V, 3) in m of the body in the last frame: each rides rigidly on its joint."""
+    motion = with_webxr_names(motion)
+    mesh, (rest_mm, rest_turn) = bone_mesh(motion), rest_pose(motion)
+    on_bone = rotate(conjugate(rest_turn[mesh.joint]), mesh.position_mm - rest_mm[mesh.joint])
+    return (rotate(motion.quaternion[-1, mesh.joint], on_bone) + motion.position_mm[-1, mesh.joint]) / 1000
+
+
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_three_has_every_joint_and_the_validator_no_word(
+    known: KnownHand, tmp_path: Path, export_tool: ExportTool, model: str
+) -> None:
+    motion, file = known.ready(model), tmp_path / "hand.glb"
+    write(motion, file)
+    found = read_in_node(export_tool, file)
+    hand = f"{motion.origin.hand}-hand"
+    clip = found["clips"][f"{hand} opposition"]
+    np.testing.assert_allclose(clip["times"], motion.time_s - motion.time_s[0], atol=1e-5)
+    assert_joints(clip["joints"][hand], motion, NEAR_M)
+    expected = last_body(motion)
+    for primitive in ("1", "2"):
+        np.testing.assert_allclose(found["bodies"][f"{hand}-body_{primitive}"], expected, atol=2e-6)
+
+
+def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: ExportTool) -> None:
+    """One frame, names in other scripts, a skeleton that is no hand."""
+    file, made = tmp_path / "odd.glb", moving_fingers(20)
+    write(made.take(slice(0, 1)), file)
+    assert len(read_in_node(export_tool, file)["clips"]["right-made wave"]["times"]) == 1
+    joints = tuple(replace(joint, name=f"腕 {i}") for i, joint in enumerate(made.joints))
+    write(replace(made, joints=joints, origin=replace(made.origin, licence="© 手")), file)
+    found = read_in_node(export_tool, file)["clips"]["right-made wave"]["joints"]["right-made"]
+    np.testing.assert_allclose(found["腕 3"], made.position_mm[:, 3] / 1000, atol=NEAR_M)
+
+
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_blender_has_every_joint_and_the_body(
+    known: KnownHand, tmp_path: Path, export_tool: ExportTool, model: str
+) -> None:
+    motion, file = known.ready(model), tmp_path / "hand.glb"
+    write(motion, file)
+    hand = f"{motion.origin.hand}-hand"
+    found = read_in_blender(export_tool, file, motion.rate_hz)
+    assert_joints(found["joints"][hand], motion, NEAR_M)
+    body, expected = np.array(found["bodies"][hand]), last_body(motion)
+    assert len(body) == len(expected)
+    np.testing.assert_allclose(body.min(0), expected.min(0), atol=2e-6)
+    np.testing.assert_allclose(body.max(0), expected.max(0), atol=2e-6)
+
+
+def test_fbx_by_blender_has_every_joint(known: KnownHand, tmp_path: Path, export_tool: ExportTool) -> None:
+    motion, glb, fbx = known.ready(FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
+    write(motion, glb)
+    to_fbx(export_tool, glb, fbx)
+    hand = f"{motion.origin.hand}-hand"
+    assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][hand], motion, 1e-4)
+
+
+def to_fbx(export_tool: ExportTool, glb: Path, fbx: Path) -> None:
+    (block,) = blocks(REPOSITORY / "docs" / "blender.md", "python")
+    script = glb.with_name("fbx.py")
+    script.write_text(block.text)
+    words = [str(export_tool("blender/bin/python")), str(script), str(glb), str(fbx)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def complaints(page: Any) -> list[str]:
+    """What a page says from now on: errors and warnings of its own, and requests that failed."""
+    heard: list[str] = []
+    page.on("console", lambda m: heard.append(m.text) if m.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: heard.append(str(error)))
+    page.on("response", lambda r: heard.append(f"{r.status} {r.url}") if r.status >= 400 else None)
+    page.on("request", lambda r: heard.append(r.url) if "//127.0.0.1:" not in r.url else None)
+    return heard
+
+
+def ours(words: str) -> bool:
+    """Whether a complaint is of the page, and not of drawing by the processor, which is slow."""
+    return not ("GPU stall" in words or "rAF timed out" in words or words.startswith("blob:"))
+
+
+def test_the_page_of_the_guide_shows_the_hand_move(
+    right: KnownHand, tmp_path: Path, export_tool: ExportTool, browser: Any
+) -> None:
+    motion, file = right.ready(FITTED), tmp_path / "motion.glb"
+    write(motion, file)
+    modules = export_tool("node_modules/three").parent
+    with served(page_under("With three.js"), file, modules, tmp_path) as address:
+        page = browser.new_page(viewport={"width": 400, "height": 300})
+        heard = complaints(page)
+        page.goto(address)
+        seen = []
+        for _ in range(3):
+            page.wait_for_function("document.querySelector('output').textContent")
+            seen.append(page.locator("output").text_content())
+            page.wait_for_timeout(200)
+        picture = page.screenshot()
+        page.close()
+    assert [words for words in heard if ours(words)] == []
+    assert len(picture) > 5000, "a page without a hand is smaller"
+    assert len(set(seen)) == 3, "it stands still"
+    tips = motion.position_mm[:, [motion.index("thumb_skin_tip"), motion.index("index_skin_tip")]]
+    apart_mm = np.linalg.norm(tips[:, 0] - tips[:, 1], axis=-1)
+    for words in seen:
+        seconds, shown_mm = map(float, re.findall(r"[\d.]+", words))
+        at = np.interp([seconds - 5e-4, seconds, seconds + 5e-4], motion.time_s - motion.time_s[0], apart_mm)
+        assert at.min() - 0.06 <= shown_mm <= at.max() + 0.06
+
+
+def test_model_viewer_shows_the_hand(
+    right: KnownHand, tmp_path: Path, export_tool: ExportTool, browser: Any
+) -> None:
+    motion, file = right.ready(FITTED), tmp_path / "motion.glb"
+    write(motion, file)
+    modules = export_tool("node_modules/@google/model-viewer").parents[1]
+    with served(page_under("With model-viewer"), file, modules, tmp_path) as address:
+        page = browser.new_page(viewport={"width": 400, "height": 300})
+        heard = complaints(page)
+        page.goto(address)
+        page.wait_for_function("document.querySelector('model-viewer').loaded")
+        viewer = "document.querySelector('model-viewer')"
+        assert page.evaluate(f"{viewer}.availableAnimations") == ["right-hand opposition"]
+        assert page.evaluate(f"{viewer}.duration") == pytest.approx(
+            motion.time_s[-1] - motion.time_s[0], abs=1e-4
+        )
+        page.wait_for_function(f"{viewer}.currentTime > 0")
+        size = page.evaluate(f"(({{x, y, z}}) => [x, y, z])({viewer}.getDimensions())")
+        page.close()
+    assert [words for words in heard if ours(words)] == []
+    assert 0.12 < max(size) < 0.3, "m: a hand"

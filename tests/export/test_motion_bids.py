@@ -1,0 +1,201 @@
+"""A Motion-BIDS dataset is valid, reads back the same, and does not depend on the order of its making."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from export_samples.moving_fingers import blanked, moving_fingers, timed
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shukotsu.export.motion_bids import DESCRIPTION, label, recording_path, write, write_dataset_files
+from shukotsu.export.tidy_csv import bone_angles_deg
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import angle, conjugate, multiply
+from shukotsu.tables.poses import RecordingName
+
+
+@given(st.text(), st.text())
+def test_labels_are_legal_and_of_one_name_each(first: str, second: str) -> None:
+    assert label(first).isascii()
+    assert label(first).isalnum() or not first
+    assert (label(first) == label(second)) == (first == second)
+
+
+def test_no_two_recordings_share_their_files() -> None:
+    names = [
+        RecordingName(subject, hand, task, trial)
+        for subject in ("1", "01", "0-1", "Q")
+        for hand in ("left", "right")
+        for task in ("rom", "r_om", "rQuom")
+        for trial in ("", "1", "01", "a", "run-1")
+    ]
+    assert len({recording_path(name) for name in names}) == len(names)
+
+
+def add(motion: PosedRecording, folder: Path) -> tuple[str, ...]:
+    return write(motion, folder / DESCRIPTION)
+
+
+def receivers_path(folder: Path, motion: PosedRecording) -> Path:
+    return folder / f"{recording_path(motion.origin.recording)}_motion.tsv"
+
+
+def skeleton_path(folder: Path, motion: PosedRecording) -> Path:
+    return folder / f"{recording_path(motion.origin.recording, motion.origin.model)}_motion.tsv"
+
+
+def table(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Numbers by the channels' names, and the channels."""
+    beside = path.with_name(path.name.replace("_motion.tsv", "_channels.tsv"))
+    channels = pd.read_csv(beside, sep="\t", keep_default_na=False)
+    numbers = pd.read_csv(path, sep="\t", header=None, names=list(channels["name"]), na_values=["n/a"])
+    return numbers, channels
+
+
+def motion_json(path: Path) -> dict[str, Any]:
+    return json.loads(path.with_suffix(".json").read_text("utf-8"))
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def named(motion: PosedRecording, **names: str) -> PosedRecording:
+    licence = names.pop("licence", "")
+    recording = replace(motion.origin.recording, **names)
+    return replace(motion, origin=replace(motion.origin, recording=recording, licence=licence))
+
+
+def with_gaps(motion: PosedRecording) -> PosedRecording:
+    """Two poses of a joint missing, and one of a receiver."""
+    return blanked(motion, joints=np.s_[3:5, 2], receivers=np.s_[6, 1])
+
+
+def validate(folder: Path) -> list[dict[str, Any]]:
+    """The issues that the BIDS validator has; it needs no network."""
+    program = Path(sys.executable).with_name("bids-validator-deno")
+    if not program.is_file():
+        pytest.skip("bids-validator-deno is not installed beside this Python")
+    command = [program, str(folder), "--format", "json", "--max-rows", "-1"]
+    found = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
+    return list(found["issues"]["issues"])
+
+
+KNOWN_WARNINGS = {
+    "TOO_FEW_AUTHORS",
+    "NO_AUTHORS",
+    "EVENTS_TSV_MISSING",
+    ("JSON_KEY_RECOMMENDED", "HEDVersion"),
+    ("JSON_KEY_RECOMMENDED", "SourceDatasets"),
+}
+"""What nobody but the dataset's authors can add."""
+
+
+def test_the_validator_finds_no_error_and_no_warning_that_we_could_avoid(
+    right: KnownHand, tmp_path: Path
+) -> None:
+    """Names of any script, gaps, one frame, no trial and a trial that is a number or is none."""
+    hand = named(right.motion(FITTED), licence="CC0")
+    add(hand, tmp_path / "set")
+    made = with_gaps(moving_fingers(9))
+    add(named(made, subject="山田 Ö.", task="ex-po_1", trial="2"), tmp_path / "set")
+    add(named(made, subject="Q", hand="left", trial="pre op"), tmp_path / "set")
+    one = replace(named(made.take(slice(1)), subject="one"), rate_hz=float("nan"))
+    assert add(one, tmp_path / "set")[0].startswith("a sampling frequency")
+    issues = validate(tmp_path / "set")
+    assert not [issue for issue in issues if issue["severity"] == "error"]
+    codes = {issue["code"] for issue in issues} | {(i["code"], i.get("subCode")) for i in issues}
+    assert "EVENTS_TSV_MISSING" in codes, "the validator looked at the recordings"
+    avoidable = [i for i in issues if not {i["code"], (i["code"], i.get("subCode"))} & KNOWN_WARNINGS]
+    assert {i.get("subCode") for i in avoidable} == {"SamplingFrequencyEffective"}, "one frame has none"
+    assert all(i["location"].startswith("/sub-one/") for i in avoidable)
+    broken = receivers_path(tmp_path / "set", hand)
+    broken.with_name(broken.name.replace("_motion.tsv", "_channels.tsv")).unlink()
+    assert [issue for issue in validate(tmp_path / "set") if issue["severity"] == "error"]
+
+
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_the_skeleton_comes_back(known: KnownHand, tmp_path: Path, model: str) -> None:
+    """Metres, quaternions and degrees, read by pandas."""
+    motion = known.motion(model)
+    assert add(motion, tmp_path) == ("receivers that have no pose in any frame: forearm",)
+    numbers, channels = table(skeleton_path(tmp_path, motion))
+    np.testing.assert_array_equal(numbers["frame"], motion.frame)
+    np.testing.assert_array_equal(numbers["time"], motion.time_s)
+    np.testing.assert_allclose(numbers["latency"], motion.time_s - motion.time_s[0], atol=5e-7)
+    for index, joint in enumerate(motion.joints):
+        place = numbers[[f"{joint.name}_pos_{axis}" for axis in "xyz"]].to_numpy() * 1000
+        np.testing.assert_allclose(place, motion.position_mm[:, index], rtol=0, atol=1e-6)
+        if not joint.tip:
+            turn = numbers[[f"{joint.name}_quat_{part}" for part in "wxyz"]].to_numpy()
+            off = angle(multiply(conjugate(turn), motion.quaternion[:, index]))
+            assert np.degrees(off[motion.known[:, index]]).max() < 1e-6
+    names, angles = bone_angles_deg(motion)
+    assert "index_mcp" in names
+    columns = [f"{name}_{part}" for name in names for part in ("flexion", "abduction", "rotation")]
+    np.testing.assert_allclose(numbers[columns], angles.reshape(len(angles), -1), atol=1e-6)
+    kinds = channels.groupby(["type", "units"]).size().to_dict()
+    assert kinds == {
+        ("JNTANG", "deg"): 3 * len(names), ("LATENCY", "s"): 1, ("MISC", "n/a"): 1, ("MISC", "s"): 1,
+        ("ORNT", "n/a"): 80, ("POS", "m"): 3 * len(motion.joints),
+    }  # fmt: skip
+    told = motion_json(skeleton_path(tmp_path, motion))
+    counted = [told[f"{kind}ChannelCount"] for kind in ("Motion", "POS", "ORNT", "JNTANG", "MISC", "LATENCY")]
+    assert counted == [len(channels), 3 * len(motion.joints), 80, 3 * len(names), 2, 1]
+    assert told["TrackedPointsCount"] == len(motion.joints)
+    assert told["SamplingFrequency"] == pytest.approx(240)
+    frames = json.loads(next(tmp_path.rglob("*skeleton*_channels.json")).read_text())["reference_frame"][
+        "Levels"
+    ]
+    assert set(channels["reference_frame"]) == {"n/a", *frames}
+
+
+def test_gaps_are_n_a_in_every_file(tmp_path: Path) -> None:
+    motion = with_gaps(moving_fingers(9))
+    time_s = motion.time_s.copy()
+    time_s[7] = np.nan
+    add(timed(motion, time_s=time_s), tmp_path)
+    numbers, _ = table(skeleton_path(tmp_path, motion))
+    gone = [name for name in numbers if name.startswith("index_mcp_")]
+    assert np.argwhere(numbers[gone].isna().to_numpy())[:, 0].tolist() == [3] * 7 + [4] * 7
+    assert np.flatnonzero(numbers["latency"].isna()).tolist() == [7]
+    receivers, _ = table(receivers_path(tmp_path, motion))
+    assert receivers.isna().to_numpy().sum() == 7 + 2
+    for path in tmp_path.rglob("*_motion.tsv"):
+        cells = {cell for line in path.read_text().splitlines() for cell in line.split("\t")}
+        assert "n/a" in cells
+        assert not [cell for cell in cells if cell.lower() in ("", "nan", "inf", "-inf", "null", "none")]
+        assert len({line.count("\t") for line in path.read_text().splitlines()}) == 1
+
+
+def test_a_study_describes_its_dataset(tmp_path: Path) -> None:
+    sizes = {"山田": {"hand_length_mm": 181.5, "sex": None}, "a\tb": {"hand_length_mm": None, "sex": "F"}}
+    write_dataset_files(tmp_path, "The study", sizes, "CC0")
+    described = json.loads((tmp_path / DESCRIPTION).read_text("utf-8"))
+    assert (described["Name"], described["License"]) == ("The study", "CC0")
+    participants = tmp_path / "participants.tsv"
+    expected = [
+        "participant_id\tname\thand_length_mm\tsex",
+        "sub-Qx5c71xQx7530x\t山田\t181.5\tn/a",
+        "sub-aQx9xb\ta b\tn/a\tF",
+    ]
+    assert participants.read_text("utf-8").splitlines() == expected
+    told = json.loads((tmp_path / "participants.json").read_text())
+    assert list(told) == ["name", "hand_length_mm", "sex"]
+    assert told["hand_length_mm"]["Units"] == "mm"
+    before = content(tmp_path)
+    write_dataset_files(tmp_path, "The study", dict(reversed(sizes.items())), "CC0")
+    add(named(moving_fingers(9), subject="山田"), tmp_path)
+    assert {name: data for name, data in content(tmp_path).items() if name in before} == before
+    add(named(moving_fingers(9), subject="zz"), tmp_path)
+    assert participants.read_text("utf-8").splitlines() == [*expected, "sub-zz\tzz\tn/a\tn/a"]

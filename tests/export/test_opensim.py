@@ -1,0 +1,129 @@
+"""OpenSim reads the files that are written for it, and has every bone where the motion has it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from export_samples.moving_fingers import blanked
+
+from shukotsu.export.motion import continuous, stiffened
+from shukotsu.export.opensim import write
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import Array, about_axis, angle, conjugate, multiply, rotate, unit
+
+READER = Path(__file__).resolve().parents[1] / "export_samples" / "readers" / "read_with_opensim.py"
+NEAR_M = 1e-9
+NEAR_RAD = 1e-8
+
+
+def bend(n_frames: int, phase: float, rad: float) -> Array:
+    return np.asarray(rad * np.sin(np.linspace(0, 3, n_frames) + phase))
+
+
+def with_hinges(motion: PosedRecording, hinges: Sequence[str]) -> PosedRecording:
+    """The motion with joints that turn about one axis alone; all others have two degrees of freedom.
+
+    The metacarpals of index and middle finger keep still.
+    """
+    turn = motion.quaternion.copy()
+    joints, axis = list(motion.joints), motion.axis.copy()
+    for index, joint in enumerate(motion.joints[1:], 1):
+        relative = multiply(conjugate(motion.quaternion[:, joint.parent]), motion.quaternion[:, index])
+        if joint.name in hinges:
+            if joint.name.endswith("_cmc"):
+                axis[index] = unit(np.array([-0.8, -0.1, -0.5]))
+            assert np.isfinite(axis[index]).all()
+            joints[index] = replace(joint, dof=1)
+            relative = multiply(relative[:1], about_axis(axis[index], bend(len(turn), index, 0.4)))
+        elif joint.name in ("index_cmc", "middle_cmc"):
+            relative = np.broadcast_to(relative[:1], relative.shape)
+        elif not joint.tip:
+            joints[index], axis[index] = replace(joint, dof=2), np.nan
+        turn[:, index] = multiply(turn[:, joint.parent], relative)
+    return stiffened(replace(motion, joints=tuple(joints), axis=axis, quaternion=continuous(turn)))
+
+
+HINGES = ("thumb_ip", "index_pip", "index_dip", "middle_dip", "ring_cmc", "little_cmc")
+
+
+def read_with_opensim(export_tool: Callable[[str], Path], stem: Path, *options: str) -> dict[str, Any]:
+    """What OpenSim reads; the test is skipped where it is not installed."""
+    command = [export_tool("opensim/bin/python"), READER, stem, stem.with_suffix(".npz"), *options]
+    subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
+    with np.load(stem.with_suffix(".npz")) as found:
+        return dict(found)
+
+
+@pytest.mark.tools
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_opensim_has_every_bone_where_the_motion_has_it(
+    known: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path], model: str
+) -> None:
+    motion = known.ready(model)
+    stem = tmp_path / "sub-母_hand"
+    write(motion, stem.with_suffix(".osim"))
+    found = read_with_opensim(export_tool, stem)
+    bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
+    np.testing.assert_allclose(found["mot_time_s"], motion.time_s - motion.time_s[0], atol=1e-9)
+    np.testing.assert_allclose(found["mot_place_m"], motion.position_mm[:, bones] / 1000, atol=NEAR_M)
+    apart = angle(multiply(conjugate(motion.quaternion[:, bones]), found["mot_turn"]))
+    assert apart.max() < NEAR_RAD
+    assert found["mot_in_degrees"] == "yes"
+    assert found["trc_units"] == "mm"
+    markers = found["trc_markers"].tolist()
+    for number, segment in enumerate(motion.receivers.segments):
+        if segment in [motion.joints[bone].segment for bone in bones]:  # else no bone carries it
+            measured = found["trc_mm"][:, markers.index(f"{segment}_o")]
+            np.testing.assert_allclose(measured, motion.receivers.position_mm[:, number], atol=1e-6)
+
+
+def riding(motion: PosedRecording) -> PosedRecording:
+    """The same with receivers that sit on their bones without skin, the last one blind in some frames."""
+    there = motion.receivers
+    place, turn = there.position_mm.copy(), there.quaternion.copy()
+    segments = [joint.segment for joint in motion.joints]
+    for number, segment in enumerate(there.segments):
+        if segment in segments:
+            bone = segments.index(segment)
+            stuck = about_axis(unit(np.array([1.0, number, 2.0])), 0.2)
+            turn[:, number] = multiply(motion.quaternion[:, bone], stuck)
+            place[:, number] = motion.position_mm[:, bone] + rotate(
+                motion.quaternion[:, bone], np.array([1.0, 8.0, -15.0])
+            )
+    last = there.segments.index("little_distal")
+    motion = replace(motion, receivers=replace(there, position_mm=place, quaternion=turn))
+    return blanked(motion, receivers=np.s_[4:6, last])
+
+
+@pytest.mark.tools
+def test_inverse_kinematics_of_opensim_finds_our_angles(
+    known: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path]
+) -> None:
+    """Exact receivers of a fitted hand: to 0.1 deg, but where a receiver was blind and tells nothing.
+
+    In one frame all were.
+    """
+    motion = with_hinges(known.ready(FITTED), HINGES)
+    motion = blanked(riding(motion.take(slice(0, 240, 12))), receivers=11)
+    write(motion, tmp_path / "hand.osim")
+    found = read_with_opensim(export_tool, tmp_path / "hand", "--ik")
+    assert found["ik_ran"]
+    told = np.delete(np.arange(20), 11)
+    assert len(found["ik_rms_m"]) == len(told)
+    assert found["ik_rms_m"].max() < 1e-5
+    theirs = found["ik_values"][
+        :, [found["ik_coordinates"].tolist().index(n) for n in found["mot_coordinates"]]
+    ]
+    turns = [i for i, name in enumerate(found["mot_coordinates"]) if not re.search("_t[xyz]$", str(name))]
+    seen = motion.receivers.valid[told, motion.receivers.segments.index("little_distal")]
+    apart = (theirs - found["mot_values"][told])[np.ix_(np.flatnonzero(seen), turns)]
+    assert np.isfinite(theirs).all()
+    assert np.abs(apart).max() < 0.1

@@ -1,0 +1,135 @@
+"""A motion is what the tables say: joints where they are, bones turned as they are, nothing mirrored."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from scipy.spatial.transform import Rotation
+
+from shukotsu.errors import InputError
+from shukotsu.export import motion as export_motion
+from shukotsu.export.motion import in_webxr, local_motion, read_motion, rest_pose
+from shukotsu.hand.posed_recording import recording_reader
+from shukotsu.hand.posing import Origin, PosedRecording, SkeletonJoint
+from shukotsu.hand.rotations import angle, conjugate, multiply, rotate
+from shukotsu.simulate.random_hand import BONES
+from shukotsu.study.layout import read_layout
+from shukotsu.tables.catalogue import JOINT_CENTRES
+from shukotsu.tables.poses import Poses, RecordingName
+
+
+def test_bone_frames_are_webxr_ones(known: KnownHand) -> None:
+    """-Z is distal, +Y dorsal, +X their product: our x, z and -y; the thumb's metacarpal has its own test."""
+    motion, truth = known.motion(FITTED), known.made.truth
+    for index, joint in enumerate(motion.joints):
+        if joint.tip or joint.segment == "thumb_metacarpal":
+            continue
+        ours = Rotation.from_quat(np.roll(truth.bone_quaternion[:, BONES.index(joint.segment)], -1, -1))
+        webxr = Rotation.from_quat(np.roll(motion.quaternion[:, index], -1, -1))
+        for here, there in (([0, 0, -1], [1, 0, 0]), ([0, 1, 0], [0, 0, 1]), ([1, 0, 0], [0, -1, 0])):
+            np.testing.assert_allclose(webxr.apply(here), ours.apply(there), atol=1e-12)
+
+
+def test_a_rest_pose_has_straight_fingers_and_this_persons_fan(known: KnownHand) -> None:
+    motion = known.motion(FITTED)
+    place, turn = rest_pose(motion)
+    for digit in ("index", "middle", "ring", "little"):
+        chain = place[[motion.index(f"{digit}_{part}") for part in ("mcp", "pip", "dip", "tip")]]
+        steps = np.diff(chain, axis=0)
+        along = steps / np.linalg.norm(steps, axis=1)[:, None]
+        np.testing.assert_allclose(along, along[:1].repeat(3, 0), atol=1e-9)
+    _, local = local_motion(motion)
+    base = motion.index("index_cmc")
+    off = multiply(conjugate(turn[base]), local[:, base])
+    assert np.degrees(angle(off)).max() < 15
+
+
+def test_a_fitted_hinge_turns_about_its_axis_only(known: KnownHand) -> None:
+    motion = known.motion(FITTED)
+    _, local = local_motion(motion)
+    for name in ("index_pip", "middle_dip", "little_pip"):
+        index = motion.index(name)
+        axis = motion.axis[index]
+        seen = rotate(local[:, index], axis)
+        apart = np.degrees(np.arccos(np.clip(seen @ seen[0], -1, 1)))
+        assert apart.max() < 4, "fixed in the bone before, but for the rotation that goes with flexion"
+        assert abs(axis[0]) > 0.9, "about across the bone"
+
+
+def test_a_tree_that_is_no_hand() -> None:
+    """No anatomy, no thumb: names as they are, a first bone at rest as it stands on average."""
+    layout, rng = read_layout("arm"), np.random.default_rng(1)
+    shape = (20, len(layout.measured))
+    turn = Rotation.random(20 * 4, random_state=rng).as_quat(scalar_first=True).reshape(*shape, 4)
+    poses = Poses(
+        layout.measured,
+        np.arange(20),
+        np.arange(20) / 100,
+        rng.normal(size=(*shape, 3)),
+        turn,
+        np.ones(shape, bool),
+    )
+    joints = (SkeletonJoint("scapula", -1, "scapula"), SkeletonJoint("shoulder", 0, "upper_arm", "arm"))
+    relative = turn[:1, 1].repeat(20, 0)
+    quaternion = np.stack([turn[:, 0], multiply(turn[:, 0], relative)], 1)
+    place = np.stack([poses.position_mm[:, 0]] * 2, 1)
+    place[:, 1] += rotate(turn[:, 0], np.array([1.0, 2.0, 3.0]))
+    unknown = np.full((2, 3), np.nan)
+    origin = Origin(RecordingName("01", "right", "reach"), "made", "arm")
+    offset = np.stack([np.zeros(3), unknown[0]])
+    bones = PosedRecording(joints, place, quaternion, poses, offset, unknown, origin=origin)
+    motion = in_webxr(bones, layout)
+    assert motion.names == ("scapula", "shoulder")
+    assert np.isnan(motion.neutral).all()
+    np.testing.assert_allclose(motion.rest_offset_mm[1], [-2, 3, -1], atol=1e-12)
+    assert motion.rate_hz == pytest.approx(100)
+    local = local_motion(motion)[1][:, 1]
+    assert angle(multiply(conjugate(local), motion.rest[1])).max() < 1e-7
+
+
+def test_a_failed_joint_leaves_its_digit_out(fresh: KnownHand) -> None:
+    rows = fresh.rows(REPLAYED, JOINT_CENTRES)
+    for row in rows:
+        if row["joint"] == "ring_dip":
+            row |= {"status": "failed", "message": "too few frames (3)"}
+    fresh.write(REPLAYED, JOINT_CENTRES, rows)
+    motion = fresh.motion(REPLAYED)
+    assert motion.notes == ("ring left out: ring_dip failed: too few frames (3)",)
+    assert not [joint for joint in motion.joints if joint.digit == "ring"]
+    fail_all = [row | {"status": "failed", "message": "x"} for row in rows if row["joint"] != "wrist"]
+    fresh.write(REPLAYED, JOINT_CENTRES, [*fail_all, *(row for row in rows if row["joint"] == "wrist")])
+    with pytest.raises(InputError, match=r"no digit of opposition can be exported: thumb left out: .*; ring"):
+        fresh.motion(REPLAYED)
+    fresh.write(REPLAYED, JOINT_CENTRES, [row for row in rows if row["joint"] != "wrist"])
+    with pytest.raises(InputError, match=r"wrist failed: it was not solved, and it is the .* root"):
+        fresh.motion(REPLAYED)
+
+
+def test_inputs_are_told_by_their_hashes(right: KnownHand) -> None:
+    origin = right.motion(FITTED).origin
+    assert set(origin.inputs) == {
+        "sub-01/right/opposition/poses.parquet",
+        *(f"sub-01/{name}.parquet" for name in ("joint_centres", "bone_lengths")),
+        *(f"sub-01/fits/right/{FITTED}/{name}.parquet" for name in ("bone_poses", "posed_tips")),
+    }
+    assert all(len(digest) == 64 for digest in origin.inputs.values())
+
+
+def test_a_range_goes_by_recorded_frame_numbers_and_of_many_frames_some_are_read(
+    right: KnownHand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, posed = right.motion(FITTED), recording_reader(right.plan, right.recording, FITTED)
+    part = read_motion(posed, frames=(20, 30))
+    assert part.frame.tolist() == list(range(20, 31))
+    assert part.notes == ("frames 20 to 30 only, as asked",)
+    np.testing.assert_array_equal(part.quaternion, whole.quaternion[whole.frame.searchsorted(part.frame)])
+    with pytest.raises(InputError, match=r"no frame of the recording is in 900:; it has \d to 2\d\d"):
+        read_motion(posed, frames=(900, None))
+    monkeypatch.setattr(export_motion, "MOST_FRAMES", 100)
+    some = read_motion(posed)
+    assert some.frame.tolist() == whole.frame[::3].tolist()
+    assert some.rate_hz == pytest.approx(80)
+    assert some.notes == ("one frame in 3, as no more than 100 are exported; --frames has all of a part",)
+    np.testing.assert_array_equal(some.position_mm, whole.position_mm[::3])
+    assert read_motion(posed, frames=(20, 30)).frame.tolist() == list(range(20, 31))

@@ -1,0 +1,139 @@
+"""What holds for every format, and a motion made ready for one by what the user asked, losing nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export_samples.moving_fingers import blanked, moving_fingers, timed
+
+from shukotsu.errors import InputError
+from shukotsu.export.motion import local_motion
+from shukotsu.export.registry import DIRECTIONS, FORMATS, Settings, prepared, upright, write_format
+from shukotsu.hand.posing import Origin, PosedRecording
+from shukotsu.hand.rotations import angle, conjugate, matrix, multiply, rotate
+from shukotsu.tables.poses import RecordingName
+
+WITHOUT_GAPS = [name for name, form in FORMATS.items() if not form.holds_gaps]
+ON_TIME = ("glb", "osim")
+
+
+def write(motion: PosedRecording, name: str, folder: Path) -> tuple[str, ...]:
+    """Write a motion by its format's own writer, as it is."""
+    chosen = FORMATS[name]
+    path = folder / (chosen.shared or f"a{chosen.extensions[0]}")
+    return tuple(chosen.writers.write(motion, path))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Content of all files, by path."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()
+    }
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_the_same_motion_is_the_same_files(name: str, tmp_path: Path) -> None:
+    motion = moving_fingers(10, slip_mm=0.5)
+    place, turn = motion.position_mm.copy(), motion.quaternion.copy()
+    for folder in ("a", "b"):
+        write_format(motion, Settings(), name, tmp_path / folder / (FORMATS[name].shared or f"x.{name}"))
+    assert files(tmp_path / "a")
+    assert files(tmp_path / "a") == files(tmp_path / "b")
+    np.testing.assert_array_equal(motion.position_mm, place)
+    np.testing.assert_array_equal(motion.quaternion, turn)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_provenance_is_in_a_file_or_beside_it(name: str, tmp_path: Path) -> None:
+    """The subject's name in its own script, the licence, and the tables' hashes."""
+    motion = moving_fingers(5)
+    origin = Origin(RecordingName("Ö", "right", "wave"), licence="CC BY 4.0", inputs={"a.parquet": "ab" * 32})
+    path = tmp_path / (FORMATS[name].shared or f"a{FORMATS[name].extensions[0]}")
+    remarks = write_format(replace(motion, origin=origin), Settings(fps=50), name, path)
+    assert remarks[0].startswith("resampled from 5 frames")
+    assert f"not in the file: {FORMATS[name].drops}" in remarks
+    whole = b"".join(files(tmp_path).values())
+    assert b"CC BY 4.0" in whole
+    assert b"ab" * 32 in whole
+    assert "Ö".encode() in whole or rb"\xd6" in whole
+
+
+@pytest.mark.parametrize("name", WITHOUT_GAPS)
+def test_a_missing_pose_is_refused_and_no_file_left(name: str, tmp_path: Path) -> None:
+    motion = moving_fingers(5)
+    position, turn = motion.position_mm.copy(), motion.quaternion.copy()
+    position[2, 3, 1] = np.nan
+    turn[4, 0, 0] = np.nan
+    for bad in (
+        replace(motion, position_mm=position),
+        replace(motion, quaternion=turn),
+        motion.take(slice(0, 0)),
+    ):
+        with pytest.raises(InputError, match="holds no frame without a pose and no file without a frame"):
+            write(bad, name, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ON_TIME)
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        (np.full(5, np.nan), "has no device time, and .* needs it; give its rate_hz"),
+        ([0.0, 0.1, 0.2, np.nan, 0.3], "has no device time"),
+        ([0.0, 0.1, 0.2, 0.2, 0.3], "does not grow from frame 9 to the next"),
+        ([0.0, 0.1, 0.2, 0.15, 0.3], "does not grow from frame 9 to the next"),
+    ],
+)
+def test_times_must_be_known_and_grow(name: str, times: list[float], message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=message):
+        write(timed(moving_fingers(5), time_s=np.array(times)), name, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:
+    motion = blanked(moving_fingers(40), np.s_[10:13, 2])
+    kept = prepared(motion, Settings(), holds_gaps=True, up="")
+    np.testing.assert_array_equal(kept.whole, motion.whole)
+    assert prepared(motion, Settings(gaps="hold"), holds_gaps=True, up="").whole.all()
+    with pytest.raises(InputError, match="joint index_mcp has no pose in frames 17 to 19"):
+        prepared(motion, Settings(), holds_gaps=False, up="y")
+
+
+def test_gaps_are_closed_before_the_rate_is_changed() -> None:
+    motion = blanked(moving_fingers(40), np.s_[10:13, 2])
+    assert prepared(motion, Settings(gaps="interpolate", fps=30), holds_gaps=False, up="y").whole.all()
+
+
+def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
+    """Frame numbers go on, time does not: nobody knows what the hand did meanwhile."""
+    motion = moving_fingers(40)
+    time_s = motion.time_s.copy()
+    time_s[20:] += 0.3
+    jumped = timed(motion, time_s=time_s)
+    with pytest.raises(InputError, match=r"nothing was recorded about 0\.2\d\d s \(frame 26\)"):
+        prepared(jumped, Settings(fps=30), holds_gaps=False, up="y")
+    assert not prepared(jumped, Settings(fps=30), holds_gaps=True, up="").whole.all()
+    wide = Settings(fps=30, gaps="interpolate", max_gap_s=0.5)
+    assert prepared(jumped, wide, holds_gaps=False, up="y").whole.all()
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("transmitter_up", DIRECTIONS)
+def test_up_goes_up_by_a_proper_rotation(transmitter_up: str, up: str) -> None:
+    turn, axes = upright(transmitter_up, up), dict(zip(DIRECTIONS, [*np.eye(3), *-np.eye(3)], strict=True))
+    np.testing.assert_allclose(rotate(turn, axes[transmitter_up]), axes[up], atol=1e-12)
+    assert np.linalg.det(matrix(turn)) == pytest.approx(1)
+    np.testing.assert_allclose(np.abs(matrix(turn)).max(0), 1, atol=1e-12)
+
+
+def test_a_turned_world_has_the_same_hand_in_it() -> None:
+    motion = moving_fingers(20, slip_mm=1.0)
+    there = prepared(motion, Settings(), holds_gaps=True, up="y")
+    (before_mm, before), (after_mm, after) = local_motion(motion), local_motion(there)
+    np.testing.assert_allclose(before_mm[:, 1:], after_mm[:, 1:], atol=1e-9)
+    assert angle(multiply(conjugate(before), after))[:, 1:].max() < 1e-7
+    np.testing.assert_allclose(there.position_mm[..., 1], motion.position_mm[..., 2], atol=1e-9)
+    np.testing.assert_allclose(there.receivers.position_mm[..., 1], motion.receivers.position_mm[..., 2])

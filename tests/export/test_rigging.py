@@ -1,0 +1,75 @@
+"""Other rigs: the right names, and no motion lost with the bones that they lack."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+
+from shukotsu.errors import InputError
+from shukotsu.export.motion import local_motion, rest_pose
+from shukotsu.export.rigging import RIGS, folded, on_rig
+from shukotsu.hand.rotations import rotate
+
+COUNTS = {"webxr": 25, "vrm": 21, "unity": 21, "unreal": 25, "mixamo": 21}
+LACKING = ["index_cmc", "middle_cmc", "ring_cmc", "little_cmc"]
+
+
+@pytest.mark.parametrize("rig", list(RIGS))
+def test_every_rig_keeps_every_joint_where_it_is(known: KnownHand, rig: str) -> None:
+    motion = known.motion(FITTED)
+    there = on_rig(motion, rig)
+    assert len(there.joints) == COUNTS[rig]
+    assert len(set(there.names)) == COUNTS[rig]
+    names = RIGS[rig].names(known.recording.hand.hand)
+    if RIGS[rig].skin_tips:
+        names = {(f"{k[:-4]}_skin_tip" if k.endswith("_tip") else k): name for k, name in names.items()}
+    for joint, name in ((joint, names[joint.name]) for joint in motion.joints[1:] if joint.name in names):
+        np.testing.assert_array_equal(
+            there.position_mm[:, there.index(name)], motion.position_mm[:, motion.index(joint.name)]
+        )
+        np.testing.assert_array_equal(
+            there.quaternion[:, there.index(name)], motion.quaternion[:, motion.index(joint.name)]
+        )
+    assert all(joint.parent < index for index, joint in enumerate(there.joints))
+
+
+def test_a_metacarpal_lives_on_in_the_proximal_phalanx(known: KnownHand) -> None:
+    """What the wrist's frame shows of the MCP joint is the same, though no bone is left between them."""
+    motion = known.motion(REPLAYED)
+    there = folded(motion, LACKING)
+    mcp = there.index("little_mcp")
+    assert there.joints[mcp].parent == 0
+    offset_mm, _ = local_motion(there)
+    before = motion.index("little_mcp")
+    world = motion.position_mm[:, 0] + rotate(motion.quaternion[:, 0], offset_mm[:, mcp])
+    np.testing.assert_allclose(world, motion.position_mm[:, before], atol=1e-9)
+    rest, rest_before = rest_pose(there), rest_pose(motion)
+    np.testing.assert_allclose(rest[0][mcp], rest_before[0][before], atol=1e-9)
+    np.testing.assert_allclose(rest[1][mcp], rest_before[1][before], atol=1e-9)
+    assert there.joints[mcp].dof == 0
+    assert np.isnan(there.axis[mcp]).all()
+    np.testing.assert_array_equal(there.axis[mcp + 1], motion.axis[before + 1])
+    assert there.notes[-1] == f"{', '.join(LACKING)} folded into the bones after them"
+
+
+def test_names_are_the_rigs_own() -> None:
+    """A few of each, looked up in the rigs' own documents, not in our tables."""
+    right, left = ({rig: set(RIGS[rig].names(hand).values()) for rig in RIGS} for hand in ("right", "left"))
+    assert {
+        "wrist",
+        "thumb-phalanx-distal",
+        "index-finger-phalanx-intermediate",
+        "pinky-finger-tip",
+    } <= right["webxr"]
+    assert {"rightHand", "rightThumbMetacarpal", "rightLittleDistal"} <= right["vrm"]
+    assert {"LeftHand", "LeftThumbProximal", "LeftThumbIntermediate", "LeftIndexProximal"} <= left["unity"]
+    assert {"hand_l", "thumb_01_l", "index_metacarpal_l", "pinky_03_l"} <= left["unreal"]
+    assert {"mixamorig:LeftHand", "mixamorig:LeftHandThumb4", "mixamorig:LeftHandPinky1"} <= left["mixamo"]
+    assert "rightIndexMetacarpal" not in right["vrm"]
+
+
+def test_a_rig_that_does_not_fit_is_refused(known: KnownHand) -> None:
+    motion = known.motion(FITTED)
+    with pytest.raises(InputError, match="no rig 'maya'"):
+        on_rig(motion, "maya")

@@ -1,0 +1,105 @@
+"""The study's tables as CSV with a data dictionary: read back by others, number for number."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pytest
+from stage_scripts import stage_main
+
+from shukotsu.study.results import MODEL_COMPARISONS, MOVEMENT_COMPARISONS, STUDY_TABLES
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
+
+main = stage_main("export_tables")
+
+TEXTS = ('a, "b"\nc', "手", " ", "1")
+NAMES = (*STUDY_TABLES, *MODEL_COMPARISONS, *MOVEMENT_COMPARISONS)
+
+
+def rows(table: Table) -> list[dict[str, Any]]:
+    """Four rows of hard values, the last without all that may be null."""
+    of_type: dict[pa.DataType, tuple[Any, ...]] = {pa.string(): TEXTS, pa.bool_(): (True, False) * 2}
+    of_type |= {pa.float64(): (0.1, -1e-300, 1e17, 1 / 3), pa.float32(): (0.5, -3.0, 2.0**40, 0.0)}
+    usual = (0, 3, 127, 4)
+    made = []
+    for number in range(4):
+        values = {
+            c.name: [0.1 * number] * 36 if pa.types.is_nested(c.type) else of_type.get(c.type, usual)[number]
+            for c in table.columns
+        }
+        values |= {"session": "", "trial": "", "message": ""} if number == 2 else {}
+        values |= {c.name: None for c in table.columns if c.nullable and number == 3}
+        made.append({c.name: values[c.name] for c in table.columns})
+    return made
+
+
+@pytest.fixture(scope="module")
+def tidy(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("tidy")
+    for name in NAMES:
+        table = TABLES[name]
+        write_table(folder / f"{name}.parquet", table, columns_from_rows(table, rows(table)), Provenance())
+    paths = [str(folder / f"{name}.parquet") for name in NAMES]
+    assert main(["--tables", *paths, "--study", "My Study", "--out", str(folder)]) == 0
+    return folder / "tables"
+
+
+def test_every_table_is_there_number_for_number(tidy: Path) -> None:
+    package = json.loads((tidy / "datapackage.json").read_text("utf-8"))
+    assert package["name"] == "my-study"
+    assert [resource["name"] for resource in package["resources"]] == list(NAMES)
+    read: dict[str, Callable[[str], Any]] = {
+        "string": str,
+        "number": float,
+        "integer": int,
+        "array": json.loads,
+    }
+    read["boolean"] = lambda text: text == "true"
+    for resource in package["resources"]:
+        file = tidy / resource["path"]
+        assert resource["hash"] == f"sha256:{hashlib.sha256(file.read_bytes()).hexdigest()}"
+        table, fields = TABLES[resource["name"]], resource["schema"]["fields"]
+        assert [(f["name"], f.get("unit", ""), f["description"]) for f in fields] == [
+            (c.name, c.unit, c.description) for c in table.columns
+        ]
+        written = read_table(tidy.parent / f"{table.name}.parquet", table).to_pylist()
+        with file.open(encoding="utf-8", newline="") as stream:
+            for line, row in zip(csv.DictReader(stream), written, strict=True):
+                for field in fields:
+                    text, value = line[field["name"]], row[field["name"]]
+                    assert (value is None and text == "") or read[field["type"]](text) == value
+
+
+def test_what_is_no_table_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "other.parquet").write_bytes(b"")
+    assert main(["--tables", str(tmp_path / "other.parquet"), "--out", str(tmp_path)]) == 2
+    assert "is none of the program's tables" in capsys.readouterr().err
+
+
+@pytest.mark.tools
+def test_frictionless_reads_and_checks_them(tidy: Path) -> None:
+    """Skipped where .tools, or the folder that SHUKOTSU_TOOLS names, lacks it (CONTRIBUTING.md)."""
+    tools = Path(os.environ.get("SHUKOTSU_TOOLS", Path(__file__).resolve().parents[2] / ".tools"))
+    python = tools / "python" / "bin" / "python"
+    if not list(python.parents[1].glob("lib/*/site-packages/frictionless")):
+        pytest.skip(f"frictionless is not installed beside {python}")
+    code = (
+        "import frictionless, json, sys\n"
+        "report = frictionless.Package('datapackage.json').validate()\n"
+        "print(json.dumps([[t.name, t.valid, t.stats['rows'], t.flatten()] for t in report.tasks]))"
+    )
+    done = subprocess.run(
+        [str(python), "-c", code], cwd=tidy, check=True, capture_output=True, text=True, timeout=300
+    )
+    found = json.loads(done.stdout)
+    assert [name for name, *_ in found] == list(NAMES)
+    assert all(valid and n == 4 for _, valid, n, _ in found), found

@@ -1,0 +1,66 @@
+"""A CSV file holds the motion, gaps as empty cells, its angles as the tables have them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+
+from shukotsu.export.motion import rest_pose
+from shukotsu.export.tidy_csv import bone_angles_deg, write
+from shukotsu.hand.joint_angles import joint_angles
+from shukotsu.hand.known_digits import rest_rotations
+from shukotsu.hand.rotations import angle, conjugate, multiply
+from shukotsu.simulate.random_hand import JOINTS, PARENT
+
+
+def test_every_pose_comes_back(known: KnownHand, tmp_path: Path) -> None:
+    motion = known.motion(REPLAYED)
+    assert write(motion, tmp_path / "a.csv") == ()
+    rows = pd.read_csv(tmp_path / "a.csv")
+    assert list(rows.columns) == ["frame", "time_s", "joint", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]
+    np.testing.assert_array_equal(rows["frame"], motion.frame.repeat(25))
+    np.testing.assert_allclose(rows["time_s"], motion.time_s.repeat(25))
+    assert list(rows["joint"][:25]) == list(motion.names)
+    place = rows[["x_mm", "y_mm", "z_mm"]].to_numpy().reshape(motion.position_mm.shape)
+    turn = rows[["qw", "qx", "qy", "qz"]].to_numpy().reshape(motion.quaternion.shape)
+    np.testing.assert_allclose(place, motion.position_mm, atol=1e-6)
+    known_rows = motion.known
+    assert angle(multiply(conjugate(turn), motion.quaternion))[known_rows].max() < 1e-8
+
+
+def test_angles_are_those_of_the_bones(known: KnownHand) -> None:
+    """As joint_angles has them of the same bones; the thumb has a test of its own."""
+    motion, truth, hand = known.motion(FITTED), known.made.truth, known.recording.hand.hand
+    names, found = bone_angles_deg(motion)
+    ours = truth.bone_quaternion
+    rests = rest_rotations(known.layout, hand)
+    compared = [name for name in names if name not in {"thumb_cmc", "thumb_mcp"}]
+    assert len(compared) == 15
+    for name in compared:
+        index = JOINTS.index(name)
+        expected = joint_angles(ours[:, PARENT[index]], ours[:, index + 1], hand, rests[name])
+        np.testing.assert_allclose(found[:, names.index(name)], expected, atol=1e-6, err_msg=name)
+
+
+def test_the_header_says_what_the_columns_mean(known: KnownHand, tmp_path: Path) -> None:
+    motion = known.motion(FITTED)
+    name = replace(motion.origin.recording, subject="山田 太郎")
+    motion = replace(motion, origin=replace(motion.origin, licence="CC0", recording=name))
+    write(motion.noting("resampled"), tmp_path / "a.csv")
+    header = json.loads((tmp_path / "a.json").read_text("utf-8"))
+    columns = {*pd.read_csv(tmp_path / "a.csv").columns, *pd.read_csv(tmp_path / "a_angles.csv").columns}
+    assert set(header["columns"]) == columns
+    assert header["subject"] == "山田 太郎"
+    assert header["licence"] == "CC0"
+    assert header["notes"] == ["resampled"]
+    assert header["parent"]["index_pip"] == "index_mcp"
+    assert header["inputs_sha256"] == motion.origin.inputs
+    offset = header["rest_offset_mm"]["index_pip"]
+    at_rest = rest_pose(motion)[0]
+    span = at_rest[motion.index("index_pip")] - at_rest[motion.index("index_mcp")]
+    assert abs(np.linalg.norm(offset) - np.linalg.norm(span)) < 1e-5

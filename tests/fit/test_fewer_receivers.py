@@ -1,0 +1,64 @@
+"""Hands calibrated, and tasks recorded, with fewer receivers than there are bones."""
+
+import numpy as np
+import pytest
+from simulated_poses import fitted, recorded
+
+from shukotsu.fit.fingertips import fingertips
+from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.gains import gains
+from shukotsu.fit.hand_tables import joint_rows
+from shukotsu.simulate.random_hand import BONES, FINGERS
+from shukotsu.study.layout import read_layout
+from shukotsu.study.verdict import ONE_RECEIVER, doubts_of
+from shukotsu.tables.poses import Poses
+
+QUICK = Settings(n_frames=60, rounds=1)
+SIX = ("hand", *(f"{digit}_distal" for digit in ("thumb", *FINGERS)))
+
+
+def only(poses: Poses, worn: tuple[str, ...]) -> Poses:
+    """The recording with the rows of some receivers alone."""
+    own = [poses.index(name) for name in worn]
+    return Poses(
+        worn,
+        poses.frame,
+        poses.time_s,
+        poses.position_mm[:, own],
+        poses.quaternion[:, own],
+        poses.valid[:, own],
+    )
+
+
+@pytest.fixture(scope="module")
+def whole() -> HandFit:
+    return fitted()
+
+
+@pytest.fixture(scope="module")
+def six() -> HandFit:
+    poses = only(recorded(seed=4, n_frames=1600)[1], SIX)
+    return fit_hand([poses], read_layout("tips-and-hand"), "right", settings=QUICK)
+
+
+def test_a_calibration_with_six_says_what_is_lost(whole: HandFit, six: HandFit) -> None:
+    """Bones are less certain, as far off as stated; joints have a place only beside a receiver."""
+    assert six.evidence.model.receivers == SIX
+    assert six.converged
+    true_mm = recorded(seed=4, n_frames=1600)[0].truth.hand.length_mm
+    off = np.array([bone.length_mm - true_mm[BONES.index(name)] for name, bone in six.bones.items()])
+    sd = np.array([bone.sd_mm for bone in six.bones.values()])
+    assert np.sqrt(((off / sd) ** 2).mean()) < 1.6
+    assert sd.mean() > 1.2 * np.mean([bone.sd_mm for bone in whole.bones.values()])
+    rows = {row["joint"]: row for row in joint_rows(six)}
+    assert set(rows) == {row["joint"] for row in joint_rows(whole)}
+    for digit in FINGERS:
+        mcp, pip, dip = (rows[f"{digit}_{kind}"] for kind in ("mcp", "pip", "dip"))
+        assert (mcp["parent_segment"], mcp["child_segment"], mcp["status"]) == ("hand", "", "ok")
+        assert doubts_of(mcp)[ONE_RECEIVER] == {"segments": [f"{digit}_proximal"]}
+        assert (dip["parent_segment"], dip["child_segment"]) == ("", f"{digit}_distal")
+        assert np.isfinite([mcp["parent_x_mm"], dip["child_x_mm"], mcp["sd_mm"], dip["sd_mm"]]).all()
+        assert np.isnan([mcp["child_x_mm"], dip["parent_x_mm"], pip["parent_x_mm"], pip["sd_mm"]]).all()
+        assert pip["status"] == "failed"
+        assert pip["message"].startswith(f"no receiver on {digit}_proximal and {digit}_middle: ")
+    assert gains(fingertips(six)) == []

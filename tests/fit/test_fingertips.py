@@ -1,0 +1,189 @@
+"""Fingertips of fitted hands, and what touches and contacts say of them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from simulated_poses import recorded
+
+from shukotsu.fit.fingertips import BONE, PAD, TIP, Fingertips, fingertips, seen_parts
+from shukotsu.fit.fit import Settings, fit_hand
+from shukotsu.fit.touches import CONTACT_SD_MM, MOST_EACH, Touch, find_contacts, touch_in, with_touches
+from shukotsu.hand.average_hand import DIGITS as AVERAGE
+from shukotsu.hand.rotations import Array, rotate
+from shukotsu.simulate.random_hand import DIGITS, TIP_BONES
+from shukotsu.simulate.simulation import Simulated
+from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import Poses
+
+QUICK = Settings(n_frames=60, rounds=1)
+SOFT_MM = np.array([5.0, 4.4, 3.5, 4.6, 3.9])
+"""Soft tips of the person in these tests, along the bones: within a sd or two of the published."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """A simulated person: fingertips as fitted, the recording that they were fitted to, and its poses."""
+
+    tips: Fingertips
+    made: Simulated
+    poses: Poses
+
+    def true_mm(self, rows: slice | Array, part: str) -> Array:
+        """Points (T, 5, 3) of the true hand in the transmitter frame."""
+        truth = self.made.truth
+        turn, offset = truth.bone_quaternion[rows][:, TIP_BONES], np.zeros((5, 3))
+        if part == TIP:
+            offset[:, 0] = SOFT_MM
+        elif part == PAD:
+            offset = truth.hand.pad_mm - truth.hand.length_mm[TIP_BONES, None] * [1.0, 0.0, 0.0]
+        return truth.tip_mm[rows] + rotate(turn, offset)
+
+    def touches(self, seed: int, digits: tuple[str, ...] = DIGITS) -> list[Touch]:
+        """One touch of every digit's soft tip, 0.4 mm off in every direction, in a frame of its own."""
+        rng, touches = np.random.default_rng(seed), []
+        for digit in digits:
+            row = rng.integers(0, len(self.poses.frame), 1)
+            point = self.true_mm(row, TIP)[0, DIGITS.index(digit)] + 0.4 * rng.normal(size=3)
+            touches.append(touch_in(self.tips, self.poses, row, (digit,), 0.4, TIP, point))
+        return touches
+
+    def off_mm(self, tips: Fingertips, part: str) -> Array:
+        """Mean distance (5,) of every digit's part to its true place."""
+        rows = slice(None, None, 20)
+        found = tips.in_transmitter(self.poses, part)[rows]
+        return np.asarray(np.linalg.norm(found - self.true_mm(rows, part), axis=-1).mean(0))
+
+
+@pytest.fixture(scope="module")
+def people() -> dict[str, Person]:
+    found = {}
+    for side in ("right", "left"):
+        made, poses = recorded(side, seed=6, field_distortion=0.0)  # it bends point and hand alike
+        fit = fit_hand([poses], read_layout("liberty16"), side, settings=QUICK)
+        found[side] = Person(fingertips(fit), made, poses)
+    return found
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_tips_are_where_the_hand_has_them(people: dict[str, Person], side: str) -> None:
+    """Untouched, bone, tip and pad are some mm off, and no more than their covariance allows."""
+    person = people[side]
+    assert tuple(person.tips.digits) == DIGITS
+    for part, most_mm in ((BONE, 5.0), (TIP, 5.5), (PAD, 5.5)):
+        off = person.off_mm(person.tips, part)
+        assert off.max() < most_mm, part
+    lengths = [bone.length_mm for bone in person.tips.fit.bones.values()]
+    size = sum(lengths) / sum(sum(anatomy.lengths_mm) for anatomy in AVERAGE.values())
+    assert abs(size - 1) > 0.005
+    soft = [anatomy.soft_tip_mm for anatomy in AVERAGE.values()]
+    np.testing.assert_allclose(person.tips.offsets_mm[:, 0, 0], size * np.array(soft))
+    squares = []
+    for i, digit in enumerate(DIGITS):
+        tip = person.tips[digit]
+        receiver = person.poses.index(tip.receiver)
+        back = person.poses.quaternion[:, receiver] * [1.0, -1.0, -1.0, -1.0]
+        arm = person.true_mm(slice(None), BONE)[:, i] - person.poses.position_mm[:, receiver]
+        off_mm = rotate(back, arm).mean(0) - tip.point_mm
+        squares.append(off_mm @ np.linalg.solve(tip.covariance_mm2, off_mm))
+    assert sum(squares) < 37.7  # chi-square of 15, 1 in 1000
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_derivatives_are_those_of_the_points(people: dict[str, Person], side: str) -> None:
+    tips = people[side].tips
+    evidence, rng = tips.fit.evidence, np.random.default_rng(0)
+    x, offsets = evidence.posterior.x, tips.offsets_mm
+    along = rng.normal(size=len(x) + offsets.size)
+    by_x, by_offset = along[: len(x)], along[len(x) :].reshape(offsets.shape)
+    step = 1e-5
+    first, second = (
+        seen_parts(evidence, x + sign * step * by_x, offsets + sign * step * by_offset) for sign in (-1, 1)
+    )
+    for which, (_, derivative) in seen_parts(evidence, x, offsets).items():
+        slope = (second[which][0] - first[which][0]) / (2 * step)
+        np.testing.assert_allclose(derivative @ along, slope, rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_one_touch_a_finger_finds_the_tips(people: dict[str, Person], side: str) -> None:
+    """Soft tips come to the touch's error, bones to that and what is not known of the flesh between."""
+    person = people[side]
+    tips = with_touches(person.tips, person.touches(1))
+    assert tips.refused == ()
+    assert person.off_mm(tips, TIP).mean() < 0.8 < 1.5 < person.off_mm(person.tips, TIP).mean()
+    assert person.off_mm(tips, BONE).mean() < 1.0
+    for digit, before in person.tips.digits.items():
+        after = tips[digit]
+        assert np.sqrt(np.trace(after.soft_tip_covariance_mm2) / 3) < 0.5
+        assert np.trace(after.soft_tip_covariance_mm2) < np.trace(after.covariance_mm2)
+        assert np.trace(after.covariance_mm2) < 0.5 * np.trace(before.covariance_mm2)
+    np.testing.assert_array_equal(tips.fit.evidence.posterior.covariance, tips.covariance[:-30, :-30])
+    assert np.linalg.eigvalsh(tips.covariance)[0] > 0
+    now, before = tips.fit.evidence.posterior, person.tips.fit.evidence.posterior
+    angles = before.states_by_x @ (now.x - before.x)
+    np.testing.assert_allclose(now.mean_states - before.mean_states, angles)
+    assert np.abs(angles).max() > 0.001
+    for name, joint in person.tips.fit.joints.items():
+        assert tips.fit.joints[name].sd_mm < joint.sd_mm + 1e-9
+    assert tips.fit.joints["index_dip"].sd_mm < 0.9 * person.tips.fit.joints["index_dip"].sd_mm
+
+
+def test_a_wrong_touch_is_left_out(people: dict[str, Person]) -> None:
+    """A touch booked on the wrong digit is refused with its reason, and the others stay."""
+    person = people["right"]
+    touches = person.touches(6)
+    wrong = replace(touches[2], point_mm=touches[2].point_mm + np.array([0.0, 9.0, 9.0]))
+    alone = with_touches(person.tips, [wrong])
+    assert alone.fit is person.tips.fit
+    assert "touch 1 (middle, middle_distal)" in alone.refused[0]
+    among = with_touches(person.tips, [*touches, wrong])
+    assert len(among.refused) == 1
+    assert "touch 6 (middle" in among.refused[0]
+    without = with_touches(person.tips, touches)
+    np.testing.assert_allclose(among.offsets_mm, without.offsets_mm, atol=1e-9)
+
+
+def test_pads_that_meet_are_found_and_count(people: dict[str, Person]) -> None:
+    """In opposition every finger's contacts are found; elsewhere hardly one. Pads come closer, if not to the
+    true ones: a contact says where two pads are to each other, not where both are.
+    """
+    person = people["right"]
+    made, poses = recorded("right", "opposition", seed=5, field_distortion=0.0)
+    other = Person(person.tips, made, poses)
+    contacts = find_contacts(person.tips, poses)
+    fingers = [contact.digits[1] for contact in contacts]
+    assert {contact.digits[0] for contact in contacts} == {"thumb"}
+    assert set(fingers) == set(DIGITS[1:])
+    assert max(fingers.count(finger) for finger in fingers) <= MOST_EACH
+    thumb = poses.position_mm[:, poses.index("thumb_distal")]
+    pads = other.true_mm(slice(None), PAD)
+    for contact in contacts:
+        row = np.linalg.norm(thumb - contact.receiver_mm[:, 0].mean(0), axis=-1).argmin()
+        apart = pads[row, DIGITS.index(contact.digits[1])] - pads[row, 0]
+        assert np.linalg.norm(apart) < 8, contact.digits[1]
+    touched = with_touches(person.tips, contacts)
+    assert touched.refused == ()
+    for digit in DIGITS:
+        assert np.trace(touched[digit].pad_covariance_mm2) < np.trace(person.tips[digit].pad_covariance_mm2)
+    assert gap_mm(touched, contacts) < 0.6 * gap_mm(person.tips, contacts)
+    assert len(find_contacts(person.tips, person.poses)) <= 2
+    apart = touch_in(person.tips, poses, np.arange(3), ("thumb", "ring"), CONTACT_SD_MM, PAD)
+    among = with_touches(person.tips, [apart, *contacts])
+    assert len(among.refused) == 1
+    assert "contact 1 (thumb and ring)" in among.refused[0]
+    np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
+
+
+def gap_mm(tips: Fingertips, contacts: list[Touch]) -> float:
+    """Mean distance of the pads that are in contact."""
+    gaps = []
+    for contact in contacts:
+        a = contact.receiver_mm[:, 0] + rotate(
+            contact.receiver_quaternion[:, 0], tips[contact.digits[0]].pad_mm
+        )
+        b = contact.receiver_mm[:, 1] + rotate(
+            contact.receiver_quaternion[:, 1], tips[contact.digits[1]].pad_mm
+        )
+        gaps.append(np.linalg.norm((a - b).mean(0)))
+    return float(np.mean(gaps))

@@ -1,0 +1,167 @@
+"""What a fit of a whole hand gives, on simulated hands and on chains of its own making."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from chains import Chain, chain_layout, random_chain
+from simulated_poses import recorded
+
+from shukotsu.fit.compiled_equations import pose, reduce
+from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.gauss_newton import first_guess, solve
+from shukotsu.hand.rotations import exp_rotation
+from shukotsu.paper.closed import solve_closed
+from shukotsu.paper.moments import JointMoments
+from shukotsu.paper.solve import add_block
+from shukotsu.simulate.random_hand import BONES
+from shukotsu.simulate.simulation import Simulated
+from shukotsu.study.layout import Layout
+from shukotsu.study.verdict import NO_POSE
+from shukotsu.tables.poses import Poses
+
+QUICK = Settings(n_frames=40, rounds=1)
+hand = partial(recorded, seed=3)
+
+
+@pytest.fixture(scope="module")
+def fitted(layout: Layout) -> HandFit:
+    """The right hand, fitted quickly."""
+    return fit_hand([hand()[1]], layout, "right", settings=QUICK)
+
+
+def child_errors_mm(fit: HandFit, made: Simulated) -> dict[str, float]:
+    return {
+        name: float(np.linalg.norm(joint.child_mm - made.truth.joints[name].child_mm))
+        for name, joint in fit.joints.items()
+    }
+
+
+def without(poses: Poses, *segments: str) -> Poses:
+    valid, position = poses.valid.copy(), poses.position_mm.copy()
+    for segment in segments:
+        valid[:, poses.index(segment)] = False
+        position[:, poses.index(segment)] = np.nan
+    return replace(poses, valid=valid, position_mm=position)
+
+
+def test_it_beats_the_joint_by_joint_fit(layout: Layout, fitted: HandFit) -> None:
+    """Full realism: nothing gross, a median under 2 mm, and better than six unknowns a joint."""
+    made, poses = hand()
+    errors = child_errors_mm(fitted, made)
+    assert len(errors) == 15
+    assert fitted.converged
+    assert max(errors.values()) < 5.0
+    assert np.median(list(errors.values())) < 2.0
+    moments = JointMoments(len(errors))
+    add_block(moments, poses, [layout.joints[name] for name in errors])
+    alone = [
+        np.linalg.norm(solve_closed(moments, i, 6).q_mm - made.truth.joints[name].child_mm)
+        for i, name in enumerate(errors)
+    ]
+    assert np.median(list(errors.values())) < 0.7 * np.median(alone)
+
+
+def test_the_rest_of_the_summary(fitted: HandFit) -> None:
+    """Wrist, bones, moving palm, axes and gaps are near the truth and say how near."""
+    made, _ = hand()
+    true = made.truth.joints
+    wrist = fitted.summary.fixed["wrist"]
+    off = wrist.child_mm - true["wrist"].child_mm
+    assert off @ np.linalg.solve(wrist.covariance_mm2[3:, 3:], off) < 16
+    for name, joint in fitted.joints.items():
+        assert not joint.doubts, name
+        assert joint.gap_rms_mm < 4
+        # the receiver over the thumb's metacarpal stays behind by up to half of the CMC's motion
+        near_deg = true[name].range_deg / 2 if name == "thumb_cmc" else 15
+        assert abs(joint.range_deg - true[name].range_deg) < near_deg
+        for found, axis in (
+            (joint.axis_parent, true[name].axis_parent),
+            (joint.axis_child, true[name].axis_child),
+        ):
+            assert np.degrees(np.arccos(min(1.0, found @ axis))) < 15, name
+    assert set(fitted.summary.palm) == {"ring_cmc", "little_cmc"}
+    for joint in fitted.summary.palm.values():
+        assert np.isnan(joint.child_mm).all()
+        assert 5 < joint.range_deg < 30
+    for name, bone in fitted.bones.items():
+        assert abs(bone.length_mm - made.truth.hand.length_mm[BONES.index(name)]) < 4 * bone.sd_mm, name
+
+
+@pytest.mark.parametrize(
+    "dead",
+    [
+        "hand",
+        pytest.param("index_middle", marks=pytest.mark.slow),
+        pytest.param("little_distal", marks=pytest.mark.slow),
+    ],
+)
+def test_a_dead_receiver_is_done_without(layout: Layout, dead: str) -> None:
+    """Its joints say so, with an sd that covers; the others are hardly worse."""
+    made, poses = hand()
+    fit = fit_hand([without(poses, dead)], layout, "right", settings=QUICK)
+    assert fit.converged
+    errors = child_errors_mm(fit, made)
+    for name, joint in fit.joints.items():
+        touched = dead in (joint.parent_segment, joint.child_segment)
+        assert joint.doubts == ({NO_POSE: {"segments": [dead]}} if touched else {}), name
+        assert errors[name] < 3.0 * joint.sd_mm, name
+    assert np.isnan(fit.residual_rms[dead]).all()
+
+
+def test_a_forearm_receiver_finds_the_wrist(layout: Layout) -> None:
+    made, poses = hand(forearm=True)
+    wrist = fit_hand([poses], layout, "right", settings=QUICK).joints["wrist"]
+    true = made.truth.joints["wrist"]
+    for found, centre, rows in (
+        (wrist.parent_mm, true.parent_mm, slice(0, 3)),
+        (wrist.child_mm, true.child_mm, slice(3, 6)),
+    ):
+        off = found - centre
+        assert off @ np.linalg.solve(wrist.covariance_mm2[rows, rows], off) < 16
+        assert np.linalg.norm(off) < 5
+    assert wrist.axis_child @ true.axis_child > 0.97
+
+
+def free_layout(chain: Chain) -> Layout:
+    layout = chain_layout(chain)
+    return replace(layout, joints={name: replace(joint, dof=3) for name, joint in layout.joints.items()})
+
+
+def test_joints_without_anatomy() -> None:
+    """An arm-like tree of free joints: centres from the data alone, in trees of any shape."""
+    chain = random_chain(2, 6, 300, parents=(0, 0, 1, 2, 0), off_axis_rad=0.3, noise_mm=0.2)
+    fit = fit_hand([chain.poses], free_layout(chain), "right")
+    assert fit.converged
+    for index, joint in enumerate(chain.joints):
+        found = fit.joints[joint.name]
+        assert np.linalg.norm(found.child_mm - chain.q_mm[index]) < 0.5
+        assert np.linalg.norm(found.parent_mm - chain.p_mm[index]) < 0.5
+    assert fit.summary.fixed == {}
+
+
+@pytest.mark.slow
+def test_covariance_is_that_of_repeated_recordings() -> None:
+    """Stated covariances against those of fits to many noisy copies of a small chain's recording."""
+    chain = random_chain(3, 3, 60, off_axis_rad=0.5)
+    rng = np.random.default_rng(0)
+    once = fit_hand([chain.poses], free_layout(chain), "right", settings=Settings(rounds=0))
+    problem = replace(once.evidence.problem, temper=1.0)
+    frames, sd = problem.frames, problem.sd[0]
+    point = pose(problem, first_guess(problem, once.evidence.model, once.evidence.posterior.x))
+    found = []
+    for _ in range(120):
+        turned = frames.rotation @ exp_rotation(sd[1] * rng.normal(size=frames.position_mm.shape))
+        placed = frames.position_mm + sd[0] * rng.normal(size=frames.position_mm.shape)
+        noisy = replace(problem, frames=replace(frames, rotation=turned, position_mm=placed))
+        found.append(solve(noisy, point, 10).point.x)
+    reduced = reduce(problem, point)
+    stated = np.linalg.inv(reduced.matrix)
+    sampled = np.cov(np.array(found).T)
+    shown = np.diag(stated) < 0.01  # the rest is the prior's, which no noise moves
+    assert shown.sum() >= 12
+    ratio = np.diag(sampled)[shown] / np.diag(stated)[shown]
+    assert ratio.min() > 0.6
+    assert ratio.max() < 1.6
+    assert 0.85 < ratio.mean() < 1.15

@@ -1,0 +1,136 @@
+"""Errors stated of posed frames: against posing again, against the truth, and with receivers taken away."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated_poses import fitted, recorded
+
+from shukotsu.fit.compiled_equations import back_substitute, reduce
+from shukotsu.fit.fingertips import Fingertips, fingertips
+from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of, pose_hand
+from shukotsu.fit.frame_uncertainty import (
+    PosedErrors,
+    Postures,
+    _angle_errors_deg,
+    _spread_of,
+    posed_errors,
+    posed_frames,
+)
+from shukotsu.hand.rotations import Array, from_matrix
+from shukotsu.scores.truth import RADIUS_SD
+from shukotsu.simulate.random_hand import BONES, FINGERS
+from shukotsu.tables.poses import Poses
+
+SIX = ("hand", *(f"{digit}_distal" for digit in ("thumb", *FINGERS)))
+
+
+def only(poses: Poses, worn: tuple[str, ...]) -> Poses:
+    """The recording with the poses of some receivers alone."""
+    return replace(poses, valid=poses.valid & np.isin(np.array(poses.segments), worn))
+
+
+@pytest.fixture(scope="module", params=["right", pytest.param("left", marks=pytest.mark.slow)])
+def tips(request: pytest.FixtureRequest) -> Fingertips:
+    return fingertips(fitted(request.param))
+
+
+def task_of(tips: Fingertips, worn: tuple[str, ...] = ()) -> tuple[Poses, PosedHand]:
+    """Twenty frames of another task, posed."""
+    side = "left" if tips.fit.evidence.convention.left else "right"
+    poses = recorded(side, "opposition", seed=4, n_frames=1600)[1].take(slice(0, None, 80))
+    poses = only(poses, worn) if worn else poses
+    return poses, pose_hand(tips.fit, poses)
+
+
+def stated(tips: Fingertips, poses: Poses, posed: PosedHand) -> PosedErrors:
+    return posed_errors(tips, posed, tips.fit.evidence.convention.frames(poses))
+
+
+@pytest.mark.parametrize("worn", [(), SIX])
+def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: tuple[str, ...]) -> None:
+    """Unknowns moved a little along one of the map's numbers, and the frames' own solved again."""
+    poses, posed = task_of(tips, worn)
+    evidence = tips.fit.evidence
+    frames = evidence.convention.frames(poses)
+    postures = Postures.of(tips, posed)
+    spread = _spread_of(postures, frames)
+    problem = replace(
+        evidence.problem, frames=frames, temper=1.0, state_sd=np.array(evidence.model.states.sd)
+    )
+    number = len(spread.unknowns) - 3  # one of the most uncertain directions
+    step = 1e-5 * spread.unknowns[: len(evidence.posterior.x), number]
+
+    def moved_hand(x: Array) -> tuple[Array, Array]:
+        moved = replace(evidence, posterior=replace(evidence.posterior, x=x), problem=problem)
+        again = replace(tips, fit=replace(tips.fit, evidence=moved))
+        point = replace(Postures.of(again, posed).point, x=x)
+        solved = back_substitute(problem, point, reduce(problem, point), np.zeros(len(x)))
+        places = {f"bone {posed.bones[0]}": (solved.root, solved.root_mm)}
+        for branch in problem.branches:
+            reached = branch.reach(x, solved.y, solved.root, solved.root_mm)
+            reached_poses = zip(reached.rotation, reached.position_mm, strict=True)
+            places |= dict(zip(branch.marks, reached_poses, strict=True))
+        bones = [places[f"bone {name}"] for name in posed.bones]
+        turns = [from_matrix(evidence.convention.world(*own)[0]) for own in bones]
+        fit = tips.fit.moved_to(x, evidence.posterior.covariance)
+        angles = joint_angles_of(fit, replace(posed, bone_quaternion=np.stack(turns, 1)))
+        return np.stack([place for _, place in bones], 1), np.stack([*angles.values()], 1)
+
+    ahead, behind = (moved_hand(evidence.posterior.x + sign * step) for sign in (1, -1))
+    maps = dict(_angle_errors_deg(postures, spread))
+    angle_map = np.stack([maps[joint] for joint in tips.fit.summary.angle_axes], 1)
+    for found, one, other in zip((spread.shift_mm, angle_map), ahead, behind, strict=True):
+        slope = (one - other) / 2e-5
+        np.testing.assert_allclose(found[..., number], slope, atol=0.05 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("worn", [(), SIX])
+def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) -> None:
+    """Nearly all centres, PIP angles and tips are within the 95 % that is stated, and not far within."""
+    poses, posed = task_of(tips, worn)
+    errors = stated(tips, poses, posed)
+    side = "left" if tips.fit.evidence.convention.left else "right"
+    truth = recorded(side, "opposition", seed=4, n_frames=1600)[0].truth
+    rows, places = slice(0, None, 80), [BONES.index(name) for name in posed.bones]
+    off_mm = np.linalg.norm(posed.bone_position_mm - truth.bone_position_mm[rows][:, places], axis=-1)
+    assert np.mean(off_mm < RADIUS_SD * errors.centre_mm) > 0.9
+    assert np.sqrt((errors.centre_mm**2).mean()) < 2.5 * np.sqrt((off_mm**2).mean())
+    true = replace(posed, bone_quaternion=truth.bone_quaternion[rows][:, places])
+    angles = [joint_angles_of(tips.fit, own) for own in (posed, true)]
+    off, sd = (
+        np.stack([values[f"{digit}_pip"][:, 0] for digit in FINGERS])
+        for values in ({joint: angles[0][joint] - angles[1][joint] for joint in angles[0]}, errors.angles_deg)
+    )
+    assert np.mean(np.abs(off) < 1.96 * sd) > 0.85
+
+
+def test_what_is_not_posed_has_no_error_and_a_lost_receiver_costs_its_frames(tips: Fingertips) -> None:
+    poses, _ = task_of(tips)
+    valid = poses.valid.copy()
+    valid[3, 1:] = False
+    valid[7, poses.index("ring_distal")] = False
+    lossy = replace(poses, valid=valid)
+    errors = stated(tips, lossy, pose_hand(tips.fit, lossy))
+    whole = stated(tips, poses, pose_hand(tips.fit, poses))
+    for values in (errors.centre_mm, errors.turn_deg, errors.tips_mm, errors.angles_deg["index_pip"]):
+        assert np.isnan(values[3]).all()
+        assert np.isfinite(np.delete(values, 3, 0)).all()
+    ring = list(tips.digits).index("ring")
+    assert errors.angles_deg["ring_dip"][7, 0] > 2 * whole.angles_deg["ring_dip"][7, 0]
+    assert (errors.tips_mm[7, ring] > whole.tips_mm[7, ring]).all()
+    others = [index for index in range(5) if index != ring]
+    np.testing.assert_allclose(errors.tips_mm[7, others], whole.tips_mm[7, others])
+
+
+def test_of_the_same_hand_in_another_session_less_is_uncertain(tips: Fingertips) -> None:
+    """Nothing differs in a posture's change from itself; elsewhere a part of what the hand leaves open."""
+    poses, posed = task_of(tips)
+    errors = stated(tips, poses, posed)
+    for joint, sd_deg in errors.angles_deg.items():
+        assert (errors.session_deg[joint] < sd_deg).all()
+        assert (errors.session_changes_deg[joint] < errors.changes_deg[joint]).all()
+        assert np.median(errors.session_deg[joint] / sd_deg) > 0.1
+    one = np.zeros(20, int)
+    still = posed_errors(tips, posed_frames(posed, one), tips.fit.evidence.convention.frames(poses.take(one)))
+    assert max(own.max() for own in still.session_changes_deg.values()) < 1e-6

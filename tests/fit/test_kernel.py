@@ -1,0 +1,275 @@
+"""Compiled code against what it should compute, on random chains."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shukotsu.fit.compiled_equations import (
+    BLOCK_FRAMES,
+    back_substitute,
+    pose,
+    reduce,
+    residuals,
+    weighted_jacobians,
+)
+from shukotsu.fit.normal_equations import HUBER, Frames, Observations, Point, Problem, log_rotation, pairs
+from shukotsu.fit.operations import Branch, Mark, Operation, Side, Step, Term, Turn
+from shukotsu.fit.room_field import RoomField
+from shukotsu.hand.rotations import Array, exp_rotation, unit
+
+UNKNOWNS, STATES, RECEIVERS = 12, (3, 0, 4), 6
+"""Of a random hand; states of each branch are its own, unknowns are anybody's."""
+
+FIELD = RoomField(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]), 100.0)
+ALL = UNKNOWNS + 12
+"""The room's field has as many unknowns again."""
+
+CLOSE, STEP = 1e-9, 1e-6
+
+
+def random_operation(rng: np.random.Generator, states: range) -> Operation:
+    """Any amount: constant, by unknowns, by states, by their products."""
+
+    def terms(most: int) -> tuple[Term, ...]:
+        unknowns = [None, *range(UNKNOWNS)]
+        drawn = [
+            (rng.choice(np.array(unknowns, object)), rng.choice(np.array([None, *states], object)))
+            for _ in range(rng.integers(0, most + 1))
+        ]
+        return tuple(Term(0.2 * rng.normal(), *factors) for factors in drawn)
+
+    rotates = bool(rng.integers(2))
+    return Operation(rotates, unit(rng.normal(size=3)), (1 if rotates else 20) * rng.normal(), terms(5))
+
+
+def random_steps(rng: np.random.Generator, states: range, marks: list[str], depth: int) -> list[Step]:
+    """Operations and turns up to each mark, the middle one on a side branch."""
+    steps: list[Step] = []
+    for i, mark in enumerate(marks):
+        way: list[Step] = [random_operation(rng, states) for _ in range(rng.integers(2, 6))]
+        way += [Turn(exp_rotation(rng.normal(size=3))), random_operation(rng, states), Mark(mark)]
+        if depth and i == 1:
+            steps.append(Side((*way, Side((random_operation(rng, states), Mark(f"{mark} beyond"))))))
+        else:
+            steps += way
+    return steps
+
+
+def random_problem(seed: int, n_frames: int) -> tuple[Problem, Point]:
+    """A hand whose second branch has no states, and a point some way off what was measured."""
+    rng = np.random.default_rng(seed)
+    names = [f"receiver {i}" for i in range(RECEIVERS)]
+    first = np.cumsum([0, *STATES])
+    branches = tuple(
+        Branch(random_steps(rng, range(first[b], first[b + 1]), own, depth=1))
+        for b, own in enumerate((["bone a", *names[:2]], names[2:3], [*names[3:], "bone b"]))
+    )
+    n_states = first[-1]
+    link = np.eye(n_states)
+    link[1, 0], link[5, 4] = -0.6, 0.3
+    point = Point(
+        0.5 * rng.normal(size=ALL),
+        0.4 * rng.normal(size=(n_frames, n_states)),
+        exp_rotation(rng.normal(size=(n_frames, 3))),
+        100 * rng.normal(size=(n_frames, 3)),
+    )
+    receivers = pairs(branches, [str(i) for i in range(RECEIVERS)])
+    frames = measured(rng, branches, receivers, point)
+    problem = Problem(
+        branches,
+        receivers,
+        frames,
+        rng.uniform([0.3, 0.01], [0.9, 0.03], (RECEIVERS, 2)),
+        0.4,
+        0.1 * rng.normal(size=n_states),
+        rng.uniform(0.2, 0.6, n_states),
+        rng.uniform(0.5, 2.0, ALL),
+        Observations(rng.normal(size=(2, ALL)), rng.normal(size=2)),
+        link,
+        None if seed % 2 else FIELD,
+    )
+    return problem, replace(point, y=point.y + 0.05 * rng.normal(size=point.y.shape))
+
+
+def measured(
+    rng: np.random.Generator,
+    branches: tuple[Branch, ...],
+    receivers: tuple[tuple[tuple[int, int], ...], ...],
+    point: Point,
+) -> Frames:
+    """Poses of receivers with noise and a few far off, a tenth of them not valid, and in one frame all."""
+    n_frames = len(point.y)
+    rotation, position = np.empty((n_frames, RECEIVERS, 3, 3)), np.empty((n_frames, RECEIVERS, 3))
+    for branch, own in zip(branches, receivers, strict=True):
+        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+        for mark, s in own:
+            turn = exp_rotation(0.02 * rng.standard_t(2, size=(n_frames, 3)).clip(-40, 40))
+            rotation[:, s] = reached.rotation[mark] @ turn
+            position[:, s] = reached.position_mm[mark] + rng.standard_t(2, size=(n_frames, 3))
+    valid = rng.random((n_frames, RECEIVERS)) > 0.1
+    valid[0] = n_frames == 1
+    return Frames(rotation, position, valid)
+
+
+def assert_same(found: Array, expected: Array) -> None:
+    assert found.shape == expected.shape
+    np.testing.assert_allclose(found, expected, rtol=CLOSE, atol=CLOSE * np.abs(expected).max(initial=1e-300))
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("n_frames", [1, 7])
+def test_residuals(seed: int, n_frames: int) -> None:
+    """Against the same in NumPy, receiver by receiver."""
+    problem, point = random_problem(seed, n_frames)
+    found, rotation = residuals(problem, point), problem.rotation(point.x)
+    y_off = (point.y - problem.state_mean) @ problem.state_prior().T
+    frame_cost = problem.temper * (y_off**2).sum(1) / 2
+    for own, branch, receivers in zip(found.branches, problem.branches, problem.receivers, strict=True):
+        reached = branch.reach(point.x, point.y, point.root, point.root_mm)
+        for name in ("rotation", "position_mm", "axis", "origin_mm"):
+            assert_same(getattr(own.reached, name), getattr(reached, name))
+        for i, (mark, s) in enumerate(receivers):
+            back, off = (
+                rotation[:, s].swapaxes(-1, -2),
+                reached.position_mm[mark] - problem.frames.position_mm[:, s],
+            )
+            turned = log_rotation(back @ reached.rotation[mark]) / problem.sd[s, 1]
+            r = np.concatenate([(back @ off[..., None])[..., 0] / problem.sd[s, 0], turned], -1)
+            r *= problem.frames.valid[:, s, None]
+            norm = np.linalg.norm(r, axis=-1)
+            assert_same(own.r[i], r)
+            assert_same(own.weight[i], HUBER / np.maximum(norm, HUBER))
+            robust = np.where(norm > HUBER, HUBER * norm - HUBER**2 / 2, norm**2 / 2)
+            frame_cost = frame_cost + problem.temper * robust
+    assert_same(found.frame_cost, frame_cost)
+    off_rows = problem.observations.rows @ point.x - problem.observations.values
+    priors = (problem.precision * point.x**2).sum() + (off_rows**2).sum()
+    assert found.cost == pytest.approx(frame_cost.sum() + priors / 2, rel=CLOSE)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_derivatives(seed: int) -> None:
+    """By states, by the root and by the unknowns, with weights and tempering in, against differences.
+
+    The room's field, which turns what is measured, is so to first order, and its positions are left out.
+    """
+    problem, point = random_problem(seed, 7)
+    weights = [np.sqrt(problem.temper * own.weight) for own in residuals(problem, point).branches]
+
+    def slopes(nudged: Callable[[float], Point]) -> list[Array]:
+        ends = (residuals(problem, nudged(step)).branches for step in (STEP, -STEP))
+        return [
+            ((one.r - other.r) * weight[..., None]).swapaxes(0, 1).reshape(7, -1) / (2 * STEP)
+            for one, other, weight in zip(*ends, weights, strict=True)
+        ]
+
+    def by_root(column: int) -> Callable[[float], Point]:
+        d = np.eye(6)[column]
+        return lambda step: replace(
+            point,
+            root=point.root @ exp_rotation(step * d[3:]),
+            root_mm=point.root_mm + step * point.root @ d[:3],
+        )
+
+    of_root = [slopes(by_root(column)) for column in range(6)]
+    of_states = [
+        slopes(lambda step, d=d: replace(point, y=point.y + step * d)) for d in np.eye(point.y.shape[1])
+    ]
+    of_unknowns = [slopes(lambda step, d=d: replace(point, x=point.x + step * d)) for d in np.eye(ALL)]
+    for b, jacobian in enumerate(weighted_jacobians(problem, point)):
+        branch, chain = problem.branches[b], len(problem.branches[b].unknowns)
+        for by, columns, of_column in (
+            (jacobian.by_root, range(6), of_root),
+            (jacobian.by_states, branch.states, of_states),
+            (jacobian.by_unknowns, problem.unknowns_of(b), of_unknowns),
+        ):
+            if not by.size:
+                continue
+            expected = np.stack([of_column[column][b] for column in columns], -1)
+            of_field = slice(chain if by is jacobian.by_unknowns else by.shape[-1], None)
+            expected.reshape(7, -1, 6, by.shape[-1])[:, :, :3, of_field] = 0.0
+            np.testing.assert_allclose(by[..., of_field], expected[..., of_field], atol=0.02)
+            expected[..., of_field] = by[..., of_field]
+            np.testing.assert_allclose(by, expected, rtol=1e-4, atol=1e-4)
+
+
+def dense_step(problem: Problem, point: Point, damping: float) -> tuple[Array, Array, Point]:
+    """Matrix and gradient of x, and the point after its step: all unknowns in one matrix, those of frames
+    eliminated from it.
+    """
+    n, n_y, n_x = len(point.y), point.y.shape[1], len(point.x)
+    size = n * (n_y + 6) + n_x
+    states = np.arange(n * n_y).reshape(n, n_y)
+    roots = n * n_y + np.arange(6 * n).reshape(n, 6)
+    unknowns = n * (n_y + 6) + np.arange(n_x)
+    H, g = np.zeros((size, size)), np.zeros(size)
+    prior = problem.temper * problem.state_prior().T @ problem.state_prior()
+    rows = problem.observations.rows
+    H[np.ix_(unknowns, unknowns)] = np.diag(problem.precision) + rows.T @ rows
+    g[unknowns] = problem.precision * point.x + rows.T @ (rows @ point.x - problem.observations.values)
+    for f in range(n):
+        H[np.ix_(states[f], states[f])] += prior
+        g[states[f]] += prior @ (point.y[f] - problem.state_mean)
+        for b, own in enumerate(weighted_jacobians(problem, point)):
+            of_x = unknowns[problem.unknowns_of(b)]
+            at = np.concatenate([states[f, problem.branches[b].states], roots[f], of_x])
+            J = np.concatenate([own.by_states[f], own.by_root[f], own.by_unknowns[f]], -1)
+            H[np.ix_(at, at)] += J.T @ J
+            g[at] += J.T @ own.r[f]
+    whole, slope = H, g
+    eliminated = []
+    for inner, least in ((states.ravel(), 0.0), (roots.ravel(), 1e-9)):
+        block = whole[np.ix_(inner, inner)] + np.diag(damping * np.diag(whole)[inner] + least)
+        pull = np.linalg.solve(block, whole[inner])
+        rest = np.linalg.solve(block, slope[inner])
+        eliminated.append((inner, pull, rest))
+        whole, slope = whole - whole[:, inner] @ pull, slope - whole[:, inner] @ rest
+    matrix, gradient = whole[np.ix_(unknowns, unknowns)], slope[unknowns]
+    step = np.zeros(size)
+    step[unknowns] = -np.linalg.solve(matrix, gradient)
+    for inner, pull, rest in reversed(eliminated):
+        later = np.arange(size) > inner[-1]
+        step[inner] = -(rest + pull[:, later] @ step[later])
+    d_root = step[roots]
+    moved = Point(
+        point.x + step[unknowns],
+        point.y + step[states],
+        point.root @ exp_rotation(d_root[:, 3:]),
+        point.root_mm + (point.root @ d_root[:, :3, None])[..., 0],
+    )
+    return matrix, gradient, moved
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_a_step_of_the_whole_hand(seed: int, damping: float) -> None:
+    """Branch by branch and frame by frame as in one dense matrix of all unknowns."""
+    problem, point = random_problem(seed, 7)
+    steps = reduce(problem, point, damping)
+    matrix, gradient, moved = dense_step(problem, point, damping)
+    np.testing.assert_allclose(steps.matrix, matrix, rtol=1e-6, atol=1e-6 * np.abs(matrix).max())
+    np.testing.assert_allclose(steps.gradient, gradient, rtol=1e-6, atol=1e-6 * np.abs(gradient).max())
+    ahead = back_substitute(problem, point, steps, -np.linalg.solve(matrix, gradient))
+    for name in ("x", "y", "root", "root_mm"):
+        np.testing.assert_allclose(getattr(ahead, name), getattr(moved, name), rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize(("seed", "n_frames"), [(0, 1), (1, 7), (2, 2 * BLOCK_FRAMES + 1)])
+def test_every_frame_is_posed_by_itself_as_well_as_can_be(seed: int, n_frames: int) -> None:
+    """As it is alone, never worse than before, and nothing is left to gain."""
+    problem, point = random_problem(seed, n_frames)
+    found = pose(problem, point)
+    before, cost, later = (
+        residuals(problem, at).frame_cost for at in (point, found, pose(problem, found, 60))
+    )
+    assert (cost <= before + CLOSE).all()
+    assert (cost - later <= 0.01 * cost + CLOSE).all()
+    for row in {0, n_frames // 2, n_frames - 1}:
+        own = slice(row, row + 1)
+        alone = pose(replace(problem, frames=problem.frames.take(own)), point.take(own))
+        for name in ("y", "root", "root_mm"):
+            np.testing.assert_allclose(
+                getattr(found, name)[row], getattr(alone, name)[0], rtol=1e-6, atol=1e-7
+            )

@@ -1,0 +1,111 @@
+"""What is left out of a calibration in which receivers were displaced, and what the receivers' rows say."""
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+import pytest
+from simulated_poses import recorded
+
+from shukotsu.fit.field_test import Field
+from shukotsu.fit.fingertips import fingertips
+from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.hand_tables import receiver_rows
+from shukotsu.fit.left_out import Unsteady, share_left_out, without_displaced
+from shukotsu.fit.loose_receivers import Displaced, LooseReceiver, Moment
+from shukotsu.hand.rotations import Array
+from shukotsu.study.layout import Layout
+from shukotsu.tables.poses import RecordingName
+
+ASIDE = np.array([0.0, 1.0, 0.0])
+
+
+def made_loose(segment: str, recording: int, frame: int) -> LooseReceiver:
+    moment = Moment(recording, frame, float("nan"))
+    return LooseReceiver(segment, moment, moment, np.array([5.0, 0.0, 0.0, 0.0, 0.1, 0.0]))
+
+
+def never_used() -> HandFit:
+    """Only a disturbed field needs the fit."""
+    return cast("HandFit", None)
+
+
+def test_the_longer_part_is_kept() -> None:
+    """Before, after, or between two moments; over all recordings, of which one may lack the receiver."""
+    poses = recorded(seed=5, n_frames=600)[1]
+    valid = poses.valid.copy()
+    valid[:450, poses.index("hand")] = False
+    first, second = replace(poses, valid=valid), poses
+    found = [
+        made_loose("index_distal", 0, 401),
+        made_loose("ring_middle", 0, 101),
+        made_loose("ring_middle", 1, 501),
+        made_loose("hand", 1, 201),
+    ]
+    kept = without_displaced(never_used(), [first, second], Displaced(found))
+    expected = np.array(
+        [
+            [np.arange(600) < 0, np.ones(600, bool)],
+            [np.arange(600) >= 100, np.arange(600) < 500],
+            [np.arange(600) < 0, np.arange(600) >= 200],
+        ]
+    )
+    expected[0, 0, 400:] = True
+    for segment, parts in zip(("index_distal", "ring_middle", "hand"), expected, strict=True):
+        for own, part in zip(kept, parts, strict=True):
+            np.testing.assert_array_equal(own.valid[:, own.index(segment)], part)
+    for before, after in zip((first, second), kept, strict=True):
+        others = [i for i, name in enumerate(before.segments) if name not in {one.segment for one in found}]
+        np.testing.assert_array_equal(after.valid[:, others], before.valid[:, others])
+        assert after.position_mm is before.position_mm
+    assert share_left_out([first, second], kept) == {
+        "index_distal": pytest.approx(400 / 1200),
+        "ring_middle": pytest.approx(200 / 1200),
+        "hand": pytest.approx(350 / 750),
+    }
+
+
+@pytest.fixture(scope="module")
+def left(layout: Layout) -> HandFit:
+    """A left hand, which is fitted as its mirror image."""
+    return fit_hand([recorded("left", seed=5)[1]], layout, "left", settings=Settings(n_frames=40, rounds=0))
+
+
+def near_a_tip(fit: HandFit, mm: float) -> tuple[Field, Array]:
+    """Metal 10 mm beside the little finger's tip in the first frame, and where that is in the room."""
+    poses = recorded("left", seed=5)[1]
+    place = poses.position_mm[0, poses.index("little_distal")]
+    nearest = fit.evidence.convention.world(np.eye(3), place)[1]
+    return Field(nearest + 10.0 * ASIDE, nearest, np.array([mm, 0.0, 0.0, 0.0, 0.0, 0.0])), place
+
+
+def test_rows_say_what_moved_and_what_was_left_out(left: HandFit) -> None:
+    """A slide with its two moments, a step that changes nothing, and a field with its place in the room."""
+    tips, names = fingertips(left), [RecordingName("01", "left", "rom", "2")]
+    step = np.array([0.0, 8.0, 0.0, 0.1, 0.0, 0.0])
+    slid = LooseReceiver("hand", Moment(0, 720, 3.0), Moment(0, 5040, 21.0), step)
+    fell = LooseReceiver("ring_middle", Moment(0, 99, np.nan), Moment(0, 99, np.nan), step)
+    found = Unsteady(names, Displaced([slid, fell]), {}, {"hand": 0.25})
+    rows = {row["segment"]: row for row in receiver_rows(tips, found)}
+    assert rows["hand"]["message"] == (
+        "slid in rom, 2 between 3.0 s and 21.0 s: it moved 8.0 mm and turned 6 deg on its bone; "
+        "25 % of its frames were left out"
+    )
+    assert rows["ring_middle"]["message"] == (
+        "came loose in rom, 2 at frame 99: it moved 8.0 mm and turned 6 deg on its bone; "
+        "all of its frames were used, as no joint centre is the worse for it"
+    )
+    assert [rows[name]["loose_kind"] for name in ("hand", "ring_middle", "index_middle")] == [
+        "slide",
+        "step",
+        "",
+    ]
+    assert (rows["hand"]["loose_from_frame"], rows["hand"]["loose_until_frame"]) == (720, 5040)
+    field, place = near_a_tip(left, 6.0)
+    near = Unsteady(names, Displaced(field=field), {"little_distal": field.error}, {})
+    row = {row["segment"]: row for row in receiver_rows(tips, near)}["little_distal"]
+    np.testing.assert_allclose([row[f"field_{axis}_mm"] for axis in "xyz"], place)
+    where = ", ".join(f"{value:.0f}" for value in place)
+    assert row["message"].startswith(
+        f"the field is disturbed near ({where}) mm, as by metal: there it is off by 6.0"
+    )

@@ -1,0 +1,90 @@
+"""Receivers that sit elsewhere in an evaluated recording than in the calibration; nothing else is doubted."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from simulated_poses import recorded, write_poses
+
+from shukotsu.fit.fingertips import fingertips
+from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.hand_tables import moved_rows
+from shukotsu.fit.loose_receivers import LooseReceiver, Moment, moved_in
+from shukotsu.fit.posed_tables import UNSEEN_TURN_DEG, posed_blocks
+from shukotsu.hand.rotations import about_axis, multiply, rotate
+from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import Poses, recording_name
+
+LAYOUT = read_layout("liberty16")
+X, Y, Z = np.eye(3)
+
+
+def thinned(task: str) -> Poses:
+    poses = recorded("right", task, seed=5, n_frames=3600)[1]
+    arrays = ("frame", "time_s", "position_mm", "quaternion", "valid")
+    return replace(poses, **{name: getattr(poses, name)[::12] for name in arrays})
+
+
+@cache
+def fitted() -> HandFit:
+    return fit_hand([thinned("rom")], LAYOUT, "right", settings=Settings(n_frames=40, rounds=1))
+
+
+def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...], first: int = 0) -> Poses:
+    """The task with a receiver turned about its own axis and shifted in its own frame from a row on."""
+    poses = thinned("opposition")
+    s, position, quaternion = poses.index(segment), poses.position_mm.copy(), poses.quaternion.copy()
+    position[first:, s] += rotate(quaternion[first:, s], np.array(shift_mm))
+    quaternion[first:, s] = multiply(quaternion[first:, s], about_axis(axis, np.radians(deg)))
+    return replace(poses, position_mm=position, quaternion=quaternion)
+
+
+@pytest.mark.parametrize(
+    ("segment", "axis", "deg", "shift_mm", "first"),
+    [
+        pytest.param("index_middle", Z, 25.0, (4.0, 4.0, 0.0), 0, marks=pytest.mark.slow),
+        ("ring_proximal", Y, 15.0, (3.0, 0.0, 0.0), 150),
+        pytest.param("index_distal", X, 25.0, (0.0, 0.0, 0.0), 0, marks=pytest.mark.slow),
+        pytest.param("little_distal", Y, 0.0, (0.0, 4.0, 0.0), 0, marks=pytest.mark.slow),
+    ],
+)
+def test_it_is_named_with_mm_deg_and_since_when(
+    segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...], first: int
+) -> None:
+    poses = moved(segment, axis, deg, shift_mm, first)
+    (receiver,) = moved_in(fitted(), poses)
+    assert (receiver.segment, receiver.slid) == (segment, False)
+    assert receiver.start.frame == pytest.approx(poses.frame[first], abs=24)
+    assert receiver.shift_mm == pytest.approx(np.linalg.norm(shift_mm), abs=1.5)
+    assert receiver.turn_deg == pytest.approx(deg, abs=3.0)
+
+
+def test_what_hangs_on_it_has_no_numbers_and_all_else_has(tmp_path: Path) -> None:
+    """A distal receiver pitched by 25 deg."""
+    tips = fingertips(fitted())
+    poses = moved("index_distal", Y, 25.0, (0.0, 0.0, 0.0)).take(slice(0, 40))
+    path = write_poses(tmp_path / "poses.parquet", poses, "right", "opposition")
+    start = Moment(0, int(poses.frame[0]), float(poses.time_s[0]), is_first=True)
+    receivers = [LooseReceiver("index_distal", start, start, np.radians([0.0, 0, 0, 0, 25, 0]))]
+    (row,) = moved_rows(LAYOUT, recording_name(path), receivers)
+    assert (row["segment"], row["from_frame"]) == ("index_distal", poses.frame[0])
+    assert (row["joints"], row["digits"]) == ("index_dip", "index")
+    assert "sits elsewhere in opposition than in the calibration, from the start on" in row["message"]
+    blocks = [next(posed_blocks(tips, path, receivers, calibrates=was)) for was in (False, True)]
+    angles, ends = blocks[0]["joint_angles"], blocks[0]["posed_tips"]
+    for names, values, lost in (
+        (angles["joint"], angles["flexion_deg"], "index_dip"),
+        (ends["digit"], ends["tip_x_mm"], "index"),
+    ):
+        of = np.array(names, object)
+        assert {*of[np.isnan(values)]} == {lost}
+        assert np.isnan(values[of == lost]).all()
+    dip = np.array(angles["joint"], object) == "ring_dip"
+    sd_deg, calibrated_sd_deg = (block["joint_angles"]["flexion_sd_deg"][dip] for block in blocks)
+    assert np.sqrt(sd_deg**2 - calibrated_sd_deg**2) == pytest.approx(UNSEEN_TURN_DEG, rel=1e-6)
+
+
+def test_nothing_moved_in_a_faultless_recording() -> None:
+    assert not moved_in(fitted(), thinned("opposition"))

@@ -1,0 +1,67 @@
+"""The room's field as the fit has it: undone where it was put on, and found where a hand turns in it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from shukotsu.fit.chain_builder import Unknowns
+from shukotsu.fit.fit import fit_hand
+from shukotsu.fit.room_field import RoomField
+from shukotsu.hand import average_hand as prior
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import simulate
+from shukotsu.study.layout import Layout
+
+TURN_DEG = np.array([0.9, -1.1, 0.7])
+
+
+def test_the_fields_turn_is_undone() -> None:
+    """A constant turn and a slope, put on by hand, leave the rotations as they were."""
+    rng = np.random.default_rng(4)
+    unknowns = Unknowns()
+    unknowns.add("scale", "hand")
+    place_mm = rng.uniform(-200, 200, (5, 3, 3))
+    field = RoomField.among(unknowns, place_mm.reshape(-1, 3))
+    x = np.append(0.0, rng.normal(size=12))
+    turn = x[1:4] * prior.FIELD_TURN_SD_RAD
+    slope = x[4:].reshape(3, 3) * prior.FIELD_SLOPE_SD_RAD_PER_MM
+    turned = Rotation.from_rotvec((turn + (place_mm - field.centre_mm) @ slope.T).reshape(-1, 3))
+    true = Rotation.random(15, random_state=1)
+    measured = (turned * true).as_matrix().reshape(5, 3, 3, 3)
+    assert field.undone(measured, place_mm, x) == pytest.approx(true.as_matrix().reshape(5, 3, 3, 3))
+    assert field.turn(place_mm, x) == pytest.approx(turned.as_matrix().reshape(5, 3, 3, 3))
+
+
+def test_the_field_grows_no_farther_than_receivers_were() -> None:
+    """A task elsewhere in the room is not turned by what a slope would come to there."""
+    field = RoomField.among(Unknowns(), np.array([[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0]]))
+    within, edge, beyond = field.by_unknown(np.array([[50.0, 0, 0], [100.0, 0, 0], [900.0, 0, 0]]))
+    np.testing.assert_allclose(beyond, edge)
+    np.testing.assert_allclose(2 * within[:, 3:], edge[:, 3:])
+    np.testing.assert_allclose(within[:, :3], prior.FIELD_TURN_SD_RAD * np.eye(3))
+
+
+def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
+    """A turn that all receivers have in common, static in the room, is found; without a field none is."""
+    realism = Realism(artefact=0.0, field_distortion=0.0, glide=0.0)
+    poses = simulate("01", "right", "rom", 12, realism, 1500).poses()
+    rng, frames = np.random.default_rng(2), len(poses.frame)
+    time = np.linspace(0, 2 * np.pi, frames)
+    arm = Rotation.from_rotvec(np.stack([np.sin(time), np.cos(2 * time), np.sin(3 * time)], 1) * 0.7)
+    everywhere = Rotation.from_matrix(np.repeat(arm.as_matrix(), len(poses.segments), axis=0))
+    middle_mm = poses.position_mm.mean(1, keepdims=True)
+    moved_mm = everywhere.apply((poses.position_mm - middle_mm).reshape(-1, 3)).reshape(frames, -1, 3)
+    riding = everywhere * Rotation.from_quat(poses.quaternion.reshape(-1, 4), scalar_first=True)
+    field = Rotation.from_rotvec(np.radians(TURN_DEG))
+    found = {}
+    for name, turn in (("none", Rotation.identity()), ("turned", field)):
+        quaternion = (turn * riding).as_quat(scalar_first=True).reshape(poses.quaternion.shape)
+        noise_mm = rng.normal(0, 0.05, moved_mm.shape)
+        held = replace(poses, position_mm=moved_mm + middle_mm + noise_mm, quaternion=quaternion)
+        evidence = fit_hand([held], layout, "right").evidence
+        own = np.array(evidence.model.unknowns.groups) == "field turn"
+        found[name] = np.degrees(evidence.posterior.x[own] * prior.FIELD_TURN_SD_RAD)
+    assert np.abs(found["none"]).max() < 0.25
+    assert found["turned"] - found["none"] == pytest.approx(TURN_DEG, abs=0.35)

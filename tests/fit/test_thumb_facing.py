@@ -1,0 +1,82 @@
+"""A thumb metacarpal's receiver on the nail's side is as good as one on the back of the hand."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from benchmarks.faultless_hands import facing_the_nail, nail_turn
+from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.fitted_motion import pose_hand
+from shukotsu.fit.posed_tables import angle_columns
+from shukotsu.hand.rotations import Array, rotate
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import Simulated, simulate
+from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import RecordingName
+
+LAYOUT = read_layout("liberty16")
+QUICK = Settings(n_frames=40, rounds=1)
+SEEDS = (4, 5, 7)
+HANDS = pytest.mark.parametrize(
+    "seed", [SEEDS[0], *(pytest.param(s, marks=pytest.mark.slow) for s in SEEDS[1:])]
+)
+SIDES = pytest.mark.parametrize("side", ["right", "left"])
+
+
+@cache
+def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
+    """A hand with its receiver on either side of the thumb, fitted quickly."""
+    made = simulate("01", side, "rom", seed, Realism.full(), 2400)
+    made = facing_the_nail(made) if nail else made
+    return made, fit_hand([made.poses()], LAYOUT, side, settings=QUICK)
+
+
+def faces_nail(fit: HandFit) -> bool:
+    return fit.evidence.model.anatomy["thumb"].faces_nail
+
+
+def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
+    """Errors (2, 2, 3) of the CMC and the MCP joint, parent's and child's half, in the bones' directions."""
+    made, fit = fitted(seed, side, nail=nail)
+    errors = np.array(
+        [
+            (joint.parent_mm - true.parent_mm, joint.child_mm - true.child_mm)
+            for joint, true in (
+                (fit.joints[name], made.truth.joints[name]) for name in ("thumb_cmc", "thumb_mcp")
+            )
+        ]
+    )
+    if nail:  # as the receiver on the back of the hand sees them
+        errors[[0, 1], [1, 0]] = rotate(nail_turn(made), errors[[0, 1], [1, 0]])
+    return errors
+
+
+@HANDS
+@SIDES
+def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
+    """Told apart by the data; no centre is weak, and they differ as two that are as sure as they say."""
+    one, other = (errors_mm(seed, side, nail=nail) for nail in (False, True))
+    fits = [fitted(seed, side, nail=nail)[1] for nail in (False, True)]
+    assert [faces_nail(fit) for fit in fits] == [False, True]
+    for row, name in enumerate(("thumb_cmc", "thumb_mcp")):
+        sd_mm = [fit.joints[name].sd_mm for fit in fits]
+        assert sd_mm[1] < 1.15 * sd_mm[0]
+        assert not fits[1].joints[name].doubts
+        assert np.linalg.norm(one[row] - other[row], axis=-1).max() < np.hypot(*sd_mm)
+
+
+@SIDES
+def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> None:
+    """Angles of the same motion, seen by a receiver on the back of the hand's side and on the nail's."""
+    tables = []
+    for nail in (False, True):
+        made, fit = fitted(4, side, nail=nail)
+        poses = made.poses().take(np.arange(0, len(made.frame), 24))
+        tables.append(angle_columns(RecordingName("01", side, "rom"), fit, pose_hand(fit, poses), poses))
+    back, front = tables
+    own = np.isin(back["joint"].to_pylist(), ["thumb_cmc", "thumb_mcp"])
+    for part in ("flexion_deg", "abduction_deg", "rotation_deg"):
+        assert np.abs(back[part] - front[part])[own].mean() < 8.0, part
+    sweep = back["flexion_deg"][np.array(back["joint"].to_pylist()) == "thumb_cmc"]
+    assert np.ptp(sweep) > 15.0

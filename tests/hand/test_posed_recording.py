@@ -1,0 +1,66 @@
+"""Bones posed from a subject's tables: frames are matched by their numbers, what is absent is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from export_samples.known_hands import FITTED, REPLAYED, KnownHand, make_hand
+
+from shukotsu.errors import InputError
+from shukotsu.hand.posed_recording import recording_reader
+from shukotsu.tables.catalogue import BONE_POSES, JOINT_CENTRES, METACARPALS
+from shukotsu.tables.typed_table import Table
+
+
+@pytest.fixture
+def hand(tmp_path: Path) -> KnownHand:
+    """A short recording of a right hand."""
+    return make_hand(tmp_path, "right", 20)
+
+
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_some_frames_are_those_of_the_whole(hand: KnownHand, model: str) -> None:
+    recording = recording_reader(hand.plan, hand.recording, model)
+    whole = recording.bones(hand.poses())
+    rows = np.array([3, 4, 11])
+    some = recording.bones(hand.poses().take(rows))
+    np.testing.assert_array_equal(some.position_mm, whole.position_mm[rows])
+    np.testing.assert_array_equal(some.quaternion, whole.quaternion[rows])
+    assert np.isfinite(whole.quaternion).all()
+
+
+def test_a_frame_that_a_table_lacks_is_not_known(hand: KnownHand) -> None:
+    rows = [row for row in hand.rows(FITTED, BONE_POSES) if (row["segment"], row["frame"]) != ("hand", 5)]
+    hand.write(FITTED, BONE_POSES, rows)
+    bones = recording_reader(hand.plan, hand.recording, FITTED).bones(hand.poses())
+    assert np.flatnonzero(np.isnan(bones.position_mm[:, 0, 0])).tolist() == [4], "frames count from 1"
+
+
+@pytest.mark.parametrize(("model", "table"), [(FITTED, BONE_POSES), (REPLAYED, METACARPALS)])
+def test_a_recording_that_was_not_posed_is_refused(hand: KnownHand, model: str, table: Table) -> None:
+    hand.write(model, table, [row | {"task": "rom"} for row in hand.rows(model, table)])
+    """With what to do, which is not to give it the role that it has."""
+    for role, why in (
+        ("calibration", "only recordings of role evaluation"),
+        ("both", "nothing of it could be"),
+    ):
+        recording = replace(hand.recording, role=role)
+        with pytest.raises(InputError, match=f"no row of opposition; {why}"):
+            replace(recording_reader(hand.plan, hand.recording, model), recording=recording).bones(
+                hand.poses()
+            )
+
+
+def test_a_failed_or_absent_table_is_refused_with_its_reason(hand: KnownHand) -> None:
+    hand.write(REPLAYED, JOINT_CENTRES, "subject 01: no calibration recording")
+    with pytest.raises(InputError, match="no calibration recording"):
+        recording_reader(hand.plan, hand.recording, REPLAYED).bones(hand.poses())
+    assert recording_reader(hand.plan, hand.recording, FITTED).bones(hand.poses()).joints, (
+        "the other skeleton is as it was"
+    )
+    hand.path(REPLAYED, JOINT_CENTRES).unlink()
+    with pytest.raises(InputError, match="no such file"):
+        recording_reader(hand.plan, hand.recording, REPLAYED).bones(hand.poses())

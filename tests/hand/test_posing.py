@@ -1,0 +1,211 @@
+"""Where bones are, against scipy's rotations and skeletons of which every number was chosen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from shukotsu.hand.posing import (
+    PosedRecording,
+    Skeleton,
+    digit_points,
+    fitted_bones,
+    receiver_bones,
+    rigid_positions,
+)
+from shukotsu.hand.rotations import about_axis, conjugate, multiply, rotate
+from shukotsu.study.layout import read_layout
+from shukotsu.study.model import read_model
+from shukotsu.tables.poses import Poses
+
+N_FRAMES = 30
+LAYOUT = read_layout("liberty16")
+RIDDEN, FITTED = read_model("paper-fig4"), read_model("whole-hand")
+X, Y, Z = np.eye(3)
+
+
+def random_poses(segments: tuple[str, ...], seed: int = 1) -> Poses:
+    """Receivers anywhere, turned anyhow, each frame by itself."""
+    rng = np.random.default_rng(seed)
+    shape = (N_FRAMES, len(segments))
+    turn = Rotation.random(N_FRAMES * len(segments), random_state=rng).as_quat(scalar_first=True)
+    place = rng.normal(size=(*shape, 3)) * 100
+    frame = np.arange(N_FRAMES)
+    return Poses(segments, frame, frame / 100, place, turn.reshape(*shape, 4), np.ones(shape, bool))
+
+
+def xyz(name: str, values: Any) -> dict[str, Any]:
+    return {name.format(axis): value for axis, value in zip("xyz", values, strict=True)}
+
+
+def random_skeleton(seed: int = 2) -> Skeleton:
+    """A hand by the paper's Fig. 4 with points anywhere in the receivers' frames."""
+    rng = np.random.default_rng(seed)
+    joints: dict[str, dict[str, Any]] = {}
+    for joint in LAYOUT.solvable:
+        joints[joint.name] = {
+            "parent_segment": joint.parent_receiver,
+            "child_segment": joint.child,
+            "dof": joint.dof,
+            "status": "ok",
+            "message": "",
+            **xyz("parent_{}_mm", rng.normal(size=3) * 20),
+            **xyz("child_{}_mm", rng.normal(size=3) * 20),
+            **xyz("axis_child_{}", Y),
+        }
+    bones: dict[tuple[str, str], dict[str, Any]] = {}
+    for digit in LAYOUT.digits.values():
+        for index, segment in enumerate(digit.segments):
+            vector = rng.normal(size=3) * 10 + 30 * X
+            own: dict[str, Any] = {"driven_by": segment, **xyz("{}_mm", vector)}
+            if index == 0:
+                own = {"driven_by": "", **xyz("{}_mm", [None] * 3)}
+            length_mm = float(np.linalg.norm(vector))
+            bones[digit.name, segment] = {"bone": segment, "length_mm": length_mm, **own}
+    return Skeleton(LAYOUT, RIDDEN, joints, bones)
+
+
+def random_metacarpals(seed: int = 3) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return {
+        name: Rotation.random(N_FRAMES, random_state=rng).as_quat(scalar_first=True) for name in LAYOUT.digits
+    }
+
+
+def carried(poses: Poses, segment: str, point: Any) -> np.ndarray:
+    """A point of a receiver's frame in the transmitter's, by scipy."""
+    index = poses.index(segment)
+    turn = Rotation.from_quat(poses.quaternion[:, index], scalar_first=True)
+    return np.asarray(turn.apply(np.array(point, float)) + poses.position_mm[:, index])
+
+
+@pytest.fixture
+def ridden() -> tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording]:
+    skeleton, poses, metacarpals = random_skeleton(), random_poses(LAYOUT.measured), random_metacarpals()
+    return skeleton, poses, metacarpals, receiver_bones(skeleton, poses, metacarpals)
+
+
+def test_joints_ride_on_their_receivers(
+    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
+) -> None:
+    """At the child halves; fingers start at the wrist, the thumb at its own joint's parent half."""
+    skeleton, poses, _, bones = ridden
+    for index, joint in enumerate(bones.joints):
+        segment, point = joint.segment, np.zeros(3)
+        if not joint.tip:
+            name = "wrist" if joint.parent == 0 and joint.name != "thumb_cmc" else joint.name
+            side = "parent" if name == "thumb_cmc" else "child"
+            row = skeleton.joints[name]
+            segment, point = row[f"{side}_segment"], np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"])
+        place = carried(poses, segment, point)
+        np.testing.assert_allclose(bones.position_mm[:, index], place, atol=1e-9, err_msg=joint.name)
+    assert len(bones.joints) == 25
+    assert bones.parents[bones.index("ring_pip")] == bones.index("ring_mcp")
+
+
+def test_bone_frames_have_x_along_the_bone_and_z_dorsal(
+    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
+) -> None:
+    skeleton, poses, metacarpals, bones = ridden
+    for index, joint in enumerate(bones.joints):
+        if joint.tip or not joint.digit:
+            continue
+        row = skeleton.bones[joint.digit, joint.segment]
+        if row["driven_by"]:
+            vector = np.array([row[f"{axis}_mm"] for axis in "xyz"])
+            turn = Rotation.from_quat(poses.quaternion[:, poses.index(joint.segment)], scalar_first=True)
+            x, z = (rotate(bones.quaternion[:, index], axis) for axis in (X, Z))
+            np.testing.assert_allclose(x, turn.apply(vector / row["length_mm"]), atol=1e-12)
+            assert (np.sum(z * turn.apply(LAYOUT.segments[joint.segment].dorsal), -1) > 0.5).all()
+        else:
+            np.testing.assert_array_equal(bones.quaternion[:, index], metacarpals[joint.digit])
+        np.testing.assert_array_equal(bones.rest_offset_mm[index + 1], [row["length_mm"], 0, 0])
+        if joint.dof == 1:
+            world = rotate(poses.quaternion[:, poses.index(joint.segment)], Y)
+            np.testing.assert_allclose(
+                rotate(bones.quaternion[:, index], bones.axis[index]), world, atol=1e-12
+            )
+
+
+def test_rigid_bones_end_at_the_least_squares_tips(
+    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
+) -> None:
+    """A digit's base, and from there one bone after the other as what drives it turns it."""
+    skeleton, poses, metacarpals, bones = ridden
+    found = rigid_positions(bones)
+    for digit in LAYOUT.digits.values():
+        tip = bones.position_mm[:, bones.index(digit.joints[0])].copy()
+        for segment in digit.segments:
+            row = skeleton.bones[digit.name, segment]
+            vector = [row["length_mm"], 0, 0]
+            turn = metacarpals[digit.name]
+            if row["driven_by"]:
+                vector = [row[f"{axis}_mm"] for axis in "xyz"]
+                turn = poses.quaternion[:, poses.index(segment)]
+            tip += Rotation.from_quat(turn, scalar_first=True).apply(vector)
+        np.testing.assert_allclose(found[:, bones.index(f"{digit.name}_tip")], tip, atol=1e-9)
+
+
+def changed_joint(skeleton: Skeleton, name: str) -> Skeleton:
+    row = {**skeleton.joints[name], "status": "failed", "message": "too few frames (3)"}
+    return replace(skeleton, joints={**skeleton.joints, name: row})
+
+
+def test_a_digit_with_a_failed_joint_is_left_out_with_the_reason() -> None:
+    skeleton = changed_joint(random_skeleton(), "ring_dip")
+    bones = receiver_bones(skeleton, random_poses(LAYOUT.measured), random_metacarpals())
+    assert bones.left_out == {"ring": "ring_dip failed: too few frames (3)"}
+    assert len(bones.joints) == 20
+    assert bones.joints[bones.index("little_pip")].parent == bones.index("little_mcp")
+    points = digit_points(LAYOUT.digits["ring"], LAYOUT, RIDDEN, skeleton.joints)
+    assert [point.name for point in points] == ["wrist", "ring_mcp", "ring_pip", "ring_dip", "ring_tip"]
+    assert [bool(point.segment) for point in points] == [True, True, True, False, True], (
+        "the others are known"
+    )
+
+
+def fitted_motion(amplitude_deg: float) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Bones anywhere; those of the middle finger turn about an axis of their own, the rest stand still."""
+    rng = np.random.default_rng(5)
+    swing = np.radians(amplitude_deg) / 2 * np.sin(np.linspace(0, 9, N_FRAMES))
+    poses: dict[str, np.ndarray] = {}
+    start = Rotation.random(N_FRAMES, random_state=rng).as_quat(scalar_first=True)
+    for segment in ("hand", *(s for digit in LAYOUT.digits.values() for s in digit.segments)):
+        turn = start if not segment.startswith("middle") else multiply(start, about_axis(Y, swing))
+        if segment == "middle_middle":
+            turn = multiply(turn, about_axis(np.array([0.6, 0.8, 0.0]), swing))
+        poses[segment] = np.concatenate([rng.normal(size=(N_FRAMES, 3)), turn], 1)
+    tips = {name: rng.normal(size=(N_FRAMES, 3)) for name in LAYOUT.digits}
+    return poses, tips
+
+
+def test_a_fitted_hand_is_where_its_tables_have_it() -> None:
+    skeleton, motion = replace(random_skeleton(), model=FITTED), fitted_motion(40)
+    bones = fitted_bones(skeleton, random_poses(LAYOUT.measured), *motion)
+    for index, joint in enumerate(bones.joints):
+        if joint.tip:
+            np.testing.assert_array_equal(bones.position_mm[:, index], motion[1][joint.digit])
+            np.testing.assert_array_equal(bones.quaternion[:, index], bones.quaternion[:, joint.parent])
+        else:
+            both = np.concatenate([bones.position_mm[:, index], bones.quaternion[:, index]], 1)
+            np.testing.assert_array_equal(both, motion[0][joint.segment])
+    assert len(bones.joints) == 25
+    assert not bones.left_out
+
+
+def test_a_fitted_hinge_has_the_axis_that_its_bones_turn_about() -> None:
+    skeleton, poses = replace(random_skeleton(), model=FITTED), random_poses(LAYOUT.measured)
+    motion = fitted_motion(40)
+    bones = fitted_bones(skeleton, poses, *motion)
+    index = bones.index("middle_pip")
+    above, own = bones.quaternion[:, bones.parents[index]], bones.quaternion[:, index]
+    turned = multiply(conjugate(above), own)
+    np.testing.assert_allclose(rotate(turned, bones.axis[index]) - bones.axis[index], 0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(bones.axis[index]), [0.6, 0.8, 0], atol=1e-9)
+    assert np.isnan(bones.axis[bones.index("index_pip")]).all(), "it does not move"
+    still = fitted_motion(0.5)
+    assert np.isnan(fitted_bones(skeleton, poses, *still).axis[index]).all()

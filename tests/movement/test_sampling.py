@@ -1,0 +1,123 @@
+"""The grid of time, which gaps are bridged, speeds of known motion, and what noise does to them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shukotsu.hand.rotations import Array
+from shukotsu.movement.sampling import (
+    CUTOFF_HZ,
+    MOST_GAP_S,
+    bridged,
+    grid_of,
+    half_width,
+    speed,
+    velocity,
+    velocity_noise_sd,
+)
+
+STEP_S = 1 / 240
+
+
+def test_lost_frames_leave_empty_places() -> None:
+    time_s = 3.0 + STEP_S * np.array([0, 1, 2, 5, 6])
+    grid = grid_of(time_s)
+    assert grid is not None
+    assert grid.place.tolist() == [0, 1, 2, 5, 6]
+    assert grid.step_s == pytest.approx(STEP_S)
+    spread = grid.spread(np.arange(5.0)[:, None])
+    assert np.isnan(spread[:, 0]).tolist() == [False, False, False, True, True, False, False]
+    assert spread[grid.place, 0].tolist() == [0, 1, 2, 3, 4]
+
+
+def _stamped(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Frames of twenty seconds that are there, and the times that they are stamped with."""
+    g, frame = np.random.default_rng(4), np.arange(4800)
+    if kind == "most lost":
+        frame = frame[g.random(4800) > 0.6]
+    elif kind == "some lost":
+        frame = frame[g.random(4800) > 0.2]
+    time_s = 7.0 + frame * STEP_S
+    stamped = {
+        "milliseconds": np.round(time_s, 3),
+        "some lost": np.round(time_s, 3),
+        "a host's ticks": np.floor(time_s / 0.015625) * 0.015625,
+        "jitter": time_s + g.normal(0.0, 0.3 * STEP_S, len(frame)),
+    }
+    return frame, stamped.get(kind, time_s)
+
+
+@pytest.mark.parametrize("kind", ["milliseconds", "some lost", "most lost", "a host's ticks", "jitter"])
+def test_the_rate_is_that_of_the_frames_whatever_their_stamps(kind: str) -> None:
+    frame, time_s = _stamped(kind)
+    grid = grid_of(time_s)
+    assert grid is not None
+    assert grid.step_s == pytest.approx(STEP_S, rel=1e-3)
+    assert grid.place.tolist() == (frame - frame[0]).tolist()
+
+
+def test_short_gaps_are_straight_lines_and_long_ones_stay() -> None:
+    longest = int(MOST_GAP_S / STEP_S)
+    values = np.column_stack([np.arange(100.0), 2 * np.arange(100.0)])
+    gapped = values.copy()
+    gapped[10 : 10 + longest, 0] = np.nan
+    gapped[50 : 51 + longest, 0] = np.nan
+    gapped[:3, 1] = gapped[-2:, 1] = np.nan
+    filled = bridged(gapped, STEP_S)
+    np.testing.assert_allclose(filled[:50, 0], values[:50, 0])
+    assert np.isnan(filled[50 : 51 + longest, 0]).all()
+    assert np.isnan(filled[:3, 1]).all()
+    assert np.isnan(filled[-2:, 1]).all()
+    assert np.isnan(gapped[10, 0])  # what was given is as it was
+
+
+def sine(frequency_hz: float, step_s: float, seconds: float = 4.0) -> tuple[Array, Array]:
+    """A sine of amplitude 20 and its rate of change, (T, 1)."""
+    phase = 2 * np.pi * frequency_hz * np.arange(0, seconds, step_s)[:, None]
+    return 20 * np.sin(phase), 20 * 2 * np.pi * frequency_hz * np.cos(phase)
+
+
+def test_a_parabola_has_its_own_slope() -> None:
+    time_s = np.arange(100)[:, None] * STEP_S
+    found = velocity(3 + 5 * time_s - 7 * time_s**2, STEP_S)
+    inside = slice(half_width(STEP_S), -half_width(STEP_S))
+    np.testing.assert_allclose(found[inside], (5 - 14 * time_s)[inside])
+    assert np.isnan(found[: half_width(STEP_S)]).all()
+
+
+@pytest.mark.parametrize("rate_hz", [60, 120, 240, 960])
+def test_a_finger_has_the_same_speed_at_any_rate(rate_hz: int) -> None:
+    angle, true = sine(1.5, 1 / rate_hz)
+    found = velocity(angle, 1 / rate_hz)
+    known = np.isfinite(found)
+    assert np.abs(found - true)[known].max() < 0.03 * np.abs(true).max()
+
+
+@pytest.mark.parametrize("rate_hz", [240, 960])
+def test_the_window_passes_half_the_power_at_the_cut_off(rate_hz: int) -> None:
+    """The local parabola's value at a sine of the cut-off, by least squares."""
+    width = half_width(1 / rate_hz)
+    kept = []
+    for half in (width, width + 1):
+        k = np.arange(-half, half + 1)
+        fitted = np.polynomial.Polynomial.fit(k, np.cos(2 * np.pi * CUTOFF_HZ / rate_hz * k), 2)
+        kept.append(float(fitted(0.0)) ** 2)
+    assert kept[0] >= 0.5 > kept[1]
+
+
+@pytest.mark.parametrize("moving", [0.0, 1.0])
+def test_the_noise_of_a_speed_is_told_from_the_recording(moving: float) -> None:
+    noise = np.random.default_rng(1).normal(0, 0.1, (20000, 2))
+    angle = moving * sine(3.0, STEP_S, 20000 * STEP_S)[0][:20000] + noise
+    left = velocity(noise, STEP_S)
+    np.testing.assert_allclose(velocity_noise_sd(angle, STEP_S), np.nanstd(left, axis=0), rtol=0.1)
+
+
+def test_noise_at_rest_is_hardly_a_speed_and_leaves_a_movement_its_own() -> None:
+    noise = np.random.default_rng(2).normal(0, 0.1, (5000, 1))
+    at_rest = velocity(noise, STEP_S)
+    assert np.nanmedian(speed([noise], STEP_S)) < 0.3 * np.nanmedian(np.abs(at_rest))
+    angle, true = sine(1.0, STEP_S, 5000 * STEP_S)
+    found = speed([angle[:5000] + noise], STEP_S)
+    assert np.nanpercentile(found, 95) == pytest.approx(np.percentile(np.abs(true), 95), rel=0.02)

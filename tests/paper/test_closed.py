@@ -1,0 +1,145 @@
+"""Eq. 1-7: known joints come back, both solvers agree, and nothing depends on where the transmitter is."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from chains import Chain, gap_rms_mm, moments_of, quaternions, random_chain
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from shukotsu.hand.rotations import Array, matrix
+from shukotsu.paper.closed import JointSolution, is_solvable, solve_closed
+from shukotsu.paper.moments import BATCH_FRAMES, JointMoments
+from shukotsu.paper.stacked import StackedSolution, solve_stacked
+from shukotsu.tables.poses import Poses
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def stacked(poses: Poses, joint: int, values: int) -> StackedSolution:
+    q, t = poses.quaternion, poses.position_mm
+    return solve_stacked(q[:, joint], t[:, joint], q[:, joint + 1], t[:, joint + 1], values)
+
+
+def off_axis(found: Array, true: Array, axis: Array) -> float:
+    """Distance of a point from the line through `true` along `axis`."""
+    return float(np.linalg.norm(np.cross(found - true, axis)))
+
+
+@given(SEEDS, st.integers(2, 6))
+@settings(max_examples=30)
+def test_hinges_come_back(seed: int, n_segments: int) -> None:
+    """In a random chain without noise every centre is on its axis to 1e-9 mm and every axis to 1e-6 deg."""
+    chain = random_chain(seed, n_segments)
+    moments = moments_of(chain)
+    for j in range(n_segments - 1):
+        found = solve_closed(moments, j, 5)
+        assert off_axis(found.p_mm, chain.p_mm[j], chain.axis_parent[j]) < 1e-9
+        assert off_axis(found.q_mm, chain.q_mm[j], chain.axis_child[j]) < 1e-9
+        sine = np.linalg.norm(np.cross(found.null_child, chain.axis_child[j]))
+        assert np.degrees(np.arcsin(sine)) < 1e-6
+        sign = np.sign(found.null_child @ chain.axis_child[j])
+        np.testing.assert_allclose(found.null_parent, sign * chain.axis_parent[j], atol=1e-8)
+        assert found.gap_rms_mm < 1e-5
+
+
+@pytest.mark.parametrize("values", [5, 6])
+@pytest.mark.parametrize(
+    ("range_rad", "off_axis_rad", "noise_mm"),
+    [(0.6, 0.2, 0.0), (0.6, 0.05, 0.1), (0.03, 0.01, 0.3), (1.5, 1.0, 0.1), (0.6, 0.0, 0.1)],
+)
+def test_closed_form_equals_the_stack(
+    values: int, range_rad: float, off_axis_rad: float, noise_mm: float
+) -> None:
+    """Both solvers give the same centre to 1e-9 mm, the same axis and the same singular values."""
+    for seed in range(5):
+        chain = random_chain(
+            seed, 3, 500, range_rad=range_rad, off_axis_rad=off_axis_rad, noise_mm=noise_mm, in_plane=False
+        )
+        moments = moments_of(chain, block=10 * BATCH_FRAMES)
+        for j in range(2):
+            closed, stack = solve_closed(moments, j, values), stacked(chain.poses, j, values)
+            np.testing.assert_allclose(closed.p_mm, stack.p_mm, atol=1e-9, rtol=0)
+            np.testing.assert_allclose(closed.q_mm, stack.q_mm, atol=1e-9, rtol=0)
+            sign = np.sign(closed.null_child @ stack.null_child)
+            np.testing.assert_allclose(closed.null_child, sign * stack.null_child, atol=1e-9)
+            np.testing.assert_allclose(closed.null_parent, sign * stack.null_parent, atol=1e-9)
+            np.testing.assert_allclose(closed.singular_values, stack.singular_values, atol=1e-7)
+            assert closed.gap_rms_mm == pytest.approx(
+                gap_rms_mm(chain.poses, j, closed.p_mm, closed.q_mm), abs=1e-5
+            )
+
+
+def test_closed_form_is_the_published_one() -> None:
+    """(I - M M^T) p = u - M w and q = M^T p - w, computed as they are written, give the same joint."""
+    chain = random_chain(7, 2, 400, off_axis_rad=0.4, noise_mm=0.1, in_plane=False)
+    q, t = chain.poses.quaternion, chain.poses.position_mm
+    a, b, between = matrix(q[:, 0]), matrix(q[:, 1]), t[:, 1] - t[:, 0]
+    M = np.mean(a.transpose(0, 2, 1) @ b, 0)
+    u = np.einsum("tji,tj->i", a, between) / len(between)
+    w = np.einsum("tji,tj->i", b, between) / len(between)
+    p = np.linalg.solve(np.eye(3) - M @ M.T, u - M @ w)
+    found = solve_closed(moments_of(chain), 0, 6)
+    np.testing.assert_allclose(found.p_mm, p, atol=1e-9)
+    np.testing.assert_allclose(found.q_mm, M.T @ p - w, atol=1e-9)
+    s = np.linalg.svd(M, compute_uv=False)
+    expected = np.sqrt(np.concatenate([1 + s, 1 - s[::-1]]))
+    np.testing.assert_allclose(found.singular_values, expected, atol=1e-12)
+
+
+@given(SEEDS)
+@settings(max_examples=15)
+def test_nothing_depends_on_the_transmitter(seed: int) -> None:
+    """A rigid motion of the transmitter frame, q for -q and another frame order move no result."""
+    rng = np.random.default_rng(seed)
+    chain = random_chain(seed, 3, 160, off_axis_rad=0.1, noise_mm=0.2)
+    turn, shift = Rotation.random(random_state=rng), rng.normal(size=3) * 500
+    order = rng.permutation(160)
+    q, t = chain.poses.quaternion[order], chain.poses.position_mm[order]
+    moved = replace(
+        chain.poses,
+        quaternion=quaternions(turn * Rotation.from_quat(np.roll(q, -1, -1).reshape(-1, 4))).reshape(q.shape)
+        * rng.choice([-1.0, 1.0], (160, 3, 1)),
+        position_mm=turn.apply(t.reshape(-1, 3)).reshape(t.shape) + shift,
+    )
+    before, after = moments_of(chain), moments_of(chain, moved)
+    for j in range(2):
+        one, other = solve_closed(before, j, 5), solve_closed(after, j, 5)
+        for name in ("p_mm", "q_mm", "null_parent", "null_child", "mean_rotation", "singular_values"):
+            np.testing.assert_allclose(getattr(other, name), getattr(one, name), atol=1e-9, err_msg=name)
+        assert other.gap_rms_mm == pytest.approx(one.gap_rms_mm, abs=1e-9)
+
+
+def test_no_motion_has_no_answer() -> None:
+    """A joint that does not move, or has one frame, is not solvable; a little motion is enough."""
+    assert not is_solvable(moments_of(random_chain(1, 2, range_rad=0.0)), 0)
+    assert not is_solvable(moments_of(random_chain(1, 2, n_frames=1)), 0)
+    assert not is_solvable(JointMoments(1), 0)
+    assert is_solvable(moments_of(random_chain(1, 2, range_rad=0.001)), 0)
+
+
+made = cache(random_chain)
+
+
+def solved_with_noise(seed: int, off_axis_rad: float = 0.0) -> tuple[JointSolution, Chain]:
+    chain = made(3, 2, 400, range_rad=0.5, off_axis_rad=off_axis_rad)
+    noisy = replace(
+        chain.poses,
+        position_mm=chain.poses.position_mm
+        + np.random.default_rng(seed).normal(size=chain.poses.position_mm.shape) * 0.5,
+    )
+    return solve_closed(moments_of(chain, noisy), 0, 6 if off_axis_rad else 5), chain
+
+
+@pytest.mark.parametrize("off_axis_rad", [0.0, 0.4])
+def test_covariance_is_what_repeated_noise_gives(off_axis_rad: float) -> None:
+    """With white noise the covariance predicts the scatter of 200 repetitions within 20 % per direction."""
+    found = [solved_with_noise(seed, off_axis_rad)[0] for seed in range(200)]
+    scatter = np.cov(np.array([np.concatenate([f.p_mm, f.q_mm]) for f in found]).T)
+    stated = np.mean([f.covariance_mm2 for f in found], 0)
+    sizes, directions = np.linalg.eigh(stated)
+    for size, direction in zip(sizes[1:], directions.T[1:], strict=True):
+        assert direction @ scatter @ direction == pytest.approx(size, rel=0.35)

@@ -1,0 +1,142 @@
+"""Wrist points and bones of a simulated hand under every way that a model or layout can ask for them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from chains import reader_of
+from pipeline import HandResults, run_hand
+from simulated_poses import recorded, write_poses
+
+from shukotsu.hand.rotations import Array
+from shukotsu.paper.hand import BuiltHand, build_hand, judged, pose_metacarpals
+from shukotsu.report.study_tables import OF_A_MODEL, _joint_problems
+from shukotsu.study.layout import Layout, read_layout
+from shukotsu.study.model import SkeletonModel, read_model
+from shukotsu.study.verdict import BELIEVE, TOO_CLOSE, doubts_of
+from shukotsu.tables.catalogue import JOINT_CENTRES
+from shukotsu.tables.poses import Poses, read_poses
+from shukotsu.tables.typed_table import read_table, rows_of
+
+Build = Callable[..., BuiltHand]
+
+
+@pytest.fixture(scope="module")
+def hand(tmp_path_factory: pytest.TempPathFactory) -> HandResults:
+    """A realistic hand with a forearm receiver, run once."""
+    folder = tmp_path_factory.mktemp("hand")
+    made = recorded("right", "rom", seed=5, n_frames=600, forearm=True)[0]
+    poses = write_poses(folder / "poses.parquet", made, "right", "rom")
+    return run_hand(poses, poses, "paper-fig4", folder)
+
+
+@pytest.fixture(scope="module")
+def build(hand: HandResults) -> Build:
+    """Build that hand under another model or layout, from its projected joints."""
+    projected = read_table(hand.folder / "projected_joints.parquet", JOINT_CENTRES)
+    rows = {row["joint"]: row for row in rows_of(projected)}
+
+    def built(model: SkeletonModel, layout: Layout | None = None, without: tuple[str, ...] = ()) -> BuiltHand:
+        layout = layout or read_layout("liberty16")
+        poses: Poses = read_poses(hand.path("poses"), layout.measured)
+        kept = {name: row for name, row in rows.items() if name not in without}
+        return build_hand(kept, layout, model, reader_of(poses))
+
+    return built
+
+
+def wrist_of(built: BuiltHand) -> dict[str, object]:
+    return next(row for row in built.joints if row["joint"] == "wrist")
+
+
+def point(row: dict[str, object]) -> Array:
+    return np.array([row[f"child_{axis}_mm"] for axis in "xyz"], float)
+
+
+def with_point(layout: Layout, mm: tuple[float, float, float]) -> Layout:
+    assert layout.wrist is not None
+    return replace(layout, wrist=replace(layout.wrist, point_mm=mm))
+
+
+def test_auto_takes_the_first_that_there_is(build: Build) -> None:
+    """The forearm's joint, else the configured point, else the estimated one."""
+    model, layout = read_model("paper-fig4"), read_layout("liberty16")
+    given = with_point(layout, (-40.0, 1.0, -12.0))
+    assert wrist_of(build(model, given))["source"] == "fit"
+    assert wrist_of(build(model, given))["parent_segment"] == "forearm"
+    configured = wrist_of(build(model, given, without=("wrist",)))
+    assert configured["source"] == "configured point"
+    np.testing.assert_array_equal(point(configured), [-40, 1, -12])
+    estimated = wrist_of(build(model, layout, without=("wrist",)))
+    assert estimated["source"] == "estimated point"
+    assert estimated["parent_segment"] == ""
+    assert np.linalg.norm(point(estimated) - [-35, 0, -14]) < 40
+
+
+def test_bones_end_where_the_model_says(build: Build) -> None:
+    """Thumb metacarpals: from its own CMC joint in Fig. 4, from the wrist in Fig. 3, which is longer."""
+    bones = {
+        name: {row["bone"]: row for row in build(read_model(name)).bones}
+        for name in ("paper-fig3-rest", "paper-fig3", "paper-fig4", "rigid")
+    }
+    assert (
+        bones["paper-fig3"]["thumb_metacarpal"]["length_mm"]
+        > bones["paper-fig4"]["thumb_metacarpal"]["length_mm"] + 10
+    )
+    assert bones["paper-fig3-rest"]["thumb_metacarpal"]["driven_by"] == "thumb_metacarpal"
+    assert bones["paper-fig3"]["thumb_metacarpal"]["driven_by"] == ""
+    assert bones["rigid"]["index_metacarpal"]["driven_by"] == "hand"
+    ends = {model: by_bone["thumb_metacarpal"] for model, by_bone in bones.items()}
+    assert (ends["paper-fig3"]["starts_at"], ends["paper-fig3"]["ends_at"]) == ("wrist", "thumb_mcp")
+    assert (ends["paper-fig4"]["starts_at"], ends["paper-fig4"]["ends_at"]) == ("thumb_cmc", "thumb_mcp")
+    last = bones["rigid"]["index_distal"]
+    assert (last["starts_at"], last["ends_at"]) == ("index_dip", "distal receiver")
+    for by_bone in bones.values():
+        for name, bone in by_bone.items():
+            assert bone["sd_mm"] > 0, name
+            if bone["x_mm"] is not None:
+                length = np.linalg.norm([bone[f"{axis}_mm"] for axis in "xyz"])
+                assert bone["length_mm"] == pytest.approx(length)
+
+
+def test_a_gap_is_flagged_and_has_no_numbers(build: Build, hand: HandResults) -> None:
+    """Where a receiver is lost that the posture needs, and only there."""
+    layout, model = read_layout("liberty16"), read_model("paper-fig4")
+    poses = read_poses(hand.path("poses"), layout.measured)
+    valid = poses.valid.copy()
+    valid[:9, poses.index("hand")] = False
+    valid[20:25, poses.index("index_proximal")] = False
+    with_gaps = replace(poses, valid=valid)
+    found = pose_metacarpals(build(model), layout, model, lambda *_segments: iter([with_gaps]))
+    columns = {own["digit"]: own for own in found}
+    lost = {"index": [*range(9), *range(20, 25)], "ring": [*range(9)]}
+    for digit, frames in lost.items():
+        flags = columns[digit]["flags"].to_numpy(zero_copy_only=False).astype(str)
+        assert np.flatnonzero(np.char.find(flags, "gap") >= 0).tolist() == frames
+        assert np.flatnonzero(np.isnan(columns[digit]["qw"])).tolist() == frames
+
+
+def test_knuckles_nearer_than_any_hands_are_not_believed(build: Build) -> None:
+    """Of this hand none are; of one whose ring MCP lies 4 mm beside the middle's both are in doubt."""
+    layout = read_layout("liberty16")
+    built = build(read_model("paper-fig4"))
+    assert TOO_CLOSE not in "".join(row["reason_values"] for row in judged(built, layout, {}).joints)
+    rows = {row["joint"]: row for row in built.joints}
+    moved = {f"parent_{a}_mm": rows["middle_mcp"][f"parent_{a}_mm"] + 4.0 * (a == "y") for a in "xyz"}
+    near = replace(built, joints=[*(rows | {"ring_mcp": rows["ring_mcp"] | moved}).values()])
+    doubted = {row["joint"]: row for row in judged(near, layout, {}).joints if TOO_CLOSE in doubts_of(row)}
+    assert set(doubted) == {"middle_mcp", "ring_mcp"}
+    assert all(row["verdict"] != BELIEVE for row in doubted.values())
+    assert [
+        problem["kind"]
+        for problem in _joint_problems(
+            pa.Table.from_pylist(
+                [
+                    {**dict.fromkeys(OF_A_MODEL, "a"), "reason_values": row["reason_values"]}
+                    for row in doubted.values()
+                ]
+            )
+        )
+    ] == [TOO_CLOSE] * 2

@@ -1,0 +1,156 @@
+"""All parts of a subject: each recording read once, each solver run once, a part that fails fails alone."""
+
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from long_poses import long_poses
+from stage_runs import solve_joints as main
+
+from shukotsu.errors import InputError, TableError
+from shukotsu.paper import part_solutions
+from shukotsu.paper.part_solutions import PartRequest, solve_parts
+from shukotsu.study.layout import read_layout
+from shukotsu.study.model import JointSolving, read_model
+from shukotsu.tables.catalogue import JOINT_SOLUTIONS, POSES
+from shukotsu.tables.parts import Part, part_metadata, read_part
+from shukotsu.tables.typed_table import Provenance, write_failure
+
+LAYOUT = read_layout("liberty16")
+
+
+def request(model: str, *poses: Path, hand: str = "right", made_without: str = "") -> PartRequest:
+    settings = read_model(model).solving
+    return PartRequest(Part(hand, model, made_without), poses, LAYOUT, settings)
+
+
+@pytest.fixture(scope="module")
+def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return long_poses(tmp_path_factory.mktemp("poses") / "poses.parquet", 480)
+
+
+def test_the_same_recordings_and_settings_are_solved_once(
+    poses: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Models with equal settings share their solution; another setting or side gets its own."""
+    streamed, solved = [], []
+    stream, solve = part_solutions.stream_recordings, part_solutions.solve_recordings
+    monkeypatch.setattr(
+        part_solutions, "stream_recordings", lambda *a, **k: streamed.append(a) or stream(*a, **k)
+    )
+    monkeypatch.setattr(part_solutions, "solve_recordings", lambda *a: solved.append(a) or solve(*a))
+    six = replace(
+        request("paper-fig4", poses, made_without="x"),
+        settings=replace(read_model("paper-fig4").solving, singular_values=6),
+    )
+    requests = [
+        request("paper-fig4", poses),
+        request("paper-fig3", poses),
+        six,
+        request("paper-fig4", poses, hand="left"),
+    ]
+    rows = solve_parts(requests)
+    assert list(rows) == [one.part for one in requests]
+    assert len(streamed) == 2
+    assert len(solved) == 3
+    index_pip = [next(row for row in own if row["joint"] == "index_pip") for own in rows.values()]
+    fig4, fig3, of_six, left = index_pip
+    assert fig4["parent_x_mm"] == fig3["parent_x_mm"] == left["parent_x_mm"] != of_six["parent_x_mm"]
+
+
+@dataclass(frozen=True)
+class Constrained(JointSolving):
+    """The group `joints` of a model file, had it one key more."""
+
+    made_up_mm: float
+
+
+def test_a_constraint_that_is_added_cannot_be_forgotten(poses: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Models that differ in one key alone, whatever it is, are solved apart, and the solver is given it."""
+    solve = part_solutions.solve_recordings
+
+    def obeying(recordings: Any, settings: Constrained) -> Any:
+        solved = solve(recordings, settings)
+        own = solved["index_pip"]
+        assert not isinstance(own, str)
+        return {**solved, "index_pip": replace(own, p_mm=own.p_mm + settings.made_up_mm)}
+
+    monkeypatch.setattr(part_solutions, "solve_recordings", obeying)
+    settings = vars(read_model("paper-fig4").solving)
+    requests = [
+        replace(
+            request("paper-fig4", poses, made_without=str(mm)),
+            settings=Constrained(**settings, made_up_mm=mm),
+        )
+        for mm in (0.0, 1.0)
+    ]
+    without, constrained = (_x_of_index_pip(rows) for rows in solve_parts(requests).values())
+    assert constrained == pytest.approx(without + 1.0)
+
+
+def _x_of_index_pip(rows: list[dict[str, Any]] | Exception) -> float:
+    assert isinstance(rows, list)
+    return float(next(row["parent_x_mm"] for row in rows if row["joint"] == "index_pip"))
+
+
+def test_a_fitted_hand_is_solved_in_closed_form() -> None:
+    """What the fit of the whole hand takes from joints one by one is the same under any solver."""
+    fitted = read_model("whole-hand")
+    literal = replace(fitted, joints=replace(fitted.joints, solver="stacked-svd"))
+    assert literal.solving == fitted.solving
+    assert (fitted.solving.solver, fitted.solving.singular_values) == ("closed", 6)
+
+
+def test_without_a_recording_every_joint_has_failed_and_says_why(poses: Path, tmp_path: Path) -> None:
+    """A recording whose import failed is left out; without any other there is no centre."""
+    failed = tmp_path / "failed.parquet"
+    write_failure(failed, POSES, "the file is empty", Provenance())
+    rows = solve_parts([request("paper-fig4", poses, failed), request("paper-fig4", failed, hand="left")])
+    usable, unusable = rows.values()
+    assert isinstance(usable, list)
+    assert isinstance(unusable, list)
+    assert {row["status"] for row in usable} <= {"ok", "weak"}
+    assert {row["status"] for row in unusable} == {"failed"}
+    assert unusable[0]["message"] == "no calibration recording: the file is empty"
+
+
+def test_a_file_that_is_no_table_is_no_result(tmp_path: Path) -> None:
+    """Nobody's hand is to blame for a damaged file, so it is refused and not recorded."""
+    damaged = tmp_path / "damaged.parquet"
+    damaged.write_bytes(b"PAR1")
+    with pytest.raises(TableError, match="not a readable Parquet file"):
+        solve_parts([request("paper-fig4", damaged)])
+
+
+def test_a_hand_alone_is_one_part(poses: Path, tmp_path: Path) -> None:
+    out = tmp_path / "joints.parquet"
+    argv = ["--poses", str(poses), "--layout", "liberty16", "--out", str(out)]
+    assert main([*argv, "--model", "paper-fig4"]) == 0
+    part = Part("right", "paper-fig4", subject="01")
+    assert list(part_metadata(out, JOINT_SOLUTIONS)) == [part]
+    rows = read_part(out, JOINT_SOLUTIONS, part).to_pylist()
+    assert len(rows) == 15
+    assert {(row["subject"], row["made_without"]) for row in rows} == {("01", "")}
+    assert main(argv) == 2
+
+
+@pytest.mark.parametrize("error", [InputError("the field is too strong"), ZeroDivisionError()])
+def test_a_failed_part_is_recorded_or_raised(
+    error: Exception, poses: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With --record-failure the part says why it failed, bug or not; without, the command fails."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(part_solutions, "stream_recordings", fail)
+    out = tmp_path / "joints.parquet"
+    argv = ["--poses", str(poses), "--layout", "liberty16", "--model", "rigid", "--out", str(out)]
+    with pytest.raises(ZeroDivisionError) if isinstance(error, ZeroDivisionError) else nullcontext():
+        assert main(argv) == 2
+    assert not out.exists()
+    assert main([*argv, "--record-failure"]) == 0
+    with pytest.raises(InputError, match=r"the field is too strong|internal error"):
+        read_part(out, JOINT_SOLUTIONS, Part("right", "rigid", subject="01"))

@@ -1,0 +1,131 @@
+"""The plane: known centres to 1e-6 mm, one slide for both halves, five and six values alike."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chains import chain_layout, moments_of, random_chain
+from chains import gap_rms_mm as gap_by_hand
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shukotsu.errors import InputError
+from shukotsu.paper.closed import JointSolution, solve_closed
+from shukotsu.paper.part_solutions import solution_row
+from shukotsu.paper.place import place_joint
+from shukotsu.paper.plane import Projection, centre_sd_mm, project
+from shukotsu.study.layout import FINGER_MM, Joint, Plane
+from shukotsu.study.model import read_model
+from shukotsu.study.verdict import doubts_of, judged_joint
+
+SEEDS = st.integers(0, 2**32 - 1)
+LAYOUT = chain_layout(random_chain(0, 2))
+SAGITTAL = np.array([0.0, 1.0, 0.0])
+
+
+def cut(found: JointSolution, *, parent: bool = False, normal: np.ndarray = SAGITTAL) -> Projection | None:
+    return project(
+        found.p_mm,
+        found.q_mm,
+        found.null_parent,
+        found.null_child,
+        found.covariance_mm2,
+        np.radians(found.axis_sd_deg),
+        plane_point_mm=np.zeros(3),
+        plane_normal=normal,
+        plane_in_parent=parent,
+    )
+
+
+@given(SEEDS)
+@settings(max_examples=30)
+def test_exact_hinges_end_at_their_centres(seed: int) -> None:
+    """Hinges, exact planes, no noise: both halves to 1e-6 mm."""
+    chain = random_chain(seed, 4)
+    moments = moments_of(chain)
+    for j in range(3):
+        found = cut(solve_closed(moments, j, 5))
+        assert found is not None
+        np.testing.assert_allclose(found.p_mm, chain.p_mm[j], atol=1e-6)
+        np.testing.assert_allclose(found.q_mm, chain.q_mm[j], atol=1e-6)
+
+
+@given(SEEDS)
+@settings(max_examples=30)
+def test_both_halves_slide_alike(seed: int) -> None:
+    """The plane in one frame is met there, and p and q move by the same multiple of the null vector."""
+    chain = random_chain(seed, 2, off_axis_rad=0.1, in_plane=False)
+    found = solve_closed(moments_of(chain), 0, 5)
+    at = cut(found)
+    assert at is not None
+    assert at.q_mm[1] == pytest.approx(0, abs=1e-9)
+    np.testing.assert_allclose(at.p_mm - found.p_mm, at.slide_mm * found.null_parent, atol=1e-9)
+    np.testing.assert_allclose(at.q_mm - found.q_mm, at.slide_mm * found.null_child, atol=1e-9)
+
+
+def solved_row(seed: int, **options: float) -> tuple[Joint, dict[str, object], object]:
+    chain = random_chain(seed, 2, 300, in_plane=False, **options)
+    found = solve_closed(moments_of(chain), 0, 5)
+    return chain.joints[0], solution_row(chain.joints[0], found), chain
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("shift", [None, np.array([3.0, -2.0, 5.0])])
+def test_gap_of_the_placed_centre(seed: int, shift: np.ndarray | None) -> None:
+    """gap_rms_mm after plane and correction is the gap measured frame by frame."""
+    joint, row, chain = solved_row(seed, off_axis_rad=0.1, noise_mm=0.2)
+    placed = place_joint(joint, LAYOUT, row, read_model("paper-fig4-corrected"), shift)
+    p = np.array([placed[f"parent_{axis}_mm"] for axis in "xyz"])
+    q = np.array([placed[f"child_{axis}_mm"] for axis in "xyz"])
+    assert placed["gap_rms_mm"] == pytest.approx(gap_by_hand(chain.poses, 0, p, q), rel=1e-6)
+    assert placed["gap_rms_free_mm"] <= placed["gap_rms_mm"] + 1e-9
+    if shift is not None:
+        assert placed["correction_mm"] == pytest.approx(np.linalg.norm(shift))
+        plain = place_joint(joint, LAYOUT, row, read_model("paper-fig4"), None)
+        moved = q - [plain[f"child_{axis}_mm"] for axis in "xyz"]
+        np.testing.assert_allclose(moved, shift, atol=1e-12)
+
+
+def test_what_speaks_against_a_centre_is_noted() -> None:
+    """Little motion, an axis near the plane and an uncertain axis are each named; a good one: its error."""
+    model = read_model("paper-fig4")
+    joint, row, _ = solved_row(1)
+    assert [*doubts_of(judged_joint(place_joint(joint, LAYOUT, row, model, None), FINGER_MM))] == [
+        "uncertain"
+    ]
+    joint, row, _ = solved_row(1, range_rad=0.02, off_axis_rad=0.01)
+    weak = judged_joint(place_joint(joint, LAYOUT, row, model, None), FINGER_MM)
+    assert weak["status"] == "weak"
+    assert {"moved-too-little", "axis-uncertain"} < {*doubts_of(weak)}
+    joint, row, _ = solved_row(1)
+    axis = np.array([row[f"null_child_{k}"] for k in "xyz"])
+    slanted = Plane("child", (0.0, 0.0, 0.0), tuple(np.cross(axis, [1, 2, 3]) + 0.3 * axis))
+    near = place_joint(replace(joint, plane=slanted), LAYOUT, row, model, None)
+    assert "axis-near-plane" in doubts_of(near)
+
+
+def test_sd_predicts_the_scatter_of_placed_centres() -> None:
+    """Over 200 repetitions with white noise, the placed centre scatters by what sd_mm says."""
+    chain = random_chain(3, 2, 400, range_rad=0.5)
+    centres, stated = [], []
+    for seed in range(200):
+        noise = np.random.default_rng(seed).normal(size=chain.poses.position_mm.shape) * 0.5
+        poses = replace(chain.poses, position_mm=chain.poses.position_mm + noise)
+        at = cut(solve_closed(moments_of(chain, poses), 0, 5))
+        assert at is not None
+        centres.append(np.concatenate([at.p_mm, at.q_mm]))
+        stated.append(centre_sd_mm(at.covariance_mm2))
+    scatter = np.sqrt(max(np.var(centres, 0)[:3].sum(), np.var(centres, 0)[3:].sum()))
+    assert np.mean(stated) == pytest.approx(scatter, rel=0.2)
+
+
+# --- models whose planes cut nothing: the centre of the joint solve is final -------------------------------
+
+
+def test_a_model_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text(
+        "model: mine\ndescription: Mine.\nplanes: {cut: false, corrections: true}\n"
+    )
+    with pytest.raises(InputError, match=r"planes.corrections: is true, but planes.cut: false"):
+        read_model("mine.yaml", tmp_path)

@@ -1,0 +1,182 @@
+"""C3D files: clusters and rotations become poses, and what does not fit the mapping is refused."""
+
+import re
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from poses_columns import solved
+from recording_files import ARM, of, read, refuse
+
+from shukotsu.errors import InputError
+from shukotsu.hand.rotations import angle, conjugate, matrix, multiply, unit
+from shukotsu.readers.formats.c3d import read_c3d
+from shukotsu.readers.inspection.c3d_files import describe_c3d
+from shukotsu.study.layout import read_layout
+
+RNG = np.random.default_rng(9)
+FRAMES = 12
+SHAPE = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
+QUATERNIONS = unit(RNG.normal(size=(FRAMES, 4)))
+POSITIONS = RNG.normal(scale=300, size=(FRAMES, 3))
+MARKERS = SHAPE @ np.swapaxes(matrix(QUATERNIONS), 1, 2) + POSITIONS[:, None]
+CLUSTER = {"markers": ["H1", "H2", "H3"]}
+
+
+def write(
+    path: Path, points: np.ndarray = MARKERS, unit_text: str = "mm", ratio: int = 0, first: int = 101
+) -> Path:
+    """A C3D file with markers H1 to H3 at 50 Hz and, if asked for, the same poses as ROTATION `hand`."""
+    import ezc3d
+
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [50.0]
+    file["parameters"]["POINT"]["UNITS"]["value"] = [unit_text]
+    file["parameters"]["POINT"]["LABELS"]["value"] = ["H1", "H2", "H3"]
+    file["data"]["points"] = np.concatenate([points, np.ones((*points.shape[:2], 1))], -1).transpose(2, 1, 0)
+    file["header"]["points"]["first_frame"] = first - 1
+    if ratio:
+        whole = np.full((4, 4, 1, FRAMES * ratio), np.nan)
+        whole[..., ::ratio] = np.eye(4)[:, :, None, None]
+        whole[:3, :3, 0, ::ratio] = np.moveaxis(matrix(QUATERNIONS), 0, -1)
+        whole[:3, 3, 0, ::ratio] = POSITIONS.T
+        file.add_parameter("ROTATION", "LABELS", ["hand"])
+        file.add_parameter("ROTATION", "RATE", [50.0 * ratio])
+        file["data"]["rotations"] = whole
+    file.write(str(path))
+    return path
+
+
+def config(receiver: dict[str, Any] = CLUSTER, segment: str = "hand", **keys: Any) -> dict[str, Any]:
+    return {"format": "c3d", "position_unit": "mm", "receivers": {segment: receiver}} | keys
+
+
+def turn(one: np.ndarray, other: np.ndarray) -> float:
+    return float(angle(multiply(conjugate(one), other)).max())
+
+
+def test_a_cluster_is_a_pose_with_the_files_frames_and_times(tmp_path: Path) -> None:
+    samples = read(write(tmp_path / "a.c3d"), ARM, config(fixed=["scapula"]))
+    hand = of(samples, "hand")
+    assert turn(samples.numbers[hand, 3:], QUATERNIONS) < 1e-5
+    np.testing.assert_allclose(samples.numbers[hand, :3], POSITIONS, atol=1e-3)  # stored as float32
+    np.testing.assert_array_equal(samples.frame[hand], 101 + np.arange(FRAMES))
+    np.testing.assert_allclose(samples.time_s[hand], np.arange(FRAMES) / 50)
+    assert re.fullmatch(
+        r"cluster hand: 3 markers, residual \S+ mm rms, \S+ mm max, 12 of 12 frames", samples.notes[0]
+    )
+    assert samples.locate(3) == f"{tmp_path}/a.c3d: frame 104"
+    np.testing.assert_array_equal(samples.numbers[~hand], [[0, 0, 0, 1, 0, 0, 0]] * FRAMES)
+
+
+@pytest.mark.parametrize("mark", ["coordinates", "residual"])
+def test_markers_that_are_missing_are_gaps(tmp_path: Path, mark: str) -> None:
+    """By coordinates of NaN, or by a residual of -1, whatever the coordinates that the writer left."""
+    points = MARKERS.copy()
+    if mark == "coordinates":
+        points[4, 1] = np.nan
+    path = write(tmp_path / "a.c3d", points)
+    if mark == "residual":
+        data = bytearray(path.read_bytes())
+        point = 512 * (struct.unpack_from("<H", data, 16)[0] - 1) + 16 * (4 * 3 + 1)
+        np.testing.assert_allclose(struct.unpack_from("<3f", data, point), MARKERS[4, 1], rtol=1e-6)
+        struct.pack_into("<f", data, point + 12, -1.0)
+        path.write_bytes(data)
+    samples = read(path, ARM, config())
+    assert np.flatnonzero(np.isnan(samples.numbers).all(1)).tolist() == [4]
+    assert "11 of 12 frames" in samples.notes[0]
+
+
+NEAR, FAR = {"markers": ["H1", "h2x", "H3"]}, {"markers": ["H1", "wrist", "H3"]}
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        (
+            config(position_unit="m"),
+            "a.c3d: states its unit as 'mm' (POINT:UNITS), but mapping.yaml says 'm'",
+        ),
+        (config(NEAR), "mapping.yaml: receivers.hand.markers: marker 'h2x' is not in .*; did you mean 'H2'"),
+        (config(FAR), "a.c3d, which has H1, H2, H3"),
+        (config({"rotation": "hand"}), "receivers.hand.rotation: rotation 'hand' is not in "),
+        (config(segment="hnad"), "receivers: segment 'hnad' is not in layout arm"),
+        (config(fixed=["bench"]), "fixed: segment 'bench' is not in layout arm"),
+        (config(c3d={"last_frame": 13}), "mapping.yaml: c3d: frames 1 to 13 are not in "),
+        (config(c3d={"first_frame": 5, "last_frame": 4}), "frames 5 to 4 are not in "),
+    ],
+)
+def test_what_the_file_does_not_have_is_refused_by_name(
+    tmp_path: Path, told: dict[str, Any], message: str
+) -> None:
+    refuse(write(tmp_path / "a.c3d"), message, ARM, told)
+
+
+def test_files_that_are_no_c3d_or_cut_off(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.c3d", np.tile(MARKERS, (200, 1, 1)))
+    data = path.read_bytes()
+    for content, message in (
+        (data[: len(data) // 2], "is cut off: it has "),
+        (data[:600], "broken.c3d: "),
+        (b"hi", "not a readable C3D file"),
+    ):
+        (tmp_path / "broken.c3d").write_bytes(content)
+        refuse(tmp_path / "broken.c3d", message, ARM, config())
+    refuse(tmp_path / "no.c3d", "no such file", ARM, config())
+    with pytest.raises(InputError, match="a C3D file needs a mapping"):
+        read_c3d(path, ARM, None)
+
+
+HIP = ["RASIS", "LASIS", "LPSIS", "RPSIS"], ["RLFE", "RMFE", "RTHI1", "RTHI2", "RTHI3"]
+KNEE = ["RGT", "RTHI1", "RTHI2", "RTHI3"], ["RATT", "RLM", "RSPH", "RLEG1", "RLEG2", "RLEG3"]
+
+
+@pytest.mark.parametrize(
+    ("joint", "clusters", "first", "last", "gap_mm", "range_deg"),
+    [("hip", HIP, 1, 499, 8.5, 54), ("knee", KNEE, 300, 821, 3.1, 119), ("knee", KNEE, 1, 922, 3.1, 121)],
+)
+def test_real_functional_trials_of_a_leg(
+    real_data: Path,
+    tmp_path: Path,
+    joint: str,
+    clusters: tuple[list[str], list[str]],
+    first: int,
+    last: int,
+    gap_mm: float,
+    range_deg: int,
+) -> None:
+    """Windows of two trials; the knee's gap, and how far it was bent, are known from another program."""
+    (tmp_path / "leg.yaml").write_text(
+        "layout: leg\ndescription: Two segments of a leg.\nsegments: {above: {}, below: {}}\n"
+        "joints: {joint: {parent: above, child: below, dof: 3, plane: {frame: none}}}\n"
+        "digits: {leg: {segments: [below]}}\n"
+    )
+    above, below = clusters
+    told = {
+        "format": "c3d",
+        "position_unit": "mm",
+        "receivers": {"above": {"markers": above}, "below": {"markers": below}},
+        "c3d": {"first_frame": first, "last_frame": last, "misfit_mm": 50},
+    }
+    path = real_data / "hip_knee_functional_mit" / f"right_{joint}.c3d"
+    samples = read(path, read_layout(tmp_path / "leg.yaml"), told)
+    found = solved(samples, "above", "below")
+    assert found.n_frames == 1 + last - first
+    assert samples.time_s.min() == pytest.approx((first - 1) / 100)
+    assert (round(found.gap_rms_free_mm, 1), round(found.range_deg)) == (gap_mm, range_deg)
+
+
+def test_frames_beyond_what_is_counted(tmp_path: Path) -> None:
+    """Where 16 bits are full, all up to the zeros that fill the last block; else it is said."""
+    path = write(tmp_path / "a.c3d", SHAPE + np.arange(1.0, 31)[:, None, None], first=1)
+    data = bytearray(path.read_bytes())
+    assert read(path, ARM, config()).losses == ()
+    path.write_bytes(data + bytes(1024))
+    assert "30 frames are read, but the file goes on" in read(path, ARM, config()).losses[0]
+    assert "frames in doubt: 30 frames are read" in " ".join(describe_c3d(path, ARM).lines)
+    for place in (8, data.index(b"FRAMES") + 10):
+        struct.pack_into("<H", data, place, 65_535)
+    path.write_bytes(data)
+    np.testing.assert_allclose(read(path, ARM, config()).numbers[:, 0], np.arange(1, 31), atol=1e-4)

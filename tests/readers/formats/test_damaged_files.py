@@ -1,0 +1,59 @@
+"""A file of any format whose bytes are damaged is read, or refused in one sentence; `inspect` as well."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+from argparse import Namespace
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from damaged_bytes import assert_read_or_refused, damaged
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sample_files import RECORDINGS
+
+from shukotsu.commands.inspect_file import inspect
+from shukotsu.readers.formats.readers import find_parts_reader
+from shukotsu.readers.poses_table import poses_table
+from shukotsu.study.layout import read_layout
+from shukotsu.study.mapping import read_mapping
+
+LAYOUT = read_layout("liberty16")
+PARENTS = {joint.child: joint.parent_receiver for joint in LAYOUT.solvable}
+
+
+def read_poses(path: Path, mapping_path: Path | None) -> int:
+    """Read a recording as import does, up to the rows of the poses table; return how many frames it has."""
+    mapping = read_mapping(mapping_path) if mapping_path else None
+    parts = find_parts_reader(path, "auto", mapping)(path, LAYOUT, mapping)
+    with closing(poses_table(parts, PARENTS, path.parent)) as poses:
+        list(poses.row_groups())
+        return len(poses.frame)
+
+
+C3D = pytest.param("c3d", marks=pytest.mark.slow)  # a count that is damaged may ask for much memory
+
+
+@pytest.mark.parametrize("name", [C3D, *(name for name in RECORDINGS if name != "c3d")])
+@settings(max_examples=12)
+@given(data=st.data())
+def test_a_damaged_recording_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, name: str, data: st.DataObject
+) -> None:
+    folder, recording = tmp_path_factory.mktemp("damaged"), RECORDINGS[name]()
+    mapping = folder / "mapping.yaml" if recording.mapping else None
+    if mapping is not None:
+        mapping.write_text(json.dumps(recording.mapping))
+    for file, content in recording.files.items():
+        (folder / file).write_bytes(content)
+    path = folder / recording.path
+    assert read_poses(path, mapping) > 0, "sound before"
+    path.write_bytes(data.draw(damaged(path.read_bytes())))
+    assert_read_or_refused(lambda: read_poses(path, mapping))
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert_read_or_refused(
+            lambda: inspect(Namespace(file=path, layout="liberty16", hand=None, write_mapping=None))
+        )

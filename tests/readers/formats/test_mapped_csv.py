@@ -1,0 +1,215 @@
+"""Tables as text by mapping: every dress a program gives them, and each fault named where it stands."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import recording_files
+from recording_files import ARM, of
+
+from shukotsu.readers.samples import Samples
+
+ANGLES = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
+WIDE = {
+    "format": "csv",
+    "position_unit": "cm",
+    "orientation": ANGLES,
+    "receivers": {
+        "forearm": {"position": ["x1", "y1", "z1"], "orientation": ["az1", "el1", "ro1"]},
+        "hand": {"position": ["x2", "y2", "z2"], "orientation": ["az2", "el2", "ro2"]},
+    },
+    "csv": {"time": "t", "time_unit": "ms"},
+}
+HEADER = "t,x1,y1,z1,az1,el1,ro1,x2,y2,z2,az2,el2,ro2\n"
+ROWS = "0,1,2,3,90,0,0,4,5,6,0,0,0\n4.5,1.5,2,3,0,90,0,4,5,6,0,0,90\n"
+HALF = np.sqrt(0.5)
+SEMICOLONS = str.maketrans(",.", ";,")
+LONG = {
+    "format": "csv",
+    "position_unit": "m",
+    "orientation": {"kind": "quaternion", "order": "xyzw"},
+    "receivers": {"forearm": {"value": 1}, "hand": {"value": 2}},
+    "csv": {
+        "rows": "long",
+        "frame": "n",
+        "receiver": "sensor",
+        "position": ["x", "y", "z"],
+        "orientation": ["a", "b", "c", "d"],
+    },
+}
+LONG_TEXT = "n,sensor,x,y,z,a,b,c,d\n7,2,1,2,3,0,0,0,1\n7,1,4,5,6,0,0,0,1\n9,2,7,8,9,1,0,0,0\n"
+
+
+def changed(base: dict[str, Any], csv: dict[str, Any] | None = None, **keys: Any) -> dict[str, Any]:
+    return base | keys | {"csv": base["csv"] | (csv or {})}
+
+
+def read(tmp_path: Path, text: str, told: dict[str, Any]) -> Samples:
+    (tmp_path / "old.txt").write_bytes(text.encode())
+    return recording_files.read(tmp_path / "old.txt", ARM, told)
+
+
+def refuse(tmp_path: Path, text: str, told: dict[str, Any], message: str) -> None:
+    (tmp_path / "old.txt").write_bytes(text.encode())
+    recording_files.refuse(tmp_path / "old.txt", message, ARM, told)
+
+
+def check_wide(samples: Samples) -> None:
+    forearm, hand = of(samples, "forearm"), of(samples, "hand")
+    np.testing.assert_allclose(samples.numbers[forearm, :3], [[10, 20, 30], [15, 20, 30]])
+    np.testing.assert_allclose(samples.numbers[forearm, 3:], [[HALF, 0, 0, HALF], [HALF, 0, HALF, 0]])
+    np.testing.assert_allclose(samples.numbers[hand, 3:], [[1, 0, 0, 0], [HALF, HALF, 0, 0]])
+    for segment in (forearm, hand):
+        np.testing.assert_array_equal(samples.frame[segment], [0, 1])
+        np.testing.assert_allclose(samples.time_s[segment], [0, 0.0045])
+
+
+TIMES = (
+    "t,x1,y1,z1,az1,el1,ro1,x2,y2,z2,az2,el2,ro2\n{},1,2,3,0,0,0,4,5,6,0,0,0\n{},1,2,3,0,0,0,4,5,6,0,0,0\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"),
+    [
+        ("00:00:01", "00:00:01.0041667", [1, 1.0041667]),
+        (" 9:05:07.5", "10:00:00", [32707.5, 36000]),
+        ("23:59:59.9999999", "00:00:00.1000000", [86399.9999999, 86400.1]),
+        ("", "00:00:02", [np.nan, 2]),
+    ],
+)
+def test_times_of_the_day(tmp_path: Path, first: str, second: str, expected: list[float]) -> None:
+    mapping = changed(WIDE, {"time_unit": "hh:mm:ss"})
+    samples = read(tmp_path, TIMES.format(first, second), mapping)
+    for segment in ("forearm", "hand"):
+        np.testing.assert_allclose(samples.time_s[of(samples, segment)], expected, rtol=1e-12)
+    for odd in ("00:61:00", "1.5", "12:00", "25-01-01 00:00:00"):
+        refuse(
+            tmp_path,
+            TIMES.format("00:00:00", odd),
+            mapping,
+            f"line 3, column t: is '{odd}'; expected a time as hh",
+        )
+
+
+@pytest.mark.parametrize(
+    ("text", "csv"),
+    {
+        "plain": (HEADER + ROWS, {}),
+        "bom": ("\ufeff" + HEADER + ROWS, {}),
+        "crlf": ((HEADER + ROWS).replace("\n", "\r\n"), {}),
+        "cr": ((HEADER + ROWS).replace("\n", "\r"), {}),
+        "semicolons": ((HEADER + ROWS).translate(SEMICOLONS), {"delimiter": ";", "decimal": ","}),
+        "tabs": ((HEADER + ROWS).replace(",", "\t"), {"delimiter": "tab"}),
+        "blanks": ("  " + (HEADER + ROWS).replace(",", "  ").replace("\n", " \n "), {"delimiter": "space"}),
+        "comments": ("# made by\n" + HEADER + "  # a, note\n" + ROWS, {"comment": "#"}),
+        "skipped": ("made by\n\n" + HEADER + "\n" + ROWS, {"skip_lines": 1}),
+        "spaces": ((HEADER + ROWS).replace(",", " , "), {}),
+        "minus": ((HEADER + ROWS).replace("0,1,2", "\N{MINUS SIGN}0,1,2"), {}),
+        "more columns": ((HEADER + ROWS).replace("\n", ",n\n"), {}),
+    }.values(),
+)
+def test_a_wide_table_in_any_dress(tmp_path: Path, text: str, csv: dict[str, Any]) -> None:
+    check_wide(read(tmp_path, text, changed(WIDE, csv)))
+
+
+def test_a_long_table(tmp_path: Path) -> None:
+    samples = read(tmp_path, LONG_TEXT, changed(LONG, fixed=["scapula"]))
+    hand, forearm, bench = (of(samples, segment) for segment in ("hand", "forearm", "scapula"))
+    np.testing.assert_array_equal(samples.frame[hand], [7, 9])
+    np.testing.assert_array_equal(samples.frame[forearm], [7])
+    np.testing.assert_allclose(
+        samples.numbers[hand], [[1e3, 2e3, 3e3, 1, 0, 0, 0], [7e3, 8e3, 9e3, 0, 1, 0, 0]]
+    )
+    np.testing.assert_array_equal(samples.frame[bench], [7, 9])
+    np.testing.assert_array_equal(samples.numbers[bench], [[0, 0, 0, 1, 0, 0, 0]] * 2)
+    assert np.isnan(samples.time_s).all()
+    assert samples.locate(int(np.flatnonzero(hand)[1])) == f"{tmp_path}/old.txt: line 4"
+
+
+def test_receivers_that_are_not_in_step_go_on_a_grid_once_each(tmp_path: Path) -> None:
+    """Rows repeat what has not changed; of two new values on one frame the nearer is kept. One time that is
+    no time costs its own row: as the start of the grid it would put all others on one frame.
+    """
+    receivers = {
+        segment: {"position": [f"{c}{n}" for c in "xyz"], "orientation": [f"{c}{n}" for c in "wabc"]}
+        for segment, n in (("forearm", 1), ("hand", 2))
+    }
+    told = {
+        "format": "csv",
+        "position_unit": "mm",
+        "rate_hz": 100,
+        "orientation": {"kind": "quaternion", "order": "wxyz"},
+        "receivers": receivers,
+        "csv": {"time": "t", "time_unit": "s", "in_step": False},
+    }
+    rows = [(0.0, 1, 1), (0.008, 1, 2), (0.011, 2, 3), (0.014, 2, 4), (0.03, 2, 4), (0.04, 1, 5)]
+    rows += [(-1e300, 9, 9)]
+    lines = [f"{time},{one},0,0,1,0,0,0,{other},0,0,1,0,0,0\n" for time, one, other in rows]
+    samples = read(tmp_path, "t,x1,y1,z1,w1,a1,b1,c1,x2,y2,z2,w2,a2,b2,c2\n" + "".join(lines), told)
+    for segment, frame, x_mm, time_s in (
+        ("forearm", [0, 1, 4], [1, 2, 1], [0, 0.011, 0.04]),
+        ("hand", [0, 1, 4], [1, 3, 5], [0, 0.011, 0.04]),
+    ):
+        own = of(samples, segment)
+        np.testing.assert_array_equal(samples.frame[own], frame)
+        np.testing.assert_array_equal(samples.numbers[own, 0], x_mm)
+        np.testing.assert_array_equal(samples.time_s[own], time_s)
+    assert "segment forearm: 3 new values in 7 rows; 0 left out" in samples.notes[0]
+    assert samples.notes[1] == "segment forearm: 1 new values left out, whose times are years off the others'"
+    assert "segment hand: 5 new values in 7 rows; 2 left out" in samples.notes[2]
+
+
+@pytest.mark.parametrize(
+    ("text", "csv", "message"),
+    [
+        ("", {}, "old.txt: is empty; expected a table"),
+        (HEADER, {}, "old.txt: has no rows"),
+        (HEADER + ROWS + "\nModels\n1,2,3\n", {}, "old.txt: line 5: another table seems to begin here"),
+        (HEADER + ROWS + "1,2,3\n", {}, "old.txt: line 4: has 3 cells; expected 13 as in the first line"),
+        (HEADER + ROWS.replace("4.5", "four"), {}, "old.txt: line 3, column t: is 'four'; expected a number"),
+        (HEADER + ROWS, {"decimal": ",", "delimiter": ";"}, "csv.time: column 't' is missing"),
+        (
+            (HEADER + ROWS).replace(",", ";"),
+            {"decimal": ",", "delimiter": ";"},
+            "line 3, column x1: is '1.5'; expected a number with a decimal comma",
+        ),
+        (HEADER.replace("ro2", "roll2") + ROWS, {}, "receivers.hand.orientation: column 'ro2' is missing"),
+        (HEADER.replace("ro2", "Ro_2") + ROWS, {}, "did you mean 'Ro_2'?"),
+        (HEADER.replace("x2", "x1") + ROWS, {}, "has 2 columns 'x1'; give the column's number"),
+        (HEADER + ROWS, {"frame": "t"}, "line 3, column t: is '4.5'; expected a whole number"),
+    ],
+)
+def test_what_is_refused(tmp_path: Path, text: str, csv: dict[str, Any], message: str) -> None:
+    refuse(tmp_path, text, changed(WIDE, csv), message)
+
+
+def test_a_rate_that_the_times_contradict_is_refused(tmp_path: Path) -> None:
+    """4.5 ms are 222 Hz: neither their median nor their mean may be a tenth off."""
+    read(tmp_path, HEADER + ROWS, changed(WIDE, rate_hz=240))
+    refuse(
+        tmp_path,
+        HEADER + ROWS,
+        changed(WIDE, rate_hz=120),
+        "rate_hz: is 120, but the file's own times are of 222",
+    )
+
+
+def test_a_pose_without_a_quality_is_of_low_quality(tmp_path: Path) -> None:
+    told = changed(LONG, {"quality": "e", "quality_above": 2})
+    lines = [f"{line},{end}\n" for line, end in zip(LONG_TEXT.splitlines(), ("e", "1", "", "3"), strict=True)]
+    samples = read(tmp_path, "".join(lines), told)
+    np.testing.assert_array_equal(samples.flags["low-quality"], [True, False, True])
+
+
+def test_long_rows_that_times_put_into_other_frames_than_counts(tmp_path: Path) -> None:
+    """Each receiver lost one row, another one: by counts all rows would be one off."""
+    csv = {key: value for key, value in LONG["csv"].items() if key != "frame"}
+    told = LONG | {"csv": csv | {"time": "n", "time_unit": "ms"}}
+    pairs = [(sensor, time) for sensor in (1, 2) for time in range(0, 50, 10)]
+    kept = [pair for pair in pairs if pair not in ((1, 10), (2, 40))]
+    rows = [f"{time},{sensor},{time},0,0,0,0,0,1\n" for sensor, time in kept]
+    samples = read(tmp_path, LONG_TEXT.splitlines()[0] + "\n" + "".join(rows), told)
+    np.testing.assert_array_equal(samples.frame, [0, 2, 3, 4, 0, 1, 2, 3])
+    np.testing.assert_allclose(samples.numbers[:, 0], samples.frame * 10_000)

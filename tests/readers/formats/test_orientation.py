@@ -1,0 +1,116 @@
+"""Numbers of an orientation become quaternions: against written-out matrices, and there and back."""
+
+import re
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from shukotsu.errors import InputError
+from shukotsu.hand.rotations import angle, conjugate, from_matrix, matrix, multiply, unit
+from shukotsu.readers.formats.orientation import proper_rotations, quaternions
+from shukotsu.study.config_files import json_schema
+
+FORWARD = "receiver-to-transmitter"
+BACK = "transmitter-to-receiver"
+
+
+def locate(row: int) -> str:
+    return f"rom.csv: line {row + 1}"
+
+
+def translated(kind: str, rotates: str = FORWARD, **keys: str) -> dict[str, Any]:
+    return {"kind": kind, "rotates": rotates, **keys}
+
+
+def same(one: np.ndarray, other: np.ndarray) -> None:
+    """The same rotations, whatever the signs."""
+    assert angle(multiply(conjugate(one), other)).max() < 1e-7
+
+
+def as_euler(axes: str, q: np.ndarray) -> np.ndarray:
+    return Rotation.from_quat(q, scalar_first=True).as_euler(axes)
+
+
+def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> None:
+    """As the page of configuration says; the matrix written out as in the guide of the Flock of Birds."""
+    keys = json_schema("mapping")["properties"]["orientation"]["properties"]
+    assert (
+        "Azimuth, elevation and roll (ZYX) of a Polhemus tracker or a trakSTAR and a Polhemus tracker's "
+        "quaternions do the first, a trakSTAR's quaternions and matrices the second."
+        in (keys["rotates"]["description"])
+    )
+    angles = np.array([[30.0, -20.0, 50.0], [-170.0, 80.0, 5.0]])
+    (ca, ce, cr), (sa, se, sr) = np.cos(np.radians(angles)).T, np.sin(np.radians(angles)).T
+    guide = [ce * ca, ce * sa, -se, sr * se * ca - cr * sa, cr * ca + sr * se * sa, sr * ce]
+    guide += [sr * sa + cr * se * ca, cr * se * sa - sr * ca, cr * ce]
+    same(
+        quaternions(np.stack(guide, axis=-1), translated("matrix", BACK), locate),
+        quaternions(angles, translated("euler", FORWARD, axes="ZYX", unit="deg"), locate),
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "keys", "numbers_of"),
+    [
+        ("quaternion", {"order": "wxyz"}, lambda q: q),
+        ("quaternion", {"order": "xyzw"}, lambda q: q[:, [1, 2, 3, 0]]),
+        ("matrix", {}, lambda q: matrix(q).reshape(-1, 9)),
+        *(
+            ("euler", {"axes": axes, "unit": "rad"}, partial(as_euler, axes))
+            for axes in ("ZYX", "XYZ", "ZXZ", "YXZ")
+        ),
+    ],
+)
+def test_every_kind_gives_the_rotation_that_it_was_written_from(
+    kind: str, keys: dict[str, str], numbers_of: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    """Also by the numbers of the inverse; angles, of another program, turn about own axes."""
+    q = unit(np.random.default_rng(6).normal(size=(200, 4)))
+    same(quaternions(numbers_of(q), translated(kind, FORWARD, **keys), locate), q)
+    same(quaternions(numbers_of(conjugate(q)), translated(kind, BACK, **keys), locate), q)
+
+
+def test_a_missing_number_stays_missing_and_an_infinite_one_infinite() -> None:
+    angles = np.array([[1, np.nan, 2], [np.nan] * 3, [1, np.inf, 2], [1, 2, 3]])
+    found = quaternions(angles, translated("euler", axes="ZYX", unit="deg"), locate)
+    assert np.isnan(found[:2]).all()
+    assert np.isinf(found[2]).any()
+    assert np.isfinite(found[3]).all()
+    nine = np.stack([np.full(9, np.nan), np.eye(3).ravel()])
+    found = quaternions(nine, translated("matrix"), locate)
+    assert np.isnan(found[0]).all()
+    np.testing.assert_array_equal(found[1], [1, 0, 0, 0])
+    some = np.array([[1.0, 0, np.nan, 0]])
+    np.testing.assert_array_equal(
+        quaternions(some, translated("quaternion", order="xyzw"), locate), [[0, 1, 0, np.nan]]
+    )
+
+
+def test_a_rounded_matrix_gives_the_nearest_rotation() -> None:
+    rng = np.random.default_rng(5)
+    q = unit(rng.normal(size=(50, 4)))
+    found = proper_rotations(np.round(matrix(q), 3), locate)
+    np.testing.assert_allclose(np.swapaxes(found, 1, 2) @ found, np.tile(np.eye(3), (50, 1, 1)), atol=1e-12)
+    assert angle(multiply(conjugate(q), from_matrix(found))).max() < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (np.diag([1.0, 1, -1]), "rotation is mirrored (determinant -1)"),
+        (np.zeros((3, 3)), "rotation is all zeros; zeros that stand for missing values must be written as"),
+        (
+            1.02 * np.eye(3),
+            "matrix is no rotation: its columns are off unit length and right angles by 0.0404",
+        ),
+        (np.diag([30.0, -20, 50]), "matrix is no rotation"),
+    ],
+)
+def test_what_is_no_rotation_is_refused_where_it_stands(bad: np.ndarray, message: str) -> None:
+    three = np.stack([np.eye(3), np.full((3, 3), np.nan), bad])
+    with pytest.raises(InputError, match=re.escape(f"rom.csv: line 3: the {message}")):
+        proper_rotations(three, locate)

@@ -1,0 +1,222 @@
+"""Reading XDF: files made here byte by byte (XDF 1.0), and made sure of by pyxdf itself."""
+
+import struct
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import recording_files
+from recording_files import LIBERTY
+
+from shukotsu.errors import InputError
+from shukotsu.readers.samples import Samples
+
+Array = npt.NDArray[np.float64]
+
+TYPES = [f"Position{axis}" for axis in "XYZ"] + [f"Orientation{part}" for part in "ABCD"]
+
+
+def chunk(tag: int, content: bytes) -> bytes:
+    length = 2 + len(content)
+    head = struct.pack("<BB", 1, length) if length < 256 else struct.pack("<BI", 4, length)
+    return head + struct.pack("<H", tag) + content
+
+
+def header(
+    owners: list[str],
+    name: str = "tracker",
+    kind: str = "MoCap",
+    unit: str = "meters",
+    types: list[str] = TYPES,
+    field: str = "marker",
+    number: str = "double64",
+) -> bytes:
+    channels = "".join(
+        f"<channel><label>{owner}_{kind}</label><{field}>{owner}</{field}><type>{kind}</type>"
+        f"<unit>{unit if kind.startswith('Position') else ''}</unit></channel>"
+        for owner in owners
+        for kind in types
+    )
+    return (
+        f"<info><name>{name}</name><type>{kind}</type>"
+        f"<channel_count>{len(owners) * len(types)}</channel_count>"
+        f"<nominal_srate>240</nominal_srate><channel_format>{number}</channel_format>"
+        f"<desc><channels>{channels}</channels></desc></info>"
+    ).encode()
+
+
+def stream(
+    number: int, head: bytes, time_s: Array, values: Array, offsets: Sequence[tuple[float, float]] = ()
+) -> bytes:
+    """A stream's chunks: header, samples two a chunk, clock offsets, footer; a NaN time is left out."""
+    of = struct.pack("<I", number)
+    data = chunk(2, of + head)
+    code = "<f4" if b"float32" in head else "<f8"
+    for start in range(0, len(time_s), 2):
+        samples = b""
+        rows = range(start, min(start + 2, len(time_s)))
+        for row in rows:
+            stamp = b"\0" if np.isnan(time_s[row]) else struct.pack("<Bd", 8, time_s[row])
+            samples += stamp + values[row].astype(code).tobytes()
+        data += chunk(3, of + struct.pack("<BB", 1, len(rows)) + samples)
+    for offset in offsets:
+        data += chunk(4, of + struct.pack("<dd", *offset))
+    footer = f"<info><sample_count>{len(time_s)}</sample_count></info>".encode()
+    return data + chunk(6, of + footer)
+
+
+def xdf(*streams: bytes) -> bytes:
+    return b"XDF:" + chunk(1, b"<info><version>1.0</version></info>") + b"".join(streams)
+
+
+TIMES = np.array([100.0, 100.004, 100.0075, 100.0125, 100.017])
+POSE = np.array([0.1, -0.02, 0.3, 0.6, 0.0, 0.8, 0.0])
+VALUES = np.tile([*POSE, *POSE], (5, 1))
+VALUES[:, 0] += np.arange(5) / 8
+VALUES[3, 7:] = np.nan
+TWO = ["hand", "index_distal"]
+PLAIN = xdf(stream(1, header(TWO), TIMES, VALUES))
+
+
+def read(tmp_path: Path, data: bytes, mapping: dict[str, object] | None = None) -> Samples:
+    (tmp_path / "rom.xdf").write_bytes(data)
+    return recording_files.read(tmp_path / "rom.xdf", LIBERTY, mapping)
+
+
+def refuse(tmp_path: Path, data: bytes, message: str, mapping: dict[str, object] | None = None) -> None:
+    (tmp_path / "rom.xdf").write_bytes(data)
+    recording_files.refuse(tmp_path / "rom.xdf", message, LIBERTY, mapping)
+
+
+def test_a_header_cannot_declare_what_unfolds(tmp_path: Path) -> None:
+    """Ten entities of ten of the one before are 10 GB of text after nine of them."""
+    names = "abcdefghij"
+    entities = "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in pairwise(names))
+    bomb = f'<!DOCTYPE info [<!ENTITY a "0123456789">{entities}]>'.encode()
+    head = header(TWO).replace(b"<name>tracker</name>", b"<name>&j;</name>")
+    with pytest.raises(InputError, match="is damaged: pyxdf cannot read it"):
+        read(tmp_path, xdf(stream(1, bomb + head, TIMES, VALUES)))
+
+
+@pytest.mark.parametrize("field", ["marker", "object"])
+def test_poses_times_and_gaps_come_through(tmp_path: Path, field: str) -> None:
+    """Also beside streams of other types, and with one number of bytes or another."""
+    other = stream(9, header(["eeg"], "cap", "EEG", types=["EEG"]), TIMES, VALUES[:, :1])
+    samples = read(tmp_path, xdf(other, stream(1, header(TWO, field=field), TIMES, VALUES)))
+    assert [samples.segments[i] for i in samples.segment] == ["hand"] * 5 + ["index_distal"] * 5
+    np.testing.assert_array_equal(samples.frame, [*range(5)] * 2)
+    np.testing.assert_array_equal(samples.time_s, [*TIMES] * 2)
+    np.testing.assert_array_equal(samples.numbers[:5], VALUES[:, :7] * [1000, 1000, 1000, 1, 1, 1, 1])
+    np.testing.assert_array_equal(np.isnan(samples.numbers).all(-1), [False] * 8 + [True, False])
+    assert samples.locate(9) == f"{tmp_path / 'rom.xdf'}: stream tracker, sample 5"
+    assert samples.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("stamps", "offsets", "time_s"),
+    [
+        ([100, np.nan, 100.5, np.nan, 100.6], [], [100, 100 + 1 / 240, 100.5, 100.5 + 1 / 240, 100.6]),
+        (TIMES, [(100.0, -3.0), (100.01, -3.0), (100.02, -3.0)], TIMES - 3),
+    ],
+    ids=["left-out", "clock-offsets"],
+)
+def test_times_follow_the_rate_and_the_clock_and_jitter_stays(
+    tmp_path: Path, stamps: Array, offsets: list[tuple[float, float]], time_s: Array
+) -> None:
+    samples = read(tmp_path, xdf(stream(1, header(TWO), np.array(stamps), VALUES, offsets)))
+    np.testing.assert_allclose(samples.time_s[:5], time_s, rtol=0, atol=1e-9)
+
+
+MAPPING = {
+    "format": "xdf",
+    "position_unit": "m",
+    "receivers": {"hand": {"value": "RB 1"}, "thumb_distal": {"value": "2"}},
+}
+NAMED = xdf(stream(1, header(["RB 1", "2"]), TIMES, VALUES))
+
+
+def test_a_mapping_says_which_marker_is_which_segment(tmp_path: Path) -> None:
+    """Also by number, the order and direction of quaternions, and what does not move."""
+    refuse(tmp_path, NAMED, "segment 'RB 1' is not in layout liberty16")
+    receivers = {"hand": {"value": "RB 1"}, "thumb_distal": {"value": 2}}
+    samples = read(tmp_path, NAMED, {**MAPPING, "receivers": receivers, "fixed": ["forearm"]})
+    names = [samples.segments[i] for i in samples.segment]
+    assert names == ["hand"] * 5 + ["thumb_distal"] * 5 + ["forearm"] * 5
+    np.testing.assert_array_equal(samples.numbers[10], [0, 0, 0, 1, 0, 0, 0])
+    orientation = {"kind": "quaternion", "order": "xyzw", "rotates": "transmitter-to-receiver"}
+    samples = read(tmp_path, NAMED, {**MAPPING, "orientation": orientation})
+    np.testing.assert_array_equal(samples.numbers[0, 3:], [0, -0.6, 0, -0.8])
+
+
+EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "is no XDF file"),
+        (b"PK\x03\x04", "is no XDF file"),
+        (xdf(), "has no stream of type MoCap; it has no stream at all"),
+        (xdf(stream(1, header(["a"], "cap", "EEG"), TIMES, VALUES[:, :7])), r"it has cap \(EEG\)"),
+        (xdf(stream(1, header(TWO), TIMES[:0], VALUES[:0])), "has no samples"),
+        (xdf(stream(1, header(TWO, unit="feet"), TIMES, VALUES)), "unit: is 'feet'; expected meters"),
+        (xdf(stream(1, header(TWO, unit=""), TIMES, VALUES)), "has no unit; say position_unit"),
+        (xdf(stream(1, header(["hand"], types=EULER), TIMES, VALUES[:, :6])), "has angles"),
+        (
+            xdf(stream(1, header(["hand"], types=TYPES[:6]), TIMES, VALUES[:, :6])),
+            "no channels of type OrientationD",
+        ),
+        (xdf(stream(1, header(["hand", "hand"]), TIMES, VALUES)), "has 2 channels of type PositionX"),
+        (xdf(stream(1, header(TWO, number="string"), TIMES, VALUES)), "holds string; expected numbers"),
+        (
+            xdf(stream(1, header(TWO[:1]).replace(b">7<", b">14<"), TIMES, VALUES)),
+            "has 14 channels, but its header describes 7",
+        ),
+        (PLAIN.replace(b"<nominal_srate>240<", b"<nominal_srate>abc<"), "is damaged: pyxdf cannot read it"),
+        (PLAIN.replace(b"<info><name>", b"<info><nome>"), "is damaged: pyxdf cannot read it"),
+        (PLAIN.replace(b"<channel_count>14<", b"<channel_count>15<"), "stream tracker: is damaged"),
+        (PLAIN + chunk(2, struct.pack("<I", 1) + header(TWO)), "a stream begins again"),
+        (PLAIN + chunk(4, struct.pack("<Id", 1, 1.0)), "is damaged: pyxdf cannot read it"),
+    ],
+)
+def test_what_is_refused(tmp_path: Path, data: bytes, message: str) -> None:
+    refuse(tmp_path, data, message)
+
+
+@pytest.mark.parametrize("step", [11, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_recording_that_was_not_ended_is_read_and_noted(
+    tmp_path: Path, step: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Cut off at any byte: refused, in a chunk's head, or the samples that are whole and a note."""
+    whole = read(tmp_path, PLAIN)
+    noted = 0
+    for length in range(0, len(PLAIN), step):
+        try:
+            samples = read(tmp_path, PLAIN[:length])
+        except InputError:
+            continue
+        count = len(samples.frame) // 2
+        np.testing.assert_array_equal(samples.numbers[:count], whole.numbers[:count])
+        noted += samples.notes != ()
+    assert noted > 300 // step
+    assert capfd.readouterr() == ("", ""), "pyxdf says nothing of its own"
+
+
+def test_streams_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
+    """The sentence says the numbers."""
+    data = xdf(*(stream(number, header(TWO), TIMES + number, VALUES) for number in (4, 7)))
+    refuse(
+        tmp_path,
+        data,
+        r"2 streams of type MoCap \(tracker, number 4, tracker, number 7\); say which in a mapping",
+    )
+    receivers = {segment: {"value": segment} for segment in TWO}
+    told = {"format": "xdf", "position_unit": "m", "receivers": receivers}
+    refuse(
+        tmp_path, data, "has 2 streams of 'tracker'; .* say its number", told | {"xdf": {"stream": "tracker"}}
+    )
+    samples = read(tmp_path, data, told | {"xdf": {"stream": 7}})
+    np.testing.assert_array_equal(samples.time_s[:5], TIMES + 7)

@@ -1,0 +1,76 @@
+"""A recording that breaks within itself: who, when, and what is left; nothing is laid at another's door."""
+
+import numpy as np
+import pytest
+from simulated_poses import hand_of, recorded
+
+from shukotsu.readers.breaks import Break, breaks
+from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import Poses
+
+LAYOUT = read_layout("liberty16")
+SINCE = 400
+
+
+def broken(poses: Poses, position_mm: np.ndarray, quaternion: np.ndarray) -> list[Break]:
+    numbers = np.concatenate([position_mm, quaternion], -1)
+    links = [(joint.parent_receiver, joint.child) for joint in LAYOUT.solvable]
+    names = list(poses.segments)
+    worn = [link for link in links if {*link} <= {*names}]
+    return breaks(names, lambda name: (poses.frame, numbers[:, names.index(name)]), worn)
+
+
+def fallen(poses: Poses, *segments: str, since: int = SINCE, fall: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and quaternions where receivers hang still from their cables, after falling so long."""
+    position_mm, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
+    count = len(position_mm) - since
+    share = np.clip((np.arange(count) + 1) / fall, 0, 1)[:, None] ** 2
+    for place in map(poses.index, segments):
+        end_mm = np.array([150.0, -200.0, -80.0]) + np.random.default_rng(place).normal(0, 0.1, (count, 3))
+        position_mm[since:, place] = (1 - share) * position_mm[since, place] + share * end_mm
+        quaternion[since:, place] = quaternion[since, place]
+    return position_mm, quaternion
+
+
+@pytest.mark.parametrize(
+    "segment", ["hand", "thumb_metacarpal", "ring_proximal", "index_middle", "index_distal"]
+)
+@pytest.mark.parametrize("fall", [1, 60])
+def test_a_receiver_that_falls_off_is_named(segment: str, fall: int) -> None:
+    poses = hand_of(7).poses
+    (one,) = broken(poses, *fallen(poses, segment, fall=fall))
+    assert (one.segments, one.until) == ((segment,), False)
+    assert 0 <= one.frame - poses.frame[SINCE] <= (0 if fall == 1 else fall)
+
+
+def test_two_that_fall_one_after_the_other_and_two_of_one_finger() -> None:
+    poses = hand_of(7).poses
+    position_mm, quaternion = fallen(poses, "index_distal", since=300)
+    later_mm, later = fallen(poses, "ring_middle", since=600)
+    place = poses.index("ring_middle")
+    position_mm[:, place], quaternion[:, place] = later_mm[:, place], later[:, place]
+    found = [(one.segments, one.frame) for one in broken(poses, position_mm, quaternion)]
+    assert found == [(("index_distal",), poses.frame[300]), (("ring_middle",), poses.frame[600])]
+    together = broken(poses, *fallen(poses, "index_middle", "index_distal"))
+    assert {name for one in together for name in one.segments} == {"index_middle", "index_distal"}
+
+
+@pytest.mark.parametrize("factor", [0.001, 1 / 25.4, 0.1, 10.0])
+def test_a_unit_that_changes_is_of_all_receivers(factor: float) -> None:
+    poses = hand_of(7).poses
+    position_mm = poses.position_mm.copy()
+    position_mm[SINCE:] *= factor
+    (one,) = broken(poses, position_mm, poses.quaternion)
+    assert (one.segments, one.frame, one.until) == (poses.segments, poses.frame[SINCE], False)
+    assert one.grown == pytest.approx(factor, rel=0.1)
+
+
+def test_what_slips_or_jumps_for_a_while_is_no_break() -> None:
+    poses = recorded(seed=7, n_frames=900)[1]
+    place = poses.index("index_distal")
+    slipped, away = poses.position_mm.copy(), poses.position_mm.copy()
+    slipped[SINCE:, place] += 5.0
+    away[SINCE : SINCE + 60, place] += 60.0
+    for position_mm in (poses.position_mm, slipped, away, -poses.position_mm):
+        assert broken(poses, position_mm, poses.quaternion) == []
+    assert broken(poses, poses.position_mm, poses.quaternion[..., [1, 2, 3, 0]]) == []

@@ -1,0 +1,142 @@
+"""Receivers on the wrong side of the transmitter, in a file of any format: put back, or gaps."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chains import random_chain
+from poses_columns import columns_of
+from simulated_poses import hand_of
+
+from shukotsu.__main__ import main
+from shukotsu.readers.hemispheres import expected_joints
+from shukotsu.readers.poses_table import poses_table
+from shukotsu.readers.samples import NUMBERS, Samples
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_recording
+from shukotsu.simulate.simulation import simulate
+from shukotsu.study.layout import read_layout
+from shukotsu.tables.poses import read_poses
+
+
+def recorded(
+    seed: int, smear: float = 0.0, *, flipped: bool = True
+) -> tuple[Samples, np.ndarray, dict[str, str]]:
+    """A chain of four receivers before a transmitter; true poses (T, S, 7); parents.
+
+    Each that leaves x > 0 is reported as its mirror image, through a filter that takes some frames.
+    """
+    chain = random_chain(seed, 4, 600, noise_mm=0.5)
+    true = np.concatenate([chain.poses.position_mm, chain.poses.quaternion], -1)
+    true[..., :3] += np.array([0.0, 400.0, 300.0]) - chain.poses.position_mm.mean((0, 1))
+    seen = true.copy()
+    side = np.where(true[..., :1] < 0, -1.0, 1.0) if flipped else 1.0
+    seen[..., :3] *= side
+    for k in range(1, len(seen)):
+        seen[k, :, :3] = smear * seen[k - 1, :, :3] + (1 - smear) * seen[k, :, :3]
+    count, segments = len(seen), chain.poses.segments
+    samples = Samples(
+        segments,
+        np.repeat(np.arange(4), count),
+        np.tile(np.arange(count), 4),
+        np.tile(np.arange(count) / 240, 4),
+        np.concatenate(seen.swapaxes(0, 1)),
+        str,
+    )
+    return samples, true, dict(zip(segments[1:], segments, strict=False))
+
+
+def table(samples: Samples, parents: dict[str, str], *, repair: bool) -> tuple[np.ndarray, ...]:
+    """Positions (T, S, 3), validity (T, S) and flags (T, S) of the poses table."""
+    columns = columns_of(poses_table([samples], parents, repair_hemisphere=repair))
+    shape = len(samples.segments), -1
+    numbers = np.stack([columns[name].reshape(shape).T for name in NUMBERS[:3]], -1)
+    flags = np.array(columns["flags"].to_pylist())
+    return numbers, columns["valid"].reshape(shape).T, flags.reshape(shape).T
+
+
+@pytest.mark.parametrize("smear", [0.0, 0.4])
+@pytest.mark.parametrize("seed", range(4))
+def test_every_receiver_is_put_back(seed: int, smear: float) -> None:
+    """Whatever the first frame's side was, positions are the true ones, or all of them mirrored."""
+    samples, true, parents = recorded(seed, smear)
+    position_mm, valid, flags = table(samples, parents, repair=True)
+    assert valid.mean() > (0.9 if smear else 0.999)
+    assert (flags == "hemisphere-repaired").any()
+    off_mm = [np.abs(position_mm - sign * true[..., :3])[valid].max() for sign in (1, -1)]
+    assert min(off_mm) < (1e-9 if not smear else 60.0)
+    assert set(np.unique(flags)) <= {"", "hemisphere-repaired", "hemisphere-transit"}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_unasked_they_are_gaps_and_what_is_left_is_on_one_side(seed: int) -> None:
+    samples, true, parents = recorded(seed)
+    position_mm, valid, flags = table(samples, parents, repair=False)
+    assert np.array_equal(valid, flags == "")
+    assert 0.4 < valid.mean() < 1.0
+    off_mm = [np.abs(position_mm - sign * true[..., :3])[valid].max() for sign in (1, -1)]
+    assert min(off_mm) < 1e-9
+
+
+def mirrored(true: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """Poses (T, S, 7) as reported on those sides."""
+    return np.concatenate([true[..., :3] * side[..., None], true[..., 3:]], -1)
+
+
+def of_hand(position_mm: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Positions (T, S, 3), validity and flags of a hand at these positions, imported with its repair."""
+    poses, layout = hand_of(7).poses, read_layout("liberty16")
+    count, segments = poses.valid.shape
+    samples = Samples(
+        poses.segments, np.tile(np.arange(segments), count), np.repeat(poses.frame, segments),
+        np.repeat(poses.time_s, segments),
+        np.concatenate([position_mm, poses.quaternion], -1).reshape(-1, 7), str,
+    )  # fmt: skip
+    parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
+    expected_mm = expected_joints(layout)
+    made = poses_table([samples], parents, expected_mm=expected_mm, repair_hemisphere=True)
+    columns, shape = columns_of(made), (segments, -1)
+    numbers = np.stack([columns[name].reshape(shape).T for name in NUMBERS[:3]], -1)
+    return numbers, columns["valid"].reshape(shape).T, np.array(columns["flags"].to_pylist()).reshape(shape).T
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_hand_that_is_on_the_other_side_all_along_is_put_back(side: float) -> None:
+    true_mm = hand_of(7).poses.position_mm
+    position_mm, valid, flags = of_hand(side * true_mm)
+    assert valid.all()
+    assert np.array_equal(position_mm, true_mm)
+    assert {*np.unique(flags)} == ({""} if side > 0 else {"hemisphere-repaired"})
+
+
+def test_a_receiver_that_comes_off_is_left_out_from_then_on_and_kept_as_recorded() -> None:
+    position_mm = hand_of(7).poses.position_mm.copy()
+    position_mm[400:, 3] = [150.0, -200.0, -80.0]
+    kept_mm, valid, flags = of_hand(position_mm)
+    assert np.array_equal(kept_mm, position_mm)
+    assert np.array_equal(valid, flags == "")
+    assert np.array_equal(np.argwhere(flags == "broken-off"), [[row, 3] for row in range(400, len(flags))])
+
+
+def test_a_raw_capture_of_the_other_hemisphere_is_named_and_put_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A raw capture cannot be edited: `--repair-hemisphere` is its cure, and no finding is left."""
+    who = ["--layout", "liberty16", "--subject", "01", "--hand", "right", "--task", "rom"]
+    drawn = simulate("01", "right", "rom", 7, Realism(), 1200)
+    poses = {}
+    for name, side in (("here", 1.0), ("there", -1.0)):
+        recording, archive = tmp_path / f"{name}.parquet", tmp_path / f"{name}.arrows"
+        write_recording(recording, replace(drawn, position_mm=side * drawn.position_mm))
+        assert main(["emulate", "--archive", str(archive), "--recording", str(recording)]) == 0
+        for repair in ([], ["--repair-hemisphere"]):
+            out = tmp_path / f"{name}{len(repair)}.parquet"
+            capsys.readouterr()
+            assert main(["import", "--in", str(archive), "--out", str(out), *who, *repair]) == 0
+            suspect = "suspect: " in (printed := capsys.readouterr().err)
+            assert suspect == (side < 0 and not repair), printed
+            assert not suspect or "hemisphere: All receivers" in printed
+            poses[name, len(repair)] = read_poses(out, drawn.segments).position_mm
+    np.testing.assert_array_equal(poses["here", 0], poses["here", 1])
+    np.testing.assert_allclose(poses["there", 1], poses["here", 0], rtol=0, atol=1e-3)

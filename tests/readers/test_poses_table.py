@@ -1,0 +1,258 @@
+"""From samples to the poses table and back: order, grid, gaps, flags; spikes."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from poses_columns import columns_of
+
+from shukotsu.errors import InputError
+from shukotsu.readers.poses_table import FROZEN_FRAMES, PosesTable, poses_table
+from shukotsu.readers.samples import Samples
+from shukotsu.readers.spikes import spikes
+from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.typed_table import Provenance, write_table_in_parts
+
+SEGMENTS = ("hand", "thumb", "index")
+NAN = float("nan")
+GOOD = (1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0)
+PARENTS = {"thumb": "hand", "index": "hand"}
+
+
+def table_of(samples: Samples) -> PosesTable:
+    """Make the table of a hand from which a thumb and an index finger hang."""
+    return poses_table([samples], PARENTS)
+
+
+def samples_of(*rows: tuple[str, int, float, tuple[float, ...]]) -> Samples:
+    """Make samples from rows of segment, frame, time_s and seven numbers."""
+    segment, frame, time_s, numbers = zip(*rows, strict=True)
+    return Samples(
+        SEGMENTS,
+        np.array([SEGMENTS.index(name) for name in segment]),
+        np.array(frame),
+        np.array(time_s, float),
+        np.array(numbers, float),
+        lambda row: f"rom.csv: line {row + 2}",
+    )
+
+
+def table_rows(table: PosesTable) -> list[dict[str, Any]]:
+    """Return the table's rows as dictionaries, NaN as None."""
+    columns = {
+        name: values.tolist() if isinstance(values, np.ndarray) else values.to_pylist()
+        for name, values in columns_of(table).items()
+    }
+    rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
+    return [{k: None if v != v else v for k, v in row.items()} for row in rows]
+
+
+def one_row(numbers: tuple[float, ...] = GOOD, time_s: float = 0.0) -> dict[str, Any]:
+    return table_rows(table_of(samples_of(("hand", 0, time_s, numbers))))[0]
+
+
+def numbers_of(row: dict[str, Any]) -> list[float | None]:
+    return [row[name] for name in ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")]
+
+
+def test_order_and_full_grid() -> None:
+    """Rows go by the layout's segments, then by frame; a row that the recording lacks is null and says so."""
+    table = table_of(samples_of(("index", 12, 0.3, GOOD), ("hand", 10, 0.1, GOOD), ("index", -5, 0.05, GOOD)))
+    rows = table_rows(table)
+    assert [(row["segment"], row["frame"], row["flags"]) for row in rows] == [
+        ("hand", -5, "no-row"),
+        ("hand", 10, ""),
+        ("hand", 12, "no-row"),
+        ("index", -5, ""),
+        ("index", 10, "no-row"),
+        ("index", 12, ""),
+    ]
+    assert [row["time_s"] for row in rows] == [None, 0.1, None, 0.05, None, 0.3]
+    assert [row["valid"] for row in rows] == [row["flags"] == "" for row in rows]
+    assert numbers_of(rows[0]) == [None] * 7
+    assert table.segments == ("hand", "index")
+    assert table.usable == (1, 2)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "flags"),
+    [
+        ((NAN,) * 7, "missing"),
+        ((NAN, *GOOD[1:]), "partly-missing"),
+        ((*GOOD[:6], NAN), "partly-missing"),
+        ((*GOOD[:3], NAN, 0.0, 0.0, 0.0), "partly-missing"),
+        ((NAN, NAN, NAN, 0, 0, 0, 0), "partly-missing"),
+        ((float("inf"), *GOOD[1:]), "not-finite"),
+        ((1e154, *GOOD[1:]), "out-of-reach"),
+        ((*GOOD[:2], -1e9, *GOOD[3:]), "out-of-reach"),
+        ((float("-inf"), NAN, *GOOD[2:]), "partly-missing;not-finite"),
+    ],
+)
+def test_an_incomplete_row_is_a_gap_with_a_reason(numbers: tuple[float, ...], flags: str) -> None:
+    row = one_row(numbers)
+    assert numbers_of(row) == [None] * 7
+    assert (row["valid"], row["flags"], row["time_s"]) == (False, flags, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("quaternion", "message"),
+    [
+        ((1, 1, 0, 0), "norm 1.41421 .*expected 1 within 0.01; check the column order .*leave the row's"),
+        ((0.98, 0, 0, 0), "norm 0.98"),
+        ((1e200, 0, 0, 0), "norm inf"),
+        ((0, 0, 0, 0), "all zeros .*zeros that stand for missing values must be left empty"),
+    ],
+)
+def test_no_unit_quaternion_refuses_the_file(quaternion: tuple[float, ...], message: str) -> None:
+    """The row named is the first in the file's order, not in the table's; the others are counted."""
+    bad = (0.0, 0.0, 0.0, *quaternion)
+    samples = samples_of(("thumb", 4, 0, GOOD), ("thumb", 3, 0, bad), ("hand", 3, 0, bad))
+    with pytest.raises(InputError, match=message) as caught:
+        table_of(samples)
+    assert str(caught.value).startswith("rom.csv: line 3, segment thumb, frame 3: the quaternion ")
+    assert "and 1 more rows like it" in str(caught.value)
+
+
+def test_two_recordings_in_one_file_are_refused() -> None:
+    """One line says where the second begins; a counter that slips now and then costs its poses alone."""
+    moved = (9.0, *GOOD[1:])
+    rows = [(name, frame, 0, GOOD) for frame in range(40) for name in ("hand", "thumb")]
+    again = [(name, frame, 0, moved) for frame in range(10) for name in ("hand", "thumb")]
+    with pytest.raises(
+        InputError, match=r"line 82: frame 0 of receiver hand stands twice with different poses"
+    ):
+        table_of(samples_of(*rows, *again))
+    table = table_of(samples_of(*rows, *again[:18], *again[:2]))
+    assert table.usable == (31, 31)
+
+
+@pytest.mark.parametrize("unit_mm", [1.0, 25.4])
+def test_a_station_is_no_coordinate(unit_mm: float) -> None:
+    """Nor is a counter; positions that are rounded, all of them, are some."""
+
+    def rows(x: float, fraction: float) -> list[tuple[str, int, float, tuple[float, ...]]]:
+        return [
+            ("hand", n, 0.0, (x * unit_mm, n + fraction, 90 - n + fraction, *GOOD[3:])) for n in range(30)
+        ]
+
+    with pytest.raises(InputError, match="x of receiver hand is a whole number in all its poses"):
+        table_of(samples_of(*rows(4.0, 0.3)))
+    assert table_of(samples_of(*rows(4.3, 0.3))).usable == (30,)
+
+
+def test_time_is_kept_as_it_is_and_flagged() -> None:
+    """Compared with the receiver's last known time before, within one segment only."""
+    times = [0.1, 0.2, NAN, 0.2, 0.15, 0.3, float("inf")]
+    rows = [("thumb", frame, time, GOOD) for frame, time in enumerate(times)]
+    found = table_rows(table_of(samples_of(("hand", 9, 9.0, GOOD), *rows)))[8:15]
+    assert [row["time_s"] for row in found] == [0.1, 0.2, None, 0.2, 0.15, 0.3, None]
+    late, missing = "time-not-increasing", "time-missing"
+    assert [row["flags"] for row in found] == ["", "", missing, late, late, "", missing]
+    assert all(row["valid"] for row in found)
+
+
+@pytest.mark.parametrize(
+    ("frames", "still", "frozen"),
+    [
+        (FROZEN_FRAMES, "thumb", True),
+        (FROZEN_FRAMES - 1, "thumb", False),
+        (FROZEN_FRAMES, "hand", False),
+        (FROZEN_FRAMES, "both", False),
+    ],
+)
+def test_a_receiver_that_never_moves_while_its_parent_does(frames: int, still: str, frozen: bool) -> None:
+    """A thumb cannot stay while the hand moves; a hand may lie still, and a thumb with it."""
+    rows = [
+        (segment, frame, frame / 240, (float(frame * (still not in (segment, "both"))), *GOOD[1:]))
+        for frame in range(frames)
+        for segment in ("hand", "thumb")
+    ]
+    table = table_of(samples_of(*rows, ("hand", frames, 9.0, (NAN,) * 7)))
+    found = [row for row in table_rows(table) if row["segment"] == "thumb"]
+    assert {row["valid"] for row in found[:-1]} == {not frozen}
+    assert {row["flags"] for row in found[:-1]} == ({"frozen"} if frozen else {""})
+    assert table.frozen == (("thumb",) if frozen else ())
+
+
+def write(path: Path, table: PosesTable, group_frames: int) -> None:
+    write_table_in_parts(path, POSES, table.row_groups(group_frames), Provenance())
+
+
+def any_samples(random: np.random.Generator, order: str) -> Samples:
+    """Rows in order of frames, of segments or in none, with rows twice, gaps, marks and times that fall."""
+    count = random.integers(1, 60)
+    segment, frame = random.integers(0, len(SEGMENTS), count), random.integers(-4, 14, count)
+    rows = np.lexsort(
+        {"frames": (segment, frame), "segments": (frame, segment)}.get(order, (np.arange(count),))
+    )
+    numbers = np.tile([1.0, 2.0, 3.0, 0.6, 0.8, 0.0, 0.0], (count, 1))
+    numbers[:, 0] += random.integers(0, 2, count)
+    numbers[random.random((count, 7)) < 0.03] = NAN
+    time_s = np.where(random.random(count) < 0.2, NAN, frame / 8 - random.integers(0, 2, count) / 4)
+    flags = {"distorted": random.random(count) < 0.3, "misfit": random.random(count) < 0.1}
+    return Samples(SEGMENTS, segment[rows], frame[rows], time_s[rows], numbers, "line {}".format, flags)
+
+
+def cut(samples: Samples, cuts: Iterable[int]) -> list[Samples]:
+    """Cut samples at those rows; parts may be empty, and have places of their own."""
+    columns = (samples.segment, samples.frame, samples.time_s, samples.numbers)
+    return [
+        Samples(
+            samples.segments,
+            *(column[first:end] for column in columns),
+            lambda row, first=first: samples.locate(first + row),
+            {flag: marked[first:end] for flag, marked in samples.flags.items()},
+        )
+        for first, end in itertools.pairwise([0, *sorted(cuts), len(samples.segment)])
+    ]
+
+
+@pytest.mark.parametrize("order", ["frames", "segments", "none"])
+@pytest.mark.parametrize("seed", range(4))
+def test_parts_give_the_table_of_the_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, order: str, seed: int
+) -> None:
+    """Wherever the recording is cut, and whether rows wait in memory or in files."""
+    random = np.random.default_rng(seed)
+    samples = any_samples(random, order)
+    pieces = cut(samples, random.integers(0, len(samples.segment) + 1, seed + 1).tolist())
+    monkeypatch.setattr("shukotsu.readers.poses_table.FROZEN_FRAMES", 2)
+    whole = table_of(samples)
+    monkeypatch.setattr("shukotsu.readers.poses_table.MEMORY_BYTES", 3)
+    with closing(poses_table(pieces, PARENTS, tmp_path)) as table:
+        assert list(tmp_path.iterdir()) == []
+        write(tmp_path / "parts.parquet", table, seed + 1)
+    write(tmp_path / "whole.parquet", whole, seed + 1)
+    assert (tmp_path / "parts.parquet").read_bytes() == (tmp_path / "whole.parquet").read_bytes()
+    assert (table.segments, table.usable, table.frozen) == (whole.segments, whole.usable, whole.frozen)
+
+
+def swinging(n_frames: int = 240, rate_hz: float = 240.0) -> np.ndarray:
+    """Poses (N, 7) of a receiver that moves at 1 m/s and turns at 1 rad/s."""
+    time_s = np.arange(n_frames) / rate_hz
+    half, none = time_s / 2, np.zeros(n_frames)
+    return np.stack([1000 * time_s, none + 300, none, np.cos(half), np.sin(half), none, none], -1)
+
+
+@pytest.mark.parametrize(("rate_hz", "length"), [(240.0, 1), (240.0, 3), (240.0, 5), (30.0, 1), (30.0, 3)])
+@pytest.mark.parametrize("kind", ["place", "turn"])
+def test_a_spike_is_its_frames_alone(length: int, kind: str, rate_hz: float) -> None:
+    poses = swinging(rate_hz=rate_hz)
+    if kind == "place":
+        poses[10 : 10 + length, 0] += 10_000.0
+    else:
+        poses[10 : 10 + length, 3:] = [0.0, 0.0, 1.0, 0.0]
+    assert np.flatnonzero(spikes(poses)).tolist() == [*range(10, 10 + length)]
+
+
+@pytest.mark.parametrize(("end", "moved_mm"), [(240, 1e4), (16, 1e4), (11, 50.0), (10, 0.0)])
+def test_a_jump_that_stays_and_a_small_one_are_none(end: int, moved_mm: float) -> None:
+    poses = swinging()
+    poses[10:end, 0] += moved_mm
+    assert not spikes(poses).any()

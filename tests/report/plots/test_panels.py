@@ -1,0 +1,165 @@
+"""Panels: every number is drawn where it belongs, joints where they are; a gross failure spoils no scale."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from itertools import combinations
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from report_samples.made_study import HOSTILE
+
+from shukotsu.report.belief import BELIEVED, CARE, NOT
+from shukotsu.report.hand_motion import BoneLine, HandMotion, ShownSkeleton
+from shukotsu.report.palette import MODELS, Look
+from shukotsu.report.plots import panels
+from shukotsu.report.plots.hand import hand_panel
+from shukotsu.report.plots.panels import (
+    Panel,
+    Row,
+    Scale,
+    draw_rows,
+    locator,
+    page_figure,
+    page_picture,
+    taken_failures,
+    value_scale,
+)
+
+LOOK = Look(MODELS[0], "s")
+NUMBERS = st.lists(st.floats(-500.0, 500.0).map(lambda value: round(value, 3)), min_size=1, max_size=40)
+POINTS = ("ring_mcp", "ring_dip", "ring_tip", "little_mcp", "little_dip", "little_tip")
+POINTS_MM = np.array([[0.0, 20, 0], [2, 60, 0], [4, 90, 0], [20, 20, 0], [12, 60, 0], [6, 90, 0]])
+
+
+def dots(picture: str) -> np.ndarray:
+    """Return where the dots of a picture are, (n, 2)."""
+    uses = re.findall(r'<use xlink:href="#\w+" x="([\d.]+)" y="([\d.]+)" style="[^"]*opacity', picture)
+    return np.array(uses, float).reshape(-1, 2)
+
+
+def panel(scale: Scale, *rows: Row, n: int) -> Panel:
+    draw = partial(draw_rows, rows=rows, axis="mm", scale=scale, of_all=n)
+    return Panel("", "Thumb <1>", 3.6 * (len(rows) + 1), 9.0, draw)
+
+
+@given(NUMBERS)
+def test_scales_hold_every_number(values: list[float]) -> None:
+    """All but those that are next to nothing on a logarithmic scale."""
+    numbers = np.abs(values)
+    scale = value_scale(numbers)
+    assert scale.high >= numbers.max()
+    assert scale.low <= max(numbers[numbers != 0].min(initial=500.0), scale.high / 1e4)
+
+
+@pytest.mark.parametrize(("gross", "kind"), [(4.0, "linear"), (150.0, "log"), (9000.0, "log")])
+def test_gross_failures_flatten_nothing(gross: float, kind: str) -> None:
+    """The usual numbers keep a good part of the axis beside one of centimetres."""
+    assert value_scale(np.append(np.linspace(1.0, 3.0, 30), gross)).kind == kind
+
+
+@pytest.mark.parametrize(
+    ("scale", "expected"),
+    [
+        (Scale(0.0, 9.3), [0, 2, 4, 6, 8]),
+        (Scale(0.8, 9.0, "log"), [1, 2, 5]),
+        (Scale(0.4, 300.0, "log"), [1, 3, 10, 30, 100, 300]),
+    ],
+)
+def test_ticks_are_round_numbers(scale: Scale, expected: list[float]) -> None:
+    ticks = locator(scale).tick_values(scale.low, scale.high)
+    assert [tick for tick in ticks if scale.low <= tick <= scale.high] == pytest.approx(expected)
+
+
+def test_every_subject_is_drawn() -> None:
+    """A dot a number, over its value; missing ones are counted; the same bytes twice."""
+    first = Row("a & b", LOOK, {f"S{k}": k + 1.0 for k in range(31)})
+    drawn = panel(value_scale(np.arange(1.0, 32)), first, Row("c", LOOK, {"S0": 1.0}), Row("d", LOOK), n=31)
+    picture = page_picture(drawn)
+    assert picture == page_picture(drawn)
+    places = dots(picture)
+    assert len(places) == 32
+    row, along = np.sort(places[places[:, 1] < places[:, 1].min() + 7][:, 0]), np.arange(1.0, 32)
+    np.testing.assert_allclose(row, np.polyval(np.polyfit(along, row, 1), along), atol=0.1)
+    for text in (">1.00 (n = 1)<", "a &amp; b", "Thumb &lt;1&gt;"):
+        assert text in picture
+
+
+def test_rounding_errors_stretch_no_scale() -> None:
+    """They are nothing beside nothing, and at the foot beside a gross number; every dot is drawn."""
+    nothing = [9e-15, 2e-13, 0.0]
+    assert value_scale(nothing) == Scale(0.0, 1.0)
+    numbers = dict(zip("abcde", [*nothing, 1.0, 80.0], strict=True))
+    scale = value_scale(list(numbers.values()))
+    assert scale.kind == "log"
+    assert scale.low > 1e-3
+    assert len(dots(page_picture(panel(scale, Row("a", LOOK, numbers), n=5)))) == len(numbers)
+
+
+def test_a_picture_that_fails_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(panels, "page_figure", lambda _: {}["<no>"])
+    picture = page_picture(panel(Scale(0.0, 1.0), Row("a", LOOK, {"a": 1.0}), n=1))
+    assert picture.startswith("<p>Not drawn: internal error in report (Thumb &lt;1&gt;: KeyError")
+    assert len(taken_failures()) == 1
+    assert taken_failures() == []
+
+
+def motion(hand: str = "right", points_mm: np.ndarray = POINTS_MM) -> HandMotion:
+    """Return two fingers whose tips lie on each other, in the view's own axes."""
+    bones = tuple(BoneLine(i, i + 1, i // 3, i % 3, shared=False) for i in (0, 1, 3, 4))
+    believed = (BELIEVED, NOT, BELIEVED, CARE, BELIEVED, BELIEVED)
+    skeleton = ShownSkeleton(
+        "m", 0, POINTS, points_mm[None], None, np.ones(6), believed, bones, (), np.zeros((1, 2))
+    )
+    receivers = np.array([[[0.0, 0, 0], [60, 100, 0], [-40, 150, 10]]])
+    turned = np.tile([1.0, 0, 0, 0], (1, 3, 1))
+    return HandMotion(
+        hand, ("ring", "little"), np.zeros(1, np.int64), np.zeros(1), 1, ("hand", "a", "b"), receivers,
+        turned, 0, (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (skeleton,),
+    )  # fmt: skip
+
+
+def hand(of: HandMotion, title: str = "t") -> Panel:
+    return hand_panel(title, of, of.skeletons[0], 0)
+
+
+def test_a_far_joint_is_named_and_shrinks_nothing() -> None:
+    points_mm = POINTS_MM.copy()
+    points_mm[1, 0] = 500.0
+    near, far = hand(motion()), hand(motion(points_mm=points_mm))
+    assert far.height_mm - near.height_mm < 4.0, "a line of words"
+    assert ">Not in the picture: ring_dip.</text>" in page_picture(far)
+    assert "var(--no)" not in page_picture(far)
+
+
+def test_joints_are_marked_by_verdict_and_a_title_is_text() -> None:
+    drawn = page_picture(hand(motion("left"), HOSTILE))
+    root = ElementTree.fromstring(drawn.replace("xlink:href", "href"))
+    assert root.findtext("title") == HOSTILE
+    assert {"ring", "little", "from the back", "from the side", "20 mm"} <= {
+        e.text for e in root.iter("text")
+    }
+    assert "var(--no)" in drawn
+    assert "var(--amber)" in drawn
+
+
+@pytest.mark.parametrize(("side", "sign"), [("right", 1), ("left", -1)])
+def test_no_hand_is_mirrored(side: str, sign: int) -> None:
+    """From the side the back of a right hand is to the right, that of a left one to the left."""
+    points_mm = POINTS_MM.copy()
+    points_mm[1, 2] = 10.0
+    axes = page_figure(hand(motion(side, points_mm))).axes[0]
+    bones = [line.get_xdata() for line in axes.lines if line.get_linewidth() == 2.2]
+    start, end = np.asarray(bones[4], float)  # the first bone in the second view
+    assert np.sign(end - start) == sign
+
+
+def test_names_of_crossing_fingers_do_not_lie_on_each_other() -> None:
+    axes = page_figure(hand(motion())).axes[0]
+    names = [text for text in axes.texts if text.get_text() in ("ring", "little")]
+    for (x, y), (x2, y2) in combinations([name.get_position() for name in names], 2):
+        assert abs(x - x2) > 8.0 or abs(y - y2) > 3.0

@@ -1,0 +1,207 @@
+"""What figures show: the tables' own numbers, gaps and peaks, who is missing and why, n and units."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.container import BarContainer
+from report_samples.compared import compared
+from report_samples.hand_tables import part_of, write_parts
+from report_samples.read_page import rows_where
+
+from shukotsu.errors import InputError
+from shukotsu.report.judged_models import REPLAY, judged_models
+from shukotsu.report.palette import MODELS as COLOURS
+from shukotsu.report.palette import PAPER
+from shukotsu.report.plots.panels import page_figure
+from shukotsu.report.print_figures.recording_figures import find_recording, joint_angles, thin, tip_error
+from shukotsu.report.print_figures.study_figures import (
+    Drawing,
+    NoDataError,
+    joint_errors,
+    joint_trust,
+    lengths_panel,
+    models,
+    of_study,
+)
+from shukotsu.report.study_results import StudyResults
+from shukotsu.study.results import STUDY_FIGURES
+from shukotsu.study.study import Recording
+from shukotsu.tables.catalogue import JOINT_ANGLES, TIPS
+from shukotsu.tables.typed_table import read_table
+
+MODELS = ("paper-fig4", "whole-hand")
+
+
+def names_of(axes: Axes) -> list[str]:
+    """Return what its rows are called, from the top."""
+    return list(axes.yaxis.get_major_formatter().seq)  # type: ignore[attr-defined]
+
+
+def dots_of(axes: Axes) -> dict[int, dict[str, float]]:
+    """Return the numbers that are drawn, by row from the top and then by name."""
+    dots = [line for line in axes.lines if str(line.get_gid()).startswith("dots")]
+    return {
+        int(str(line.get_gid())[4:]): dict(
+            zip(str(line.get_label()).split("\n"), np.asarray(line.get_xdata(), float).tolist(), strict=True)
+        )
+        for line in dots
+    }
+
+
+def test_a_dot_is_a_subject_and_the_mark_its_mean(simulated: StudyResults) -> None:
+    """As model_values has them; a line goes through the dots of one subject."""
+    judged = {each.metric: each for each in judged_models(simulated)}
+    drawn = models(simulated)[0].axes
+    for axes, metric in zip(drawn, (REPLAY, "error_mm", "true_tip_mean_mm"), strict=True):
+        rows = names_of(axes)
+        dots = {rows[row]: numbers for row, numbers in dots_of(axes).items()}
+        assert dots == {name: judged[metric].values[name] for name in rows}
+        means = [line.get_xdata() for line in axes.lines if len(line.get_xdata()) == 1]  # type: ignore[arg-type]
+        np.testing.assert_allclose(np.ravel(means), [np.mean(list(dots[name].values())) for name in rows])
+        through = np.asarray(axes.lines[-1].get_xdata(), float).reshape(-1, len(rows) + 1)
+        np.testing.assert_allclose(through[:, 0], list(dots[rows[0]].values()))
+        assert "n = 8 subjects, held out" in models(simulated)[1]
+
+
+def test_without_a_truth_fitted_hands_stand_apart(simulated: StudyResults) -> None:
+    """Left-out errors are of fitted hands and anatomy alone; a replay's are not one test with theirs."""
+    blind = [{**row, "true_tip_mean_mm": None} for row in simulated.scores]
+    figure, caption = models(compared(replace(simulated, scores=blind, joint_errors=[])))
+    replay, left_out = figure.axes
+    assert "replay" in replay.get_xlabel()
+    assert names_of(replay) == list(MODELS)
+    assert names_of(left_out) == ["whole-hand", "prior-only"]
+    assert "not where they are" in caption
+
+
+def test_joint_errors_and_stated_ones_are_the_tables(simulated: StudyResults) -> None:
+    axes = joint_errors(simulated)[0].axes[1]
+    rows = rows_where(simulated.joint_errors, model="whole-hand", calibrated_on="rom")
+    for row, joint in enumerate(names_of(axes)):
+        errors = [each["error_mm"] for each in rows_where(rows, joint=joint) if each["error_mm"] is not None]
+        np.testing.assert_allclose(sorted(dots_of(axes)[row].values()), sorted(errors))
+    levels = [lines.get_segments()[0] for lines in axes.collections]  # type: ignore[attr-defined]
+    assert [[1.0, -0.4], [1.0, 0.4]] in [level.tolist() for level in levels]
+
+
+def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
+    """Of four hands one failed wholly, and on another the ring DIP joint failed, the little one is weak."""
+    axes = joint_trust(results)[0].axes[-1]
+    bars = [bar for bar in axes.containers if isinstance(bar, BarContainer)]
+    shares = {name: [bar.patches[row].get_width() for bar in bars] for row, name in enumerate(names_of(axes))}
+    *_, no, absent = shares["ring_dip"]
+    assert no == absent == 25
+    believed, _, no, _ = shares["little_dip"]
+    assert (believed, no) == (50, 25)
+    assert shares["index_pip"][0] == 75
+
+
+def test_bones_have_their_length_and_stated_error(simulated: StudyResults) -> None:
+    bones = [
+        {**row, "length_mm": 40.0 + index % 7, "sd_mm": 0.5} if row["model"] == "whole-hand" else row
+        for index, row in enumerate(simulated.bones)
+    ]
+    panel = lengths_panel(replace(simulated, bones=bones), simulated.sessions[2], "whole-hand")
+    assert panel is not None
+    axes = page_figure(panel).axes[0]
+    drawn = [float(np.asarray(line.get_xdata())[0]) for line in axes.lines]
+    expected = [row["length_mm"] for row in rows_where(bones, model="whole-hand", subject="S2")]
+    np.testing.assert_allclose(sorted(drawn), sorted(expected))
+    reaches = [np.ptp(bars.get_segments()[0][:, 0]) for bars in axes.collections]  # type: ignore[attr-defined]
+    np.testing.assert_allclose(reaches, 1.0)
+    faces = [line.get_markerfacecolor() for line in axes.lines]
+    assert 0 < faces.count(PAPER) < len(faces)
+
+
+def test_captions_state_n_units_what_is_missing_and_the_program(drawings: dict[str, Drawing]) -> None:
+    for name in ("models", "joint-errors"):
+        caption = drawings[name].caption
+        assert "mm" in caption
+        assert "simulated recordings of 8 subjects, 16 hands" in caption
+        assert "eld out" in caption
+        assert "Drawn by shukotsu" in caption
+
+
+def test_a_study_without_any_score_says_so(simulated: StudyResults) -> None:
+    empty = compared(replace(simulated, scores=[], joint_errors=[], joints=[], bones=[]))
+    with pytest.raises(NoDataError, match="no model of this study has a score"):
+        models(empty)
+    drawings = list(of_study(empty))
+    assert [drawing.name for drawing in drawings] == list(STUDY_FIGURES)
+    for drawing in drawings:
+        words = " ".join(text.get_text() for text in drawing.figure.texts)
+        assert words.replace("\n", " ") == drawing.missing == drawing.caption
+
+
+@pytest.fixture(scope="module")
+def recording(results: StudyResults) -> Recording:
+    return find_recording(results, "S01", "right", "opposition")
+
+
+def test_a_peak_and_a_gap_survive_thinning() -> None:
+    time_s, error = np.arange(100_000) / 240, np.ones(100_000)
+    error[54_321], error[60_000:70_000] = 77.0, np.nan
+    trace = thin(time_s, error, 200)
+    assert trace is not None
+    assert abs(trace.x[np.nanargmax(trace.high)] - time_s[54_321]) <= time_s[-1] / 200
+    assert (np.nanmin(trace.low), np.nanmax(trace.high)) == (1.0, 77.0)
+    assert np.isnan(trace.high).sum() == np.isnan(trace.low).sum() == 1
+    inside = (trace.x > time_s[60_500]) & (trace.x < time_s[69_500])
+    assert not np.isfinite(trace.high[inside]).any()
+
+
+@pytest.mark.parametrize(("n", "breaks"), [(50, 1), (5000, 0)])
+def test_a_missing_frame_breaks_a_line_of_few_frames(n: int, breaks: int) -> None:
+    error = np.ones(n)
+    error[20] = np.nan
+    trace = thin(np.arange(n, dtype=float), error, 240)
+    assert trace is not None
+    assert np.isnan(trace.high).sum() == breaks
+
+
+def test_tip_errors_are_the_tables_and_break_at_the_gap(results: StudyResults, recording: Recording) -> None:
+    figure, caption = tip_error(results, recording)
+    line = next(line for line in figure.axes[1].lines if line.get_color() == COLOURS[2])
+    data = read_table(results.paths.study_table("tips"), TIPS).to_pylist()
+    rows = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
+    largest = max(row["error_mm"] for row in rows if row["error_mm"] is not None)
+    assert np.nanmax(line.get_ydata()) == largest
+    assert np.isnan(line.get_ydata()).sum() == 1
+    assert "n = 240–300 frames" in caption
+    assert "least-squares" in caption
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "", "", "Device time [s]"]
+
+
+def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
+    recording = find_recording(simulated, "S0", "left", "opposition")
+    path = simulated.fit_table(recording.hand, "whole-hand", "joint_angles")
+    key = {"subject": "S0", "hand": "left", "task": "opposition", "trial": "", "model": "whole-hand"}
+    rows = [
+        {**key, "joint": joint, "frame": frame,
+         "flexion_deg": 3.0 * frame, "abduction_deg": -1.0, "rotation_deg": 0.5}
+        for joint in ("wrist", "ring_cmc", "ring_mcp", "index_pip")
+        for frame in range(12)
+    ]  # fmt: skip
+    write_parts(path, JOINT_ANGLES, {part_of(recording.hand, "whole-hand"): rows})
+    try:
+        figure, caption = joint_angles(simulated, recording, "whole-hand")
+    finally:
+        path.unlink()
+    assert [axes.get_title("right") for axes in figure.axes] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
+    flexion = figure.axes[0].lines[1]
+    np.testing.assert_allclose(np.unique(flexion.get_ydata()), 3.0 * np.arange(12))
+    assert np.isclose(np.asarray(flexion.get_xdata())[-1], 11 / 240, atol=0.6 / 240)
+    assert "n = 12 frames" in caption
+
+
+def test_a_recording_is_found_by_its_name_or_its_path(results: StudyResults) -> None:
+    hostile = 'A & <b>"x"'
+    recording = find_recording(results, hostile, "right", "opposition")
+    assert recording.hand.subject == hostile
+    assert find_recording(results, recording.hand.who.token, "right", "opposition") == recording
+    with pytest.raises(InputError, match="S01 right rom: no such recording; this hand has opposition"):
+        find_recording(results, "S01", "right", "rom")
+    with pytest.raises(InputError, match="hands are S01 right, S01 left"):
+        find_recording(results, "S02", "right", "rom")

@@ -1,0 +1,139 @@
+"""The files: sound SVG and PDF of the right size, text as text, the same bytes every time, any name."""
+
+import os
+import re
+import subprocess
+import sys
+import warnings
+from functools import partial
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from matplotlib.figure import Figure
+from report_samples.hand_tables import write_tips
+from report_samples.made_study import make_study
+from stage_runs import print_figures
+
+from shukotsu.errors import InputError
+from shukotsu.report.palette import Look
+from shukotsu.report.plots.panels import Panel, Row, Scale, draw_rows, print_figure
+from shukotsu.report.plots.style import label
+from shukotsu.report.print_figures.study_figures import Drawing, drawn, not_drawn, save
+from shukotsu.study.results import FIGURE_KINDS, STUDY_FIGURES, Results
+from shukotsu.study.study import read_study
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+NAMES = sorted(f"{name}.{kind}" for name in STUDY_FIGURES for kind in FIGURE_KINDS)
+TEXT = "{http://www.w3.org/2000/svg}text"
+
+
+def run(*words: str) -> int:
+    """The command line's exit code, in this process."""
+    return print_figures(words)
+
+
+def words_of(study: tuple[Path, Path], out: Path) -> list[str]:
+    return ["--study", str(study[0]), "--results", str(study[1]), "--out", str(out)]
+
+
+def texts(svg: Path) -> list[str]:
+    return ["".join(element.itertext()) for element in ElementTree.parse(svg).iter(TEXT)]
+
+
+@pytest.mark.slow
+def test_two_processes_write_the_same_bytes(
+    simulated_files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One of them with other hashes, in another time zone and later."""
+    first, second = tmp_path / "first", tmp_path / "second"
+    assert run(*words_of(simulated_files, first)) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert STUDY_FIGURES[-1] in line, "no movement here"
+    module = "shukotsu.report.print_figures"
+    command = [sys.executable, "-W", "error", "-m", module, *words_of(simulated_files, second)]
+    environment = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"}
+    subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, check=True)
+    assert sorted(path.name for path in first.iterdir()) == NAMES
+    for name in NAMES:
+        assert (first / name).read_bytes() == (second / name).read_bytes(), name
+
+
+@pytest.mark.parametrize(
+    ("name", "labels"),
+    [
+        ("models", ("Joint against the truth [mm]", "n = 8 subjects, held out", "whole-hand", "a")),
+        ("joint-errors", ("Joint error [mm]", "whole-hand; n = 15 hands", "thumb_cmc")),
+        ("joint-trust", ("Hands [%]", "ring_dip")),
+    ],
+)
+def test_text_stays_text_and_the_page_has_the_columns_width(
+    drawings: dict[str, Drawing], tmp_path: Path, name: str, labels: tuple[str, ...]
+) -> None:
+    save(tmp_path, drawings[name])
+    assert set(labels) <= set(texts(tmp_path / f"{name}.svg"))
+    pdf = (tmp_path / f"{name}.pdf").read_bytes()
+    ((width, height),) = re.findall(rb"/MediaBox \[ ?0 0 ([\d.]+) ([\d.]+) ?\]", pdf)
+    assert float(width) / 72 * 25.4 == pytest.approx(175.0, abs=0.01)
+    assert float(height) / 72 * 25.4 < 240
+    assert b"/CIDFontType2" in pdf  # TrueType, not Type 3
+    assert b"/Type3" not in pdf
+    assert b"CreationDate" not in pdf
+    assert (tmp_path / f"{name}.txt").read_text("utf-8") == drawings[name].caption + "\n"
+
+
+@pytest.mark.parametrize("name", ["山田", "$x_1$", r"\frac{1}", "<&>\"'", "a\tb\x07", "𝒳🖐", "é–Ω"])
+def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path, name: str) -> None:
+    def named() -> tuple[Figure, str]:
+        draw = partial(draw_rows, rows=[Row(name, Look("black", "o"))], axis="mm", scale=Scale(0.0, 1.0))
+        return print_figure([[Panel("", "", 3.6, 9.0, draw)]], figure_mm=60.0), name
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        save(tmp_path, drawn("named", named))
+    assert label(name) in texts(tmp_path / "named.svg")
+    assert (tmp_path / "named.txt").read_text("utf-8").startswith(name)
+    assert (label(name) == name) == (name in {"$x_1$", r"\frac{1}", "<&>\"'", "é–Ω"})
+    assert label(name).isprintable()
+
+
+@pytest.mark.slow
+def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    subject = "山田 $x_1$ \\frac"
+    study = make_study(tmp_path, n_frames=12, models=("paper-fig4",), subjects=(subject,))
+    write_tips(read_study(study[0]), Results(study[1]))
+    out = tmp_path / "figures"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert run(*words_of(study, out), "--recording", subject, "right", "opposition") == 0
+        assert capsys.readouterr().err == (
+            f"{out}/sub-山田%20%24x_1%24%20%5Cfrac/right/opposition/joint-angles: Not drawn: joint angles "
+            "need a model that fits the whole hand, and this study has none.\n"
+        )
+        assert run(*words_of(study, out)) == 0
+    assert {path.name for path in out.iterdir() if path.is_file()} == {*NAMES}
+    (svg,) = out.glob("*/right/opposition/tip-error.svg")
+    assert "Tip error [mm]" in texts(svg)
+
+
+def test_a_failure_is_a_sentence_or_is_drawn(
+    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = words_of((made[0], tmp_path), tmp_path / "figures")
+    expected = f"{tmp_path}/recordings.parquet: no such file; expected a recordings table"
+    assert run(*words) == 2
+    assert capsys.readouterr().err == f"error: {expected}\n"
+    assert not (tmp_path / "figures").exists()
+    assert run(*words, "--record-failure") == 0
+    for name in STUDY_FIGURES:
+        assert (tmp_path / "figures" / f"{name}.txt").read_text() == f"Not drawn: {expected}.\n"
+        assert texts(tmp_path / "figures" / f"{name}.svg")[0].startswith("Not drawn: ")
+
+
+def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "any.pdf").mkdir()
+    with pytest.raises(InputError, match=r"any\.pdf: cannot be written"):
+        save(tmp_path, not_drawn("any", "no reason"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["any.pdf", "any.svg"]

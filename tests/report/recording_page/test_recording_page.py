@@ -1,0 +1,88 @@
+"""The page of a recording: its cells are the tables' numbers, its words true, and no name does harm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from report_samples.made_study import HOSTILE
+from report_samples.read_page import read_page, table_called
+
+from shukotsu.report.recording_page import failure_page, recording_page
+from shukotsu.report.recording_results import read_recording
+from shukotsu.study.model import read_model
+from shukotsu.tables.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS, TIP_ERRORS
+
+TITLE = "Subject S01, right hand, opposition"
+
+
+def text_of(page: str) -> str:
+    return " ".join("".join(read_page(page).text).split())
+
+
+def cells(number: float | None, decimals: int) -> str:
+    text = "–" if number is None else f"{number:.{decimals}f}"
+    return "0." + "0" * decimals if text == "-0." + "0" * decimals else text
+
+
+@pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
+def test_what_the_calibration_says_is_what_the_tables_say(hands: Any, page: str, model: str) -> None:
+    table = table_called(page, f"What the calibration says of each joint, {model}.")
+    values = {row["joint"]: row["singular_values"] for row in hands.rows(model, JOINT_SOLUTIONS)}
+    rows = hands.rows(model, JOINT_CENTRES)
+    assert [row[0] for row in table.rows[1:]] == [row["joint"] for row in rows]
+    for shown, row in zip(table.rows[1:], rows, strict=True):
+        gaps = [cells(row[name], 2) for name in ("gap_rms_mm", "gap_rms_free_mm", "sd_mm")]
+        singular = [cells(value, 4) for value in values.get(row["joint"], [None] * 6)]
+        counts = [str(row["n_frames"]), cells(row["n_effective"], 1)]
+        assert shown[2:] == [*gaps, *counts, *singular, row["message"]]
+
+
+def test_tip_errors_in_numbers_are_the_tables_rows(hands: Any, page: str) -> None:
+    table = table_called(page, f"Tip error of the replay, {TITLE}.")
+    rows = [row for model in hands.study.models for row in hands.rows(model, TIP_ERRORS)]
+    assert len(table.rows) == len(rows) + 1 > 20
+    for shown, row in zip(table.rows[1:], rows, strict=True):
+        names = ("mean_mm", "sd_mm", "median_mm", "p95_mm", "max_mm", "min_mm")
+        numbers = [cells(row[name], 2) for name in names]
+        counts = [str(row["n_frames"]), str(row["n_frames_total"])]
+        assert shown[:11] == [row["model"], row["digit"], row["binding"], *numbers, *counts]
+
+
+def test_a_hostile_name_is_text_everywhere(hands: Any) -> None:
+    page = recording_page(hands.results(HOSTILE, "right"))
+    reader = read_page(page)
+    assert f"Subject {HOSTILE}, right hand, opposition" in "".join(reader.text)
+    assert not any(tag == "b" and "data-part" not in attributes for tag, attributes in reader.tags)
+    assert not any(
+        '"x"' in (value or "") and "<b>" not in (value or "") for _, a in reader.tags for value in a.values()
+    )
+    links = [attributes["href"] for tag, attributes in reader.tags if tag == "a" and "href" in attributes]
+    assert all(link and not set('<>" ') & set(link) for link in links)
+
+
+def test_a_model_without_results_is_left_out_with_the_reason(hands: Any) -> None:
+    subject = hands.subject()
+    models = {"paper-fig4": subject.models["paper-fig4"], "rigid": read_model("rigid")}
+    results = read_recording(replace(subject, models=models), hands.recording())
+    assert [model.name for model in results.models] == ["paper-fig4"]
+    assert results.left_out["rigid"]
+    page = recording_page(replace(results, left_out={"rigid": "no hand <was> fitted"}))
+    text = text_of(page)
+    assert "rigid: no hand <was> fitted" in text
+    assert "Only models that fit the whole hand state joint angles" in text
+    assert 'data-plot="angles"' not in page
+
+
+def test_poses_that_failed_leave_a_page_that_says_so(hands: Any) -> None:
+    results = hands.results(HOSTILE, "left")
+    assert results.motion is None
+    text = text_of(recording_page(results))
+    assert "Nothing moves here. left.csv: row 7 <is> not a number" in text
+    assert "Right hand, same task" in text
+
+
+def test_a_failure_is_told_as_text() -> None:
+    reader = read_page(failure_page("Subject <b>, right hand, x", "because <b>"))
+    assert "because <b>" in "".join(reader.text)

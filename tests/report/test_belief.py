@@ -1,0 +1,126 @@
+"""Whether to believe a joint: the words follow from the table; every kind of doubt has its sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from report_samples.made_scores import gain_rows
+from report_samples.read_page import rows_where
+
+from shukotsu.report.belief import (
+    BELIEVED,
+    CARE,
+    MOST_GAINS,
+    NOT,
+    believed_counts,
+    gain_lines,
+    joint_table,
+    reasons_of,
+    wanted_text,
+)
+from shukotsu.report.study_results import Row, StudyResults
+from shukotsu.report.wording import speaking
+from shukotsu.study import verdict
+from shukotsu.study.layout import FINGER_MM, read_layout
+from shukotsu.study.study import Hand
+from shukotsu.study.translation import FOREIGN
+from shukotsu.study.verdict import LIMITS, UNJUDGED, judged_joint, noted
+
+VALUES: dict[str, dict[str, Any]] = {
+    verdict.FAR: {"what": "palm width", "sd": 6.4},
+    verdict.TOO_CLOSE: {"joints": ["middle_mcp", "ring_mcp"], "mm": 4.5},
+    verdict.HALVES: {"gap_mm": 7.3},
+    verdict.UNCERTAIN: {"sd_mm": 3.0, "radius_95_mm": 4.8, "wanted_mm": 2.0},
+    verdict.ONE_WAY: {"sd_mm": 3.0, "radius_95_mm": 4.8, "wanted_mm": 2.0, "worst_mm": 2.9},
+    verdict.MOVED_LITTLE: {"range_deg": 6.2},
+    verdict.NO_POSE: {"segments": ["index_distal"]},
+    verdict.ONE_RECEIVER: {"segments": ["index_middle", "index_distal"]},
+    verdict.ACROSS: {"segment": "ring_metacarpal", "receiver": "hand"},
+    verdict.AXIS_IN_PLANE: {"axis_plane_deg": 4.0, "slide_mm": 59.0},
+    verdict.BY_HAND: {"correction_mm": 3.0},
+    verdict.FROM_DOUBTFUL: {"joints": ["ring_mcp", "little_mcp"]},
+    verdict.AXIS: {"axis_sd_deg": 8.0},
+}
+OF_BONES = {verdict.NO_LENGTH, verdict.END_IN_DOUBT, verdict.NOT_THE_BONE}
+
+
+LEFT = Hand("S01", "left")
+
+
+@pytest.mark.parametrize("language", ["en", "ja"])
+def test_every_kind_has_its_sentence(language: str) -> None:
+    for kind in {*LIMITS} - OF_BONES - {verdict.NOT_SOLVED}:
+        row = {**UNJUDGED, **noted({kind: VALUES.get(kind, {})}), "message": ""}
+        with speaking(language):
+            (sentence,) = reasons_of(row)
+        assert "{" not in sentence
+        assert FOREIGN not in sentence
+        assert sentence.isascii() == (language == "en")
+
+
+def test_what_is_asked_of_each_layout() -> None:
+    arm, hand = read_layout("arm"), read_layout("liberty16")
+    assert wanted_text([hand, hand]) == "2"
+    assert wanted_text([arm, hand], 3.0) == "6 or 30"
+
+
+def _with(results: StudyResults, model: str, joint: str, **changes: object) -> StudyResults:
+    """The results with one joint of S01's left hand changed."""
+
+    def of(row: Row) -> Row:
+        mine = (row["subject"], row["hand"], row["model"], row["joint"]) == ("S01", "left", model, joint)
+        return judged_joint(row | UNJUDGED | changes, FINGER_MM) if mine else row
+
+    return replace(results, joints=[of(row) for row in results.joints])
+
+
+@pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
+@pytest.mark.parametrize(
+    ("changes", "believed", "why"),
+    [
+        ({}, BELIEVED, ""),
+        ({"message": "a note."}, BELIEVED, "a note"),
+        ({"sd_mm": 2.01}, CARE, "known less well than to 2 mm (1 sigma, 3-D)"),
+        ({"sd_mm": None}, CARE, "no error is stated for its place"),
+        (
+            {"range_deg": 3.2, "sd_mm": 7.0},
+            NOT,
+            "moved only 3 deg; skin alone can look like that; known less well than to 2 mm (1 sigma, 3-D)",
+        ),
+        ({"status": "failed", "sd_mm": None, "message": "no frames"}, NOT, "has no place: no frames"),
+    ],
+)
+def test_the_words_are_of_the_columns(
+    fitted: StudyResults, model: str, changes: dict[str, object], believed: str, why: str
+) -> None:
+    table = joint_table(_with(fitted, model, "index_pip", **changes), LEFT, model)
+    (row,) = (row for row in table.blocks[0].rows if row[0] == "index_pip")
+    assert (row[1], row[-1]) == (believed, why)
+
+
+def test_every_joint_stands_with_its_numbers(fitted: StudyResults) -> None:
+    rows = rows_where(fitted.joints, subject="S01", hand="left", model="whole-hand")
+    block = joint_table(fitted, LEFT, "whole-hand").blocks[0]
+    assert block.header[:4] == ("Joint", "Believe it?", "SD of the centre [mm]", "Moved [deg]")
+    for row, cells in zip(rows, block.rows, strict=True):
+        sd, moved = row["sd_mm"], row["range_deg"]
+        assert cells[0] == row["joint"]
+        assert cells[2:4] == ("–" if sd is None else f"{sd:.2f}", "–" if moved is None else f"{moved:.1f}")
+    counted = [len(rows_where(rows, verdict=verdict)) for verdict in ("believe", "care", "no")]
+    assert believed_counts(rows) == "✓ yes {}, ◆ with care {}, ✕ no {}".format(*counted)
+
+
+def test_the_best_gains_in_words(fitted: StudyResults) -> None:
+    rows = next(iter(fitted.gains_of.values()))
+    lines = gain_lines(rows)
+    assert len(lines) == min(len(rows), MOST_GAINS)
+    for line, row in zip(lines, rows, strict=False):
+        assert f"to within {row['sd_mm']:.1f} mm, would take " in line
+        assert f"from {row['joint_sd_before_mm']:.1f} to {row['joint_sd_after_mm']:.1f} mm" in line
+        assert f"from {row['mean_sd_before_mm']:.2f} to {row['mean_sd_after_mm']:.2f} mm" in line
+    key = {"subject": "S01", "hand": "right", "task": "rom", "trial": ""}
+    text = " ".join(gain_lines(gain_rows(key, "whole-hand")))
+    assert "Touching a known point with the ring fingertip" in text
+    assert "Measuring how far " in text

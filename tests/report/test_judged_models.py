@@ -1,0 +1,111 @@
+"""Which model to take: by the truth, by what it has not seen, or by nothing; and how sure that is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from report_samples.compared import compared
+from report_samples.many_subjects import many_subjects
+
+from shukotsu.report.judged_models import judged_models, model_to_take
+from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.report.table_cells import p_text
+from shukotsu.study.study import read_study
+
+OURS, PAPER = "whole-hand", "paper-fig4"
+
+
+@pytest.fixture(scope="module")
+def twelve(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    """Twelve simulated subjects."""
+    file, folder = many_subjects(tmp_path_factory.mktemp("twelve"), 12)
+    return read_results(read_study(file), folder)
+
+
+def first(results: StudyResults, n: int) -> StudyResults:
+    """The study of its first n subjects alone."""
+    kept = {own.hand.subject for own in results.recordings[: n * 4]}
+    rows = {
+        name: [row for row in getattr(results, name) if row["subject"] in kept]
+        for name in ("scores", "joint_errors", "recording_rows")
+    }
+    return compared(replace(results, recordings=results.recordings[: n * 4], **rows))
+
+
+def without_truth(results: StudyResults, *, held_out: bool = True) -> StudyResults:
+    """The same recorded hands, of whom nobody knows the truth."""
+    blind = dict.fromkeys(("metacarpal_deg", "true_tip_mean_mm", "true_tip_p95_mm"))
+    scores = [{**row, **blind} for row in results.scores if row["reference"] or row["held_out"] == held_out]
+    return compared(replace(results, scores=scores, joint_errors=[], simulated=False))
+
+
+def means(results: StudyResults, metric: str) -> dict[str, float]:
+    """The mean over subjects of each model."""
+    (own,) = (each for each in judged_models(results) if each.metric == metric)
+    return {model: float(np.mean(list(values.values()))) for model, values in own.values.items()}
+
+
+def test_a_known_truth_judges_first(twelve: StudyResults) -> None:
+    mean = means(twelve, "error_mm")
+    assert model_to_take(twelve) == (
+        f"Take the model whole-hand: its joints are {mean[OURS]:.2f} mm from the true ones on average; those "
+        f"of the model paper-fig4 are {mean[PAPER]:.2f} mm off (12 subjects; p = 0.00049, corrected by Holm)."
+    )
+
+
+def test_the_model_that_is_shown_to_be_better_is_taken(twelve: StudyResults) -> None:
+    """Also where it is not the one that pages show first."""
+    swapped = [{**row, "model": {OURS: PAPER, PAPER: OURS}.get(row["model"], row["model"])}
+               for row in twelve.joint_errors]  # fmt: skip
+    taken = model_to_take(compared(replace(twelve, joint_errors=swapped)))
+    assert taken.startswith("Take the model paper-fig4: ")
+
+
+def test_few_subjects_test_nothing_and_say_so(twelve: StudyResults) -> None:
+    assert model_to_take(first(twelve, 2)).endswith("(2 subjects, too few to test the difference).")
+
+
+def test_what_is_not_shown_is_said(twelve: StudyResults) -> None:
+    mean = means(twelve, "error_mm")
+    noise = np.random.default_rng(1).normal(1.0, 0.3, 12)
+    factor = dict(zip(twelve.subjects, noise, strict=True))
+    alike = [
+        {**row, "error_mm": row["error_mm"] and factor[row["subject"]] * mean[PAPER]}
+        if row["model"] == OURS
+        else {**row, "error_mm": row["error_mm"] and mean[PAPER]}
+        for row in twelve.joint_errors
+    ]
+    assert "no difference is shown, p = " in model_to_take(compared(replace(twelve, joint_errors=alike)))
+
+
+def test_without_a_truth_hidden_receivers_judge_fitted_hands(twelve: StudyResults) -> None:
+    real = without_truth(twelve)
+    mean = means(real, "left_out_mean_mm")
+    assert model_to_take(real).startswith(
+        f"Take the model whole-hand: it misses fingertip receivers that are hidden from it by "
+        f"{mean[OURS]:.2f} mm; anatomy alone, without data, by {mean['prior-only']:.2f} mm (12 subjects; p = "
+    )
+
+
+def test_what_judges_nothing_says_so(twelve: StudyResults) -> None:
+    """Nothing held out, no model that fits the whole hand, every hand with a finding."""
+    seen = without_truth(twelve, held_out=False)
+    assert model_to_take(seen).endswith("no recording was held out that could judge it.")
+    models = {name: model for name, model in twelve.models.items() if name != OURS}
+    assert model_to_take(replace(without_truth(twelve), models=models)).startswith(
+        "No model can be chosen here"
+    )
+    found = [
+        {"subject": own.subject, "hand": own.hand, "session": "", "severity": "suspect"}
+        for own in twelve.hands
+    ]
+    assert model_to_take(replace(twelve, problems=found)).startswith("Settle the findings first")
+
+
+def test_p_never_rounds_over_the_level() -> None:
+    """Two digits, unless they would say the opposite of what the sentence says."""
+    texts = {0.0123: "p = 0.012", 0.05: "p = 0.05", 0.0502: "p = 0.0502", 0.0498: "p = 0.05", 1.0: "p = 1"}
+    assert {p: p_text(p) for p in texts} == texts
+    assert p_text(0.00005) == "p < 0.0001"

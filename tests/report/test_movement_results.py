@@ -1,0 +1,83 @@
+"""Ranges of motion are drawn, and differences listed, as the tables have them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from report_samples.made_movement import JOINTS, write_movement
+from report_samples.made_study import FITTED_MODELS, make_study
+
+from shukotsu.report.belief import NOT
+from shukotsu.report.methods_text import methods_text
+from shukotsu.report.movement_results import RANGE, Movement, read_movement
+from shukotsu.report.print_figures.study_figures import NoDataError, ranges_of_motion
+from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.study.study import read_study
+
+SUBJECTS = tuple(f"P{index}" for index in range(6))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    """A study with all tables of movement; not to be changed."""
+    study, folder = make_study(
+        tmp_path_factory.mktemp("moved"), n_frames=4, models=FITTED_MODELS, subjects=SUBJECTS, simulated=True
+    )
+    write_movement(folder, SUBJECTS, models=FITTED_MODELS)
+    return read_results(read_study(study), folder)
+
+
+@pytest.fixture(scope="module")
+def movement(results: StudyResults) -> Movement:
+    """Its movement."""
+    return read_movement(results)
+
+
+def test_a_dot_of_the_figure_is_a_subjects_mean_of_the_leading_model(
+    results: StudyResults, movement: Movement
+) -> None:
+    assert set(movement.ranges["model"]) == {"whole-hand"}
+    figure, caption = ranges_of_motion(results, movement)
+    dots = [
+        line.get_xdata()
+        for axes in figure.axes
+        for line in axes.lines
+        if str(line.get_gid()).startswith("dots")
+    ]
+    assert len(dots) == 3 * len(JOINTS)
+    own = movement.ranges[(movement.ranges["joint"] == "index_pip") & (movement.ranges["angle"] == "flexion")]
+    assert sorted(dots[JOINTS.index("index_pip")]) == pytest.approx(
+        sorted(own.groupby("subject")[RANGE].mean())
+    )
+    assert "Model whole-hand." in caption
+
+
+def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults, movement: Movement) -> None:
+    finding = {"subject": "P0", "session": "1", "hand": "right", "severity": "suspect", "stage": "x"}
+    rest = read_movement(replace(results, problems=[finding]))
+    assert not ((rest.ranges["subject"] == "P0") & (rest.ranges["session"] == "1")).any()
+    assert ((rest.ranges["subject"] == "P0") & (rest.ranges["session"] == "2")).any()
+    none = replace(movement, ranges=movement.ranges.iloc[:0])
+    with pytest.raises(NoDataError, match="suspect finding"):
+        ranges_of_motion(results, none)
+
+
+def test_differences_are_those_shown_of_joints_to_be_believed(movement: Movement) -> None:
+    table = movement.differences_table()
+    assert table is not None
+    (row,) = table.blocks[0].rows
+    assert row[:2] == ("group: A − B", "range_deg, index_pip flexion")
+    assert row[4:] == ("3/3", "12.10 deg", "8.10 – 16.10", "p = 0.0021")
+    assert "1 of 21 numbers" in table.caption
+    doubted = replace(movement, believed={"index_pip": NOT}).differences_table()
+    assert doubted is not None
+    assert not doubted.blocks[0].rows
+    assert replace(movement, differences=movement.differences.iloc[:0]).differences_table() is None
+
+
+def test_methods_say_what_was_done(results: StudyResults, movement: Movement) -> None:
+    text = " ".join(methods_text(results, movement))
+    assert "Movement was measured in 6 subjects by joint angles under whole-hand." in text
+    assert "Holm's correction over all quantities, joint angles, hands and tasks of two levels" in text
+    assert "Movement was measured" not in " ".join(methods_text(results))

@@ -1,0 +1,252 @@
+"""The pages: self-contained, harmless, complete, their numbers those of the tables; and the command."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+from report_samples.made_study import HOSTILE, MODELS, make_study, write, write_rows
+from report_samples.read_page import read_page, rows_where, table_called
+from report_samples.rendered import whole_report
+from stage_scripts import stage_script
+
+from shukotsu import command_line
+from shukotsu.report.paper_tables import printed_table, study_table
+from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.study.layout import FINGER_MM
+from shukotsu.study.model import read_model
+from shukotsu.study.results import STUDY_FIGURES
+from shukotsu.study.study import Study, path_token, read_study
+from shukotsu.study.verdict import UNJUDGED, judged_joint
+from shukotsu.tables.catalogue import JOINT_CENTRES, POSES, TABLES, TIP_ERRORS
+from shukotsu.tables.typed_table import Provenance, write_failure
+
+build_parser = stage_script("report").build_parser
+record_failure = stage_script("report").record_failure
+report = stage_script("report").report
+
+
+def _render(study: Path, folder: Path) -> str:
+    return whole_report(read_results(read_study(study), folder), read_study(study))
+
+
+def _links(page: str) -> set[str]:
+    return {str(attrs["href"]) for tag, attrs in read_page(page).tags if tag == "a" and "href" in attrs}
+
+
+def _target(page: Path, link: str) -> Path:
+    """The file that a relative link on a page leads to."""
+    return Path(os.path.normpath(page.parent / unquote(link.partition("#")[0])))
+
+
+def _add_row(sheet: Path, *cells: str) -> None:
+    with sheet.open("a", encoding="utf-8") as stream:
+        stream.write("\t".join(cells) + "\n")
+
+
+def test_pages_load_nothing(pages: dict[Path, str]) -> None:
+    """No script, style or picture from anywhere but the page itself; and a browser is told to let none."""
+    for page in pages.values():
+        reader = read_page(page)
+        (policy,) = [attrs["content"] for _, attrs in reader.tags if "http-equiv" in attrs]
+        assert str(policy).startswith("default-src 'none'; script-src 'unsafe-inline'; ")
+        assert not re.search(r"https?:|\*|-eval", str(policy))
+        assert not {"iframe", "object", "embed"} & {tag for tag, _ in reader.tags}
+        targets = [
+            attrs[name]
+            for tag, attrs in reader.tags
+            for name in ("src", "href")
+            if name in attrs and tag != "a"
+        ]
+        assert all(target == "data:," or str(target).startswith("#") for target in targets)
+        assert not re.search(r"url\((?!#)", page)
+        assert "@import" not in page
+
+
+def test_links_lead_to_places(pages: dict[Path, str], results: StudyResults) -> None:
+    """Entries of the contents have sections, other links pages; from the study all are reached, and back."""
+    shown = {results.paths.recording_page(recording) for recording in results.shown}
+    for path, page in pages.items():
+        tags = read_page(page).tags
+        ids = [attrs["id"] for _, attrs in tags if "id" in attrs]
+        assert len(ids) == len(set(ids))
+        links = _links(page)
+        assert {link for link in links if link.startswith("#")} <= {f"#{name}" for name in ids}
+        others = {_target(path, link) for link in links if not link.startswith("#")}
+        figures = {results.paths.report.parent / "figures" / f"{name}.{kind}" for name in STUDY_FIGURES
+                   for kind in ("svg", "pdf", "txt")}  # fmt: skip
+        tables = {results.paths.study_table(name) for name in TABLES} | {results.paths.resolved}
+        assert others <= {*pages, *shown, *figures, *tables} - {path}
+        study = results.paths.report
+        assert ({*pages, *shown} - {study} if path == study else {study}) <= others
+
+
+def test_hostile_names_are_text(tmp_path: Path) -> None:
+    """A name with markup in it is shown as it is and adds no tag."""
+    name = "<script>alert(1)</script> 手 ' \" </svg><img src=x onerror=y>"
+    plain = make_study(tmp_path / "plain", n_frames=4, subjects=("A",))
+    hostile = make_study(tmp_path / "hostile", n_frames=4, subjects=(name,))
+    expected, found = read_page(_render(*plain)), read_page(_render(*hostile))
+    assert [tag for tag, _ in found.tags] == [tag for tag, _ in expected.tags]
+    assert f"Subject {name}" in found.text
+
+
+@pytest.mark.slow
+def test_same_input_same_bytes(
+    results: StudyResults,
+    study: Study,
+    page: str,
+    made: tuple[Path, Path],
+) -> None:
+    """Rendered twice the page is the same, pictures too, and it knows no path of this machine."""
+    assert whole_report(results, study) == page
+    assert str(made[1].parent) not in page
+    assert str(Path.cwd()) not in page
+
+
+def test_tables_have_captions_and_heads_and_pictures_titles(page: str) -> None:
+    for table in read_page(page).tables:
+        assert table.caption
+        headers = [cell for row in table.attributes for cell in row if cell["tag"] == "th"]
+        assert headers
+        assert all(cell["scope"] in ("row", "col", "colgroup") for cell in headers)
+    pictures = re.findall(r'<svg viewBox="[^"]*" role="img">(<title>[^<]{20,})?', page)
+    assert pictures
+    assert all(pictures)
+
+
+@pytest.mark.parametrize("subject", ["S01", HOSTILE])
+@pytest.mark.parametrize("model", MODELS)
+def test_tables_in_cm_equal_the_parquet_table(
+    results: StudyResults, page: str, subject: str, model: str
+) -> None:
+    """Every cell of the study's Tables 1 to 4 is the first-frame value to the printed digit."""
+    (table,) = [
+        table
+        for table in read_page(page).tables
+        if table.caption.endswith(f"subject {subject}, opposition, model {model}.")
+    ]
+    starts = {"right": 0, "left": 5}
+    rows = rows_where(results.tip_errors, subject=subject, model=model, binding="first-frame")
+    assert rows
+    for row in rows:
+        start = starts[row["hand"]]
+        column = table.rows[start].index(row["digit"].capitalize())
+        for offset, name in enumerate(("max_mm", "min_mm", "mean_mm", "sd_mm"), 1):
+            printed = table.rows[start + offset][column]
+            assert printed == ("–" if row[name] is None else f"{row[name] / 10:.2f}")
+
+
+def test_least_squares_table_equals_the_parquet_table(results: StudyResults, page: str) -> None:
+    """Mean and 95th percentile by model and digit, in mm."""
+    caption = (
+        "Tip error, least-squares binding, mean and 95th percentile (p95) [mm]: subject S01, opposition."
+    )
+    table = table_called(page, caption)
+    left = next(i for i, row in enumerate(table.rows) if row[0] == "Left hand")
+    for row in rows_where(results.tip_errors, subject="S01", hand="right", binding="least-squares"):
+        column = table.rows[0].index(f"{row['digit'].capitalize()} mean")
+        cells = next(cells for cells in table.rows[1:left] if cells[0] == row["model"])
+        assert cells[column : column + 2] == [f"{row['mean_mm']:.2f}", f"{row['p95_mm']:.2f}"]
+
+
+def test_what_went_wrong_is_told(page: str) -> None:
+    """The failed recording, its reason and the count."""
+    text = " ".join(read_page(page).text)
+    assert "3 of 4 recordings used (1 failed)" in text
+    assert "row 7, column x_mm" in text
+    assert "Left hand, ring: joint ring_dip failed." in text
+
+
+def test_no_recording_used(tmp_path: Path) -> None:
+    """A study of which nothing is left still has a page that names every recording and reason."""
+    study, folder = make_study(tmp_path, n_frames=4)
+    write_rows(folder, {})
+    for path in folder.rglob("poses.parquet"):
+        path.unlink()
+    write_failure(folder / "tips.parquet", TIP_ERRORS, "no hand was left", Provenance())
+    write_failure(folder / "tip_errors.parquet", TIP_ERRORS, "no hand was left", Provenance())
+    page = _render(study, folder)
+    text = " ".join(read_page(page).text)
+    assert "0 of 4 recordings used (4 missing)" in text
+    assert "no hand was left" in text
+    assert "missing: the results do not name this recording" in text
+    assert all(f"{name}-right.csv" in text for name in ("S01", path_token(HOSTILE)))
+
+
+@pytest.mark.slow
+def test_other_shapes_of_a_study(tmp_path: Path) -> None:
+    """One hand, one frame, an excluded recording, one only for calibration, poses that failed."""
+    study, folder = make_study(tmp_path, n_frames=1, subjects=("A",))
+    sheet = tmp_path / "sheet.tsv"
+    lines = sheet.read_text("utf-8").splitlines()
+    sheet.write_text("\n".join([lines[0] + "\ttrial\texclude", lines[1]]) + "\n", "utf-8")
+    _add_row(sheet, "A", "right", "opposition", "evaluation", "again.csv", "2", "cable came off")
+    _add_row(sheet, "B", "left", "rom", "calibration", "rom.csv", "", "")
+    write_failure(folder / "sub-B/left/rom/poses.parquet", POSES, "rom.csv: is empty.", Provenance())
+    text = " ".join(read_page(_render(study, folder)).text)
+    assert "excluded: cable came off" in text
+    assert "Left hand: rom.csv: is empty." in text
+    assert "No recording of this subject is there to be evaluated." in text
+
+
+def test_joints_all_failed(tmp_path: Path) -> None:
+    """Joints without any number are told, and the pages are made."""
+    study, folder = make_study(tmp_path, n_frames=3, subjects=("A",))
+    results = read_results(read_study(study), folder)
+    kept = [column.name for column in JOINT_CENTRES.columns if not column.nullable]
+    gone = {**UNJUDGED, "status": "failed", "message": "no frames"}
+    failed = [judged_joint({k: row[k] for k in kept if k in row} | gone, FINGER_MM) for row in results.joints]
+    write(folder / "joint_centres.parquet", JOINT_CENTRES, failed)
+    text = " ".join(read_page(_render(study, folder)).text)
+    assert "0 of 32 joints can be believed" in text
+    assert "✕ no 16" in text
+
+
+def _run(*words: str) -> int:
+    return command_line.run(build_parser, words, report, record_failure)
+
+
+@pytest.mark.parametrize(
+    ("table", "block", "row", "cells"),
+    [
+        (1, 0, 0, ("Max [cm]", "1.94", "16.74", "16.98", "15.66", "13.93")),
+        (2, 1, 2, ("Average [cm]", "0.99", "0.72", "0.74", "0.74", "8.28")),
+        (3, 0, 3, ("Standard Deviation [cm]", "0.10", "0.07", "0.10", "0.06", "0.05")),
+        (4, 1, 0, ("Max [cm]", "0.37", "1.00", "1.06", "2.25", "3.12")),
+    ],
+)
+def test_printed_tables_are_the_papers(table: int, block: int, row: int, cells: tuple[str, ...]) -> None:
+    """A row of each of the paper's four tables."""
+    assert printed_table(table).blocks[block].rows[row] == cells
+
+
+def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
+    """Headers and row headings are the same, cell by cell."""
+    trial = next(results.trials("S01"))
+    own = study_table(results, trial, read_model("paper-fig3"))
+    for mine, printed in zip(own.blocks, printed_table(2).blocks, strict=True):
+        assert mine.header == printed.header
+        assert [row[0] for row in mine.rows] == [row[0] for row in printed.rows]
+
+
+def test_the_command_writes_one_page(made: tuple[Path, Path], tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "report.html"
+    assert _run("--study", str(made[0]), "--results", str(made[1]), "--out", str(out)) == 0
+    assert out.read_text("utf-8").startswith("<!DOCTYPE html>")
+    assert list(out.parent.rglob("*")) == [out]
+
+
+def test_absent_results_are_bad_input(
+    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 2 and a sentence; with --record-failure a page that says why."""
+    out = tmp_path / "report.html"
+    words = ("--study", str(made[0]), "--results", str(tmp_path), "--out", str(out))
+    assert _run(*words) == 2
+    assert "recordings.parquet: no such file" in capsys.readouterr().err
+    assert _run(*words, "--record-failure") == 0
+    assert "recordings.parquet: no such file" in out.read_text("utf-8")

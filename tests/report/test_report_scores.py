@@ -1,0 +1,77 @@
+"""What the skeletons are worth, what would make them better, and where the receivers sit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from report_samples.read_page import ReadTable, read_page, rows_where, table_called
+
+from shukotsu.report.study_results import StudyResults
+
+SCORES = "Mean over digits and hands: subject S01, opposition."
+TRUTH = "Joints against the true ones, both hands: subject S01."
+
+
+def _mean(rows: list[dict[str, Any]], name: str) -> str:
+    known = [row[name] for row in rows if row[name] is not None]
+    return f"{np.mean(known):.2f}" if known else "–"
+
+
+def _truth_table(page: str) -> ReadTable:
+    (found,) = [table for table in read_page(page).tables if table.caption.startswith(TRUTH)]
+    return found
+
+
+def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -> None:
+    """Held-out rows, in-sample ones, references; every cell the mean over both hands' digits."""
+    table = table_called(fitted_page, SCORES)
+    assert [row[:3] for row in table.rows] == [
+        ["Skeleton", "Made from", "Held out"],
+        ["paper-fig4", "rom", "yes"],
+        ["whole-hand", "rom", "yes"],
+        ["paper-fig4", "opposition", "○ no"],
+        ["whole-hand", "opposition", "○ no"],
+        ["Reference", "Made from", "Held out"],
+        ["prior-only", "–", "–"],
+        ["distal-receiver", "–", "–"],
+        ["true-skeleton", "–", "–"],
+    ]
+    names = ("replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm", "metacarpal_deg")
+    for cells in (row for row in table.rows if row[1] != "Made from"):
+        made_from = "" if cells[1] == "–" else cells[1]
+        rows = rows_where(fitted.scores, model=cells[0], calibrated_on=made_from)
+        expected = [_mean(rows, name) for name in (*names, "true_tip_mean_mm")]
+        if cells[0] in ("paper-fig4", "true-skeleton"):  # never posed, so nothing was left out of a pose
+            expected[2] = "–"
+        assert cells[3:] == expected
+
+
+def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> None:
+    """Median, 90th percentile, worst, share far off, parts, axis, bones and coverage, a row a skeleton."""
+    table = _truth_table(fitted_page)
+    assert [row[0] for row in table.rows[1:]] == ["paper-fig4"] * 2 + ["whole-hand"] * 2 + [
+        "Reference",
+        "prior-only",
+    ]
+    for cells in (row for row in table.rows[1:] if row[0] != "Reference"):
+        made_from = "" if cells[1] == "–" else cells[1]
+        rows = rows_where(fitted.joint_errors, model=cells[0], calibrated_on=made_from)
+        error = np.array([row["error_mm"] for row in rows if row["error_mm"] is not None])
+        assert len(error) == 29
+        axes = [row["axis_deg"] for row in rows if row["axis_deg"] is not None]
+        within = [row["within_95"] for row in rows if row["within_95"] is not None]
+        expected = [np.median(error), np.quantile(error, 0.9), error.max()]
+        medians = [np.median(axes), np.median(error)]
+        assert cells[2:] == [
+            "29/30",
+            *(f"{value:.2f}" for value in expected),
+            f"{100 * np.mean(error > 5):.0f}",
+            *(f"{value:.2f}" for value in medians),
+            f"{100 * np.mean(within):.0f}" if within else "–",
+        ]
+
+
+def test_without_a_truth_nothing_is_said_of_it(page: str) -> None:
+    assert not [cell for cell in table_called(page, SCORES).rows[0] if "truth" in cell]
+    assert not [table for table in read_page(page).tables if "true one" in table.caption]

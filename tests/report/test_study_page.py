@@ -1,0 +1,175 @@
+"""The study's page: its numbers are the tables', what it shows first, and how much it weighs."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from urllib.parse import unquote
+
+import pytest
+from finding_examples import EVIDENCE
+from hypothesis import given
+from hypothesis import strategies as st
+from report_samples.many_subjects import many_subjects
+from report_samples.read_page import read_page, rows_where, table_called
+
+from shukotsu.report.headline import WIDTH, big_numbers, outcome_text
+from shukotsu.report.links import anchor, link
+from shukotsu.report.study_page import render_study
+from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, problem_row, worded
+from shukotsu.study.results import Results
+from shukotsu.study.study import Study, read_study
+
+NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
+MARKS = {"believe": "", "care": "◆", "no": "✕"}
+
+
+@pytest.fixture(scope="module")
+def file(fitted_made: tuple[Path, Path]) -> Study:
+    """The fitted study's file, read."""
+    return read_study(fitted_made[0])
+
+
+@pytest.fixture(scope="module")
+def fitted_study_page(fitted: StudyResults, file: Study) -> str:
+    """Its page."""
+    return render_study(fitted, file)
+
+
+@given(NAMES)
+def test_links_survive_any_name(name: str) -> None:
+    """A link leads to the file of that name, and shows the name as it is."""
+    paths = Results(Path("results/any"))
+    page, target = paths.report, paths.subject_page(name)
+    to = link(name, page, target)
+    assert page.parent / unquote(to.href) == target
+    shown = read_page(str(anchor(to)))
+    assert [tag for tag, _ in shown.tags] == ["a"]
+    assert "".join(shown.text).split() == name.split()
+
+
+def test_the_three_numbers_are_the_tables(fitted: StudyResults, fitted_study_page: str) -> None:
+    rows = rows_where(fitted.joints, model="whole-hand")
+    believed = rows_where(rows, verdict="believe")
+    sd_mm = median(row["sd_mm"] for row in rows if row["sd_mm"] is not None)
+    errors = [
+        row["value"]
+        for row in rows_where(fitted.model_values, metric="error_mm", model="whole-hand", digit="")
+    ]
+    joints, error, findings = big_numbers(fitted)
+    assert (joints.value, joints.unit) == (str(len(believed)), f"of {len(rows)} joints")
+    assert (error.value, error.unit) == (f"{sd_mm:.2f}", "mm")
+    assert error.of.endswith(f"{sum(errors) / len(errors):.2f} mm on average")
+    assert (findings.value, findings.unit) == ("0", "of 2 hands")
+    text = " ".join(" ".join(read_page(fitted_study_page).text).split())
+    for number in (joints, error, findings):
+        assert f"{number.value} {number.unit} {number.of}" in text
+
+
+def _suspect(results: StudyResults, *hands: str) -> StudyResults:
+    row = {"subject": "S01", "session": "", "task": "rom", "model": "", "stage": STAGE, "kind": "units"}
+    row |= {"severity": "suspect", "message": "in m", "accepted": "", "variant": "", "values": ""}
+    return replace(results, problems=[row | {"hand": hand} for hand in hands])
+
+
+def test_a_hand_with_a_finding_is_in_no_number(fitted: StudyResults) -> None:
+    joints, _, findings = big_numbers(_suspect(fitted, "left"))
+    right = rows_where(fitted.joints, model="whole-hand", hand="right")
+    assert (joints.unit, findings.value) == (f"of {len(right)} joints", "1")
+    joints, error, findings = big_numbers(_suspect(fitted, "left", "right"))
+    assert (joints.value, error.value, findings.value) == ("0", "–", "2")
+    assert joints.of == "can be believed: no hand that counts has a joint under whole-hand"
+
+
+def test_every_joint_of_every_hand_stands_in_the_picture(
+    fitted: StudyResults, fitted_study_page: str
+) -> None:
+    """Its stated error to two decimals, its verdict as a mark; the reason is told by a pointer."""
+    table = table_called(fitted_study_page, "Joints of every hand, whole-hand")
+    digits, parts, *rows = table.rows
+    assert parts == [*["CMC", "MCP", "IP"], *["CMC", "MCP", "PIP", "DIP"] * 4, "wrist"]
+    assert [row[:2] for row in rows] == [[hand.subject, hand.hand] for hand in fitted.hands]
+    assert digits[2:7] == ["thumb", "index", "middle", "ring", "little"]
+    for hand, cells in zip(fitted.hands, rows, strict=True):
+        known = rows_where(fitted.joints, model="whole-hand", hand=hand.hand)
+        shown = [
+            ("–" if row["sd_mm"] is None else f"{row['sd_mm']:.2f}") + MARKS[row["verdict"]] for row in known
+        ]
+        assert sorted(cells[2:-1]) == sorted(shown)
+        believed = Counter(row["verdict"] for row in known)["believe"]
+        assert cells[-1] == f"{believed}/{len(known)}"
+    assert 'title="has no place: too few frames (3)"' in fitted_study_page
+
+
+def test_every_subject_has_a_card_that_leads_on(results: StudyResults, pages: dict[Path, str]) -> None:
+    page = pages[results.paths.report]
+    cards = re.findall(r'<li><a href="([^"]+)" title=.*?</li>', page, re.DOTALL)
+    assert [results.paths.folder / unquote(href) for href in cards] == [
+        results.paths.subject_page(*who) for who in results.sessions
+    ]
+    assert page.count("<title>right hand of") == len(results.subjects)
+
+
+def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page: str) -> None:
+    """A row a hand and a column a bone, as the gathered table has them, with a doubt's sign behind."""
+    caption = "Bone lengths [mm] with 1-sigma error: whole-hand."
+    header, *rows = table_called(fitted_study_page, caption).rows
+    for row in rows:
+        known = rows_where(fitted.bones, hand=row[1], model="whole-hand")
+        cells = dict(zip(header[3:], row[3:], strict=True))
+        assert len(cells) == len(known) == 19
+        for bone in known:
+            start = f"{bone['length_mm']:.1f} ± {bone['sd_mm']:.1f}"
+            assert cells[bone["bone"].replace("_", " ")].rstrip(" ◆✕") == start
+
+
+def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
+    fitted: StudyResults, file: Study
+) -> None:
+    notes = [
+        problem_row("capture", worded("recording", NOTE, f"{n} stray"), task=f"rom{n}") for n in range(5)
+    ]
+    seen = {"rotates": "transmitter-to-receiver", "seen": "gap", **EVIDENCE["gap"]}
+    finding = Finding("quaternion-inverse", SUSPECT, "", seen)
+    faults = [problem_row(STAGE, finding, subject=f"S{i:02}", hand="left", task="rom") for i in range(11)]
+    accepted = problem_row(STAGE, finding.accept("a doll"), subject="S11", hand="left", task="rom")
+    many = replace(fitted, problems=[*notes, *faults, accepted])
+    page = render_study(many, file)
+    assert "Accepted in the recordings sheet: 1" in page
+    shown, folded = (
+        page.partition('id="problems"')[2].partition("</section>")[0].split("<summary>3 more</summary>")
+    )
+    assert shown.count("<strong>") == 3
+    assert "<strong>11 recordings</strong>" in shown
+    assert shown.count("write <code>rotates: transmitter-to-receiver</code> under") == 1
+    assert "<li>subject S10, left hand, rom: put right, the gap of index_pip falls" in shown
+    assert shown.index("seem to be the inverse") < shown.index("0 stray")
+    assert folded.count("stray") == 3
+    text = outcome_text(many)
+    assert text.index("seem to be the inverse") < text.index("0 stray")
+    assert "and 3 more; see the report" in text
+    assert max(map(len, text.splitlines())) <= WIDTH
+
+
+def test_a_picture_that_fails_is_a_problem_of_the_page(
+    fitted: StudyResults, file: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shukotsu.report.plots.panels.page_figure", lambda _: {}["x"])
+    page = render_study(replace(fitted, problems=[*fitted.problems]), file)
+    assert "Not drawn: internal error in report" in page
+    assert "KeyError" in page.partition('id="problems"')[2].partition("</section>")[0]
+
+
+@pytest.mark.slow
+def test_a_hundred_subjects_weigh_less_than_two_megabytes(tmp_path: Path) -> None:
+    study, folder = many_subjects(tmp_path, 100)
+    results = read_results(read_study(study), folder)
+    page = render_study(results, read_study(study))
+    assert len(page.encode()) < 2_000_000
+    table = table_called(page, "Joints of every hand, whole-hand")
+    assert table.rows[2][0] == "Median"
+    assert len(table.rows) == 3 + 200

@@ -1,0 +1,163 @@
+"""The report in another language: its catalogue is whole, what it says, and what stays English."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from babel.messages.catalog import Catalog
+from babel.messages.catalog import Message as Translation
+from babel.messages.extract import DEFAULT_KEYWORDS, extract_from_dir
+from babel.messages.frontend import parse_mapping_cfg
+from babel.messages.pofile import read_po
+from matplotlib import font_manager
+from report_samples.rendered import whole_report
+from stage_scripts import stage_script
+
+from shukotsu.errors import InputError
+from shukotsu.report import templates, wording
+from shukotsu.report.plots import style
+from shukotsu.report.recording_page import recording_page
+from shukotsu.report.recording_results import read_recording
+from shukotsu.report.study_results import StudyResults
+from shukotsu.report.wording import languages, speaking
+from shukotsu.study.study import Hand, read_study
+from shukotsu.study.translation import END, FOREIGN, translated
+
+subject = stage_script("subject_pages")
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+REPORT = REPOSITORY / "stages" / "report"
+OTHERS = languages()[1:]
+
+
+def _extracted() -> set[str]:
+    """Return all that is to be translated, as `pybabel extract` finds it (docs/languages.md)."""
+    with (REPOSITORY / "babel.cfg").open(encoding="utf-8") as stream:
+        methods, options = parse_mapping_cfg(stream)
+    keywords = DEFAULT_KEYWORDS | {"tr": None, "N_": None, "plural": (1, 2)}
+    found = extract_from_dir(REPOSITORY, methods, options, keywords)
+    return {message[0] if isinstance(message, tuple) else message for _, _, message, _, _ in found}
+
+
+@cache
+def _catalogue(code: str) -> Catalog:
+    with (wording.CATALOGUES / f"{code}.po").open(encoding="utf-8") as stream:
+        return read_po(stream)
+
+
+def _texts(message: Translation) -> tuple[list[str], list[str]]:
+    """Return the English texts of a message, and its translations."""
+    english, own = message.id, message.string
+    return [*english] if isinstance(english, tuple) else [english], [*own] if isinstance(own, tuple) else [
+        own
+    ]
+
+
+def _places(text: str) -> set[str]:
+    return {a or b for a, b in re.findall(r"\{(\w*)(?::[^}]*)?\}|%\((\w+)\)s", text)}
+
+
+@pytest.mark.parametrize("code", OTHERS)
+def test_every_text_has_a_translation_and_every_translation_a_text(code: str) -> None:
+    known = {_texts(message)[0][0]: _texts(message)[1] for message in _catalogue(code) if message.id}
+    wanted = _extracted()
+    assert (sorted(wanted - known.keys()), sorted(known.keys() - wanted)) == ([], [])
+    assert [english for english, own in known.items() if not all(own)] == []
+
+
+@pytest.mark.parametrize("code", OTHERS)
+def test_a_translation_has_the_placeholders_of_its_text(code: str) -> None:
+    for english, translations in (_texts(message) for message in _catalogue(code) if message.id):
+        for own in translations:
+            assert _places(own) in [_places(text) for text in english], english
+            assert not re.search(r"[<>]", own), english
+
+
+def test_a_script_says_nothing_in_words_of_its_own() -> None:
+    source = "".join(path.read_text("utf-8") for path in REPORT.rglob("*.js"))
+    assert set(re.findall(r'"([a-zA-Z][a-z]+(?: [a-zA-Z]+)+[^"\n]*)"', source)) == {"use strict"}
+    assert set(re.findall(r'wording\((?:[\w.]+ \? )?"(\w+)"', source)) <= templates.SCRIPT_TEXTS.keys()
+
+
+def test_a_sentence_of_another_program_stays_english_and_says_so() -> None:
+    with speaking("ja"):
+        page = wording.typeset(f'<p title="{translated("Rain fell")}">{translated("Rain fell & wet")}</p>')
+    assert page == '<p title="Rain fell"><span lang="en">Rain fell & wet</span></p>'
+
+
+def test_a_hand_is_named_in_a_sentence() -> None:
+    with speaking("ja"):
+        assert str(Hand("01", "right")) == "被験者 01 の右手"
+    assert str(Hand("01", "right")) == "subject 01, right hand"
+
+
+class _Said(HTMLParser):
+    """Texts of a page that are not marked as English, nor its configuration and references."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stack: list[tuple[str, str | None]] = []
+        self.texts: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        own = dict(attrs)
+        self.texts += [own[name] or "" for name in ("aria-label", "title", "placeholder") if own.get(name)]
+        if tag not in ("meta", "link", "input", "br", "path"):
+            self.stack.append((tag, own.get("lang")))
+
+    def handle_endtag(self, tag: str) -> None:
+        while self.stack and self.stack.pop()[0] != tag:
+            pass
+
+    def handle_data(self, data: str) -> None:
+        tags = {tag for tag, _ in self.stack}
+        in_english = any(own == "en" for tag, own in self.stack if tag != "html")
+        if not in_english and not tags & {"script", "style", "pre", "ol"}:
+            self.texts.append(data)
+
+
+NAMES = ("Modeling of Hand Skeletal Structure", "no such file", "axis is 4 deg from the plane")
+"""A paper's title, and what refusals say of files: these stay English."""
+
+
+def _english_left(page: str) -> list[str]:
+    reader = _Said()
+    reader.feed(page)
+    sentence = re.compile(r"\b[a-z]+ [a-z]+ [a-z]+ [a-z]+\b")
+    return [
+        text for text in reader.texts if sentence.search(text) and not any(name in text for name in NAMES)
+    ]
+
+
+def test_nothing_of_a_japanese_report_is_left_in_english(
+    fitted: StudyResults, fitted_made: tuple[Path, Path]
+) -> None:
+    with speaking("ja"):
+        pages = [whole_report(fitted, read_study(fitted_made[0]))]
+        pages += [recording_page(read_recording(fitted, recording)) for recording in fitted.shown[:1]]
+    assert [text for page in pages for text in _english_left(page)] == []
+    assert all('<html lang="ja">' in page for page in pages)
+    assert not any(mark in page for page in pages for mark in (FOREIGN, END))
+
+
+def test_where_no_font_writes_the_language_one_sentence_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(font_manager.fontManager, "ttflist", [])
+    monkeypatch.setattr(font_manager, "findSystemFonts", list)
+    style._seek_fonts.cache_clear()
+    with pytest.raises(InputError, match=r"language: ja: its figures need a font.*fonts-ipaexfont-gothic"):
+        style.check_font("ja")
+    style.check_font("en")
+    style._seek_fonts.cache_clear()
+
+
+def test_a_page_in_an_unknown_language_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "plan.json").write_text("{}")
+    argv = ["--plan", str(tmp_path / "plan.json"), "--out", str(tmp_path / "pages"), "--language", "xx"]
+    assert subject.main(argv) == 2
+    assert "xx" in capsys.readouterr().err

@@ -1,0 +1,125 @@
+"""A page holds the motion to the stated error, gaps and all, once, and a picture for where nothing moves."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
+from report_samples.small_page import page_of_viewer
+
+from shukotsu.hand.rotations import matrix
+from shukotsu.report.hand_motion import Array, still_frame
+from shukotsu.report.palette import DIGIT_HUES
+from shukotsu.report.viewer import ERROR_STEP_MM, FARTHEST_MM, POSITION_STEP_MM, Block, motion_text, packed
+
+
+def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
+    """What `viewer.packed` wrote, by block: (T, N, W), NaN in gaps."""
+    raw = np.frombuffer(zlib.decompress(data), np.uint8)
+    blocks, at = {}, 0
+    for part in parts:
+        n_frames, count, width, planes = (part[key] for key in ("frames", "count", "width", "planes"))
+        code = np.zeros((count, width, n_frames), np.int64)
+        for plane in range(planes):
+            code |= raw[at : at + code.size].reshape(code.shape).astype(np.int64) << (8 * plane)
+            at += code.size
+        change = np.where(code > 0, ((code - 1) >> 1) ^ -((code - 1) & 1), 0)
+        values = np.where(code > 0, np.cumsum(change, axis=-1) * part["step"], np.nan)
+        blocks[part["name"]] = values.transpose(2, 0, 1)
+    return blocks
+
+
+NUMBERS = st.one_of(st.floats(-FARTHEST_MM, FARTHEST_MM), st.just(np.nan))
+VALUES = arrays(float, array_shapes(min_dims=3, max_dims=3, max_side=12), elements=NUMBERS)
+
+
+def header_of(motion: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The header that a page holds, and its blocks as `viewer.js` reads them."""
+    header = json.loads(motion_text(motion))
+    return header, unpacked(base64.b64decode(header["data"]), header["blocks"])
+
+
+@given(VALUES, st.sampled_from([0.01, 0.05, 0.25]))
+def test_a_block_comes_back_to_half_a_step_with_its_gaps(values: np.ndarray, step: float) -> None:
+    block = Block("some", step, values)
+    read = unpacked(*packed([block]))["some"]
+    gaps = np.isnan(values).any(-1)
+    np.testing.assert_array_equal(np.isnan(read).all(-1), gaps)
+    assert (np.abs(read - values)[~gaps] <= step / 2 + 1e-9).all()
+
+
+def points_in(header: dict[str, Any], blocks: dict[str, np.ndarray], index: int) -> np.ndarray:
+    """Positions (T, P, 3) of a skeleton's points as `viewer.js` finds them."""
+    seats = header["skeletons"][index]["seats"]
+    if seats is None:
+        return blocks[f"points{index}"]
+    receivers, rotations = blocks["receivers"], blocks["rotations"]
+    turns = matrix(rotations / np.linalg.norm(rotations, axis=-1, keepdims=True))
+    return np.stack([turns[:, carrier] @ point + receivers[:, carrier] for carrier, point in seats], 1)
+
+
+def test_a_motion_comes_back_to_the_stated_errors(known: Any) -> None:
+    motion = known.motion("paper-fig4", "whole-hand", "paper-fig3")
+    header, blocks = header_of(motion)
+    for index, skeleton in enumerate(motion.skeletons):
+        off = np.linalg.norm(points_in(header, blocks, index) - skeleton.position_mm, axis=-1)
+        rides = skeleton.on_receivers is not None
+        assert np.nanmax(off) <= np.sqrt(3) / 2 * POSITION_STEP_MM + (0.02 if rides else 1e-9)
+        np.testing.assert_array_equal(np.isnan(off), np.isnan(skeleton.position_mm[..., 0]))
+        error_off = np.abs(blocks[f"errors{index}"][..., 0] - skeleton.tip_error_mm)
+        assert np.nanmax(error_off) <= ERROR_STEP_MM / 2 + 1e-9
+    same = np.abs((blocks["rotations"] * motion.receiver_quaternion).sum(-1))
+    length = np.linalg.norm(blocks["rotations"], axis=-1)
+    assert np.nanmax(np.degrees(2 * np.arccos(np.clip(same / length, -1, 1)))) < 0.02
+    np.testing.assert_array_equal(blocks["frame"][:, 0, 0], motion.frame)
+
+
+def test_the_view_holds_the_hand_and_not_what_is_far_off(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    header, _ = header_of(motion)
+    skeleton = motion.skeletons[0]
+    position = skeleton.position_mm.copy()
+    position[:, skeleton.points.index("little_dip")] += 3000.0
+    spoiled, _ = header_of(replace(motion, skeletons=(replace(skeleton, position_mm=position),)))
+    assert 60 < header["half"][1] < 150
+    assert max(spoiled["half"]) < 300
+
+
+@pytest.mark.slow
+def test_a_recording_as_long_as_the_papers_is_small_under_seven_models(
+    make_known: Callable[[str, int], Any],
+) -> None:
+    motion = make_known("right", 3774).motion("paper-fig4", "whole-hand")
+    many = replace(motion, skeletons=motion.skeletons[:1] * 6 + motion.skeletons[1:])
+    assert len(motion_text(motion)) < 800_000
+    assert len(motion_text(many)) < 1_300_000
+
+
+def test_the_data_stand_in_the_page_once_behind_a_still_picture(right: Any) -> None:
+    page = page_of_viewer("Right hand", right.motion("paper-fig4", "whole-hand"))
+    (data,) = re.findall(r'<script type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert [skeleton["model"] for skeleton in json.loads(data)["skeletons"]] == ["paper-fig4", "whole-hand"]
+    assert len(page) < len(data) + 80_000
+    still, live = page.split('<form class="viewer-live"')
+    lines = re.findall(r"fill: none; stroke: var\(--(\w+)\); stroke-width: 2.2", still)
+    assert set(lines) == set(DIGIT_HUES), "a digit in its colour"
+    assert all(f">{digit}</text>" in still for digit in ("thumb", "index", "middle", "ring", "little"))
+    assert live.split(">")[0].endswith(" hidden")
+
+
+def test_the_still_picture_is_of_the_most_open_whole_frame(right: Any) -> None:
+    motion = right.motion("paper-fig4")
+    skeleton, valid = motion.skeletons[0], np.isfinite(motion.receiver_mm).all((1, 2))
+    tips = skeleton.position_mm[:, [skeleton.points.index(f"{digit}_tip") for digit in motion.digits]]
+    reach = np.linalg.norm(tips - motion.receiver_mm[:, [motion.base]], axis=-1).sum(1)
+    assert still_frame(motion, skeleton) == np.flatnonzero(valid)[np.argmax(reach[valid])]

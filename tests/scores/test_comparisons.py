@@ -1,0 +1,184 @@
+"""Comparing models across subjects: what counts, what is missing, and which are corrected together."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from report_samples.compared import scored_study
+from report_samples.made_study import FITTED_MODELS, make_study
+
+from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.scores import comparisons
+from shukotsu.scores.comparisons import ALL_DIGITS, NOT_SCORED, ComparedModels, compare_models
+from shukotsu.scores.observations import METRICS, Metric, Observation, ScoredStudy, observations
+from shukotsu.study.model import read_model
+from shukotsu.study.study import read_study
+
+PAIR = ("whole-hand", "paper-fig4")
+JOINT_ERROR, _, TRUE_TIP, _, REPLAY = METRICS
+
+
+def seen_of(values: Iterable[Sequence[float]], digit: str = "index") -> list[Observation]:
+    """One place a subject: the numbers of PAIR."""
+    return [
+        Observation(f"S{subject:02}", model, digit, "right hand, rom", value)
+        for subject, numbers in enumerate(values)
+        for model, value in zip(PAIR, numbers, strict=True)
+    ]
+
+
+def compare(
+    seen: Iterable[Observation],
+    monkeypatch: pytest.MonkeyPatch,
+    models: Sequence[str] = PAIR,
+    subjects: Sequence[str] = (),
+) -> ComparedModels:
+    """Compare made-up observations by TRUE_TIP, with paper-fig4 as the baseline."""
+    frame = pd.DataFrame(seen, columns=Observation._fields)
+    monkeypatch.setattr(comparisons, "METRICS", (TRUE_TIP,))
+    monkeypatch.setattr(comparisons, "observations", lambda *_, **__: frame)
+    empty = pd.DataFrame()
+    named = {name: read_model(name) for name in models}
+    names = sorted({*frame["subject"], *subjects})
+    return compare_models(ScoredStudy(tuple(names), named, {}, empty, empty, empty))
+
+
+def with_baseline(found: ComparedModels) -> dict[tuple[str, str], dict[str, Any]]:
+    """The comparisons with the baseline, by model and digit."""
+    return {(row["model"], row["digit"]): row for row in found.differences if row["baseline"]}
+
+
+def differences(found: ComparedModels, digit: str = ALL_DIGITS) -> dict[str, float]:
+    """The subjects' differences of PAIR."""
+    return {
+        row["subject"]: row["difference"]
+        for row in found.pairs
+        if (row["digit"], row["model"], row["other"]) == (digit, *PAIR)
+    }
+
+
+def missing(found: ComparedModels, subject: str) -> dict[str, dict[str, int]]:
+    """Why a subject's numbers over all digits are not there, by model."""
+    return {
+        row["model"]: json.loads(row["missing"])
+        for row in found.values
+        if (row["digit"], row["subject"]) == (ALL_DIGITS, subject) and row["missing"]
+    }
+
+
+def test_a_subject_counts_once_however_much_was_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hands, tasks and digits of one subject are averaged before subjects are."""
+    seen = seen_of([(1.0, 2.0), (2.0, 2.0), (2.0, 4.0)])
+    seen += [
+        Observation("S00", model, digit, place, value)
+        for digit, place in product(("index", "ring"), ("left hand, rom", "right hand, grip, trial 2"))
+        for model, value in zip(PAIR, (4.0, 8.0), strict=True)
+    ]
+    found = compare(seen, monkeypatch)
+    assert differences(found) == {"S00": pytest.approx(-17 / 5), "S01": 0.0, "S02": -2.0}
+    assert differences(found, "index") == {"S00": pytest.approx(-3.0), "S01": 0.0, "S02": -2.0}
+    assert differences(found, "ring") == {"S00": -4.0}
+    overall = with_baseline(found)[PAIR[0], ALL_DIGITS]
+    assert overall["mean_difference"] == pytest.approx((-17 / 5 - 2) / 3)
+    assert [overall[name] for name in ("n_compared_subjects", "n_better", "n_equal")] == [3, 2, 1]
+
+
+def test_any_model_is_compared_with_any(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The other way round the difference has the other sign, and is not the report's."""
+    found = compare(seen_of([(1.0, 2.0 + 0.1 * k) for k in range(8)]), monkeypatch)
+    there, back = (
+        next(row for row in found.differences if (row["digit"], row["other"]) == (ALL_DIGITS, other))
+        for other in PAIR
+    )
+    assert there["mean_difference"] == -back["mean_difference"]
+    assert (there["baseline"], back["baseline"]) == (False, True)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=8), st.integers(0, 2))
+def test_every_subject_is_listed(there: list[tuple[bool, bool]], more: int) -> None:
+    """Compared, or with each model that is missing and the reason."""
+    seen = [
+        Observation(f"S{k:02}", model, "index", "rom", 1.0 if known else None, "" if known else "why")
+        for k, pair in enumerate(there)
+        for model, known in zip(PAIR, pair, strict=True)
+    ]
+    extra = [f"T{index}" for index in range(more)]
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        if not any(map(any, there)):
+            assert compare(seen, monkeypatch, subjects=extra).values == []
+            return
+        found = compare(seen, monkeypatch, subjects=extra)
+    both = [f"S{k:02}" for k, known in enumerate(there) if all(known)]
+    assert list(differences(found)) == both
+    for k, known in enumerate(there):
+        absent = {model: {"why": 1} for model, own in zip(PAIR, known, strict=True) if not own}
+        assert missing(found, f"S{k:02}") == absent
+    for name in extra:
+        assert missing(found, name) == {model: {NOT_SCORED: 1} for model in PAIR}
+    assert with_baseline(found)[PAIR[0], ALL_DIGITS]["n_compared_subjects"] == len(both)
+
+
+def test_comparisons_with_one_model_are_corrected_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over all digits, and digit by digit, also those that cannot be significant; none without a subject."""
+    seen = seen_of([(1.0, 2.0 + 0.1 * s) for s in range(8)])
+    seen += seen_of([(1.0, 2.0), (1.0, 3.0)], "ring")
+    seen += [Observation("S00", "rigid", "thumb", "right hand, rom", 3.0)]
+    found = with_baseline(compare(seen, monkeypatch, (*PAIR, "rigid")))
+    assert found[PAIR[0], ALL_DIGITS]["p_holm"] == pytest.approx(2 / 256)
+    assert found[PAIR[0], "index"]["p"] == pytest.approx(2 / 256)
+    assert found[PAIR[0], "index"]["p_holm"] == pytest.approx(4 / 256)
+    assert found[PAIR[0], "ring"]["p_holm"] == pytest.approx(0.5)
+    assert {row["n_comparisons"] for (_, digit), row in found.items() if digit} == {2}
+    assert found["rigid", "thumb"].get("p") is found["rigid", "thumb"]["p_holm"] is None
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    """A simulated study with a model that fits the whole hand."""
+    folder = tmp_path_factory.mktemp("fitted")
+    study, results = make_study(folder, n_frames=20, models=FITTED_MODELS, subjects=("S01",), simulated=True)
+    return read_results(read_study(study), results)
+
+
+def seen_in(results: StudyResults, metric: Metric, *names: str, held_out: bool = True) -> pd.DataFrame:
+    return observations(scored_study(results), metric, names, held_out=held_out)
+
+
+@pytest.mark.parametrize("held_out", [True, False])
+def test_a_study_is_compared_as_its_rows_say(fitted: StudyResults, held_out: bool) -> None:
+    """The subject's mean over hands and digits of the rows of one kind."""
+    seen = seen_in(fitted, TRUE_TIP, *PAIR, held_out=held_out)
+    assert list(dict.fromkeys(seen["digit"])) == ["thumb", "index", "middle", "ring", "little"]
+    for model in PAIR:
+        rows = [r for r in fitted.scores if (r["model"], r["held_out"]) == (model, held_out)]
+        known = [r["true_tip_mean_mm"] for r in rows if r["true_tip_mean_mm"] is not None]
+        assert seen.loc[seen["model"] == model, "value"].mean() == pytest.approx(np.mean(known))
+    assert set(seen.loc[seen["value"].isna(), "reason"]) == {"joint ring_dip failed"}
+
+
+def test_joint_errors_are_those_of_skeletons_that_are_judged(fitted: StudyResults) -> None:
+    """Made from rom, which alone is held out here, not from opposition; a reference was made from nothing."""
+    rows = [
+        {**row, "error_mm": row["error_mm"] + 100.0}
+        if row["calibrated_on"] == "opposition" and row["error_mm"] is not None
+        else row
+        for row in fitted.joint_errors
+    ]
+    moved = replace(fitted, joint_errors=rows)
+    for model, made_from in (("whole-hand", "rom"), ("prior-only", "")):
+        mine = [r for r in rows if (r["model"], r["calibrated_on"]) == (model, made_from)]
+        little = [r["error_mm"] for r in mine if r["joint"].startswith("little")]
+        seen = seen_in(moved, JOINT_ERROR, model)
+        assert seen.loc[seen["digit"] == "little", "value"].mean() == pytest.approx(np.mean(little))
+    both = [seen_in(moved, JOINT_ERROR, "whole-hand", held_out=own)["value"].mean() for own in (True, False)]
+    assert both[1] == pytest.approx(both[0] + 100.0)

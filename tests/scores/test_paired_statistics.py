@@ -1,0 +1,90 @@
+"""Statistics of paired differences against other formulations of the same, and Holm's correction."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from shukotsu.scores.paired_statistics import N_FLIPS, effect_of, holm, paired_difference, sign_flip_p
+
+
+def test_holm_by_hand() -> None:
+    """0.01 x 4, 0.02 x 3, 0.03 x 2 raised to the one before, 0.9; no test stays none and does not count."""
+    corrected = holm([0.02, None, 0.9, 0.01, 0.03])
+    assert corrected == [
+        pytest.approx(0.06),
+        None,
+        pytest.approx(0.9),
+        pytest.approx(0.04),
+        pytest.approx(0.06),
+    ]
+    assert holm([0.4, 0.5]) == [pytest.approx(0.8), pytest.approx(0.8)]
+    assert holm([0.6, 0.7]) == [1.0, 1.0]
+    assert holm([]) == []
+
+
+SKEWED = np.array([-0.9, -0.5, -0.45, -0.3, -0.2, -0.15, -0.1, 0.02, 0.3])
+
+
+@pytest.mark.parametrize("n", [2, 5, 9])
+def test_exact_p_is_scipys(n: int) -> None:
+    """Enumerated sign flips of the mean, as scipy permutes samples of one pair each."""
+    d = SKEWED[:n]
+    expected = stats.permutation_test(
+        (d,), lambda x, axis: np.mean(x, axis=axis), permutation_type="samples", n_resamples=np.inf
+    )
+    assert sign_flip_p(d) == pytest.approx(expected.pvalue, abs=1e-12)
+
+
+def test_exact_p_counts_ties() -> None:
+    """Flips that reach the same sum count, though their sums differ by rounding."""
+    d = np.array([0.1, 0.2, 0.3, -0.3, 0.7, 0.1])
+    sums = [
+        abs(sum(s * round(10 * x) for s, x in zip(signs, d, strict=True)))
+        for signs in product((1, -1), repeat=6)
+    ]
+    expected = np.mean([total >= 11 for total in sums])
+    assert sign_flip_p(d) == expected
+
+
+@pytest.mark.parametrize("n", [14, 15, 20])
+def test_random_flips_are_near_the_exact_p(n: int) -> None:
+    """Within Monte Carlo error of the enumeration, which sums one subject after the other."""
+    d = np.random.default_rng(5).normal(0.4, 1.0, n)
+    sums = np.zeros(1)
+    for value in d:
+        sums = np.concatenate([sums + value, sums - value])
+    exact = float((np.abs(sums) >= abs(d.sum()) - 1e-9).mean())
+    error = 0.0 if n <= 14 else 4 * math.sqrt(exact * (1 - exact) / N_FLIPS)
+    assert 0.01 < exact < 0.5
+    assert sign_flip_p(d) == pytest.approx(exact, abs=error + 1e-12)
+
+
+def test_effect_size_by_hand() -> None:
+    """Mean 3, SD sqrt(2.5), and the correction for 4 degrees of freedom, gamma(2) / (sqrt(2) gamma(1.5))."""
+    d = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+    correction = 1.0 / (math.sqrt(2.0) * math.sqrt(math.pi) / 2)
+    assert paired_difference(d).effect == pytest.approx(3.0 / math.sqrt(2.5) * correction)
+    assert paired_difference(-d).effect == pytest.approx(-3.0 / math.sqrt(2.5) * correction)
+    assert paired_difference(d[:2]).effect is None
+    assert paired_difference(np.full(9, 0.7)).effect is None
+
+
+def test_an_interval_is_students_and_needs_six_subjects() -> None:
+    expected = stats.ttest_1samp(SKEWED, 0.0).confidence_interval(0.95)
+    assert paired_difference(SKEWED).interval == pytest.approx((expected.low, expected.high))
+    assert paired_difference(SKEWED[:5]).interval is None
+
+
+@pytest.mark.parametrize(("size", "freedom", "n_effective"), [(0.8, 5, 6), (-1.4, 18, 5), (0.0, 11, 12)])
+def test_effect_interval_is_where_scipys_noncentral_t_has_its_tails(
+    size: float, freedom: int, n_effective: float
+) -> None:
+    t = size * math.sqrt(n_effective)
+    low, high = (end * math.sqrt(n_effective) for end in effect_of(size, freedom, n_effective)[1])
+    assert stats.nct.sf(t, freedom, low) == pytest.approx(0.025, abs=1e-5)
+    assert stats.nct.cdf(t, freedom, high) == pytest.approx(0.025, abs=1e-5)

@@ -1,0 +1,158 @@
+"""Scores of a digit, errors of a joint and reference rows, with numbers that can be checked by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shukotsu.hand.rotations import about_axis
+from shukotsu.scores.evaluation import (
+    EvaluatedRecording,
+    metacarpal_deg,
+    tip_numbers,
+    true_skeleton_row,
+    true_tip_numbers,
+)
+from shukotsu.scores.scored_skeleton import Stated
+from shukotsu.scores.truth import DISTAL, TrueDigit, Truth, centre_errors, directions, read_truth, truth_for
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import simulate
+from shukotsu.simulate.written_truth import write_truth
+from shukotsu.study.layout import read_layout
+from shukotsu.study.study import Recording
+from shukotsu.tables.poses import RecordingName
+from shukotsu.tables.typed_table import Provenance
+
+NAN = float("nan")
+
+
+def turned(*degrees: float) -> np.ndarray:
+    return np.stack([about_axis(np.eye(3)[2], np.radians(angle)) for angle in degrees])
+
+
+def true_digit(frame: list[int], tip_mm: list[list[float]]) -> TrueDigit:
+    n = len(frame)
+    return TrueDigit(np.array(frame), np.array(tip_mm), np.zeros(n), np.tile(DISTAL, (n, 1)), 60.0)
+
+
+def test_a_replay_is_its_own_left_out_error() -> None:
+    replayed = np.array([[1.0], [3.0], [NAN]])
+    found = tip_numbers(replayed, replayed, fitted=False)
+    assert (found["replay_mean_mm"], found["left_out_mean_mm"]) == (2.0, 2.0)
+    assert (found["posed_mean_mm"], found["n_frames"]) == (None, 2)
+    assert found["replay_p95_mm"] == pytest.approx(2.9)
+    nothing = np.array([[NAN]])
+    assert tip_numbers(nothing, nothing, fitted=False) == {"posed_mean_mm": None, "n_frames": 0}
+
+
+def test_a_whole_hand_has_a_left_out_error_of_its_own() -> None:
+    """It is that of the frames tried; where the hand could not be posed the replay does not stand in."""
+    replayed = np.array([[1.0], [3.0], [5.0]])
+    posed = np.array([[0.5, NAN], [0.5, 4.0], [2.0, NAN]])
+    found = tip_numbers(replayed, posed, fitted=True)
+    assert found["replay_mean_mm"] == 3.0
+    assert found["posed_mean_mm"] == 1.0
+    assert (found["left_out_mean_mm"], found["left_out_p95_mm"], found["n_frames"]) == (4.0, 4.0, 3)
+    assert "left_out_mean_mm" not in tip_numbers(replayed, None, fitted=True)
+
+
+def test_truth_is_compared_frame_by_frame() -> None:
+    """Frames 6 and 7 are shared: 5 mm and 1 mm; 30 deg and 90 deg, whatever the bone's own twist."""
+    true, frame = true_digit([5, 6, 7], [[9, 9, 9], [0, 0, 0], [0, 0, 1]]), np.array([6, 7, 8])
+    found = true_tip_numbers(np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), frame, true)
+    assert found["true_tip_mean_mm"] == pytest.approx(3.0)
+    assert found["true_tip_p95_mm"] == pytest.approx(4.8)
+    assert metacarpal_deg(directions(turned(30, 90, 0)), frame, true) == pytest.approx(60.0)
+
+
+Row = dict[str, Any]
+
+
+def centre(joint: str, child: tuple[float, ...], parent: tuple[float, ...], **other: Any) -> Row:
+    row: Row = {"joint": joint, "status": "ok", "dof": 1, "sd_mm": None, "parent_segment": "x"}
+    row["n_frames"] = 100
+    axes = {"axis_child_": (0.0, 1.0, 0.0), "axis_parent_": (0.0, 1.0, 0.0)}
+    for prefix, values in {"child_": child, "parent_": parent}.items():
+        row |= {f"{prefix}{axis}_mm": value for axis, value in zip("xyz", values, strict=True)}
+    for prefix, values in axes.items():
+        row |= {f"{prefix}{axis}": value for axis, value in zip("xyz", values, strict=True)}
+    return row | other
+
+
+def truth_of(task: str, *joints: Row, **length_mm: float) -> Truth:
+    bones = {bone: {"length_mm": value} for bone, value in length_mm.items()}
+    stated = Stated({row["joint"]: row for row in joints}, bones)
+    return Truth(Path(task), RecordingName("01", "right", task), stated)
+
+
+def test_a_centre_along_and_across_its_axis() -> None:
+    """Off by (3, -4, 0) with the true axis along y: 5 in all, 4 along, 3 across; the parent's half by 6."""
+    true = centre("index_pip", (1, 1, 1), (0, 0, 0))
+    tilted = {"axis_child_x": 0.0, "axis_child_y": -np.cos(0.2), "axis_child_z": np.sin(0.2)}
+    found = centre_errors(centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted), true)
+    assert found["error_mm"] == pytest.approx(5.0)
+    assert found["along_mm"] == pytest.approx(4.0)
+    assert found["across_mm"] == pytest.approx(3.0)
+    assert found["parent_error_mm"] == pytest.approx(6.0)
+    assert found["axis_deg"] == pytest.approx(np.degrees(0.2))
+    assert (found["sd_mm"], found["within_95"]) == (3.8, True)
+
+
+def test_the_truth_is_where_centres_were_in_the_recordings_that_calibrated() -> None:
+    """Each frame counts alike, 300 against 100; without a truth of its own a skeleton is held against all."""
+    turned = {"axis_child_x": 1.0, "axis_child_y": 0.0}
+    rom = truth_of("rom", centre("index_pip", (1, 0, 0), (0, 0, 0), n_frames=300), index_middle=25.0)
+    grasp = truth_of("grasp", centre("index_pip", (5, 0, 0), (0, 0, 8), **turned), index_middle=25.0)
+    tap = truth_of("tap", centre("index_pip", (90, 0, 0), (0, 0, 0)), index_middle=25.0)
+
+    def true(*tasks: str, of: tuple[Truth, ...] = (rom, grasp, tap)) -> Row:
+        found = truth_for(tasks, of)
+        assert found is not None
+        assert found.bones["index_middle"]["length_mm"] == 25.0
+        return dict(found.joints["index_pip"])
+
+    assert [true("grasp", "other")[f"child_{axis}_mm"] for axis in "xyz"] == [5.0, 0.0, 0.0]
+    both = true("rom", "grasp")
+    assert (both["child_x_mm"], both["parent_z_mm"]) == (2.0, 2.0)
+    axis = np.array([both[f"axis_child_{axis}"] for axis in "xyz"])
+    np.testing.assert_allclose(axis, np.array([1.0, 3.0, 0.0]) / np.sqrt(10.0))
+    assert true("other", of=(rom, grasp)) == both
+    assert truth_for(["rom"], []) is None
+
+
+LAYOUT = read_layout("liberty16")
+FINGERS = ("index", "middle", "ring", "little")
+
+
+def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRecording:
+    """A range of motion of 200 frames, with its truth."""
+    made, name = simulate("01", hand, "rom", 4, realism, 200), RecordingName("01", hand, "rom")
+    write_truth(folder, made, Provenance())
+    truth, poses = read_truth(folder, name), made.poses()
+    true = truth.digits(poses, {digit.name: digit.tip for digit in LAYOUT.digits.values()})
+    of_none = ("both", Path(), "", Path(), "", None, "", "")
+    recording = Recording(name.of_hand, "rom", "", *of_none)
+    return EvaluatedRecording(recording, LAYOUT, poses, true, truth)
+
+
+@pytest.mark.parametrize("hand", ["right", "left"])
+def test_the_true_skeleton_is_exact_where_nothing_disturbs(tmp_path: Path, hand: str) -> None:
+    """Palm and thumb move, receivers are misplaced, but no centre glides and there is no skin and no noise:
+    replay, tip and wrist of the fingers are true. The thumb's CMC axes do not meet, so that
+    its base is true in the mean alone.
+    """
+    realism = replace(Realism.full(), glide=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
+    recording = recorded(tmp_path, realism, hand)
+    for name, digit in LAYOUT.digits.items():
+        row = true_skeleton_row(recording, digit)
+        assert row is not None
+        assert row["true_tip_p95_mm"] < 1e-6, name
+        assert row["metacarpal_deg"] == 0.0
+        assert row["n_frames"] == 200
+        assert row["replay_p95_mm"] < (1e-6 if name in FINGERS else 5.0), name
+        if name in ("index", "middle"):
+            assert row["wrist_mcp_sd_mm"] < 0.02

@@ -1,0 +1,116 @@
+"""Anatomy and motion of the simulated hand."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from shukotsu.hand import rotations
+from shukotsu.hand.drawn_hands import ANATOMIES, SOURCES
+from shukotsu.simulate import random_hand
+from shukotsu.simulate.forward import poses_in_hand
+from shukotsu.simulate.mounts import mounts_of
+from shukotsu.simulate.random_hand import BONES, DIGITS, FINGERS, FLEXION, JOINTS, TIP_BONES, Hand
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import Simulated, simulate
+from shukotsu.simulate.task_motion import rest_posture
+
+hand_of = cache(random_hand.hand_of)
+
+
+def flexion_deg(simulated: Simulated, joint: str) -> np.ndarray:
+    return np.degrees(simulated.truth.angles_rad[:, JOINTS.index(joint), FLEXION])
+
+
+def pad_distances_mm(simulated: Simulated) -> np.ndarray:
+    """Distance (T, 4) of the thumb's pad to each finger's."""
+    truth = simulated.truth
+    quaternion = truth.bone_quaternion[:, TIP_BONES]
+    pads = truth.bone_position_mm[:, TIP_BONES] + rotations.rotate(quaternion, truth.hand.pad_mm)
+    return np.linalg.norm(pads[:, 1:] - pads[:, :1], axis=-1)
+
+
+@pytest.mark.parametrize("anatomy", ANATOMIES)
+def test_people_differ_from_the_hand_that_they_are_drawn_around(anatomy: str) -> None:
+    """Bones of some thirty people: about as long as those of their source, or within those of all sources."""
+    realism = Realism(anatomy=anatomy)
+    lengths = np.array([hand_of(f"{i:02d}", "right", 3, realism).length_mm for i in range(35)])
+    hands = [SOURCES[anatomy]] if anatomy in SOURCES else SOURCES.values()
+    for digit in DIGITS:
+        bones = [b for b, bone in enumerate(BONES) if bone.startswith(f"{digit}_")]
+        means = np.array([hand[digit].lengths_mm for hand in hands])
+        off = lengths[:, bones].mean(0)
+        assert (off > 0.96 * means.min(0)).all()
+        assert (off < 1.04 * means.max(0)).all()
+        spread = lengths[:, bones].std(0) / off
+        assert spread.min() > 0.05
+        assert spread.max() < 0.14
+
+
+def test_receivers_sit_as_far_off_as_in_trials() -> None:
+    """Sd along, across and in height of those over proximal phalanges."""
+    segments = tuple(f"{digit}_proximal" for digit in FINGERS)
+    off, turn = [], []
+    for i in range(100):
+        hand = hand_of(f"{i:02d}", "right", 3, Realism(anatomy="ct"))
+        worn, exact = (
+            mounts_of(f"{i:02d}", "right", 3, hand, segments, Realism(mounts=scale)) for scale in (1.0, 0.0)
+        )
+        off.append(worn.position_mm - exact.position_mm)
+        turn.append(np.degrees(rotations.angle(worn.quaternion)))
+        share = worn.position_mm[:, 0] / [hand.length_mm[BONES.index(segment)] for segment in segments]
+        assert (np.abs(share - 0.5) <= 0.25 + 1e-12).all()
+    spread = np.std(off, axis=(0, 1))
+    np.testing.assert_allclose(spread, [3.2, 1.6, 1.3], rtol=0.12)
+    assert 3 < np.median(turn) < 6
+
+
+def test_left_hand_is_the_mirror_image_of_the_right() -> None:
+    angles = 0.3 * np.random.default_rng(0).standard_normal((20, len(JOINTS), 3))
+    right, left = (hand_of("01", side, 3, Realism.full()) for side in ("right", "left"))
+    right_mm, right_turn = poses_in_hand(right, angles)
+    left_mm, left_turn = poses_in_hand(left, angles)
+    mirror = np.array([1.0, -1.0, 1.0])
+    assert np.abs(left_mm - right_mm * mirror).max() < 1.0  # 0.5 % of the hand
+    mirrored = np.diag(mirror) @ rotations.matrix(right_turn) @ np.diag(mirror)
+    np.testing.assert_allclose(rotations.matrix(left_turn), mirrored, atol=1e-12)
+
+
+def test_thumb_is_on_the_radial_side_and_flexion_bends_towards_the_palm() -> None:
+    hand: Hand = hand_of("01", "right", 3, Realism.full())
+    angles = np.zeros((2, len(JOINTS), 3))
+    angles[1, :, FLEXION] = 0.4
+    angles[1, [JOINTS.index(f"{d}_cmc") for d in FINGERS]] = 0.0
+    position, _ = poses_in_hand(hand, angles)
+    thumb, *fingers = TIP_BONES
+    assert position[0, thumb, 1] > 40
+    assert (position[1, fingers, 2] < position[0, fingers, 2] - 10).all()
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+@pytest.mark.parametrize("subject", ["01", "02", "03"])
+def test_thumb_meets_each_finger_in_turn(subject: str, side: str) -> None:
+    apart_mm = pad_distances_mm(simulate(subject, side, "opposition", 20090601, Realism.full(), 960))
+    assert apart_mm.min(0).max() < 10
+    assert (apart_mm.max(0) > 30).all()
+    assert (np.diff(apart_mm.argmin(0)) > 0).all()
+
+
+def test_bones_of_nobody_run_through_each_other() -> None:
+    """Of people of every source, glides included; both hands of who is drawn again are of one person."""
+    for i in range(35):
+        realism = Realism(anatomy=ANATOMIES[i % len(ANATOMIES)])
+        hand, left = (hand_of(f"{i:02d}", side, 3, realism) for side in ("right", "left"))
+        np.testing.assert_allclose(left.length_mm, hand.length_mm, rtol=0.005)
+        angles = np.zeros((2, len(JOINTS), 3))
+        angles[1, :, :2] = np.radians(rest_posture())
+        position, quaternion = poses_in_hand(hand, angles)
+        ends = position + rotations.rotate(quaternion, hand.length_mm[:, None] * [1.0, 0.0, 0.0])
+        knuckles = [BONES.index(f"{digit}_proximal") for digit in FINGERS]
+        tips = TIP_BONES[1:]
+        for points_mm, least_mm in ((position[:, knuckles], 12.5), (ends[:, tips], 9.0)):
+            apart = np.linalg.norm(np.diff(points_mm, axis=1), axis=-1)
+            assert apart.min() > least_mm * hand.scale
+            assert (np.diff(position[:, knuckles, 1], axis=1) < 0).all()

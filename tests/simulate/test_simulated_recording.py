@@ -1,0 +1,86 @@
+"""What the tracker sees, and whether the truth beside it is true."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from shukotsu.errors import InputError
+from shukotsu.hand import rotations
+from shukotsu.simulate import simulation
+from shukotsu.simulate.random_hand import BONES, JOINTS
+from shukotsu.simulate.realism import Realism
+from shukotsu.study.layout import read_layout
+
+EXACT, FULL = Realism.exact(), Realism.full()
+SHORT = 600
+simulate = cache(simulation.simulate)
+
+
+def test_tasks_share_the_hand_and_its_receivers() -> None:
+    first, second = (simulate("01", "right", task, 7, FULL, SHORT).truth for task in ("opposition", "rom"))
+    np.testing.assert_array_equal(first.hand.length_mm, second.hand.length_mm)
+    np.testing.assert_array_equal(first.mounts.position_mm, second.mounts.position_mm)
+
+
+@pytest.mark.parametrize("task", ["opposition", "rom"])
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_exact_joints_are_hinges_in_the_childs_sagittal_plane(side: str, task: str) -> None:
+    simulated = simulate("01", side, task, 7, EXACT, SHORT, forearm=True)
+    layout = read_layout("liberty16")
+    assert set(simulated.truth.joints) == {joint.name for joint in layout.solvable}
+    for joint in simulated.truth.joints.values():
+        assert joint.gap_mm.max() < 1e-9
+        assert abs(joint.child_mm[1]) < 1e-12
+        assert abs(joint.axis_child[1]) > 0.8
+        if not joint.name.endswith("_dip"):
+            assert joint.range_deg > 10
+        parent, child = (
+            simulated.quaternion[:, simulated.segments.index(name)]
+            for name in (joint.parent_segment, joint.child_segment)
+        )
+        apart = rotations.rotate(parent, joint.axis_parent) - rotations.rotate(child, joint.axis_child)
+        assert np.abs(apart).max() < 1e-12
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str) -> None:
+    """Without tracker and field, recorded poses are those of the receivers on the skin; with them, the truth
+    is the same.
+    """
+    realism = replace(FULL, noise=0.0, field_distortion=0.0)
+    made = simulate("01", side, "rom", 7, realism, SHORT)
+    turn, truth = rotations.matrix(made.quaternion), made.truth
+    noisy = simulate("01", side, "rom", 7, FULL, SHORT).truth.joints
+    for name, joint in truth.joints.items():
+        centre_mm = truth.bone_position_mm[:, JOINTS.index(name) + 1]
+        for segment, stated in (
+            (joint.parent_segment, joint.parent_mm),
+            (joint.child_segment, joint.child_mm),
+        ):
+            if segment:
+                own = made.segments.index(segment)
+                seen = np.einsum("tba,tb->ta", turn[:, own], centre_mm - made.position_mm[:, own])
+                np.testing.assert_allclose(stated, seen.mean(0), atol=1e-9)
+        np.testing.assert_array_equal(joint.child_mm, noisy[name].child_mm)
+    for own, segment in enumerate(made.segments):
+        bone = rotations.matrix(truth.bone_quaternion[:, BONES.index(segment)])
+        seen = np.einsum("tba,tb->ta", turn[:, own], bone[..., 0]).mean(0)
+        np.testing.assert_allclose(truth.along[own], seen / np.linalg.norm(seen), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("hand", "task", "seed", "n_frames", "said"),
+    [
+        ("both", "rom", 1, 10, "hand 'both'"),
+        ("left", "juggling", 1, 10, "task 'juggling'"),
+        ("left", "rom", -1, 10, "seed -1"),
+        ("left", "rom", 1, 1, "1 frames"),
+    ],
+)
+def test_unusable_arguments_are_refused(hand: str, task: str, seed: int, n_frames: int, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        simulate("01", hand, task, seed, EXACT, n_frames)

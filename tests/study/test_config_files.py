@@ -1,0 +1,114 @@
+"""Configuration files: a typo is refused by name, defaults are filled in, and YAML holds no surprises."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from shukotsu.errors import InputError
+from shukotsu.study.config_files import config_path, json_schema, loaded_yaml, read_config, shipped, yaml_text
+
+MODEL = "model: mine\ndescription: A test.\n"
+
+
+def read(tmp_path: Path, text: str, kind: str = "model") -> dict[str, Any]:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text, "utf-8")
+    return read_config(path, kind)
+
+
+def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
+    config = read(tmp_path, MODEL + "joints: {singular_values: 6}\n")
+    assert config["joints"] == {"solver": "closed", "singular_values": 6, "calibration": "evaluated"}
+    assert config["planes"] == {"cut": True, "parallel_limit_deg": 20, "corrections": False}
+    assert config["metacarpals"]["rest_direction"] == [1, 0, 0]
+    assert "paper_table" not in config
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("joint: {}", "unknown key 'joint'; known are model, .*; did you mean 'joints'"),
+        ("joints: {slover: closed}", "joints: unknown key 'slover'; .*; did you mean 'solver'"),
+        ("joints: {singular_values: 7}", r"joints\.singular_values: is 7; expected one of 5, 6$"),
+        ("planes: {corrections: 1}", r"planes\.corrections: is 1; expected true or false$"),
+        ("planes: {parallel_limit_deg: 91}", r"planes\.parallel_limit_deg: is 91; expected at most 90$"),
+        ("planes: {parallel_limit_deg: .nan}", r"planes\.parallel_limit_deg: is nan; expected a finite"),
+        ("metacarpals: {rest_direction: [1, -.inf, 0]}", r"rest_direction\.1: is -inf; expected a finite"),
+        (
+            "metacarpals: {rest_direction: [1, 0]}",
+            r"metacarpals\.rest_direction: has 2; expected at least 3: Where",
+        ),
+        ("planes:", "planes: is empty; expected a group, lines of `key: value`$"),
+        ("own_cmc: [a, a]", r'own_cmc: is \["a", "a"\], which names one thing twice$'),
+        ("description: again", "not valid YAML: the key 'description' is given twice .*line 3"),
+        ("joints: {solver: closed, solver: closed}", "the key 'solver' is given twice"),
+        ("? [a, b]\n: 1", r"not valid YAML: \['a', 'b'\] cannot be a key"),
+        ("paper_table: 2020-13-45", "paper_table: is '2020-13-45'; expected"),
+        ("joints: [", "not valid YAML: "),
+        ("wrist: !!python/name:os.system", "not valid YAML: could not determine a constructor"),
+    ],
+)
+def test_a_mistake_is_named(tmp_path: Path, text: str, message: str) -> None:
+    """One line that begins with the file and names the key, with the nearest one that is known."""
+    with pytest.raises(InputError, match=message) as caught:
+        read(tmp_path, MODEL + text)
+    assert str(caught.value).startswith(f"{tmp_path / 'mine.yaml'}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no\.yaml: no such file; expected a study file"):
+        read_config(tmp_path / "no.yaml", "study")
+    (tmp_path / "latin.yaml").write_bytes(b"study: \xe9")
+    with pytest.raises(InputError, match=r"latin\.yaml: line 1: is not UTF-8 text; save it as UTF-8"):
+        read_config(tmp_path / "latin.yaml", "study")
+    with pytest.raises(InputError, match="is a folder; expected a study file, a regular file"):
+        read_config(tmp_path, "study")
+
+
+def test_a_name_that_ships_or_a_path(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").touch()
+    assert config_path("mine.yaml", "layout", tmp_path) == tmp_path / "mine.yaml"
+    assert config_path("arm", "layout", tmp_path).is_file()
+    assert "liberty16" in shipped("layout")
+    with pytest.raises(InputError, match=r"nor a file in .*; folders are separated by / and not by \\"):
+        config_path("data\\arm.yaml", "layout", tmp_path)
+    with pytest.raises(InputError, match=r"layout 'libery16' is neither .*did you mean 'liberty16'\?"):
+        config_path("libery16", "layout", tmp_path)
+
+
+def _properties(schema: Any) -> list[tuple[str, dict[str, Any]]]:
+    if isinstance(schema, list):
+        return [found for part in schema for found in _properties(part)]
+    if not isinstance(schema, dict):
+        return []
+    own = list(schema.get("properties", {}).items())
+    return own + [found for part in schema.values() for found in _properties(part)]
+
+
+@pytest.mark.parametrize("kind", ["study", "layout", "model", "mapping"])
+def test_every_key_is_described_and_every_object_closed(kind: str) -> None:
+    schema = json_schema(kind)
+    assert schema["additionalProperties"] is False
+    for name, part in _properties(schema):
+        assert part.get("description", "").endswith("."), name
+        assert part.get("type") != "object" or "additionalProperties" in part, name
+
+
+TEXTS = ("1:30", "no", "On", "y", "1_000", "0b11", "2020-01-01", "190:20:30.15")
+VALUES = {"012": 12, "0o17": 15, "0x1F": 31, "1e3": 1000.0, "-.5": -0.5, "+12": 12, "1.": 1.0}
+WORDS = {"~": None, "": None, "null": None, "true": True, "False": False, "'12'": "12", "!!str 12": "12"}
+TWO_VERSIONS = {**dict(zip(TEXTS, TEXTS, strict=True)), **VALUES, **WORDS}
+
+
+def test_yaml_is_read_as_1_2_and_written_for_both_versions() -> None:
+    """Written by us, a text is that text to a reader of YAML 1.1, too."""
+    for text, value in TWO_VERSIONS.items():
+        found = loaded_yaml(f"key: {text}", "a.yaml")["key"]
+        assert (found, type(found)) == (value, type(value)), text
+        assert loaded_yaml(yaml_text({"key": value}), "a.yaml") == {"key": value}
+        assert yaml.safe_load(yaml_text({"key": value})) == {"key": value}
+    for text in TWO_VERSIONS:
+        assert loaded_yaml(yaml_text([text]), "") == yaml.safe_load(yaml_text([text])) == [text]

@@ -1,0 +1,55 @@
+"""Skeleton models: those that ship are the paper's tables, and a file bears its model's name."""
+
+from pathlib import Path
+
+import pytest
+
+from shukotsu.errors import InputError
+from shukotsu.study.config_files import shipped
+from shukotsu.study.model import read_model
+
+
+@pytest.mark.parametrize("name", shipped("model"))
+def test_every_model_that_ships_is_read(name: str) -> None:
+    model = read_model(name)
+    assert model.name == name
+    assert model.description
+
+
+def test_the_papers_tables() -> None:
+    """What tells the four tables of the paper apart, and that each has a model."""
+    tables = {model.paper_table: model for model in map(read_model, shipped("model")) if model.paper_table}
+    told_apart = {n: (m.metacarpals.unmeasured, m.own_cmc, m.planes.corrections) for n, m in tables.items()}
+    assert told_apart == {
+        1: ("rest", (), False),
+        2: ("estimated", (), False),
+        3: ("estimated", ("thumb_cmc",), False),
+        4: ("estimated", ("thumb_cmc",), True),
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("model: yours\ndescription: d", "model: is 'yours'; expected the file's own name, 'mine'"),
+        ("model: mine\ndescription: d\nmetacarpals: {rest_direction: [0, 0, 0]}",
+         "metacarpals.rest_direction: has no length"),
+        ("model: mine", "the key 'description' is missing"),
+        ("model: mine\ndescription: d\njoints: {solver: anatomical}",
+         "joints.solver: anatomical left in 0.2: take solver closed"),
+        ("model: mine\ndescription: d\nplanes: {cut: false, corrections: true}",
+         "planes.corrections: is true, but planes.cut: false makes centres final"),
+        ("model: mine\ndescription: d\nmetacarpals: {unmeasured: fitted}",
+         "metacarpals.unmeasured: is fitted, but no whole hand is fitted"),
+        ("model: mine\ndescription: d\nfit: {whole_hand: true}",
+         "planes.cut: is true; a fit of the whole hand places its joints itself"),
+        ("model: mine\ndescription: d\nfit: {whole_hand: true}\nplanes: {cut: false}",
+         "metacarpals: a fit of the whole hand poses them all"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_model("mine.yaml", tmp_path)
+    with pytest.raises(InputError, match="did you mean 'rigid'"):
+        read_model("ridgid", tmp_path)

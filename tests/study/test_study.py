@@ -1,0 +1,228 @@
+"""Studies: paths, roles, and what two rows of a sheet may not do to each other."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from small_study import HEADER, write_study
+
+from shukotsu.errors import InputError
+from shukotsu.study.config_files import CONFIG_FOLDER
+from shukotsu.study.layout import read_layout
+from shukotsu.study.plan import StudyPlans, recordings_part
+from shukotsu.study.sheets import CORRECTIONS, read_sheet
+from shukotsu.study.study import Hand, Study, correction_problems, factor_levels, path_token, read_study
+
+
+def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
+    """Read a study whose recordings are the rows, see `write_study`."""
+    return read_study(write_study(tmp_path, *rows, more=more))
+
+
+def test_relative_paths_start_at_the_study_file(tmp_path: Path) -> None:
+    """Recordings too, although another file names them; layouts and models that ship go by their names."""
+    read = study(
+        tmp_path,
+        "01 right rom both data/rom.csv",
+        more="simulation: {folder: made, seed: 1}\nexports: [bvh]\n",
+    )
+    (recording,) = read.recordings
+    assert recording.file == tmp_path / "data" / "rom.csv"
+    assert recording.file_as_written == "data/rom.csv"
+    assert read.sheets == {"recordings": tmp_path / "sheets" / "recordings.tsv"}
+    assert read.layout == recording.layout == CONFIG_FOLDER / "layouts" / "liberty16.yaml"
+    assert list(read.models) == ["rigid", "paper-fig4"]
+    assert read.exports == ("bvh",)
+    assert read.simulation is not None
+    assert read.simulation.folder == tmp_path / "made"
+
+
+def test_layouts_and_models_of_ones_own(tmp_path: Path) -> None:
+    (tmp_path / "mine.yaml").write_text("model: mine\ndescription: My own.\n")
+    (tmp_path / "wing.yaml").write_bytes((CONFIG_FOLDER / "layouts" / "arm.yaml").read_bytes())
+    (tmp_path / "recordings.tsv").write_text(f"{HEADER}\n01\tright\trom\tboth\tr.csv\t\twing.yaml\n")
+    (tmp_path / "study.yaml").write_text(
+        "study: s\nrecordings: recordings.tsv\nlayout: arm\nmodels: [mine.yaml]\n"
+    )
+    read = read_study(tmp_path / "study.yaml")
+    assert read.models == {"mine": tmp_path / "mine.yaml"}
+    assert read.layout_of(Hand("01", "right")) == tmp_path / "wing.yaml"
+
+
+def test_the_study_s_mapping_is_that_of_rows_which_may_need_one(tmp_path: Path) -> None:
+    """Neither of a row that names its own or its format, nor of files that say themselves what they hold."""
+    head = "subject\thand\ttask\trole\tfile\tmapping\tformat"
+    rows = ("a a.csv", "b b.c3d own.yaml", "c c.csv - csv", "d d.arrows", "e E.PARQUET")
+    cells = (["01", "right", task, "both", *more] for task, *more in map(str.split, rows))
+    text = "\n".join([head, *("\t".join(row).replace("\t-", "\t") for row in cells)])
+    (tmp_path / "recordings.tsv").write_text(text)
+    (tmp_path / "study.yaml").write_text(
+        "study: s\nrecordings: recordings.tsv\nlayout: arm\nmapping: lab.yaml\nmodels: [rigid]\n"
+    )
+    mappings = [recording.mapping for recording in read_study(tmp_path / "study.yaml").recordings]
+    assert mappings == [tmp_path / "lab.yaml", tmp_path / "own.yaml", None, None, None]
+
+
+@given(st.text(), st.text())
+@example("a.b", "a%2Eb")
+@example("é", "e\u0301")
+@example("a/b", "a_b")
+def test_two_names_never_share_a_path(one: str, two: str) -> None:
+    assert (path_token(one) == path_token(two)) == (one == two)
+
+
+@given(st.text())
+def test_a_name_is_always_one_safe_part_of_a_path(name: str) -> None:
+    token = path_token(name)
+    assert all(letter.isalnum() or letter in "-_%" for letter in token)
+    assert path_token(token.replace("%", "")) == token.replace("%", "")
+
+
+@pytest.mark.parametrize(
+    ("rows", "more", "message"),
+    [
+        ((), "", "recordings.tsv: has no recording; add a row a recording"),
+        (("01 right a both a.csv", "01 right A both b.csv"), "",
+         "row 3: its results would have the path of row 2; rename"),
+        (("01 right a_b both a.csv", "01 right a both b.csv b"), "",
+         "row 3: its results would have the path of row 2"),
+        (("01 right a both a.csv", "01 right b both b.csv - arm"), "",
+         "row 3, column layout: arm has other bodies, joints or digits than liberty16"),
+        (("01 right a both a.csv - arn",), "", "layout 'arn' is neither .*did you mean 'arm'"),
+        (("01 right a both a.csv",), "participants: no.tsv\n", "no.tsv: no such file; expected the sheet of"),
+        (("01 right a both a.csv",), "particpants: no.tsv\n", "unknown key 'particpants'.*'participants'"),
+    ],
+)  # fmt: skip
+def test_a_contradiction_is_refused(tmp_path: Path, rows: tuple[str, ...], more: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        study(tmp_path, *rows, more=more)
+
+
+def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) -> None:
+    """No such hand, no such joint, and a joint that has no solution of its own."""
+    path = tmp_path / "corrections.tsv"
+    joints = (
+        "01 right thumb_ip",
+        "01 left thumb_ip",
+        "01 right thumb_pi",
+        "01 right xyz",
+        "01 right index_cmc",
+    )
+    rows = [f"{joint} 1 2 3".replace(" ", "\t") for joint in joints]
+    path.write_text("\n".join(["subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm", *rows]))
+    layout = read_layout("liberty16")
+    problems = correction_problems(read_sheet(path, CORRECTIONS), path, [Hand("01", "right")], layout)
+    assert [problem.split(", column ")[0] for problem in problems] == [
+        f"corrections.tsv: row {row}" for row in (3, 4, 5, 6)
+    ]
+    assert "column subject: the study has no left hand of '01'" in problems[0]
+    assert "'thumb_pi' is no joint of layout liberty16; did you mean 'thumb_ip'?" in problems[1]
+    assert "expected one of wrist, thumb_cmc, " in problems[2]
+    assert "'index_cmc' is no joint of layout" in problems[3]
+    assert all(problem.endswith("the row was not applied") for problem in problems)
+
+
+SESSIONS = "subject\tsession\thand\ttask\trole\tfile\ttrial\tevents\tpulses"
+
+
+def study_of_sessions(folder: Path, *rows: str, **sheets: str) -> Study:
+    """Read a study with those rows of the columns SESSIONS, and other sheets of that content."""
+    (folder / "recordings.tsv").write_text("\n".join([SESSIONS, *rows]).replace(" ", "\t").replace("-", ""))
+    named = {name: f"{name}.tsv" for name in ("recordings", *sheets)}
+    for name, text in sheets.items():
+        (folder / f"{name}.tsv").write_text(text.replace(" ", "\t"))
+    keys = "".join(f"{name}: {file}\n" for name, file in named.items())
+    (folder / "study.yaml").write_text(f"study: s\nlayout: liberty16\nmodels: [rigid]\n{keys}")
+    return read_study(folder / "study.yaml")
+
+
+def test_sessions_are_kept_apart(tmp_path: Path) -> None:
+    read = study_of_sessions(
+        tmp_path,
+        "01 1 right rom both a.csv",
+        "01 2/b right rom both b.csv - b.mid sync",
+        "01 - left rom both c.csv",
+    )
+    assert read.subjects == ("01",)
+    assert [who.token for who in read.sessions] == ["01_ses-1", "01_ses-2%2Fb", "01"]
+    assert [hand.folder for hand in read.hands] == [f"sub-{own}" for own in (
+        "01_ses-1/right", "01_ses-2%2Fb/right", "01/left"
+    )]  # fmt: skip
+    assert str(read.hands[1]) == "subject 01, session 2/b, right hand"
+    (recording,) = read.of_session("01", "2/b").recordings
+    assert (recording.file_as_written, recording.events, recording.pulses) == (
+        "b.csv", tmp_path / "b.mid", "sync"
+    )  # fmt: skip
+    with pytest.raises(InputError, match="has no subject '01, session 3'; expected one of 01, session 1, "):
+        read.of_session("01", "3")
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("01 right scale 1", "row 2: 01, right, scale names several recordings; say which in the columns"),
+        ("01 left scale 1", "row 2: 01, left, scale names no recording of the recordings sheet"),
+        ("01 right scale x", "row 2, column onset_s: is 'x'; expected a number"),
+    ],
+)
+def test_events_are_of_one_recording(tmp_path: Path, row: str, message: str) -> None:
+    recordings = ("01 1 right scale both a.csv", "01 2 right scale both b.csv", "01 2 right rom both c.csv")
+    with pytest.raises(InputError, match=message):
+        study_of_sessions(tmp_path, *recordings, events=f"subject hand task onset_s\n{row}\n")
+    events = "subject hand session task onset_s name\n01 right 2 scale 1.5 key\n01 right - rom 2 key\n"
+    read = study_of_sessions(tmp_path, *recordings, events=events.replace("-", ""))
+    plans = StudyPlans(read, tmp_path / "results")
+    for session, tasks in (("1", {"rom"}), ("2", {"scale", "rom"})):
+        part = recordings_part(plans.content("01", session))
+        assert {row["task"] for row in part["events"]} == tasks
+
+
+def test_exports_are_of_models_of_the_study(tmp_path: Path) -> None:
+    more = "exports: [bvh]\nexport_settings: {models: [whole-hand]}\n"
+    with pytest.raises(
+        InputError, match=r"export_settings.models: 'whole-hand' is no model of the study; expec"
+    ):
+        study(tmp_path, "01 right rom both a.csv", more=more)
+
+
+def study_of_factors(tmp_path: Path, factors: str, participants: str = "group") -> Study:
+    """Read a study whose recordings have a condition and whose participants that column."""
+    rows = (
+        "01 1 right scale both a slow",
+        "01 2 right scale both b fast",
+        "02 1 right scale evaluation c n/a",
+    )
+    head = "subject session hand task role file condition"
+    text = "\n".join([head, *rows]).replace(" ", "\t")
+    (tmp_path / "recordings.tsv").write_text(text)
+    (tmp_path / "participants.tsv").write_text(f"subject\t{participants}\n01\texpert\n")
+    (tmp_path / "study.yaml").write_text(
+        "study: s\nrecordings: recordings.tsv\nparticipants: participants.tsv\nlayout: liberty16\n"
+        f"models: [rigid]\nfactors: [{factors}]\n"
+    )
+    return read_study(tmp_path / "study.yaml")
+
+
+def test_levels_of_either_sheet_and_of_the_recordings_own_columns(tmp_path: Path) -> None:
+    """A participant without a row, an empty cell and n/a have no level; what only calibrates has no row."""
+    names = ("subject", "session", "hand", "task", "trial", "group", "condition")
+    rows = factor_levels(study_of_factors(tmp_path, "group, condition, session"))
+    assert [tuple(row[name] for name in names) for row in rows] == [
+        ("01", "1", "right", "scale", "", "expert", "slow"),
+        ("01", "2", "right", "scale", "", "expert", "fast"),
+        ("02", "1", "right", "scale", "", "", ""),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("factors", "column", "message"),
+    [
+        ("condition, gruop", "group", "'gruop' is no column of the sheets.*did you mean 'group'?"),
+        ("condition, role", "group", "'role' tells no levels apart; expected one of session, hand"),
+        ("condition", "condition", "'condition' is a column of both sheets"),
+    ],
+)
+def test_what_is_no_factor_is_refused(tmp_path: Path, factors: str, column: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        study_of_factors(tmp_path, factors, column)

@@ -1,0 +1,48 @@
+"""For how long frames were recorded, and where the clock is off, however it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from shukotsu.movement.sampling import grid_of
+from shukotsu.tables.device_clock import DAY_S, Array, device_clock
+
+T = np.arange(3600) / 240
+FRAME = np.arange(3600)
+LATE = FRAME >= 1800
+WRAP_S = 2**32 / 1000
+STOOD = (FRAME >= 1800) & (FRAME < 2400)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "kind", "by_s"),
+    [
+        (T + 3600 * LATE, "ahead", 3600.0),
+        (T + 1.77e9 * LATE, "ahead", 1.77e9),
+        (T - T[1800] * LATE, "back", T[1799]),
+        (T + 9e4 - DAY_S * LATE, "midnight", DAY_S),
+        (T - WRAP_S * LATE, "wrap", WRAP_S),
+        (np.where(STOOD, T[1800], T), "still", 0.0),
+        (np.where(LATE, T[1800], T), "still", 0.0),
+    ],
+)
+def test_a_clock_that_does_not_run_on(time_s: Array, kind: str, by_s: float) -> None:
+    duration_s, (one,) = device_clock(time_s, FRAME)
+    assert duration_s == pytest.approx(T[-1], abs=1e-4)
+    assert (one.kind, one.row, one.by_s) == (kind, 1800, pytest.approx(by_s, rel=1e-6))
+    grid = grid_of(time_s)
+    assert grid is not None
+    assert grid.step_s == pytest.approx(1 / 240, rel=1e-6), "so that speeds are as without it"
+
+
+@pytest.mark.parametrize("time_s", [T, np.floor(T), np.floor(T * 30) / 30, np.round(T, 3)])
+def test_stamps_may_be_coarse_or_come_in_bursts(time_s: Array) -> None:
+    assert device_clock(time_s, FRAME) == (pytest.approx(T[-1], abs=1e-3), [])
+
+
+def test_what_no_clock_tells() -> None:
+    duration_s, (one,) = device_clock(np.full(3600, 7.0))
+    assert (duration_s, one.kind, one.rows) == (None, "still", 3600)
+    assert device_clock(np.full(9, np.nan)) == (None, [])
+    assert device_clock(T + 5 * LATE, FRAME + 1200 * LATE)[1] == [], "frames are missing as long as that"

@@ -1,0 +1,189 @@
+"""Subject tables in parts: every part's own rows come back, and a part that is not there says why."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pipeline import recording_numbers
+
+from shukotsu.errors import InputError, TableError
+from shukotsu.tables.catalogue import METACARPALS
+from shukotsu.tables.parts import PARTS_KEY, Part, part_metadata, parts_writer, read_part
+from shukotsu.tables.typed_table import Column, Provenance, Table, read_table, rows_of
+
+KEYS = ("subject", "hand", "model", "made_without")
+SHORT = Table(
+    "short",
+    1,
+    "a bone",
+    (
+        *(Column(name, pa.string(), "", "whose") for name in (*KEYS, "bone")),
+        Column("length_mm", pa.float64(), "mm", "how long", nullable=True),
+    ),
+    (*KEYS, "bone"),
+)
+WHOLE, WITHOUT = Part("right", "rigid", "", "01"), Part("right", "rigid", "rom", "01")
+LEFT = Part("left", "rigid", "", "01")
+TURNS = [f"q{name}" for name in "wxyz"]
+
+
+def bone(name: str, length_mm: float | None = None) -> dict[str, Any]:
+    return {"bone": name, "length_mm": length_mm}
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    """Two parts with rows, one in two calls, one part without rows and one that failed."""
+    path = tmp_path / "short.parquet"
+    with parts_writer(path, SHORT, Provenance()) as writer:
+        writer.rows(WHOLE, [bone("a", 1.0)], calibrated_on=["rom"])
+        writer.rows(LEFT, [bone("c", 3.0)])
+        writer.rows(WHOLE, [bone("b")], own_cmc=["thumb_cmc"])
+        writer.rows(Part("left", "rigid", "rom", "01"), [])
+        writer.failure(WITHOUT, "no recording calibrates", calibrated_on=[])
+    return path
+
+
+def test_parts_come_back_with_their_parameters(short: Path) -> None:
+    found = read_part(short, SHORT, WHOLE)
+    assert [(row["bone"], row["length_mm"]) for row in rows_of(found)] == [("a", 1.0), ("b", None)]
+    assert found.column("hand").to_pylist() == ["right"] * 2
+    assert read_part(short, SHORT, LEFT, ["length_mm"]).to_pydict() == {"length_mm": [3.0]}
+    assert read_part(short, SHORT, Part("left", "rigid", "rom", "01")).num_rows == 0
+    assert part_metadata(short, SHORT) == {
+        WHOLE: {"calibrated_on": ["rom"], "own_cmc": ["thumb_cmc"]},
+        LEFT: {},
+        Part("left", "rigid", "rom", "01"): {},
+        WITHOUT: {"calibrated_on": [], "failure": "no recording calibrates"},
+    }
+    assert read_table(short, SHORT).num_rows == 3
+    assert pq.ParquetFile(short).num_row_groups == 1
+
+
+def test_a_part_that_the_file_lacks_and_one_that_failed(short: Path) -> None:
+    """Another model, a task that was not left out, or another subject's file."""
+    for part in (
+        Part("left", "paper-fig4", "", "01"),
+        Part("right", "rigid", "", "02"),
+        Part("right", "rigid", "x", "01"),
+    ):
+        with pytest.raises(TableError, match=f"short.parquet: has no rows of {part}; remove it and run"):
+            read_part(short, SHORT, part)
+    with pytest.raises(InputError, match=r"^no recording calibrates$") as caught:
+        read_part(short, SHORT, WITHOUT)
+    assert not isinstance(caught.value, TableError)
+
+
+@pytest.mark.parametrize(
+    "listed", [None, b"", b"[1]", b'[{"hand": "right"}]'], ids=["none", "no-json", "number", "keys"]
+)
+def test_a_damaged_list_of_parts(short: Path, listed: bytes | None) -> None:
+    table = pq.read_table(short)
+    metadata = dict(table.schema.metadata)
+    metadata.pop(PARTS_KEY.encode(), None)
+    if listed is not None:
+        metadata[PARTS_KEY.encode()] = listed
+    pq.write_table(table.replace_schema_metadata(metadata), short)
+    with pytest.raises(TableError, match=r"short.parquet: does not list its parts"):
+        read_part(short, SHORT, WHOLE)
+
+
+names = st.text("ab%é ", max_size=3)
+parts = st.builds(Part, st.sampled_from(["right", "left"]), names, names, names)
+
+
+@given(st.dictionaries(parts, st.none() | st.lists(st.floats(allow_nan=False), max_size=3), max_size=5))
+def test_any_parts_come_back(
+    tmp_path_factory: pytest.TempPathFactory, contents: dict[Part, list[float] | None]
+) -> None:
+    """Whatever their names, each with its own rows and no other's; None is a failure."""
+    path = tmp_path_factory.mktemp("parts") / "short.parquet"
+    with parts_writer(path, SHORT, Provenance()) as writer:
+        for part, lengths in contents.items():
+            if lengths is None:
+                writer.failure(part, "failed")
+            else:
+                writer.rows(part, [bone(f"{i}", length) for i, length in enumerate(lengths)])
+    assert list(part_metadata(path, SHORT)) == list(contents)
+    for part, lengths in contents.items():
+        if lengths is not None:
+            assert read_part(path, SHORT, part).column("length_mm").to_pylist() == lengths
+
+
+# --- frame by frame ---------------------------------------------------------------------------------------
+
+
+def turns(n_frames: int, start: float) -> np.ndarray:
+    values = start + np.arange(n_frames * 4.0).reshape(n_frames, 4)
+    values[0] = np.nan
+    return values
+
+
+def columns(digit: str, task: str, values: np.ndarray, trial: str = "") -> dict[str, Any]:
+    unknown = np.full(len(values), np.nan)
+    return {
+        "subject": "01",
+        "task": task,
+        "trial": trial,
+        "digit": digit,
+        "frame": np.arange(len(values)),
+        **{name: values[:, index] for index, name in enumerate(TURNS)},
+        **dict.fromkeys(("swing_deg", "twist_deg", "length_mm"), unknown),
+        "flags": [""] * len(values),
+    }
+
+
+LONG = {
+    (WHOLE, "rom", "", "thumb"): turns(5, 0.0),
+    (WHOLE, "rom", "", "index"): turns(5, 100.0),
+    (WHOLE, "rom", "2", "index"): turns(4, 200.0),
+    (WHOLE, "opposition", "", "index"): turns(3, 300.0),
+    (WITHOUT, "rom", "", "index"): turns(5, 400.0),
+    (LEFT, "rom", "", "index"): turns(6, 500.0),
+}
+
+
+@pytest.fixture
+def long(tmp_path: Path) -> Path:
+    path = tmp_path / "metacarpals.parquet"
+    with parts_writer(path, METACARPALS, Provenance()) as writer:
+        for (part, task, trial, digit), values in LONG.items():
+            writer.columns(part, columns(digit, task, values, trial))
+        writer.failure(Part("left", "rigid", "rom", "01"), "no joint")
+    return path
+
+
+def test_one_recordings_numbers(long: Path) -> None:
+    """A row group a recording and digit; a recording without rows gives nothing."""
+    found = recording_numbers(long, METACARPALS, WHOLE, "rom", "", "digit", TURNS, 5)
+    assert list(found) == ["thumb", "index"]
+    for digit, values in found.items():
+        np.testing.assert_array_equal(values, LONG[WHOLE, "rom", "", digit])
+    for part, task, trial, digit in LONG:
+        own = recording_numbers(long, METACARPALS, part, task, trial, "digit", ["qy"])[digit]
+        np.testing.assert_array_equal(own[:, 0], LONG[part, task, trial, digit][:, 2])
+    assert recording_numbers(long, METACARPALS, LEFT, "opposition", "", "digit", TURNS, 3) == {}
+    metadata = pq.ParquetFile(long).metadata
+    assert [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)] == [5, 5, 4, 3, 5, 6]
+
+
+def test_recordings_that_share_a_row_group(tmp_path: Path, long: Path) -> None:
+    """Whatever wrote the file: rows of another recording, part or digit beside them are nobody else's."""
+    path, rows = tmp_path / "together.parquet", pq.read_table(long)
+    listed = pq.read_metadata(long).metadata[PARTS_KEY.encode()]
+    pq.write_table(rows.replace_schema_metadata(rows.schema.metadata | {PARTS_KEY: listed}), path)
+    assert pq.read_metadata(path).num_row_groups == 1
+    for part, task, trial, digit in LONG:
+        found = recording_numbers(path, METACARPALS, part, task, trial, "digit", TURNS)
+        assert set(found) == {own[3] for own in LONG if own[:3] == (part, task, trial)}
+        np.testing.assert_array_equal(found[digit], LONG[part, task, trial, digit])
+    frames = np.array([2, 3, 9])
+    some = recording_numbers(path, METACARPALS, LEFT, "rom", "", "digit", ["qw"], frames=frames, name="index")
+    np.testing.assert_array_equal(some["index"][:2, 0], LONG[LEFT, "rom", "", "index"][2:4, 0])
+    assert np.isnan(some["index"][2, 0]), "the recording has no frame 9"
+    assert not recording_numbers(path, METACARPALS, LEFT, "rom", "", "digit", ["qw"], name="ring")

@@ -1,0 +1,70 @@
+"""What became of a recording, from its poses table."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shukotsu.study.findings import NOTE, REFUSED, Finding, worded
+from shukotsu.study.study import Hand, Recording
+from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.recording_summary import recording_row
+from shukotsu.tables.typed_table import Provenance, write_failure, write_table
+
+RECORDING = Recording(
+    Hand("01", "right"), "rom", "2", "both", Path("a.csv"), "data/a.csv", Path("l"), "auto", None, "keep", ""
+)
+SEGMENTS = ("hand", "thumb", "index")
+N_FRAMES = 40
+
+
+def poses(
+    path: Path, parameters: dict[str, Any], valid: Any = True, time_s: Any = None, rows: int = 40
+) -> Path:
+    count = N_FRAMES * len(SEGMENTS)
+    times = np.tile(np.arange(N_FRAMES) / 240 + 3.0, len(SEGMENTS)) if time_s is None else time_s
+    columns = {
+        "segment": np.repeat(SEGMENTS, N_FRAMES).tolist(),
+        "frame": np.tile(np.arange(N_FRAMES), len(SEGMENTS)),
+        "time_s": np.broadcast_to(times, count),
+        **dict.fromkeys(("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"), np.zeros(count)),
+        "valid": np.broadcast_to(valid, count),
+        "flags": [""] * count,
+    }
+    write_table(path, POSES, columns, Provenance((), parameters), row_group_rows=rows)
+    return path
+
+
+def test_a_recording_without_problems(tmp_path: Path) -> None:
+    row, problems = recording_row(RECORDING, poses(tmp_path / "p.parquet", {}))
+    counts = {"n_frames": N_FRAMES, "n_receivers": len(SEGMENTS), "duration_s": pytest.approx(39 / 240)}
+    words = {"role": "both", "file": "data/a.csv", "status": "used", "message": "", "tracker": ""}
+    assert row == RECORDING.key | words | counts | {"valid_percent": 100.0}
+    assert problems == []
+    named, _ = recording_row(RECORDING, poses(tmp_path / "q.parquet", {"tracker": "VIPER"}))
+    assert named["tracker"] == "VIPER"
+
+
+GAPS = np.arange(N_FRAMES * len(SEGMENTS)) % 7 != 0
+
+
+@pytest.mark.parametrize("rows", [9, 40, 120], ids=["parts-of-segments", "one-segment", "all"])
+def test_gaps_and_missing_frames_count(tmp_path: Path, rows: int) -> None:
+    """The same however the rows lie in the file; what the layout expects and the file lacks counts, too."""
+    path = poses(tmp_path / "p.parquet", {"missing_frames": 10, "absent": ["little"]}, GAPS, rows=rows)
+    row, problems = recording_row(RECORDING, path)
+    assert row["n_frames"] == N_FRAMES
+    assert row["valid_percent"] == pytest.approx(100 * GAPS.sum() / (50 * 4))
+    assert problems == [Finding("recording", NOTE, "no-pose", {"segments": ["little"]})]
+
+
+def test_a_failed_import_and_an_excluded_recording(tmp_path: Path) -> None:
+    path = tmp_path / "p.parquet"
+    write_failure(path, POSES, "a.csv: row 7: not a number", Provenance())
+    row, problems = recording_row(RECORDING, path)
+    assert (row["status"], row["message"], row["n_frames"]) == ("failed", problems[0].message, 0)
+    assert problems == [worded("recording", REFUSED, "a.csv: row 7: not a number")]
+    excluded = Recording(**{**vars(RECORDING), "exclude": "the cable came off"})
+    row, problems = recording_row(excluded, tmp_path / "none.parquet")
+    assert (row["status"], row["message"], problems) == ("excluded", "the cable came off", [])

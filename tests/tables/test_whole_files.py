@@ -1,0 +1,84 @@
+"""Files: whole or not at all, also after a writer was killed."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from shukotsu.errors import StorageError
+from shukotsu.tables.typed_table import Provenance
+from shukotsu.tables.whole_files import files_in, write_text
+
+
+def test_what_fails_leaves_the_file_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    write_text(path, "before")
+    with pytest.raises(UnicodeEncodeError):
+        write_text(path, "whole until \ud800")
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_only_a_file_is_replaced(tmp_path: Path) -> None:
+    """A device that whoever may do all writes to would be gone for every program."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(StorageError, match=r"cannot be written .is a folder or a device.; name a file"):
+            write_text(path, "")
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name_and_its_name_is_before_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    happened: list[str] = []
+    replace = Path.replace
+
+    def synced(descriptor: int) -> None:
+        happened.append(f"synced {Path(f'/proc/self/fd/{descriptor}').readlink().name}")
+
+    def replaced(path: Path, target: Path) -> Path:
+        happened.append(f"renamed {path.name}")
+        return replace(path, target)
+
+    monkeypatch.setattr(os, "fsync", synced)
+    monkeypatch.setattr(Path, "replace", replaced)
+    write_text(tmp_path / "a.txt", "text")
+    temporary = f".a.txt.{os.getpid()}.tmp"
+    assert happened == [f"synced {temporary}", f"renamed {temporary}", f"synced {tmp_path.name}"]
+
+
+def test_what_cannot_be_synced_is_not_renamed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Network file systems say only then that the disk is full."""
+    path = tmp_path / "a.txt"
+    write_text(path, "before")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(StorageError, match=r"cannot be written \(No space left on device\)"):
+        write_text(path, "after")
+    assert path.read_text() == "before"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_a_killed_writer_left_goes_with_the_next_writing(tmp_path: Path) -> None:
+    left = tmp_path / ".a.txt.4194305.tmp"
+    others = [tmp_path / name for name in (".a.txt.b.7.tmp", ".aatxt.7.tmp", ".b.txt.7.tmp", ".a.txt.unit")]
+    for path in (left, *others):
+        path.write_text("half")
+    write_text(tmp_path / "a.txt", "whole")
+    assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "a.txt", *others])
+
+
+def test_hidden_files_are_no_part_of_a_folder(tmp_path: Path) -> None:
+    """Nor of what a table says that it was made from."""
+    for name in ("b.csv", "a.csv", ".a.csv.7.tmp", ".b.csv.swp"):
+        (tmp_path / name).write_text(name)
+    (tmp_path / "folder").mkdir()
+    assert [path.name for path in files_in(tmp_path)] == ["a.csv", "b.csv"]
+    assert [name for name, _ in Provenance.of([tmp_path]).inputs] == ["a.csv", "b.csv"]

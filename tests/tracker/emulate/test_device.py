@@ -1,0 +1,158 @@
+"""The emulated LIBERTY without any port: commands, answers, counters and what is measured."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from shukotsu.tracker.emulate.device import EmulatedLiberty
+from shukotsu.tracker.emulate.pose_sources import Motion, built_in_motion
+from shukotsu.tracker.liberty import replies
+from shukotsu.tracker.liberty.binary_decoder import BinaryDecoder
+from shukotsu.tracker.liberty.liberty_driver import SETTINGS
+from shukotsu.tracker.liberty.replies import FULL_LIST
+from shukotsu.tracker.protocols.stream_settings import StreamSettings
+
+ALL = frozenset(range(1, 17))
+INVALID = b"Invalid Command\r\n"
+
+
+def device(stations: frozenset[int] = ALL) -> EmulatedLiberty:
+    return EmulatedLiberty(built_in_motion(), stations)
+
+
+def translated(tracker: EmulatedLiberty, *commands: bytes) -> bytes:
+    return b"".join(tracker.receive(command) for command in commands)
+
+
+def body(reply: bytes) -> bytes:
+    size = struct.unpack_from("<h", reply, 6)[0]
+    assert len(reply) == 8 + size
+    return reply[8:]
+
+
+def cycles(tracker: EmulatedLiberty, count: int) -> bytes:
+    return b"".join(tracker.next_cycle() for _ in range(count))
+
+
+def records(data: bytes, size: int) -> list[bytes]:
+    assert len(data) % size == 0
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
+DEFAULTS = {
+    # query: what is answered in text, and in binary, of a device as the factory leaves it
+    b"U": (b"0", 0), b"R": (b"4", 4), b"Z": (b"0", 0), b"\x05": (b"0", 0), b"@B": (b"1", 1),
+    b"G": (b"   0.000    0.000    0.000 ", (0, 0, 0)),
+    b"X": (b" 0.200  0.200  0.800  0.950 ", (0.2, 0.2, 0.8, 0.95)),
+    b"Y": (b" 0.200  0.200  0.800  0.950 ", (0.2, 0.2, 0.8, 0.95)),
+    b"\x14": (b" ".join([b"0x00000000"] * 18), (0,) * 18), b"\x15": (b"ffffffff", (0xFFFF, 0xFFFF)),
+    b"A": (
+        b"   0.00   0.00   0.00\r\n   1.00   0.00   0.00\r\n   0.00   1.00   0.00\r\n",
+        (0, 0, 0, 1, 0, 0, 0, 1, 0),
+    ),
+    b"B": (b"   0.00    0.00    0.00 ", (0, 0, 0)), b"H": (b"  1.000  0.000  0.000", (1, 0, 0)),
+    b"L": (b"0", 0), b"N": (b" 0.000  0.000  0.000 ", (0, 0, 0)), b"O": (b"2 4 1", (2, 4, 1)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
+    """Upper or lower case; a station that there is not is refused."""
+    tracker, setting = device(), SETTINGS[name]
+    text, numbers = DEFAULTS[setting.command]
+    station = 7 if setting.per_station else 0
+    letter = chr(setting.command[0] + 0x60 * (setting.command[0] < 0x20)).encode()
+    assert translated(tracker, setting.question(station)) == b"%02d%s  %s\r\n" % (station, letter, text)
+    translated(tracker, b"F1\r")
+    (reply,) = replies.binary_answers(translated(tracker, setting.question(station).lower()))
+    assert replies.answers(reply, setting, station)
+    assert replies.binary_value(setting, reply) == pytest.approx(numbers)
+    if setting.per_station:
+        assert translated(tracker, setting.question(17))[4] == 2, "Invalid Station"
+
+
+@pytest.mark.parametrize(
+    ("command", "code"),
+    [
+        (b"", 1), (b"K1", 1), (b"\x1c", 1), (b"H0,1,0,0", 2), (b"H17,1,0,0", 2), (b"Hx", 2), (b"\x150,1", 2),
+        (b"U2", 3), (b"U-1", 3), (b"R2", 3), (b"H1,a,0,0", 3), (b"H1,0,0,1,5", 3), (b"Q", 3), (b"C1", 3),
+        (b"O1,13", 3), (b"O1," + b"2," * 20 + b"2", 3), (b"A1,0,0,0,1,0,0,1,0,0,0", 3), (b"N1,1e999,0,0", 3),
+    ],
+)  # fmt: skip
+def test_refusals_name_their_code(command: bytes, code: int) -> None:
+    """In ASCII a line without header, in binary a header with the error code and the text."""
+    tracker = device()
+    text = translated(tracker, command + b"\r")
+    assert text.endswith(b"\r\n")
+    assert not text[:2].isdigit()
+    translated(tracker, b"F1\r")
+    reply = translated(tracker, command + b"\r")
+    assert (reply[:3], reply[4], body(reply)) == (b"LY\0", code, text)
+
+
+def test_line_ends_and_blanks() -> None:
+    """CR ends a command, LF is nothing, a lone CR is an invalid command, blanks are tolerated."""
+    tracker = device()
+    assert translated(tracker, b"\r") == INVALID
+    assert translated(tracker, b"\n") == b""
+    assert translated(tracker, b"u1\r\n", b"U\r\n") == b"00U  1\r\n"
+    assert translated(tracker, b"X .2,.3\r", b"X\r") == b"00X   0.200  0.300  0.800  0.950 \r\n"
+    assert translated(tracker, b"H ", b"4 , 0,", b"0,1\r", b"h4\r") == b"04H    0.000  0.000  1.000\r\n"
+
+
+def flat(x_mm: np.ndarray) -> Motion:
+    """One receiver that moves along X."""
+    position = np.stack([x_mm, np.full_like(x_mm, 300.0), np.full_like(x_mm, 20.0)], -1)[:, None]
+    return Motion((1,), position, np.tile([1.0, 0, 0, 0], (len(x_mm), 1, 1)))
+
+
+def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:
+    translated(tracker, b"F1\rU1\rO1,2,7\rC\r")
+    return np.array([struct.unpack_from("<7f", r, 8) for r in records(cycles(tracker, count), 36)])
+
+
+def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
+    """The orientation goes on; no flip while the hemisphere follows the receiver."""
+    motion = flat(np.linspace(100, -100, 200))
+    true = motion.position_mm[:, 0] / 10
+    seen = measured_cm(EmulatedLiberty(motion, frozenset({1})), 200)
+    assert seen[:100, :3] == pytest.approx(true[:100], abs=1e-5)
+    assert seen[100:, :3] == pytest.approx(-true[100:], abs=1e-5)
+    assert (seen[:, 3:] == [1, 0, 0, 0]).all()
+    follows = EmulatedLiberty(motion, frozenset({1}))
+    translated(follows, b"H*,0,0,0\r")
+    assert measured_cm(follows, 200)[:, :3] == pytest.approx(true, abs=1e-5)
+
+
+def test_patriot_has_two_stations_at_60_hz_and_its_own_tag() -> None:
+    tracker = EmulatedLiberty(built_in_motion(), frozenset({1, 2}), family="patriot", ports=2, rate_hz=60)
+    translated(tracker, b"F1\rO*,8,9\rC\r")
+    assert tracker.rate == 60
+    cycles(tracker, 60)
+    got = records(cycles(tracker, 1), 16)
+    assert [record[:3] for record in got] == [b"PA\x01", b"PA\x02"]
+    assert struct.unpack_from("<2I", got[0], 8) == (1000, 60)
+    assert translated(tracker, b"H3\r")[4] == 2
+
+
+@pytest.mark.parametrize("items", [FULL_LIST, (2, 4, 1), (2, 6)])
+def test_decoders_read_what_is_sent(items: tuple[int, ...]) -> None:
+    """Every record is found, with positions as fine as float32 has them."""
+    tracker = device()
+    chosen = ",".join(map(str, items)).encode()
+    translated(tracker, b"F1\rU1\rO*,%s\rC\r" % chosen)
+    stations = tuple(range(1, 17))
+    settings = StreamSettings("liberty", "binary", "cm", 240.0, stations, dict.fromkeys(stations, items))
+    got = BinaryDecoder(settings).feed(cycles(tracker, 200), final=True)
+    assert not got.skipped
+    assert len(got.records) == 16 * 200
+    position, quaternion = built_in_motion().poses(np.arange(200), stations)
+    cosine = np.einsum("ij,ij->i", got.records.quaternion, quaternion.reshape(-1, 4))
+    assert np.abs(np.abs(cosine) - 1).max() < 1e-4
+    assert np.abs(got.records.position_mm - position.reshape(-1, 3)).max() < 1e-4
+    if 9 in items:
+        frame = np.repeat(np.arange(200), 16)
+        assert (got.records.frame == frame).all()
+        assert (got.records.device_ms == frame * 1000 // 240).all()
+        assert not (got.records.button | got.records.distortion | got.records.sync).any()

@@ -1,0 +1,116 @@
+"""What holds for decoders of all families: pieces, tiling, damage, memory; angles and direction cosines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from tracker_streams import check_tiles, decode, skipped_bytes, streams
+
+from shukotsu.hand.rotations import matrix
+from shukotsu.tracker.decode.stream import DECODERS
+from shukotsu.tracker.protocols.records import (
+    PiecewiseDecoder,
+    Records,
+    quaternion_of_angles,
+    quaternion_of_cosines,
+)
+from shukotsu.tracker.protocols.stream_settings import StreamSettings
+
+STREAMS = streams()
+NAMES = tuple(STREAMS)
+DAMAGES = ("dropped", "flipped", "top bit", "put in", "twice")
+
+
+def decoder_of(settings: StreamSettings) -> PiecewiseDecoder:
+    return DECODERS[settings.family](settings)
+
+
+def damaged(whole: bytes, place: int, kind: str) -> bytes:
+    before, byte, after = whole[:place], whole[place : place + 1], whole[place + 1 :]
+    return {
+        "dropped": before + after,
+        "flipped": before + bytes([byte[0] ^ 0x15]) + after,
+        "top bit": before + bytes([byte[0] ^ 0x80]) + after,
+        "put in": before + b"0" + byte + after,
+        "twice": before + byte + byte + after,
+    }[kind]
+
+
+def rows(records: Records) -> Iterator[tuple[float, ...]]:
+    table = np.column_stack([records.station, records.position_mm, np.abs(records.quaternion)])
+    for row in table[~records.doubtful]:
+        yield tuple(row.round(9).tolist())
+
+
+@pytest.mark.parametrize("kind", DAMAGES)
+@pytest.mark.parametrize("name", NAMES)
+def test_a_damaged_byte_costs_one_record(name: str, kind: str) -> None:
+    stream = STREAMS[name]
+    expected = set(rows(decode(decoder_of(stream.settings), stream.data).records))
+    pieces = [len(piece) for piece in stream.pieces]
+    allowed = 4 if name == "viper" else 1  # a frame has all four stations
+    for place in range(sum(pieces[:8]), sum(pieces[:10]), 3 if name == "viper" else 1):
+        data = damaged(stream.data, place, kind)
+        decoded = decode(decoder_of(stream.settings), data)
+        assert len(expected - set(rows(decoded.records))) <= allowed, place
+        check_tiles(decoded, len(data))
+
+
+UNPROVEN = ("liberty (2, 4, 1)", "liberty (2, 6)")
+"""Records without a checksum or a quaternion that would prove one between garbage."""
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if not name.startswith(UNPROVEN)])
+def test_garbage_between_records_costs_nothing(name: str) -> None:
+    stream = STREAMS[name]
+    random = np.random.default_rng(5)
+    garbage = [
+        random.integers(128, 256, int(random.integers(1, 40)), np.uint8).tobytes() for _ in stream.pieces
+    ]
+    data = b"".join(noise + piece for noise, piece in zip(garbage, stream.pieces, strict=True))
+    clean, decoded = (decode(decoder_of(stream.settings), given) for given in (stream.data, data))
+    assert list(rows(decoded.records)) == list(rows(clean.records))
+    assert len(skipped_bytes(decoded)) == sum(map(len, garbage))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_kept_for_later_stays_small(name: str) -> None:
+    stream = STREAMS[name]
+    decoder = decoder_of(stream.settings)
+    random = np.random.default_rng(1)
+    for _ in range(60):
+        decoder.feed(random.bytes(4096) + stream.pieces[0][:8])
+        assert len(decoder._rest) < 6000
+
+
+def manual_matrix(azimuth: float, elevation: float, roll: float) -> np.ndarray:
+    """The attitude matrix as the LIBERTY manual prints it, element by element."""
+    ca, ce, cr = np.cos(np.radians([azimuth, elevation, roll]))
+    sa, se, sr = np.sin(np.radians([azimuth, elevation, roll]))
+    return np.array(
+        [
+            [ca * ce, ca * se * sr - sa * cr, ca * se * cr + sa * sr],
+            [sa * ce, ca * cr + sa * se * sr, sa * se * cr - ca * sr],
+            [-se, ce * sr, ce * cr],
+        ]
+    )
+
+
+def test_angles_turn_as_the_manual_says() -> None:
+    angles = np.random.default_rng(2).uniform(-360, 360, (300, 3))
+    turned = quaternion_of_angles(angles)
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1, atol=1e-12)
+    np.testing.assert_allclose(matrix(turned), [manual_matrix(*row) for row in angles], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [np.diag([1.0, 1.0, -1.0]), np.diag([1.0, 1.0, 1.02]), *(np.full((3, 3), x) for x in (0, np.nan, 1e300))],
+)
+def test_a_matrix_that_is_no_rotation_is_none(bad: np.ndarray) -> None:
+    turned = quaternion_of_cosines(np.stack([bad, np.eye(3), np.round(manual_matrix(10, 20, 30), 4)]))
+    assert np.isnan(turned[0]).all()
+    assert turned[1].tolist() == [1, 0, 0, 0]
+    assert np.isfinite(turned[2]).all()

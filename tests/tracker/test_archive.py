@@ -1,0 +1,245 @@
+"""The raw archive: what was flushed is there, whatever happens to the file afterwards."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from shukotsu.errors import InputError
+from shukotsu.tracker.archive import (
+    END,
+    EVENT,
+    RECEIVED,
+    SENT,
+    SETTINGS,
+    ArchiveWriter,
+    FollowedArchive,
+    Piece,
+    open_archive,
+)
+
+
+def written(path: Path, batches: int = 6, rows: int = 4) -> Path:
+    chance = np.random.default_rng(3)
+    writer = ArchiveWriter(path, {"port": "made up"}, utc_offset_ns=lambda: 7)
+    for batch in range(batches):
+        for row in range(rows):
+            writer.received(chance.bytes(100), 1000 * batch + row)
+        writer.flush()
+    writer.close({"reason": "key"}, 99_000)
+    return path
+
+
+def data_of(path: Path) -> list[bytes]:
+    return [data for piece in open_archive(path).pieces() for data in piece.data]
+
+
+def test_every_row_comes_back(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "a.arrows"
+    writer = ArchiveWriter(path, {"note": "é"}, utc_offset_ns=lambda: 5)
+    writer.sent(b"P", 1)
+    writer.received(b"\0\xff\n", 2)
+    writer.settings({"unit": "cm"}, 3)
+    writer.event("note", 4, text="left")
+    writer.close({"reason": "key"}, 5)
+    archive = open_archive(path)
+    (piece,) = archive.pieces()
+    assert archive.about == {"note": "é"}
+    assert piece.kind.tolist() == [SENT, RECEIVED, SETTINGS, EVENT, END]
+    assert piece.host_ns.tolist() == [1, 2, 3, 4, 5]
+    assert piece.utc_offset_ns.tolist() == [5] * 5
+    expected = [
+        b"P",
+        b"\0\xff\n",
+        b'{"unit": "cm"}',
+        b'{"event": "note", "text": "left"}',
+        b'{"reason": "key"}',
+    ]
+    assert piece.data == expected
+
+
+def test_any_arrow_reader_opens_it(tmp_path: Path) -> None:
+    table = pa.ipc.open_stream(written(tmp_path / "a.arrows")).read_all()
+    assert table.num_rows == 25
+    names = ["host_ns", "utc_offset_ns", "kind", "data", "crc32", "row", "row_crc32"]
+    assert table.column_names == names
+    assert table.column("row").to_pylist() == list(range(25))
+    assert table.schema.field("host_ns").metadata[b"unit"] == b"ns"
+
+
+def test_an_existing_file_is_never_written_over(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.arrows")
+    before = path.read_bytes()
+    with pytest.raises(InputError, match="exists already"):
+        ArchiveWriter(path, {})
+    assert path.read_bytes() == before
+
+
+def test_cut_off_anywhere_every_whole_batch_is_read(tmp_path: Path) -> None:
+    whole = written(tmp_path / "a.arrows").read_bytes()
+    rows = data_of(tmp_path / "a.arrows")
+    cut = tmp_path / "cut.arrows"
+    first = len(whole) - 6 * 800
+    for length in range(first, len(whole), 41):
+        cut.write_bytes(whole[:length])
+        kept = data_of(cut)
+        assert kept == rows[: len(kept)]
+        assert len(kept) % 4 in (0, 1)
+
+
+def test_a_damaged_batch_costs_no_other(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.arrows")
+    whole, rows = bytearray(path.read_bytes()), data_of(path)
+    begin = whole.index(rows[0])
+    for place in range(begin - 300, begin + 2500, 37):
+        hurt = whole.copy()
+        hurt[place] ^= 0x5A
+        path.write_bytes(hurt)
+        pieces = list(open_archive(path).pieces())
+        kept = [data for piece in pieces for data in piece.data]
+        assert [row for row in rows if row in kept] == [data for data in kept if data in rows]
+        assert all(data in rows for data in kept), "damaged bytes came through"
+        assert len(kept) >= len(rows) - 4
+        lost = sum(piece.spoilt_bytes + piece.unreadable_bytes for piece in pieces)
+        assert (lost > 0) == (len(kept) < len(rows))
+
+
+def all_of(path: Path) -> list[object]:
+    """All that a reader learns: what is said of the recording, and every row."""
+    archive = open_archive(path)
+    read: list[object] = [dict(archive.about)]
+    for piece in archive.pieces():
+        assert not piece.spoilt_bytes
+        assert not piece.unreadable_bytes
+        assert not piece.missing_rows
+        read += zip(piece.kind, piece.host_ns, piece.utc_offset_ns, piece.data, strict=True)
+    return read
+
+
+def silently_other(path: Path, places: Iterable[int]) -> list[int]:
+    """Flip one bit after another; give those with which other rows are read and no damage is seen."""
+    clean, expected, other = path.read_bytes(), all_of(path), []
+    for place in places:
+        data = bytearray(clean)
+        data[place // 8] ^= 1 << place % 8
+        path.write_bytes(data)
+        with suppress(InputError, AssertionError):
+            read = all_of(path)
+            ended = read[-1][0] == END  # type: ignore[index]
+            if read != expected and "damaged" not in read[0] and ended:  # type: ignore[operator]
+                other.append(place)
+    return other
+
+
+def test_no_flipped_bit_gives_another_row(tmp_path: Path) -> None:
+    """Also not another time, kind or note."""
+    path = written(tmp_path / "a.arrows")
+    places = random.Random(1).sample(range(8 * path.stat().st_size), 1500)
+    assert silently_other(path, places) == []
+
+
+CHILD = """
+import sys, time
+from pathlib import Path
+from shukotsu.tracker.archive import ArchiveWriter
+writer = ArchiveWriter(Path(sys.argv[1]), {})
+for number in range(10**6):
+    writer.received(number.to_bytes(4, "little") * 64, time.monotonic_ns())
+    if number % 10 == 9:
+        writer.flush()
+        print(number, flush=True)
+"""
+
+
+def test_killed_it_keeps_what_was_flushed(tmp_path: Path) -> None:
+    path = tmp_path / "a.arrows"
+    with subprocess.Popen([sys.executable, "-c", CHILD, path], stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        for _ in range(20):
+            flushed = int(child.stdout.readline())
+        os.kill(child.pid, signal.SIGKILL)
+    kept = data_of(path)
+    assert [int.from_bytes(data[:4], "little") for data in kept] == list(range(len(kept)))
+    assert len(kept) > flushed
+
+
+def grown(
+    whole: bytes, path: Path, step: int, hidden: range = range(0)
+) -> tuple[FollowedArchive, list[Piece]]:
+    """Follow a file that grows by some bytes a time; some are zeros until what is behind them is there."""
+    followed, pieces = FollowedArchive(path), []
+    assert followed.read() == []
+    for length in [*range(0, len(whole), step), len(whole)]:
+        shown = bytearray(whole[:length])
+        if length < hidden.stop:
+            shown[hidden.start : length] = bytes(max(0, length - hidden.start))
+        path.write_bytes(shown)
+        pieces += followed.read()
+    return followed, pieces + followed.read(final=True)
+
+
+@pytest.mark.parametrize(("step", "hidden"), [(41, range(0)), (800, range(0)), (41, range(4000, 4300))])
+def test_followed_while_it_grows_it_gives_the_same(tmp_path: Path, step: int, hidden: range) -> None:
+    path = written(tmp_path / "a.arrows")
+    followed, pieces = grown(path.read_bytes(), tmp_path / "b.arrows", step, hidden)
+    assert [data for piece in pieces for data in piece.data] == data_of(path)
+    assert sum(piece.spoilt_bytes + piece.unreadable_bytes + piece.missing_rows for piece in pieces) == 0
+    assert followed.about == {"port": "made up"}
+    assert followed.ended
+
+
+def test_followed_it_skips_damage_and_counts_it(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.arrows")
+    whole = bytearray(path.read_bytes())
+    begin = whole.index(data_of(path)[4])
+    for place in range(begin - 300, begin + 200, 29):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x5A]) + whole[place + 1 :])
+        expected = [
+            (p.data, p.spoilt_bytes, p.unreadable_bytes, p.missing_rows) for p in open_archive(path).pieces()
+        ]
+        _, found = grown(path.read_bytes(), tmp_path / "b.arrows", 200)
+        assert [(p.data, p.spoilt_bytes, p.unreadable_bytes, p.missing_rows) for p in found] == expected
+        (tmp_path / "b.arrows").unlink()
+
+
+def test_a_long_file_is_followed_in_stretches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also over a stretch without a sound batch."""
+    monkeypatch.setattr("shukotsu.tracker.archive._STRETCH_BYTES", 2048)
+    path = written(tmp_path / "a.arrows")
+    whole, rows = path.read_bytes(), data_of(path)
+    begin = whole.index(rows[4]) - 500
+    path.write_bytes(whole[:begin] + bytes(4000) + whole[begin + 4000 :])
+    followed = FollowedArchive(path)
+    calls = list(iter(lambda: followed.read(final=True), []))
+    assert max(len(pieces) for pieces in calls) == 1
+    kept = [data for pieces in calls for piece in pieces for data in piece.data]
+    assert kept == data_of(path)
+    assert (kept[0], kept[-1], followed.ended) == (rows[0], rows[-1], True)
+
+
+@pytest.mark.parametrize("what", ["cut", "another", "gone", "none", "absent"])
+def test_followed_it_refuses_another_file(tmp_path: Path, what: str) -> None:
+    path = written(tmp_path / "a.arrows")
+    followed = FollowedArchive(path)
+    assert followed.read()
+    if what == "cut":
+        os.truncate(path, path.stat().st_size - 1000)
+    elif what == "another":
+        path.write_bytes(path.read_bytes().replace(b"made up", b"made it"))
+    else:
+        path.unlink()
+        followed = followed if what == "gone" else FollowedArchive(path)
+    if what == "none":
+        path.write_text("hello")
+        assert followed.read() == []
+    words = "does not begin" if what == "none" else "was replaced or cut|is not there"
+    with pytest.raises(InputError, match=words):
+        followed.read(final=what in ("none", "absent"))
