@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from shukotsu.resources import VERSION
+
 if TYPE_CHECKING:
     from shukotsu.hand.posing import PosedRecording
     from shukotsu.hand.read_results import bend, pose, read
 
-PROGRAM = "shukotsu"
-VERSION = __version__ = "0.2.0"
+__version__ = VERSION
 
 __all__ = ["PosedRecording", "bend", "pose", "read"]
 

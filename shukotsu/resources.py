@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
+PROGRAM = "shukotsu"
+VERSION = "0.2.0"
+
 PACKAGE = Path(__file__).resolve().parent
 
 IN_CHECKOUT = (PACKAGE.parent / "Snakefile").is_file()
-"""Whether the program runs from a checkout; an installed wheel carries the same folders inside the package."""
+"""Whether this is a checkout; an installed wheel has the same folders inside the package."""
 
 ROOT = PACKAGE.parent if IN_CHECKOUT else PACKAGE
 """Folder in which Snakefile, stages/, schemas/, config/, data/ and profiles/ lie."""

@@ -36,8 +36,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 def write_tables(arguments: argparse.Namespace) -> None:
     """Write every table, and the package that names them. Raises InputError where a file is no table."""
-    from shukotsu import PROGRAM, VERSION
     from shukotsu.errors import InputError
+    from shukotsu.resources import PROGRAM, VERSION
     from shukotsu.tables.catalogue import TABLES
     from shukotsu.tables.whole_files import write_text
 

@@ -41,7 +41,7 @@ def draw(arguments: argparse.Namespace) -> None:
     from shukotsu.report.study_results import read_results
     from shukotsu.report.wording import speaking
     from shukotsu.study.study import read_study
-    from shukotsu.study.translation import ENGLISH
+    from shukotsu.translation import ENGLISH
 
     study = read_study(arguments.study)
     results = read_results(study, arguments.results)

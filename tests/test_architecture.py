@@ -1,106 +1,137 @@
-"""Imports between the rooms point one way, no stage imports another, and no modules import in a circle."""
+"""Rooms of the library import downwards only, no modules import in a circle, no file has two paths."""
 
 from __future__ import annotations
 
+import ast
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import subprocess
+from collections import Counter
+from collections.abc import Iterator
 from functools import cache
 from graphlib import TopologicalSorter
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
-from program_files import REPOSITORY, package_files
+import pytest
+from program_files import REPOSITORY
 
-_LOW = ("schemas", "files", "errors", "sentences")
-_OF_STAGES = ("statistics", "checks", "trackers", "anatomy", "skeleton", *_LOW)
-BELOW: Mapping[str, Sequence[str]] = {
-    "sentences": (),
-    "errors": ("sentences",),
-    "files": ("errors", "sentences"),
-    "schemas": ("files", "errors", "sentences"),
-    "statistics": ("errors", "sentences"),
-    "skeleton": _LOW,
-    "anatomy": ("skeleton", *_LOW),
-    "checks": ("anatomy", "skeleton", *_LOW),
-    "trackers": ("anatomy", "skeleton", *_LOW),
-    "stages": _OF_STAGES,
-    "coach": ("stages", *_OF_STAGES),
-    "workflow": ("stages", *_OF_STAGES),
-    "guide": ("stages", "anatomy", "skeleton", *_LOW),
-}
-"""Each room with the rooms that it may import; one that is not here may import all."""
+ROOMS = (
+    *("commands", "workflow", "coach", "report", "export", "movement", "scores", "checks", "fit", "paper"),
+    *("readers", "simulate", "tracker", "hand", "study", "command_line", "tables"),
+)
+"""The rooms, each of which imports only itself and those after it; `command_line` is one module."""
+GROUND = ("errors", "job", "left", "resources", "translation")
+"""Modules below all rooms, which import nothing but each other."""
+OF_WINDOWS = re.compile(r'(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?|.*[<>:"|?*\\].*|.*[. ]')
+"""Names that no file can have on Windows."""
+
+
+@cache
+def tracked_files() -> list[str]:
+    """Every file of the repository, by its path from there."""
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=REPOSITORY, capture_output=True, text=True, check=False
+    ).stdout.split("\0")[:-1]
+    if not listed:
+        pytest.skip("no git repository: its files cannot be listed")
+    return listed
 
 
 @cache
 def modules() -> dict[str, Path]:
-    """Return every module by its dotted name; a package by its own."""
+    """Every module of the library by its dotted name; a package by its own."""
     paths = {}
-    for path in (*package_files(suffix=".py"), *(REPOSITORY / "guide").rglob("*.py")):
+    for path in sorted((REPOSITORY / "shukotsu").rglob("*.py")):
         parts = path.relative_to(REPOSITORY).with_suffix("").parts
         paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
     return paths
 
 
-IMPORT = re.compile(
-    r"^(\s*)(?:from ([\w.]+) import (\([^)]*\)|[^(\n]*)|import ([\w.]+))"
-    r"""|["'](shukotsu\.[\w.]+)(?::\w+)?["']""",
-    re.MULTILINE,
-)
-"""An import, by its indent; or a text that is a module's whole name, `module` or `module:object`."""
+@cache
+def imports_of(path: Path) -> list[tuple[str, bool]]:
+    """Modules of the library that a file imports, and whether it does when it is imported itself.
+
+    A text that is a module's whole name, `module` or `module:object`, counts as an import inside a function.
+    """
+    return list(_imports(ast.parse(path.read_text("utf-8")), at_once=True))
 
 
-def imports(text: str) -> Iterator[tuple[str, bool]]:
-    """Return modules of the project that a text imports; whether it does when it is imported itself."""
-    for match in IMPORT.finditer(text):
-        indent, parent, children, module, quoted = match.groups()
-        names = (
-            [f"{parent}.{child}" for child in re.findall(r"\w+", children)] if parent else [module or quoted]
-        )
-        for name in {name if name in modules() else str(parent) for name in names}:
-            if name in modules():
-                yield name, quoted is None and not indent.strip("\n")
+def _imports(node: ast.AST, *, at_once: bool) -> Iterator[tuple[str, bool]]:
+    names: list[str] = []
+    if isinstance(node, ast.Import):
+        names = [alias.name for alias in node.names]
+    elif isinstance(node, ast.ImportFrom):
+        names = [f"{node.module}.{alias.name}" for alias in node.names]
+        names = [name if name in modules() else str(node.module) for name in names]
+    elif isinstance(node, ast.Constant):
+        names, at_once = [str(node.value).partition(":")[0]], False
+    yield from ((name, at_once) for name in names if name in modules())
+    children = node.orelse if is_for_types(node) else ast.iter_child_nodes(node)
+    inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+    for child in children:
+        yield from _imports(child, at_once=at_once and not inside)
+
+
+def is_for_types(node: ast.AST) -> bool:
+    """Whether a statement's body is read by the type checker alone."""
+    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
 
 
 def room(module: str) -> str:
-    """Return the room of a module."""
-    parts = module.split(".")
-    return parts[1] if parts[0] == "shukotsu" and len(parts) > 1 else parts[0]
+    """The room of a module; empty for the package itself."""
+    return [*module.split("."), ""][1]
 
 
-def offence(module: str, target: str) -> str:
-    """Return what is wrong with an import; empty where nothing is."""
-    importer, other = room(module), room(target)
-    if other not in (importer, "shukotsu", *BELOW.get(importer, [other])):
-        return f"{module} imports {target}, but {importer} may import only {', '.join(BELOW[importer])}"
-    if importer == other == "stages":
-        stages = {name.split(".")[2] for name in (module, target) if name.count(".") > 1}
-        if len(stages - {"command_line", "subject_stage"}) > 1:
-            return f"{module} imports {target}, a module of another stage"
-    return ""
-
-
-@cache
-def imports_of(module: str) -> list[tuple[str, bool]]:
-    """Return modules of the project that a module imports, and whether at once."""
-    return list(imports(modules()[module].read_text("utf-8")))
-
-
-def test_the_snakefile_wires_and_holds_no_logic() -> None:
-    text = (REPOSITORY / "Snakefile").read_text("utf-8")
-    lines = "\n".join(re.findall(r"^(?:from|import) .*$", text, re.MULTILINE))
-    targets = [target for target, _ in imports(lines)]
-    assert len(targets) > 1
-    assert {room(target) for target in targets} <= {"workflow", *_LOW}
-
-
-def test_imports_point_one_way_and_no_stage_imports_another() -> None:
+def test_rooms_import_downwards_only() -> None:
+    names = {room(module) for module in modules()}
+    assert names == {*ROOMS, *GROUND, "", "__main__"}
+    depth = {name: at for at, name in enumerate(("__main__", "", *ROOMS))} | dict.fromkeys(GROUND, 99)
     assert [
-        text for module in modules() for target, _ in imports_of(module) if (text := offence(module, target))
+        f"{module} imports {target}"
+        for module, path in modules().items()
+        for target, _ in imports_of(path)
+        if room(target) and depth[room(target)] < depth[room(module)]
     ] == []
 
 
 def test_no_modules_import_in_a_circle() -> None:
     graph = {
-        module: {target for target, at_once in imports_of(module) if at_once} - {module}
-        for module in modules()
+        module: {target for target, at_once in imports_of(path) if at_once} - {module}
+        for module, path in modules().items()
     }
     TopologicalSorter(graph).prepare()  # raises CycleError with the circle
+
+
+def test_stages_are_scripts_that_nothing_imports() -> None:
+    scripts = sorted((REPOSITORY / "stages").iterdir())
+    rules = re.findall(r"\{stages\}/(\w+\.py)", (REPOSITORY / "Snakefile").read_text("utf-8"))
+    assert {path.name for path in scripts if path.name != "__pycache__"} == {*rules}
+    for path in scripts:
+        if path.suffix == ".py":
+            assert len(path.read_text("utf-8").splitlines()) <= 120, path.name
+    sources = [*modules().values(), *scripts, *(REPOSITORY / "tests").rglob("*.py")]
+    imported = [
+        line for path in sources if path.suffix == ".py" for line in path.read_text("utf-8").split("\n")
+    ]
+    assert not [line for line in imported if re.match(r"\s*(from|import) stages\b", line)]
+
+
+def test_rooms_are_small_and_flat() -> None:
+    files = [PurePosixPath(name) for name in tracked_files() if name.startswith("shukotsu/")]
+    assert max(len(file.parts) for file in files) <= 4  # no folder deeper than two below shukotsu/
+    assert {name for name, n in Counter(file.parts[1] for file in files).items() if n > 45} == set()
+
+
+def test_the_snakefile_wires_and_holds_no_logic() -> None:
+    lines = (REPOSITORY / "Snakefile").read_text("utf-8").splitlines()
+    targets = [name for line in lines for name in re.findall(r"^from (shukotsu[\w.]*)", line)]
+    assert {room(target) for target in targets} <= {"workflow", "study", "tables", *GROUND}
+    assert len(lines) <= 350
+
+
+def test_a_checkout_is_the_same_on_any_file_system() -> None:
+    """No link, and no two names that are one, nor any that cannot be, on Windows."""
+    names = tracked_files()
+    assert [name for name in names if (REPOSITORY / name).is_symlink()] == []
+    assert [name for name, n in Counter(name.casefold() for name in names).items() if n > 1] == []
+    assert [name for name in names if any(OF_WINDOWS.fullmatch(part) for part in name.split("/"))] == []
+    assert max(map(len, names)) < 150

@@ -16,7 +16,7 @@ import yaml
 from program_files import PACKAGE, REPOSITORY, package_files
 
 import shukotsu
-from shukotsu import VERSION
+from shukotsu.resources import VERSION
 
 RECORDER = ("numpy", "pyarrow", "pyserial")
 OF_BLENDER = ("bpy", "mathutils")

@@ -17,9 +17,9 @@ from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.plan import rows_of_session
 from shukotsu.study.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet, sheet_rows
-from shukotsu.study.study import path_token
 from shukotsu.tables import limits
 from shukotsu.tables.limits import read_whole
+from shukotsu.tables.subjects import path_token
 from shukotsu.tables.text_files import decoded, reading
 from shukotsu.tables.whole_files import replacing
 

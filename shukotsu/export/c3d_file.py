@@ -15,13 +15,13 @@ from textwrap import wrap
 
 import numpy as np
 
-from shukotsu import PROGRAM, VERSION
 from shukotsu.errors import InputError
 from shukotsu.export.file_facts import facts_text
 from shukotsu.export.motion import with_seen_receivers
 from shukotsu.export.rigging import ascii_name
 from shukotsu.hand.posing import Index, PosedRecording
 from shukotsu.hand.rotations import Array, matrix
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.whole_files import replacing
 
 ARM_MM = 20.0

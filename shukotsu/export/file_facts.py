@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
-from shukotsu import PROGRAM, VERSION
 from shukotsu.hand.posing import PosedRecording
-from shukotsu.study.study import SubjectSession, path_token
+from shukotsu.resources import PROGRAM, VERSION
+from shukotsu.tables.subjects import SubjectSession, path_token
 
 BONE_FRAME = (
     "-Z along the bone away from the wrist, +Y out of its back (of a thumb, the nail's side), +X = Y x Z "

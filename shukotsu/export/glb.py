@@ -27,13 +27,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu import PROGRAM, VERSION
 from shukotsu.errors import InputError
 from shukotsu.export.file_facts import facts
 from shukotsu.export.motion import local_motion, require_times, require_whole, rest_pose
 from shukotsu.export.rigging import with_webxr_names
 from shukotsu.hand.posing import Index, PosedRecording
 from shukotsu.hand.rotations import Array, conjugate, matrix, rotate, unit
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.whole_files import replacing
 
 _SIDES = 6

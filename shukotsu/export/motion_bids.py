@@ -20,13 +20,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
-from shukotsu import PROGRAM, VERSION
 from shukotsu.errors import InputError
 from shukotsu.export.file_facts import BONE_FRAME, facts
 from shukotsu.export.motion import RECEIVER_TIP, SKIN_TIP, blocks, with_seen_receivers
 from shukotsu.export.tidy_csv import bone_angles_deg
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables import limits
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.text_files import read_text

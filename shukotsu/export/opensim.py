@@ -27,7 +27,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from shukotsu import PROGRAM, VERSION
 from shukotsu.export.file_facts import facts_text
 from shukotsu.export.kinematic_tree import (
     Body,
@@ -42,6 +41,7 @@ from shukotsu.export.motion import BLOCK_FRAMES, carrier, require_times, require
 from shukotsu.export.rigging import plain_names
 from shukotsu.hand.posing import Bools, Origin, PosedRecording, known_points
 from shukotsu.hand.rotations import Array, conjugate, matrix, mean_rotation, multiply, rotate
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.poses import Poses
 from shukotsu.tables.whole_files import replacing, write_text
 

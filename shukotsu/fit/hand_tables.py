@@ -17,11 +17,11 @@ from shukotsu.fit.posterior_summary import FittedJoint
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.posing import ZERO_COLUMNS
 from shukotsu.study.layout import Layout
-from shukotsu.study.translation import listed
 from shukotsu.study.verdict import UNJUDGED, noted
 from shukotsu.tables import catalogue
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import Table, vector_columns
+from shukotsu.translation import listed
 
 SOURCE = "fit of the whole hand"
 STEP, SLIDE, FIELD = "step", "slide", "field"

@@ -15,8 +15,8 @@ from shukotsu.hand.joint_angles import mirrored
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, about_axis, cross_matrix, from_matrix
 from shukotsu.study.layout import Digit, Joint
-from shukotsu.study.translation import listed
 from shukotsu.study.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSETTLED, Doubts, Values
+from shukotsu.translation import listed
 
 STRANGE_SD = 5.0
 """A hand so far from the usual is rather wrong units, swapped receivers, or a receiver far off its bone."""

@@ -22,10 +22,10 @@ from shukotsu.hand.posed_recording import read_skeleton
 from shukotsu.hand.posing import PosedRecording, Skeleton, receiver_bones, rigid_positions, root_names
 from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
 from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.translation import listed
 from shukotsu.tables.catalogue import METACARPALS
 from shukotsu.tables.parts import Part, PartsWriter, open_parts
 from shukotsu.tables.poses import Poses, PosesReader, frame_count, poses_reader
+from shukotsu.translation import listed
 
 FirstFrame = tuple[Poses, Array | None]
 """A recording's first usable frame, and the metacarpal's posture (1, 4) in it."""

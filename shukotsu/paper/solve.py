@@ -13,8 +13,8 @@ from shukotsu.paper.moments import BLOCK_FRAMES, JointMoments, relative_poses
 from shukotsu.paper.stacked import solve_stacked
 from shukotsu.study.layout import Joint, Layout
 from shukotsu.study.model import JointSolving
-from shukotsu.study.translation import listed
 from shukotsu.tables.poses import Poses, frame_count, pose_blocks, read_poses
+from shukotsu.translation import listed
 
 
 @dataclass(frozen=True)

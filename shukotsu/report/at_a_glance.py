@@ -16,9 +16,9 @@ from shukotsu.report.links import Link, link
 from shukotsu.report.print_figures.study_figures import joints_in_order
 from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.table_cells import shown
-from shukotsu.study.study import Hand
-from shukotsu.study.translation import tr, word
 from shukotsu.study.verdict import BELIEVE, CARE, NO, VERDICTS
+from shukotsu.tables.subjects import Hand
+from shukotsu.translation import tr, word
 
 CLASSES_MM = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Upper ends of the classes of colour; the last class is open."""

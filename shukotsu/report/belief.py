@@ -11,8 +11,8 @@ from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.table_cells import Column, DataTable, number, quantity_column, table_of, text_column
 from shukotsu.study import verdict
 from shukotsu.study.layout import Layout
-from shukotsu.study.study import Hand
-from shukotsu.study.translation import N_, listed, tr, translated, word
+from shukotsu.tables.subjects import Hand
+from shukotsu.translation import N_, listed, tr, translated, word
 
 BELIEVED, CARE, NOT = N_("✓ yes"), N_("◆ with care"), N_("✕ no")
 BELIEFS = (BELIEVED, CARE, NOT)

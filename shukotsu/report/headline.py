@@ -13,7 +13,7 @@ from shukotsu.report.study_results import StudyResults, hand_of
 from shukotsu.report.table_cells import shown
 from shukotsu.study import verdict
 from shukotsu.study.finding_sentences import in_quotes
-from shukotsu.study.translation import listed, ngettext, tr, word
+from shukotsu.translation import listed, ngettext, tr, word
 
 
 class BigNumber(NamedTuple):

@@ -9,7 +9,7 @@ from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.table_cells import p_text, shown
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study.model import the_papers
-from shukotsu.study.translation import ngettext, tr
+from shukotsu.translation import ngettext, tr
 
 ALL_DIGITS = ""
 PRIOR = "prior-only"

@@ -12,8 +12,9 @@ from markupsafe import Markup
 
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import title
-from shukotsu.study.study import Recording, SubjectSession
-from shukotsu.study.translation import tr
+from shukotsu.study.study import Recording
+from shukotsu.tables.subjects import SubjectSession
+from shukotsu.translation import tr
 
 
 class Link(NamedTuple):

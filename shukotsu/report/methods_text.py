@@ -9,13 +9,13 @@ from collections import Counter
 from pathlib import Path
 from statistics import median
 
-from shukotsu import VERSION
 from shukotsu.errors import InputError
 from shukotsu.report.movement_results import Movement
 from shukotsu.report.study_results import StudyResults
+from shukotsu.resources import VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS
 from shukotsu.study.mapping import read_mapping
-from shukotsu.study.study import Hand
+from shukotsu.tables.subjects import Hand
 
 REFERENCES = (
     "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "

@@ -11,9 +11,9 @@ import numpy as np
 from shukotsu.report.belief import NOT, study_beliefs
 from shukotsu.report.study_results import StudyResults, recording_key
 from shukotsu.report.table_cells import Column, DataTable, number, p_text, table_of, text_column
-from shukotsu.study.translation import tr
 from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, RANGES_OF_MOTION
 from shukotsu.tables.typed_table import Table, read_table
+from shukotsu.translation import tr
 
 if TYPE_CHECKING:
     import pandas as pd

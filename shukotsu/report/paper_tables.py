@@ -15,7 +15,7 @@ from shukotsu.report.study_results import FIRST_FRAME, HANDS, LEAST_SQUARES, Row
 from shukotsu.report.table_cells import Block, DataTable, number, title
 from shukotsu.study.model import SkeletonModel
 from shukotsu.study.study import Recording
-from shukotsu.study.translation import N_, listed, tr, translated, word
+from shukotsu.translation import N_, listed, tr, translated, word
 
 PRINTED = Path(__file__).parent / "paper_tables.tsv"
 """A row a table, hand and statistic, a column a digit: centimetres, digit by digit as printed."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from shukotsu.report.study_results import Row, StudyResults, hand_of, recording_key
 from shukotsu.report.table_cells import DataTable, quantity_column, table_of, text_column
 from shukotsu.study.findings import STAGE, faults
-from shukotsu.study.translation import ngettext, tr, translated, word
+from shukotsu.translation import ngettext, tr, translated, word
 
 STATUS_MARKS = {"used": "", "excluded": "○ ", "failed": "✕ ", "missing": "? ", "refused": "✕ "}
 

@@ -27,10 +27,10 @@ from shukotsu.report.study_results import Row, StudyResults, recording_key, row_
 from shukotsu.study.model import the_papers
 from shukotsu.study.results import FIT_TABLES
 from shukotsu.study.study import Recording
-from shukotsu.study.translation import N_
 from shukotsu.tables.catalogue import JOINT_ANGLES, JOINT_CENTRES, JOINT_SOLUTIONS, TIPS
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.poses import Poses, pose_blocks
+from shukotsu.translation import N_
 
 Array = npt.NDArray[np.float64]
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from shukotsu.report.study_results import Row, StudyResults, Trial, hand_of
 from shukotsu.report.table_cells import DASH, Column, DataTable, heading, number, shown, table_of
-from shukotsu.study.study import SubjectSession
-from shukotsu.study.translation import N_, ngettext, tr, translated
+from shukotsu.tables.subjects import SubjectSession
+from shukotsu.translation import N_, ngettext, tr, translated
 
 IN_SAMPLE = N_("○ no")
 MEANS = (

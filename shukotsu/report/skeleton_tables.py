@@ -23,11 +23,11 @@ from shukotsu.report.table_cells import (
     title,
     with_error,
 )
-from shukotsu.study.study import Hand
-from shukotsu.study.translation import ngettext, tr, translated, word
 from shukotsu.tables.catalogue import RANGES_OF_MOTION
 from shukotsu.tables.parts import Part, read_part
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import rows_of
+from shukotsu.translation import ngettext, tr, translated, word
 
 _STATUS = {"ok": "✓", "weak": "◆", "failed": "✕"}
 

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from shukotsu import VERSION
 from shukotsu.errors import InputError
 from shukotsu.report.at_a_glance import believed_text, class_texts, joint_picture, small_hand
 from shukotsu.report.headline import big_numbers, used_text
@@ -24,6 +23,7 @@ from shukotsu.report.skeleton_tables import lengths_table
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.templates import render
 from shukotsu.report.viewer import View, view_of
+from shukotsu.resources import VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS
 from shukotsu.study.results import (
     FIGURE_KINDS,
@@ -32,8 +32,9 @@ from shukotsu.study.results import (
     STUDY_FIGURES,
     STUDY_TABLES,
 )
-from shukotsu.study.study import Study, SubjectSession
-from shukotsu.study.translation import tr, translated
+from shukotsu.study.study import Study
+from shukotsu.tables.subjects import SubjectSession
+from shukotsu.translation import tr, translated
 
 FEW_HANDS = 30
 """As many rows of bone lengths as are shown unfolded."""

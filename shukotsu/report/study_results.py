@@ -17,12 +17,13 @@ from shukotsu.study.findings import NOTE, REFUSED, STAGE, problem_row, worded
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.recording_summary import subject_tables
 from shukotsu.study.results import FAILED_PAGES, Results
-from shukotsu.study.study import Hand, Recording, Study, SubjectSession, path_token
-from shukotsu.study.translation import tr
+from shukotsu.study.study import Recording, Study
 from shukotsu.tables.catalogue import RECORDINGS, TABLES, TIP_ERRORS
-from shukotsu.tables.recording_summary import subject_tables
+from shukotsu.tables.subjects import Hand, SubjectSession, path_token
 from shukotsu.tables.typed_table import Table, read_metadata, read_table, rows_of
+from shukotsu.translation import tr
 
 Row = dict[str, Any]
 HandModel = tuple[Hand, str]

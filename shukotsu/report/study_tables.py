@@ -9,13 +9,14 @@ from typing import Any
 
 import pyarrow as pa
 
-from shukotsu import PROGRAM, VERSION
 from shukotsu.checks.compared_recordings import copies
 from shukotsu.errors import INTERNAL
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.config_files import REFERENCE, read_config, yaml_text
 from shukotsu.study.findings import NOTE, REFUSED, STAGE, problem_row, worded
 from shukotsu.study.layout import read_layout
 from shukotsu.study.plan import SubjectPlan, read_plan
+from shukotsu.study.recording_summary import part_problems, subject_tables
 from shukotsu.study.results import GATHERED_TABLES, Results
 from shukotsu.study.sheets import CORRECTIONS, read_sheet
 from shukotsu.study.study import Study, columns_handed_on, correction_problems, unmatched_rows
@@ -28,7 +29,6 @@ from shukotsu.tables.catalogue import (
     RECORDINGS,
     TABLES,
 )
-from shukotsu.tables.recording_summary import part_problems, subject_tables
 from shukotsu.tables.typed_table import (
     Column,
     Provenance,

@@ -27,8 +27,8 @@ from shukotsu.report.skeleton_tables import bone_table, measured_ranges, measure
 from shukotsu.report.study_results import StudyResults, Trial
 from shukotsu.report.table_cells import Folded
 from shukotsu.report.templates import render
-from shukotsu.study.study import Hand, SubjectSession
-from shukotsu.study.translation import tr, translated
+from shukotsu.tables.subjects import Hand, SubjectSession
+from shukotsu.translation import tr, translated
 
 
 def render_subject(results: StudyResults) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from shukotsu.scores.paired_statistics import LEVEL
-from shukotsu.study.translation import N_, tr, translated, word
+from shukotsu.translation import N_, tr, translated, word
 
 DASH = "–"
 

@@ -9,10 +9,10 @@ from typing import Any
 import jinja2
 from markupsafe import Markup, escape
 
-from shukotsu import VERSION
 from shukotsu.report.palette import css
 from shukotsu.report.wording import typeset
-from shukotsu.study.translation import N_, language, ngettext, tr
+from shukotsu.resources import VERSION
+from shukotsu.translation import N_, language, ngettext, tr
 
 FOLDER = Path(__file__).parent
 

@@ -1,6 +1,6 @@
 """The report's language: every language but English is one gettext catalogue, `languages/CODE.po`.
 
-`speaking` reads it; `shukotsu.study.translation` translates. What stays English on a page of another
+`speaking` reads it; `shukotsu.translation` translates. What stays English on a page of another
 language stands between FOREIGN and END; `typeset` makes that an element with its language.
 """
 
@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from shukotsu.errors import InputError
-from shukotsu.study.translation import END, ENGLISH, FOREIGN, language, translating
+from shukotsu.translation import END, ENGLISH, FOREIGN, language, translating
 
 CATALOGUES = Path(__file__).parent / "languages"
 _TEXT = re.compile(r"(<(script|style)\b.*?</\2>|<title>.*?</title>|<[^>]*>)", re.DOTALL)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel
-from shukotsu.study.study import Hand
+from shukotsu.tables.subjects import Hand
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,11 +15,11 @@ from shukotsu.hand.posed_recording import QUATERNION
 from shukotsu.hand.rotations import Array, rotate, unit
 from shukotsu.scores.scored_skeleton import TIP, Row, Stated
 from shukotsu.study.layout import Layout
-from shukotsu.study.study import Hand
 from shukotsu.study.verdict import RADIUS_SD
 from shukotsu.tables.catalogue import BONE_LENGTHS, DISTAL_RECEIVER, JOINT_CENTRES, METACARPALS, TIPS
 from shukotsu.tables.parts import numbers_by_name
 from shukotsu.tables.poses import Poses, RecordingName
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Table, read_table, rows_of, vector_columns, vector_of
 
 OTHER_MM = 0.5

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from shukotsu.study.translation import N_, Template, filled, foreign, listed, ngettext, plural, tr, word
+from shukotsu.translation import N_, Template, filled, foreign, listed, ngettext, plural, tr, word
 
 Values = Mapping[str, Any]
 """By name: numbers, words, or lists of them, as JSON has them."""

@@ -21,7 +21,7 @@ from shukotsu.study.finding_sentences import (
     what_and_cure,
     what_of,
 )
-from shukotsu.study.translation import foreign
+from shukotsu.translation import foreign
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
 STAGE = "check_recordings"

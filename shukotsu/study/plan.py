@@ -23,10 +23,11 @@ from shukotsu.study.layout import Layout, layout_from_config
 from shukotsu.study.model import SkeletonModel, model_from_config
 from shukotsu.study.results import FIT_TABLES
 from shukotsu.study.sheets import HAND_SHEETS, SHEETS, Row, Sheet, read_sheet
-from shukotsu.study.study import SIZES, Hand, Recording, Study, SubjectSession, path_token
+from shukotsu.study.study import SIZES, Recording, Study
 from shukotsu.tables.catalogue import FINDINGS
 from shukotsu.tables.parts import Part, parts_in
 from shukotsu.tables.poses import one_hand, recording_name
+from shukotsu.tables.subjects import Hand, SubjectSession, path_token
 from shukotsu.tables.text_files import read_text
 from shukotsu.tables.typed_table import read_table, rows_of
 

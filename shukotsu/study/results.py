@@ -120,7 +120,7 @@ class Results:
 
     def subject(self, subject: str, session: str = "") -> Path:
         """Folder of a subject's plan and tables, in one session where the sheet names any."""
-        from shukotsu.study.study import SubjectSession  # names of tables alone need no NumPy
+        from shukotsu.tables.subjects import SubjectSession
 
         return self.folder / f"sub-{SubjectSession(subject, session).token}"
 

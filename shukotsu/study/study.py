@@ -8,15 +8,15 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from shukotsu.errors import InputError, guess, listed
 from shukotsu.study.config_files import REFERENCE, check_config, config_path, read_config
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
-from shukotsu.study.translation import tr
 from shukotsu.tables.limits import FILE_NAME_BYTES, NAMES_BYTES
+from shukotsu.tables.subjects import Hand, SubjectSession, path_token
 
 OWN_FACTORS = ("session", "hand", "task")
 """Columns that every recording has and that may be factors."""
@@ -31,52 +31,6 @@ SIZES = ("hand_length_mm", "hand_breadth_mm")
 
 NO_LEVEL = ("", "n/a")
 """Cells that give no level."""
-
-REPETITIONS = 20
-"""Snakemake takes a name that ends in so many repetitions for a rule that feeds itself."""
-
-
-class SubjectSession(NamedTuple):
-    """A skeleton is of a subject, in one session where the sheet names any; str() names both."""
-
-    subject: str
-    session: str = ""
-
-    @property
-    def token(self) -> str:
-        """Name in paths, after `sub-`."""
-        return path_token(self.subject) + (f"_ses-{path_token(self.session)}" if self.session else "")
-
-    @property
-    def label(self) -> str:
-        """Subject, and session where there is one."""
-        return f"{self.subject}, session {self.session}" if self.session else self.subject
-
-    def __str__(self) -> str:
-        named = tr("subject {subject}", subject=self.subject)
-        return named + (tr(", session {session}", session=self.session) if self.session else "")
-
-
-@dataclass(frozen=True)
-class Hand:
-    """One subject's hand, in one session where the sheet names any; str() names it."""
-
-    subject: str
-    hand: str
-    session: str = ""
-
-    @property
-    def who(self) -> SubjectSession:
-        """Subject and session."""
-        return SubjectSession(self.subject, self.session)
-
-    @property
-    def folder(self) -> str:
-        """Part of a path below the study's results."""
-        return f"sub-{self.who.token}/{self.hand}"
-
-    def __str__(self) -> str:
-        return tr("{who}, {hand} hand", who=str(self.who), hand=self.hand)
 
 
 @dataclass(frozen=True)
@@ -209,21 +163,6 @@ class Study:
         """Return the layout of the hand's recordings, with what the study asks of its joints."""
         layout = read_layout(self.layout_of(hand).absolute())
         return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
-
-
-def path_token(text: str) -> str:
-    """Turn any name into one part of a path: letters (of any script), digits, '-' and '_' stay.
-
-    Everything else becomes %XX (UTF-8 bytes), so that two names never share a path; the last letter of
-    a name that ends in REPETITIONS of something becomes %%XX.
-    """
-    coded = ["".join(f"%{byte:02X}" for byte in letter.encode()) for letter in text]
-    safe = [c if c.isalnum() or c in "-_" else code for c, code in zip(text, coded, strict=True)]
-    token = "".join(safe)
-    lengths = range(1, NAMES_BYTES // REPETITIONS + 1)
-    if any(len(token) >= n * REPETITIONS and token.endswith(token[-n:] * REPETITIONS) for n in lengths):
-        safe[-1] = f"%{coded[-1]}"
-    return "".join(safe)
 
 
 def shown(recordings: Iterable[Recording]) -> tuple[Recording, ...]:

@@ -177,7 +177,8 @@ def poses_files(plan: SubjectPlan) -> list[Path]:
                 f"{path}: is of {name}; expected {recording.hand}, {recording.name}; remove it and run the "
                 "study again"
             )
-        check_layout(path, plan.layouts[recording.hand.hand])
+        layout = plan.layouts[recording.hand.hand]
+        check_layout(path, layout.name, layout.measured, layout.segments)
         files.append(path)
     return files
 

@@ -20,8 +20,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from shukotsu.errors import InputError, TableError, listed
-from shukotsu.study.study import Hand, SubjectSession
 from shukotsu.tables.parquet_files import open_parquet
+from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.typed_table import (
     Provenance,
     Table,

@@ -7,7 +7,7 @@ of every segment, and a recording need never be in memory at once.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError, TableError
-from shukotsu.study.layout import Layout
-from shukotsu.study.study import Hand
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.limits import FARTHEST_MM
 from shukotsu.tables.parquet_files import open_parquet
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import TableFile, column_array, open_table, read_metadata
 
 Array = npt.NDArray[np.float64]
@@ -207,19 +206,20 @@ def pose_blocks(
             yield block
 
 
-def check_layout(path: Path, layout: Layout) -> None:
+def check_layout(path: Path, layout: str, measured: Sequence[str], segments: Collection[str]) -> None:
     """Raise TableError where a poses file was made with a layout of other segments than this one's.
 
-    A layout that measures fewer of the segments will do, or one of which the recording wore fewer receivers.
+    measured, segments : those that the layout of this name measures, and all of its own. A layout that
+    measures fewer of the segments will do, or one of which the recording wore fewer receivers.
     """
     with open_parquet(path, f"a {POSES.name} table") as file:  # also one whose making failed
-        segments = _row_groups(TableFile(path, POSES, file))
-    made_with = read_metadata(path)["parameters"].get("layout", layout.name)
-    lacking = [name for name in layout.measured if name not in segments]
-    if made_with != layout.name and lacking and not set(segments) <= set(layout.segments):
+        present = _row_groups(TableFile(path, POSES, file))
+    made_with = read_metadata(path)["parameters"].get("layout", layout)
+    lacking = [name for name in measured if name not in present]
+    if made_with != layout and lacking and not set(present) <= set(segments):
         raise TableError(
-            f"{path}: was imported with layout {made_with} and has no {lacking[0]}; layout {layout.name} "
-            f"measures {', '.join(layout.measured)}; import the recording with it"
+            f"{path}: was imported with layout {made_with} and has no {lacking[0]}; layout {layout} "
+            f"measures {', '.join(measured)}; import the recording with it"
         )
 
 

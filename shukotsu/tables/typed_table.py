@@ -21,8 +21,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from shukotsu import PROGRAM, VERSION
 from shukotsu.errors import InputError, TableError
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.parquet_files import column_ends, naming_damage, open_parquet, store_digest
 from shukotsu.tables.whole_files import file_sha256, files_in, replacing
 

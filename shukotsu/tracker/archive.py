@@ -22,8 +22,8 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from shukotsu import PROGRAM, VERSION
 from shukotsu.errors import InputError
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.limits import check_regular
 from shukotsu.tables.text_files import reading
 from shukotsu.tables.typed_table import METADATA_KEY

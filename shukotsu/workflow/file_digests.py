@@ -9,9 +9,8 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from shukotsu import VERSION
 from shukotsu.errors import InputError
-from shukotsu.resources import IN_CHECKOUT, ROOT
+from shukotsu.resources import IN_CHECKOUT, ROOT, VERSION
 from shukotsu.tables.whole_files import file_sha256, file_state, write_text
 
 CACHE = Path(".snakemake", "shukotsu-files.json")

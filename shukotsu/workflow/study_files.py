@@ -36,7 +36,8 @@ from shukotsu.study.plan import (
     recordings_part,
     truth_folder,
 )
-from shukotsu.study.study import Recording, Study, SubjectSession, path_token, read_study
+from shukotsu.study.study import Recording, Study, read_study
+from shukotsu.tables.subjects import SubjectSession, path_token
 from shukotsu.tables.whole_files import write_text
 from shukotsu.workflow.file_digests import STAMP, FileDigests
 

@@ -24,9 +24,9 @@ from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.wording import speaking
 from shukotsu.study import verdict
 from shukotsu.study.layout import FINGER_MM, read_layout
-from shukotsu.study.study import Hand
-from shukotsu.study.translation import FOREIGN
 from shukotsu.study.verdict import LIMITS, UNJUDGED, judged_joint, noted
+from shukotsu.tables.subjects import Hand
+from shukotsu.translation import FOREIGN
 
 VALUES: dict[str, dict[str, Any]] = {
     verdict.FAR: {"what": "palm width", "sd": 6.4},

@@ -19,9 +19,10 @@ from shukotsu.report.study_results import StudyResults, read_results
 from shukotsu.study.layout import FINGER_MM
 from shukotsu.study.model import read_model
 from shukotsu.study.results import STUDY_FIGURES
-from shukotsu.study.study import Study, path_token, read_study
+from shukotsu.study.study import Study, read_study
 from shukotsu.study.verdict import UNJUDGED, judged_joint
 from shukotsu.tables.catalogue import JOINT_CENTRES, POSES, TABLES, TIP_ERRORS
+from shukotsu.tables.subjects import path_token
 from shukotsu.tables.typed_table import Provenance, write_failure
 
 build_parser = stage_script("report").build_parser

@@ -15,9 +15,10 @@ from shukotsu.errors import InputError
 from shukotsu.report.study_results import StudyResults, read_subject
 from shukotsu.study.plan import read_plan
 from shukotsu.study.results import Results
-from shukotsu.study.study import Hand, read_study
+from shukotsu.study.study import read_study
 from shukotsu.tables.catalogue import JOINT_CENTRES
 from shukotsu.tables.parts import parts_writer
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Provenance, columns_from_rows
 
 build_parser = stage_script("subject_pages").build_parser

@@ -24,8 +24,9 @@ from shukotsu.report.recording_page import recording_page
 from shukotsu.report.recording_results import read_recording
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.wording import languages, speaking
-from shukotsu.study.study import Hand, read_study
-from shukotsu.study.translation import END, FOREIGN, translated
+from shukotsu.study.study import read_study
+from shukotsu.tables.subjects import Hand
+from shukotsu.translation import END, FOREIGN, translated
 
 subject = stage_script("subject_pages")
 

@@ -12,9 +12,10 @@ import pyarrow.compute as pc
 from report_samples.made_study import lacking_text
 from shukotsu.study.plan import StudyPlans, plan_text, read_plan
 from shukotsu.study.results import GATHERED_TABLES, Results
-from shukotsu.study.study import Hand, Study
+from shukotsu.study.study import Study
 from shukotsu.tables.catalogue import FINDINGS, TABLES
 from shukotsu.tables.parts import Part, parts_writer
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
 from shukotsu.tables.whole_files import write_text
 

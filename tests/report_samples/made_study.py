@@ -28,10 +28,11 @@ from shukotsu.scores.study_comparison import compare_study
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.results import MODEL_COMPARISONS, STUDY_TABLES, Results
-from shukotsu.study.study import path_token, read_study
+from shukotsu.study.study import read_study
 from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, noted
 from shukotsu.tables.catalogue import BONE_TIP, DISTAL_RECEIVER, TABLES
 from shukotsu.tables.poses import Poses
+from shukotsu.tables.subjects import path_token
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, write_table
 
 HOSTILE = 'A & <b>"x"'

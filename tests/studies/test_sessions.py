@@ -8,8 +8,8 @@ import pytest
 from studies.running import StudyRun, record, write_study
 
 from shukotsu.study.results import STUDY_TABLES, Results
-from shukotsu.study.study import path_token
 from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.subjects import path_token
 from shukotsu.tables.typed_table import read_table, rows_of
 
 pytestmark = pytest.mark.slow

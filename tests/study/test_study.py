@@ -12,7 +12,8 @@ from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.layout import read_layout
 from shukotsu.study.plan import StudyPlans, recordings_part
 from shukotsu.study.sheets import CORRECTIONS, read_sheet
-from shukotsu.study.study import Hand, Study, correction_problems, factor_levels, path_token, read_study
+from shukotsu.study.study import Study, correction_problems, factor_levels, read_study
+from shukotsu.tables.subjects import Hand, path_token
 
 
 def study(tmp_path: Path, *rows: str, more: str = "") -> Study:

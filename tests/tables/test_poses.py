@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.study.study import Hand
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.poses import one_hand, pose_blocks, read_poses, recording_name
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Provenance, write_table, write_table_in_parts
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from shukotsu.study.findings import NOTE, REFUSED, Finding, worded
-from shukotsu.study.study import Hand, Recording
+from shukotsu.study.recording_summary import recording_row
+from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import POSES
-from shukotsu.tables.recording_summary import recording_row
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Provenance, write_failure, write_table
 
 RECORDING = Recording(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from shukotsu import VERSION
+from shukotsu.resources import VERSION
 from shukotsu.workflow import file_digests
 from shukotsu.workflow.file_digests import FileDigests, program_digest
 

@@ -12,7 +12,7 @@ from shukotsu.report.hand_motion import Array, HandMotion, ShownSkeleton, receiv
 from shukotsu.report.palette import INK, PAPER, SOFT, Mark, digit_looks
 from shukotsu.report.plots.panels import PAGE_MM, Panel
 from shukotsu.report.plots.style import SMALL_PT, width_mm, wrapped
-from shukotsu.study.translation import listed, tr, word
+from shukotsu.translation import listed, tr, word
 
 _GUTTER_MM, _BAR_MM, _PAD_MM, _NEAR_MM = 14.0, 20.0, 10.0, 45.0
 """Of the hand: between the views, the scale's bar, round the hand, and from the box round the receivers to a

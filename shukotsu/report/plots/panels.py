@@ -35,7 +35,7 @@ from shukotsu.report.plots.style import (
     wrapped,
 )
 from shukotsu.report.table_cells import number
-from shukotsu.study.translation import ENGLISH, language, tr, translated, word
+from shukotsu.translation import ENGLISH, language, tr, translated, word
 
 Array = npt.NDArray[np.float64]
 

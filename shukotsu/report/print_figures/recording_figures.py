@@ -22,9 +22,10 @@ from shukotsu.report.recording_results import ANGLES, Array, read_angles, read_t
 from shukotsu.report.score_tables import mean
 from shukotsu.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key
 from shukotsu.report.table_cells import number, title
-from shukotsu.study.study import Recording, path_token
-from shukotsu.study.translation import N_, tr, word
+from shukotsu.study.study import Recording
 from shukotsu.tables.poses import pose_blocks
+from shukotsu.tables.subjects import path_token
+from shukotsu.translation import N_, tr, word
 
 _STRIP_MM, _ANGLE_MM, _FOOT_MM, _MARKS = 20.0, 18.0, 9.0, 8
 """Heights, and about how many marks tell a line apart from others; they are no samples."""

@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from shukotsu import PROGRAM, VERSION
 from shukotsu.errors import on_one_line
 from shukotsu.report.belief import BELIEVED, CARE, NOT, belief, wanted_text
 from shukotsu.report.judged_models import LEFT_OUT, PRIOR, REPLAY, TRUTH, JudgedModels, judged_models
@@ -46,12 +45,13 @@ from shukotsu.report.study_results import Row as TableRow
 from shukotsu.report.study_results import StudyResults, hand_of
 from shukotsu.report.table_cells import alike, capital, heading
 from shukotsu.report.wording import plain
+from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
 from shukotsu.study.results import STUDY_FIGURES
-from shukotsu.study.study import Hand, SubjectSession
-from shukotsu.study.translation import N_, listed, ngettext, tr, word
 from shukotsu.study.verdict import CARE_TIMES
+from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.whole_files import replacing, write_text
+from shukotsu.translation import N_, listed, ngettext, tr, word
 
 
 class NoDataError(Exception):

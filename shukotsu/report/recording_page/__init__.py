@@ -21,7 +21,7 @@ from shukotsu.report.table_cells import (
 from shukotsu.report.templates import render
 from shukotsu.report.viewer import Block, view_of
 from shukotsu.study.study import Recording
-from shukotsu.study.translation import ngettext, tr, translated, word
+from shukotsu.translation import ngettext, tr, translated, word
 
 ANGLE_STEP_DEG = 0.1
 """As the page prints angles: rounded to it once, they show the table's own digits."""

@@ -33,7 +33,7 @@ from shukotsu.report.hand_motion import (
 )
 from shukotsu.report.plots.hand import hand_panel
 from shukotsu.report.plots.panels import page_picture
-from shukotsu.study.translation import tr, word
+from shukotsu.translation import tr, word
 
 POSITION_STEP_MM = 0.05
 """A point is off by at most sqrt(3) / 2 of it, 0.044 mm."""

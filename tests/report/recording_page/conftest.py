@@ -19,9 +19,10 @@ from shukotsu.report.study_results import StudyResults, read_subject
 from shukotsu.study.layout import read_layout
 from shukotsu.study.plan import read_plan
 from shukotsu.study.results import FIT_TABLES, Results
-from shukotsu.study.study import Hand, Recording, Study, read_study
+from shukotsu.study.study import Recording, Study, read_study
 from shukotsu.tables.catalogue import BONE_POSES, JOINT_ANGLES, JOINT_SOLUTIONS, POSED_TIPS, POSES, TIPS
 from shukotsu.tables.parts import Part
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Provenance, Table, read_table, rows_of, write_failure
 
 N_FRAMES = 300

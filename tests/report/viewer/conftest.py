@@ -21,7 +21,7 @@ from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.layout import FINGER_MM, read_layout
 from shukotsu.study.model import read_model
 from shukotsu.study.results import Results
-from shukotsu.study.study import Hand, Recording
+from shukotsu.study.study import Recording
 from shukotsu.study.verdict import judged_joint
 from shukotsu.tables.catalogue import (
     BONE_POSES,
@@ -32,6 +32,7 @@ from shukotsu.tables.catalogue import (
     RECEIVERS,
     TIPS,
 )
+from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Provenance, read_table, rows_of
 
 LAYOUT = read_layout("liberty16")

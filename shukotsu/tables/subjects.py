@@ -1,0 +1,70 @@
+"""Whose a row is: a subject, in one session, and one hand; and the names of their folders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from shukotsu.tables.limits import NAMES_BYTES
+from shukotsu.translation import tr
+
+REPETITIONS = 20
+"""Snakemake takes a name that ends in so many repetitions for a rule that feeds itself."""
+
+
+def path_token(text: str) -> str:
+    """Turn any name into one part of a path: letters (of any script), digits, '-' and '_' stay.
+
+    Everything else becomes %XX (UTF-8 bytes), so that two names never share a path; the last letter of
+    a name that ends in REPETITIONS of something becomes %%XX.
+    """
+    coded = ["".join(f"%{byte:02X}" for byte in letter.encode()) for letter in text]
+    safe = [c if c.isalnum() or c in "-_" else code for c, code in zip(text, coded, strict=True)]
+    token = "".join(safe)
+    lengths = range(1, NAMES_BYTES // REPETITIONS + 1)
+    if any(len(token) >= n * REPETITIONS and token.endswith(token[-n:] * REPETITIONS) for n in lengths):
+        safe[-1] = f"%{coded[-1]}"
+    return "".join(safe)
+
+
+class SubjectSession(NamedTuple):
+    """A skeleton is of a subject, in one session where the sheet names any; str() names both."""
+
+    subject: str
+    session: str = ""
+
+    @property
+    def token(self) -> str:
+        """Name in paths, after `sub-`."""
+        return path_token(self.subject) + (f"_ses-{path_token(self.session)}" if self.session else "")
+
+    @property
+    def label(self) -> str:
+        """Subject, and session where there is one."""
+        return f"{self.subject}, session {self.session}" if self.session else self.subject
+
+    def __str__(self) -> str:
+        named = tr("subject {subject}", subject=self.subject)
+        return named + (tr(", session {session}", session=self.session) if self.session else "")
+
+
+@dataclass(frozen=True)
+class Hand:
+    """One subject's hand, in one session where the sheet names any; str() names it."""
+
+    subject: str
+    hand: str
+    session: str = ""
+
+    @property
+    def who(self) -> SubjectSession:
+        """Subject and session."""
+        return SubjectSession(self.subject, self.session)
+
+    @property
+    def folder(self) -> str:
+        """Part of a path below the study's results."""
+        return f"sub-{self.who.token}/{self.hand}"
+
+    def __str__(self) -> str:
+        return tr("{who}, {hand} hand", who=str(self.who), hand=self.hand)
