@@ -60,7 +60,7 @@ rule stream:  # the simulated tracker's end of the line: recordings -> raw captu
         layout=study.layout_digest,
     shell:
         "{python} {stages}/stream.py --recording {input.recording:q} --layout {input.layout:q}"
-        " --archive {output:q} 2> {log}"
+        " --out {output:q} 2> {log}"
 
 
 rule capture:  # section 2: a recording -> its poses

@@ -24,9 +24,9 @@ def build_parser() -> argparse.ArgumentParser:
 
 def gather(arguments: argparse.Namespace) -> None:
     """Read what the hands wrote, write the study's tables."""
-    from shukotsu.report.study_tables import gather_study
     from shukotsu.study.results import Results
     from shukotsu.study.study import read_study
+    from shukotsu.workflow.study_tables import gather_study
 
     gather_study(read_study(arguments.study), Results(arguments.results))
 

@@ -1,4 +1,4 @@
-"""Files of the program as they are installed: the package, and what at the top is linked into it."""
+"""Files of the program as they are installed: the package, and what beside it a wheel carries."""
 
 from __future__ import annotations
 
@@ -7,14 +7,24 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = REPOSITORY / "shukotsu"
-LINKED = sorted(path.name for path in PACKAGE.iterdir() if path.is_symlink())
-"""Names of folders and files at the top that are part of the package."""
+BESIDE = ("Snakefile", "config", "data", "profiles", "schemas", "stages")
+"""What lies beside the package in a checkout, and inside it in a wheel (pyproject.toml)."""
 
 
 def package_files(folder: Path = PACKAGE, suffix: str = "") -> Iterator[Path]:
-    """Return every file of the package through the links, sorted; none that a run has left."""
+    """Return every file of a folder of the program, sorted; none that a run has left."""
     for path in sorted(folder.iterdir()):
         if path.is_dir() and path.name not in ("__pycache__", "recordings"):
             yield from package_files(path, suffix)
         elif path.is_file() and path.name.endswith(suffix):
+            yield path
+
+
+def program_files(suffix: str = "") -> Iterator[Path]:
+    """Return every file of the program, those beside the package too."""
+    for name in ("shukotsu", *BESIDE):
+        path = REPOSITORY / name
+        if path.is_dir():
+            yield from package_files(path, suffix)
+        elif path.name.endswith(suffix):
             yield path

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from shukotsu import command_line
+from shukotsu.commands.run_stage import STAGES
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.plan import SubjectPlan, option_of, read_plan
 from shukotsu.study.results import FIT_TABLES
@@ -15,7 +16,7 @@ Stage = Callable[[Sequence[str]], int]
 
 
 def _stage(name: str) -> Stage:
-    return partial(command_line.dispatched, f"shukotsu.{name}")
+    return partial(command_line.run_script, STAGES / f"{name}.py")
 
 
 align_events = _stage("align_events")
@@ -29,10 +30,14 @@ export = _stage("export")
 fit_hand = _stage("fit_hand")
 gather = _stage("gather")
 measure_movement = _stage("measure_movement")
-print_figures = _stage("report.print_figures")
+print_figures = _stage("print_figures")
 project_planes = _stage("project_planes")
 report = _stage("report")
 simulate = _stage("simulate")
+plan = _stage("plan")
+collect_exports = _stage("collect_exports")
+export_tables = _stage("export_tables")
+subject_pages = _stage("subject_pages")
 solve_joints = _stage("solve_joints")
 
 READS: dict[str, Sequence[str]] = {

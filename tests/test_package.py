@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from program_files import PACKAGE, REPOSITORY, package_files
+from program_files import PACKAGE, REPOSITORY, program_files
 
 import shukotsu
 from shukotsu.resources import VERSION
@@ -61,7 +61,7 @@ def test_what_is_imported_is_declared() -> None:
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))["project"]
     declared = {re.split(r"[^\w-]", line)[0].lower() for line in project["dependencies"]}
     pattern = re.compile(r"^\s*(?:from|import) (\w+)", re.MULTILINE)
-    texts = [path.read_text("utf-8") for path in package_files(suffix=".py")]
+    texts = [path.read_text("utf-8") for path in program_files(suffix=".py")]
     imported = {name for text in texts for name in pattern.findall(text)}
     owners = packages_distributions()
     foreign = (imported & owners.keys()) - sys.stdlib_module_names - {"shukotsu", *OF_BLENDER}
@@ -98,7 +98,8 @@ def environment(folder: Path, *packages: str | Path) -> Path:
 def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
-    assert held == {path.relative_to(REPOSITORY).as_posix() for path in package_files()}
+    program = [path.relative_to(REPOSITORY).as_posix() for path in program_files()]
+    assert held == {name if name.startswith("shukotsu/") else f"shukotsu/{name}" for name in program}
 
 
 @pytest.mark.slow
@@ -113,7 +114,7 @@ def test_the_wheel_runs_a_study_outside_the_checkout(wheel: Path, tmp_path: Path
     sheets = study / "data" / "demo"
     sheets.mkdir(parents=True)
     (study / "study.yaml").write_text(SMALL_STUDY)
-    lines = (PACKAGE / "data" / "demo" / "recordings.tsv").read_text("utf-8").splitlines()
+    lines = (REPOSITORY / "data" / "demo" / "recordings.tsv").read_text("utf-8").splitlines()
     rows = [line.replace("../data/demo", "data/demo") for line in lines[:3]]
     (sheets / "recordings.tsv").write_text("\n".join(rows) + "\n")
     installed = sorted((tmp_path / "own").rglob("shukotsu/**/*.tsv"))

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from program_files import package_files
+from program_files import program_files
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "what-went-wrong.md").read_text("utf-8")
@@ -36,7 +36,7 @@ QUOTED += [quote for cell in first_cells("An error is printed") for quote in re.
 @cache
 def code_text() -> str:
     """Return the code of all rooms; a text that goes on in the next line is whole."""
-    code = "\n".join(path.read_text("utf-8") for path in package_files(suffix=".py"))
+    code = "\n".join(path.read_text("utf-8") for path in program_files(suffix=".py"))
     return re.sub(r'"\s*\n\s*f?"', "", code)
 
 

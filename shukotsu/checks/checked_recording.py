@@ -15,8 +15,8 @@ from shukotsu.checks.expected_body import ExpectedBody, expected_body
 from shukotsu.checks.explanation import Explanation
 from shukotsu.checks.hypotheses import Recorded, hypotheses
 from shukotsu.checks.mistake_search import Search, effect, explained, find_mistakes
-from shukotsu.checks.sampled_motion import motion_of, receiver_axes
 from shukotsu.checks.timeline import BLOCK_ROWS, Timeline
+from shukotsu.hand.sampled_motion import motion_of, receiver_axes
 from shukotsu.study.finding_sentences import Values
 from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding
 from shukotsu.study.layout import Layout

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.checks.sampled_motion import receiver_axes
 from shukotsu.hand import average_hand as average
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, cross_matrix
+from shukotsu.hand.sampled_motion import receiver_axes
 from shukotsu.study.layout import Digit, Joint, Layout
 
 SHARED = 7

@@ -17,8 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.checks.expected_body import FREE_SCALE_SD, SCALE_SD, SHARED, ExpectedBody
-from shukotsu.checks.sampled_motion import Motion
 from shukotsu.hand.rotations import Array
+from shukotsu.hand.sampled_motion import Motion
 
 INDEPENDENT_FRAMES = 8.0
 """As many tell something of their own, however many were recorded."""

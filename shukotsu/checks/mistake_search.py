@@ -11,8 +11,8 @@ import numpy as np
 from shukotsu.checks.expected_body import ExpectedBody
 from shukotsu.checks.explanation import Explanation, explain, joint_shares
 from shukotsu.checks.hypotheses import Hypothesis
-from shukotsu.checks.sampled_motion import MIRROR, Motion
 from shukotsu.hand.rotations import Array
+from shukotsu.hand.sampled_motion import MIRROR, Motion
 from shukotsu.study.finding_sentences import Values
 
 DECISIVE = 4.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import NamedTuple
 
-_CAPTURE = "shukotsu.readers"
+_HERE = "shukotsu.commands"
 
 
 class Command(NamedTuple):
@@ -16,27 +16,19 @@ class Command(NamedTuple):
 
 
 COMMANDS = {
-    "new": Command("shukotsu.commands.new_study", "make a study folder with files to edit"),
-    "check": Command("shukotsu.commands.check_file", "read a study, or say whether a recording went well"),
-    "run": Command("shukotsu.commands.run_study", "run a study, or what of it is out of date"),
-    "demo": Command("shukotsu.commands.run_demo", "run the demo's study in this folder"),
-    "report": Command("shukotsu.commands.show_report", "name, print or open a study's report"),
-    "export": Command(
-        "shukotsu.commands.export_study", "write a study's moving skeletons for other programs"
-    ),
-    "record": Command(f"{_CAPTURE}.record_tracker", "record a tracker into a raw capture"),
-    "coach": Command(
-        "shukotsu.commands.coach_hand", "record a hand's calibration and coach it while it is recorded"
-    ),
-    "emulate": Command(f"{_CAPTURE}.emulate_tracker", "be a tracker, for a recorder without one at hand"),
-    "inspect": Command(
-        f"{_CAPTURE}.inspect_file", "say what is in a file, and draft the mapping that it needs"
-    ),
-    "import": Command(f"{_CAPTURE}.import_recording", "turn a recording's file into the poses table"),
-    "stage": Command("shukotsu.commands.run_stage", "run one stage of the pipeline alone"),
-    "doctor": Command(
-        "shukotsu.commands.doctor", "say what is installed, what is missing, what this machine can do"
-    ),
+    "new": Command(f"{_HERE}.new_study", "make a study folder with files to edit"),
+    "check": Command(f"{_HERE}.check_file", "read a study, or say whether a recording went well"),
+    "run": Command(f"{_HERE}.run_study", "run a study, or what of it is out of date"),
+    "demo": Command(f"{_HERE}.run_demo", "run the demo's study in this folder"),
+    "report": Command(f"{_HERE}.show_report", "name, print or open a study's report"),
+    "export": Command(f"{_HERE}.export_study", "write a study's moving skeletons for other programs"),
+    "record": Command(f"{_HERE}.record_tracker", "record a tracker into a raw capture"),
+    "coach": Command(f"{_HERE}.coach_hand", "record a hand's calibration and coach it while it is recorded"),
+    "emulate": Command(f"{_HERE}.emulate_tracker", "be a tracker, for a recorder without one at hand"),
+    "inspect": Command(f"{_HERE}.inspect_file", "say what is in a file, and draft the mapping that it needs"),
+    "import": Command(f"{_HERE}.import_file", "turn a recording's file into the poses table"),
+    "stage": Command(f"{_HERE}.run_stage", "run one stage of the pipeline alone"),
+    "doctor": Command(f"{_HERE}.doctor", "say what is installed, what is missing, what this machine can do"),
 }
 
 

@@ -64,7 +64,7 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
     """Import every recording into a folder that is removed again; return names and what is to say."""
     from shukotsu.checks.compared_recordings import copies
-    from shukotsu.readers import import_recording
+    from shukotsu.commands import import_file
     from shukotsu.workflow.study_files import import_options
 
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
@@ -82,7 +82,7 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
                 output = io.StringIO()
                 argv = ["--record-failure", *import_options(recording), f"--out={file}"]
                 with redirect_stderr(output), redirect_stdout(output):
-                    status = import_recording.main(argv)
+                    status = import_file.main(argv)
                 if status:
                     raise InputError(output.getvalue().strip().removeprefix("error: "))
                 done += 1

@@ -7,13 +7,10 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from shukotsu import command_line
 from shukotsu.errors import InputError
-
-if TYPE_CHECKING:
-    from shukotsu.tracker.emulate.pose_sources import Motion
 
 _LOCAL_HOSTS = ("127.0.0.1", "localhost")
 
@@ -50,6 +47,7 @@ def main(argv: list[str]) -> int:
 
 def emulate(options: argparse.Namespace) -> None:
     """Check the options; then serve a port, or write an archive."""
+    from shukotsu.readers.played_recording import read_played_recording
     from shukotsu.tracker.emulate.device import EmulatedLiberty
     from shukotsu.tracker.emulate.pose_sources import built_in_motion
     from shukotsu.tracker.emulate.server import Emulator, PtyPort, TcpPort, serve, write_archive
@@ -64,7 +62,7 @@ def emulate(options: argparse.Namespace) -> None:
             raise InputError("--loop: needs a port; leave it out with --archive")
     motion = built_in_motion()
     if options.recording is not None:
-        motion = read_motion(options.recording, options.layout, loop=options.loop)
+        motion = read_played_recording(options.recording, options.layout, loop=options.loop)
         for note in motion.notes:
             print(f"note: {options.recording}: {note}", file=sys.stderr)
     stations = motion.stations if options.stations is None else parse_stations(options.stations)
@@ -86,33 +84,3 @@ def emulate(options: argparse.Namespace) -> None:
         serve(Emulator(device, port.write, time.perf_counter_ns()), port, lambda: bool(signals))
     finally:
         port.close()
-
-
-def read_motion(path: Path, layout_name: str, *, loop: bool = False) -> Motion:
-    """Read a recording in any format that needs no mapping; each segment plays on its receiver's station.
-
-    Segments without a station are left out and noted. Raises InputError where the file is no recording, or
-    where none of its segments has a station.
-    """
-    import numpy as np
-
-    from shukotsu.readers.formats.readers import AUTO, find_reader
-    from shukotsu.study.layout import read_layout
-    from shukotsu.tracker.emulate.pose_sources import MAX_STATION, recorded_motion
-
-    layout = read_layout(layout_name)
-    samples = find_reader(path, AUTO)(path, layout, None)
-    receivers = np.array([layout.segments[name].receiver or 0 for name in samples.segments])
-    receivers[receivers > MAX_STATION] = 0
-    station = receivers[samples.segment]
-    if not station.any():
-        raise InputError(
-            f"{path}: none of its segments has a station from 1 to {MAX_STATION} in layout {layout.name}; "
-            "give the layout's segments such `receiver:` numbers"
-        )
-    notes = [
-        f"segment {samples.segments[index]} has no station from 1 to {MAX_STATION}; not played"
-        for index in np.unique(samples.segment[station == 0])
-    ]
-    poses = samples.numbers
-    return recorded_motion(samples.frame, station, poses[:, :3], poses[:, 3:], loop=loop, notes=notes)

@@ -17,7 +17,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.checks.sampled_motion import MIRROR
 from shukotsu.fit.chain_builder import KINDS, bone
 from shukotsu.fit.compiled_equations import reduce
 from shukotsu.fit.fingertips import Fingertips, square_root
@@ -31,6 +30,7 @@ from shukotsu.hand import average_hand as prior
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, about_axis, matrix, multiply
+from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.layout import Digit
 
 POSTURES = 96

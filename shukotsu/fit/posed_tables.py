@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from shukotsu.checks.sampled_motion import MIRROR
 from shukotsu.fit.calibration import REFERENCE_FRAMES, read_thinned
 from shukotsu.fit.chain_builder import KINDS
 from shukotsu.fit.fingertips import BONE, TIP, Fingertips
@@ -22,6 +21,7 @@ from shukotsu.fit.loose_receivers import NORMAL, LooseReceiver
 from shukotsu.fit.operations import Index
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, rotate
+from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.layout import Digit, Layout
 from shukotsu.tables.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shukotsu.checks.sampled_motion import MIRROR, receiver_axes
 from shukotsu.fit.normal_equations import Frames
 from shukotsu.fit.operations import Index
 from shukotsu.hand.rotations import Array, matrix
+from shukotsu.hand.sampled_motion import MIRROR, receiver_axes
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 

@@ -1,4 +1,4 @@
-"""Command line: a recording's file -> its poses table, and what was declared of it and cannot be."""
+"""A recording's file -> its poses table, as options of a command line say."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Return the subcommand's argument parser."""
+    """Return the parser of the command and of the stage."""
     parser = command_line.parser(
         "shukotsu import",
         "Turn a recording's file into the poses table: units and frames checked, gaps kept and named.",
@@ -48,30 +48,6 @@ def build_parser() -> argparse.ArgumentParser:
     add("--task", required=True, help="what was done")
     add("--trial", default="", help="which repetition, where there are several")
     return parser
-
-
-def main(argv: list[str]) -> int:
-    """Run the subcommand; return the exit code."""
-    return command_line.run(build_parser, argv, import_and_check, record_failure)
-
-
-def import_and_check(arguments: argparse.Namespace) -> None:
-    """Import the recording; but in a study, where a rule checks, print what cannot be as declared."""
-    from shukotsu.checks.checked_poses import checked_poses
-    from shukotsu.study.finding_sentences import in_quotes
-    from shukotsu.study.layout import read_layout
-    from shukotsu.tables.poses import BYTES_A_POSE, KEPT_BYTES, frame_count
-
-    import_recording(arguments)
-    if arguments.record_failure:
-        return
-    layout = read_layout(arguments.layout).of_hand(arguments.hand)
-    if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
-        print(f"note: {arguments.file}: long; check it with shukotsu stage check_recordings", file=sys.stderr)
-        return
-    for finding in checked_poses(arguments.out, layout).findings:
-        sentence = in_quotes(finding.message)
-        print(f"{finding.severity}: {arguments.file}: {finding.kind}: {sentence}", file=sys.stderr)
 
 
 def import_recording(arguments: argparse.Namespace) -> None:

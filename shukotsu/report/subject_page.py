@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
+from shukotsu import command_line
 from shukotsu.errors import InputError
 from shukotsu.report import provenance
 from shukotsu.report.belief import believed_counts, gain_lines, joint_table
@@ -19,15 +25,22 @@ from shukotsu.report.paper_tables import (
     table_title,
 )
 from shukotsu.report.plots.hand import hand_panel
-from shukotsu.report.plots.panels import page_picture
+from shukotsu.report.plots.panels import page_picture, taken_failures
 from shukotsu.report.print_figures.study_figures import lengths_panel
-from shukotsu.report.recording_results import read_still
+from shukotsu.report.recording_page import failure_page, recording_page, recording_title
+from shukotsu.report.recording_results import read_recording, read_still
 from shukotsu.report.score_tables import score_table, truth_table
 from shukotsu.report.skeleton_tables import bone_table, measured_ranges, measured_table, receiver_tables
-from shukotsu.report.study_results import StudyResults, Trial
+from shukotsu.report.study_page import render_failure
+from shukotsu.report.study_results import StudyResults, Trial, read_subject
 from shukotsu.report.table_cells import Folded
 from shukotsu.report.templates import render
+from shukotsu.report.wording import check_language, languages, speaking
+from shukotsu.study.plan import plan_of_results
+from shukotsu.study.results import FAILED_PAGES
+from shukotsu.study.study import Recording
 from shukotsu.tables.subjects import Hand, SubjectSession
+from shukotsu.tables.whole_files import write_text
 from shukotsu.translation import tr, translated
 
 
@@ -134,3 +147,73 @@ def _folded(results: StudyResults, who: SubjectSession) -> dict[str, list[Folded
         "receivers": [folded for hand in hands for folded in receiver_tables(results, hand)],
         "recordings": [Folded(used_text(results), provenance.recordings_table(results))],
     }
+
+
+Page = tuple[Callable[[], str], Callable[[str], str]]
+"""What makes a page, and the one that says why there is none."""
+
+
+def write_pages(arguments: argparse.Namespace) -> None:
+    """Read the subject's tables, write its pages; one that cannot be made says why, and costs no other."""
+    check_language(arguments.language, "--language")
+    results = read_subject(plan_of_results(arguments.plan))
+    with speaking(arguments.language):
+        pages: dict[Path, Page] = {}
+        if not arguments.recording:
+            pages[Path("subject.html")] = partial(render_subject, results), render_failure
+        for recording in [_named(results, *arguments.recording)] if arguments.recording else results.shown:
+            pages[_page(recording)] = (
+                partial(_recording_page, results, recording),
+                partial(failure_page, recording_title(recording)),
+            )
+        failures = []
+        for page, (make, say_why) in pages.items():
+            with command_line.recorded(arguments, arguments.record_failure) as messages:
+                write_text(arguments.out / page, make())
+            failures += [f"{page.as_posix()}: {message}" for message in taken_failures()]
+            for message in messages:
+                write_text(arguments.out / page, say_why(message))
+                failures.append(f"{page.as_posix()}: {message}")
+    if not arguments.recording:
+        _write_failures(arguments.out, failures)
+
+
+def _page(recording: Recording) -> Path:
+    """The recording's page in the subject's folder of pages."""
+    return Path(recording.hand.hand, f"{recording.name}.html")
+
+
+def _write_failures(folder: Path, failures: Sequence[str]) -> None:
+    """Write which pages could not be made into a file that the study's report reads; none without any."""
+    if failures:
+        write_text(folder / FAILED_PAGES, "".join(f"{line}\n" for line in failures))
+    else:
+        (folder / FAILED_PAGES).unlink(missing_ok=True)
+
+
+def _named(results: StudyResults, hand: str, name: str) -> Recording:
+    for recording in results.shown:
+        if (recording.hand.hand, recording.name) == (hand, name):
+            return recording
+    expected = ", ".join(f"{recording.hand.hand} {recording.name}" for recording in results.shown)
+    raise InputError(f"--recording {hand} {name}: is not evaluated; expected one of: {expected or 'none'}")
+
+
+def _recording_page(results: StudyResults, recording: Recording) -> str:
+    """The recording's page, or one that says why there is none: the subject's others must not be lost."""
+    try:
+        return recording_page(read_recording(results, recording))
+    except InputError as error:
+        return failure_page(recording_title(recording), error.message)
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write pages that say why there is none; where the plan cannot be read, that of the subject alone."""
+    shown: list[Recording] = []
+    with suppress(InputError):
+        plan = plan_of_results(arguments.plan)
+        shown = [recording for hand in plan.hands for recording in plan.evaluated(hand)]
+    with speaking(arguments.language if arguments.language in languages() else "en"):
+        for page in (Path("subject.html"), *map(_page, shown)):
+            write_text(arguments.out / page, render_failure(message))
+    _write_failures(arguments.out, [f"subject.html: {message}"])

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.mistakes import MISTAKES, Planted
 from shukotsu.checks.expected_body import expected_body
 from shukotsu.checks.mistake_search import effect, explained
-from shukotsu.checks.sampled_motion import motion_of, receiver_axes
+from shukotsu.hand.sampled_motion import motion_of, receiver_axes
 from shukotsu.study.findings import Finding
 from shukotsu.study.layout import read_layout
 

@@ -9,7 +9,7 @@ from small_study import write_plans, write_study
 from stage_runs import check_recordings as check_recordings
 
 from shukotsu.commands.check_file import main as check
-from shukotsu.readers.import_recording import main as import_recording
+from shukotsu.commands.import_file import main as import_recording
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate

@@ -9,15 +9,12 @@ from typing import Any
 import pytest
 import stage_runs
 from planned_subject import PlannedSubject, planned_subject
-from stage_runs import of_plan, outputs
-from stage_scripts import stage_main
+from stage_runs import of_plan, outputs, subject_pages
 
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.results import Results
 from shukotsu.tables.catalogue import PROBLEMS
 from shukotsu.tables.typed_table import read_table, rows_of
-
-subject_pages = stage_main("subject_pages")
 
 pytestmark = pytest.mark.slow
 

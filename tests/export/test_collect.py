@@ -7,9 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from stage_scripts import stage_main
-
-main = stage_main("collect_exports")
+from stage_runs import collect_exports as main
 
 
 @pytest.mark.parametrize("links", [True, False])

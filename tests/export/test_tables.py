@@ -13,13 +13,11 @@ from typing import Any
 
 import pyarrow as pa
 import pytest
-from stage_scripts import stage_main
+from stage_runs import export_tables as main
 
 from shukotsu.study.results import MODEL_COMPARISONS, MOVEMENT_COMPARISONS, STUDY_TABLES
 from shukotsu.tables.catalogue import TABLES
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
-
-main = stage_main("export_tables")
 
 TEXTS = ('a, "b"\nc', "手", " ", "1")
 NAMES = (*STUDY_TABLES, *MODEL_COMPARISONS, *MOVEMENT_COMPARISONS)

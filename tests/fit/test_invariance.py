@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from simulated_poses import recorded
 
-from shukotsu.checks.sampled_motion import MIRROR
 from shukotsu.fit.fit import HandFit, Settings, fit_hand
 from shukotsu.hand.joint_angles import mirrored
 from shukotsu.hand.rotations import Array, about_axis, matrix, multiply, rotate, unit
+from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 

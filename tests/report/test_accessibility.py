@@ -15,12 +15,10 @@ from report_samples.hand_tables import write_subject_tables
 from report_samples.made_movement import write_movement
 from report_samples.made_study import FITTED_MODELS, make_study
 from stage_runs import report as main
-from stage_scripts import stage_main
+from stage_runs import subject_pages as subject_main
 
 from shukotsu.study.results import Results
 from shukotsu.study.study import read_study
-
-subject_main = stage_main("subject_pages")
 
 pytestmark = pytest.mark.tools
 TOOLS = Path(os.environ.get("SHUKOTSU_TOOLS", Path(__file__).parents[2] / ".tools"))

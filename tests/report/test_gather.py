@@ -11,7 +11,6 @@ from small_study import write_plans, write_study
 from stage_runs import gather as main
 
 from shukotsu.errors import TableError
-from shukotsu.report.study_tables import gather_study
 from shukotsu.study.findings import REFUSED, Finding
 from shukotsu.study.plan import SubjectPlan, read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
@@ -28,6 +27,7 @@ from shukotsu.tables.typed_table import (
     write_failure,
     write_table,
 )
+from shukotsu.workflow.study_tables import gather_study
 
 ROWS = (
     "01 right rom calibration a.csv",

@@ -9,18 +9,13 @@ from browser import WatchedPage, watched
 from playwright.sync_api import Browser
 from report_samples.hand_tables import write_subject_tables, write_tips
 from report_samples.made_study import make_study
-from stage_scripts import stage_script
+from stage_runs import subject_pages
 
-from shukotsu import command_line
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import read_results
 from shukotsu.study.results import Results
 from shukotsu.study.study import Study, read_study
 from shukotsu.tables.whole_files import write_text
-
-build_parser = stage_script("subject_pages").build_parser
-record_failure = stage_script("subject_pages").record_failure
-write_pages = stage_script("subject_pages").write_pages
 
 pytestmark = pytest.mark.slow
 
@@ -40,7 +35,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, Results]:
     for name in NAMES:
         out = str(paths.subject_pages(name))
         argv = ["--plan", str(paths.plan(name)), "--out", out]
-        assert command_line.run(build_parser, argv, write_pages, record_failure) == 0
+        assert subject_pages(argv) == 0
     return study, paths
 
 

@@ -11,9 +11,8 @@ import pytest
 from report_samples.made_study import HOSTILE, MODELS, make_study, write, write_rows
 from report_samples.read_page import read_page, rows_where, table_called
 from report_samples.rendered import whole_report
-from stage_scripts import stage_script
+from stage_runs import report
 
-from shukotsu import command_line
 from shukotsu.report.paper_tables import printed_table, study_table
 from shukotsu.report.study_results import StudyResults, read_results
 from shukotsu.study.layout import FINGER_MM
@@ -24,10 +23,6 @@ from shukotsu.study.verdict import UNJUDGED, judged_joint
 from shukotsu.tables.catalogue import JOINT_CENTRES, POSES, TABLES, TIP_ERRORS
 from shukotsu.tables.subjects import path_token
 from shukotsu.tables.typed_table import Provenance, write_failure
-
-build_parser = stage_script("report").build_parser
-record_failure = stage_script("report").record_failure
-report = stage_script("report").report
 
 
 def _render(study: Path, folder: Path) -> str:
@@ -208,7 +203,7 @@ def test_joints_all_failed(tmp_path: Path) -> None:
 
 
 def _run(*words: str) -> int:
-    return command_line.run(build_parser, words, report, record_failure)
+    return report(words)
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,8 @@ import pytest
 from report_samples.hand_tables import part_of, write_subject_tables
 from report_samples.made_study import HOSTILE, make_study
 from report_samples.read_page import read_page
-from stage_scripts import stage_script
+from stage_runs import subject_pages
 
-from shukotsu import command_line
 from shukotsu.errors import InputError
 from shukotsu.report.study_results import StudyResults, read_subject
 from shukotsu.study.plan import read_plan
@@ -20,10 +19,6 @@ from shukotsu.tables.catalogue import JOINT_CENTRES
 from shukotsu.tables.parts import parts_writer
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Provenance, columns_from_rows
-
-build_parser = stage_script("subject_pages").build_parser
-record_failure = stage_script("subject_pages").record_failure
-write_pages = stage_script("subject_pages").write_pages
 
 
 @pytest.fixture
@@ -68,14 +63,14 @@ def test_command_line_writes_the_pages(
     for name in ("first", "second"):
         out = tmp_path / name
         argv = ["--plan", str(made_tables[1].plan(subject)), "--out", str(out)]
-        assert command_line.run(build_parser, argv, write_pages, record_failure) == 0
+        assert subject_pages(argv) == 0
         written.append({p.relative_to(out).as_posix(): p.read_bytes() for p in out.rglob("*") if p.is_file()})
     assert written[0] == written[1]
     assert set(written[0]) == {"subject.html", "right/opposition.html", "left/opposition.html"}
     text = read_page(written[0]["subject.html"].decode("utf-8")).text
     assert f"Subject {subject}" in text
     argv = [*argv[:2], "--out", str(tmp_path / "one"), "--recording", "right", "opposition"]
-    assert command_line.run(build_parser, argv, write_pages, record_failure) == 0
+    assert subject_pages(argv) == 0
     (page,) = (tmp_path / "one").rglob("*.html")
     assert page.read_bytes() == written[0]["right/opposition.html"]
 
@@ -98,8 +93,8 @@ def test_a_failure_is_a_sentence_or_a_page(
     """Without --record-failure one sentence and exit code 2, with it a page."""
     file = tmp_path / plan if plan else made_tables[1].plan("S01")
     argv = ["--plan", str(file), "--out", str(tmp_path / "out"), *more]
-    assert command_line.run(build_parser, argv, write_pages, record_failure) == 2
+    assert subject_pages(argv) == 2
     assert message in capsys.readouterr().err
     argv.append("--record-failure")
-    assert command_line.run(build_parser, argv, write_pages, record_failure) == 0
+    assert subject_pages(argv) == 0
     assert message in (tmp_path / "out" / "subject.html").read_text("utf-8")

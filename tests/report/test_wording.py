@@ -15,7 +15,7 @@ from babel.messages.frontend import parse_mapping_cfg
 from babel.messages.pofile import read_po
 from matplotlib import font_manager
 from report_samples.rendered import whole_report
-from stage_scripts import stage_script
+from stage_runs import subject_pages
 
 from shukotsu.errors import InputError
 from shukotsu.report import templates, wording
@@ -27,8 +27,6 @@ from shukotsu.report.wording import languages, speaking
 from shukotsu.study.study import read_study
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import END, FOREIGN, translated
-
-subject = stage_script("subject_pages")
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 REPORT = REPOSITORY / "stages" / "report"
@@ -160,5 +158,5 @@ def test_where_no_font_writes_the_language_one_sentence_says_what_to_install(
 def test_a_page_in_an_unknown_language_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "plan.json").write_text("{}")
     argv = ["--plan", str(tmp_path / "plan.json"), "--out", str(tmp_path / "pages"), "--language", "xx"]
-    assert subject.main(argv) == 2
+    assert subject_pages(argv) == 2
     assert "xx" in capsys.readouterr().err

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from program_files import LINKED, REPOSITORY
+from program_files import BESIDE, REPOSITORY
 
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
@@ -147,7 +147,7 @@ def record(
 def copy_of_the_program(folder: Path) -> Path:
     """Copy all that the workflow needs of this repository."""
     folder.mkdir(parents=True)
-    for part in ("shukotsu", *LINKED):
+    for part in ("shukotsu", *BESIDE):
         source = REPOSITORY / part
         if source.is_dir():
             leave = shutil.ignore_patterns("__pycache__", "recordings")

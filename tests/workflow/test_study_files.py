@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 import yaml
 from small_study import write_study
-from stage_scripts import stage_main
+from stage_runs import plan as write_plan
 
 from shukotsu.errors import InputError
 from shukotsu.report.plots import style
@@ -17,8 +17,6 @@ from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
 from shukotsu.study.plan import plan_text, read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES
 from shukotsu.workflow.study_files import StudyFiles, study_file
-
-write_plan = stage_main("plan")
 
 ROWS = (
     "A&b right rom calibration data/a.csv",

@@ -10,9 +10,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from benchmarks.processes import run_python
+from shukotsu.commands.import_file import main
 from shukotsu.errors import InputError
 from shukotsu.readers.formats.raw_capture import read_capture
-from shukotsu.readers.import_recording import main
 from shukotsu.readers.samples import joined
 from shukotsu.study.layout import read_layout
 from shukotsu.study.mapping import mapping_from_config

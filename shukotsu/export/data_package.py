@@ -1,0 +1,97 @@
+"""Tables of a study as CSV, and what their columns mean: a Frictionless data package."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from shukotsu.errors import InputError
+from shukotsu.resources import PROGRAM, VERSION
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.typed_table import Column, Table, read_row_groups
+from shukotsu.tables.whole_files import file_sha256, replacing, write_text
+
+FOLDER = "tables"
+
+
+def write_tables(tables: Sequence[Path], study: str, out: Path) -> None:
+    """Write tables as CSV, and the package that names them. Raises InputError where a file is no table."""
+    folder = out / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    resources = []
+    for path in tables:
+        if path.stem not in TABLES:
+            raise InputError(f"{path}: is none of the program's tables; name it as it was written")
+        resources.append(_write_csv(path, TABLES[path.stem], folder / f"{path.stem}.csv"))
+    package = {
+        "profile": "tabular-data-package",
+        "name": re.sub(r"[^a-z0-9._-]+", "-", study.lower()),
+        "description": f"Tables of the study {study}, made by {PROGRAM} {VERSION}.",
+        "resources": resources,
+    }
+    write_text(folder / "datapackage.json", json.dumps(package, ensure_ascii=False, indent=1) + "\n")
+
+
+def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
+    """Write one table as CSV, in blocks; give its entry in the package."""
+    names = [column.name for column in table.columns]
+    with replacing(out) as temporary, temporary.open("wb") as stream:
+        stream.write((",".join(names) + "\n").encode())
+        options = pc.WriteOptions(include_header=False, quoting_style="needed")
+        for rows in read_row_groups(path, table, names):
+            block = {name: _flat(rows.column(name)) for name in names}
+            pc.write_csv(pa.table(block), stream, options)
+    return {
+        "profile": "tabular-data-resource",
+        "name": table.name,
+        "path": out.name,
+        "description": f"A row: {table.row}.",
+        "format": "csv",
+        "mediatype": "text/csv",
+        "encoding": "utf-8",
+        "bytes": out.stat().st_size,
+        "hash": f"sha256:{file_sha256(out)}",
+        "schema": table_schema(table.columns, table.key),
+    }
+
+
+def table_schema(columns: Sequence[Column], key: Sequence[str]) -> dict[str, Any]:
+    """Return the Table Schema of some columns; units stand beside, which the standard has no word for."""
+    fields = [
+        {
+            "name": column.name,
+            "type": _type(column),
+            "description": column.description,
+            **({"unit": column.unit} if column.unit else {}),
+            # an empty text is a text here, and a missing one to the standard
+            **(
+                {} if column.nullable or str(column.type) == "string" else {"constraints": {"required": True}}
+            ),
+        }
+        for column in columns
+    ]
+    return {"fields": fields, "missingValues": [""], **({"primaryKey": list(key)} if key else {})}
+
+
+def _flat(values: pa.Array) -> pa.Array:
+    """Return values of a column; an array in a cell as its JSON."""
+    if not pa.types.is_nested(values.type):
+        return values
+    return pa.array([None if cell is None else json.dumps(cell) for cell in values.to_pylist()], pa.string())
+
+
+def _type(column: Column) -> str:
+    """Return a column's type of the Table Schema (https://specs.frictionlessdata.io/table-schema/)."""
+    if pa.types.is_floating(column.type):
+        return "number"
+    if pa.types.is_integer(column.type):
+        return "integer"
+    if pa.types.is_nested(column.type):
+        return "array"
+    return "boolean" if pa.types.is_boolean(column.type) else "string"

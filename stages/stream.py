@@ -1,0 +1,46 @@
+"""Command line: a recording -> the raw capture that a tracker's recorder would have made of it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from shukotsu import command_line, job
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the stage's argument parser."""
+    parser = command_line.parser(
+        "shukotsu stage stream",
+        "Write the raw capture of a tracker that plays a recording, each segment on its receiver's station.",
+        "shukotsu stage stream --recording rom.parquet --layout liberty16 --out rom.arrows",
+        records_failure=False,
+    )
+    parser.add_argument("--recording", type=Path, required=True, help="in any format that needs no mapping")
+    parser.add_argument("--layout", default="liberty16", help="a layout that ships, or a path")
+    parser.add_argument("--out", type=Path, required=True, help="the raw capture to write (.arrows)")
+    return parser
+
+
+def stream(arguments: argparse.Namespace) -> None:
+    """Play the recording by the emulated tracker, straight into the capture."""
+    from shukotsu.readers.played_recording import read_played_recording
+    from shukotsu.tracker.emulate.device import EmulatedLiberty
+    from shukotsu.tracker.emulate.server import write_archive
+
+    motion = read_played_recording(arguments.recording, arguments.layout)
+    for note in motion.notes:
+        print(f"note: {arguments.recording}: {note}", file=sys.stderr)
+    device = EmulatedLiberty(motion, frozenset(motion.stations))
+    write_archive(device, arguments.out, {"recording": arguments.recording.name})
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the stage; return the exit code."""
+    return command_line.run(build_parser, argv, stream)
+
+
+if __name__ == "__main__":
+    sys.exit(job.run(main))
