@@ -12,10 +12,10 @@ from shukotsu import command_line, job
 def build_parser() -> argparse.ArgumentParser:
     """Return the stage's argument parser."""
     parser = command_line.parser(
-        "shukotsu stage report.print_figures",
+        "shukotsu stage report.figures",
         "Draw a study's figures, or with --recording one recording's, for print: NAME.svg, NAME.pdf and the "
         "caption NAME.txt of each.",
-        "shukotsu stage report.print_figures --study config/demo.yaml --results results/demo "
+        "shukotsu stage report.figures --study config/demo.yaml --results results/demo "
         "--out results/demo/figures",
     )
     parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")
@@ -35,11 +35,11 @@ def build_parser() -> argparse.ArgumentParser:
 
 def draw(arguments: argparse.Namespace) -> None:
     """Read the study's results and write every figure; say on stderr which has no data."""
-    from shukotsu.report.plots.style import check_font
-    from shukotsu.report.print_figures import recording_figures
-    from shukotsu.report.print_figures.study_figures import of_study, save
+    from shukotsu.report.figures import recording_figures
+    from shukotsu.report.figures.study_figures import of_study, save
+    from shukotsu.report.figures.style import check_font
     from shukotsu.report.study_results import read_results
-    from shukotsu.report.wording import speaking
+    from shukotsu.report.templates import speaking
     from shukotsu.study.study import read_study
     from shukotsu.translation import ENGLISH
 
@@ -66,7 +66,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
     if arguments.recording:
         print("error: a recording's figures are in no study's list; nothing was written", file=sys.stderr)
         return
-    from shukotsu.report.print_figures.study_figures import not_drawn, save
+    from shukotsu.report.figures.study_figures import not_drawn, save
     from shukotsu.study.results import STUDY_FIGURES
 
     for name in STUDY_FIGURES:

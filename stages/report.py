@@ -32,7 +32,7 @@ def report(arguments: argparse.Namespace) -> None:
     from shukotsu.report.movement_results import read_movement
     from shukotsu.report.study_page import render_failure, render_study
     from shukotsu.report.study_results import read_results
-    from shukotsu.report.wording import speaking
+    from shukotsu.report.templates import speaking
     from shukotsu.study.study import read_study
     from shukotsu.tables.whole_files import write_text
 
@@ -48,7 +48,7 @@ def report(arguments: argparse.Namespace) -> None:
 def record_failure(arguments: argparse.Namespace, message: str) -> None:
     """Write a page that says why there is no report."""
     from shukotsu.report.study_page import render_failure
-    from shukotsu.report.wording import speaking
+    from shukotsu.report.templates import speaking
     from shukotsu.tables.whole_files import write_text
 
     with speaking(_language(arguments.study)):
@@ -57,7 +57,7 @@ def record_failure(arguments: argparse.Namespace, message: str) -> None:
 
 def _language(study: Path) -> str:
     """The study's language; English where its file cannot be read, which may be what went wrong."""
-    from shukotsu.report.wording import check_language
+    from shukotsu.report.templates import check_language
     from shukotsu.study.config_files import read_config
 
     try:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from program_files import PACKAGE, REPOSITORY, program_files
+from program_files import REPOSITORY, program_files
 
 import shukotsu
 from shukotsu.resources import VERSION

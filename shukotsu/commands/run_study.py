@@ -65,7 +65,7 @@ def run_study(arguments: argparse.Namespace) -> int:
     if status:
         return status if status > 0 else 128 - status
     if not arguments.dry_run and not arguments.more and report.is_file():
-        from shukotsu.report.headline import outcome_text
+        from shukotsu.report.judged_models import outcome_text
         from shukotsu.report.study_results import read_results
 
         print(outcome_text(read_results(files.study, files.results.folder)))

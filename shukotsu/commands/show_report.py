@@ -38,7 +38,7 @@ def show_report(arguments: argparse.Namespace) -> None:
             f"{report}: is not there yet; run `shukotsu run {arguments.study}` in this folder first"
         )
     if arguments.to_terminal:
-        from shukotsu.report.headline import outcome_text
+        from shukotsu.report.judged_models import outcome_text
         from shukotsu.report.study_results import read_results
 
         print(outcome_text(read_results(files.study, files.results.folder)))

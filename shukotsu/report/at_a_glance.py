@@ -12,8 +12,8 @@ from statistics import median
 from markupsafe import Markup
 
 from shukotsu.report.belief import reasons_of
+from shukotsu.report.figures.study_figures import joints_in_order
 from shukotsu.report.links import Link, link
-from shukotsu.report.print_figures.study_figures import joints_in_order
 from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.table_cells import shown
 from shukotsu.study.verdict import BELIEVE, CARE, NO, VERDICTS

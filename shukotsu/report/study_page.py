@@ -10,13 +10,12 @@ from markupsafe import Markup
 
 from shukotsu.errors import InputError
 from shukotsu.report.at_a_glance import believed_text, class_texts, joint_picture, small_hand
-from shukotsu.report.headline import big_numbers, used_text
-from shukotsu.report.judged_models import model_to_take
+from shukotsu.report.figures.panels import page_picture, taken_failures
+from shukotsu.report.figures.study_figures import model_panels, range_panels
+from shukotsu.report.judged_models import big_numbers, model_to_take, used_text
 from shukotsu.report.links import Link, link, recording_links
 from shukotsu.report.methods_text import REFERENCES, methods_text
 from shukotsu.report.movement_results import Movement
-from shukotsu.report.plots.panels import page_picture, taken_failures
-from shukotsu.report.print_figures.study_figures import model_panels, range_panels
 from shukotsu.report.provenance import all_problems, faults_listed
 from shukotsu.report.recording_results import read_stretch
 from shukotsu.report.skeleton_tables import lengths_table

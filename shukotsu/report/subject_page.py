@@ -15,7 +15,10 @@ from shukotsu import command_line
 from shukotsu.errors import InputError
 from shukotsu.report import provenance
 from shukotsu.report.belief import believed_counts, gain_lines, joint_table
-from shukotsu.report.headline import opening, used_text
+from shukotsu.report.figures.hand import hand_panel
+from shukotsu.report.figures.panels import page_picture, taken_failures
+from shukotsu.report.figures.study_figures import lengths_panel
+from shukotsu.report.judged_models import opening, used_text
 from shukotsu.report.links import link, recording_links
 from shukotsu.report.paper_tables import (
     is_the_papers_hand,
@@ -24,9 +27,6 @@ from shukotsu.report.paper_tables import (
     study_table,
     table_title,
 )
-from shukotsu.report.plots.hand import hand_panel
-from shukotsu.report.plots.panels import page_picture, taken_failures
-from shukotsu.report.print_figures.study_figures import lengths_panel
 from shukotsu.report.recording_page import failure_page, recording_page, recording_title
 from shukotsu.report.recording_results import read_recording, read_still
 from shukotsu.report.score_tables import score_table, truth_table
@@ -34,8 +34,7 @@ from shukotsu.report.skeleton_tables import bone_table, measured_ranges, measure
 from shukotsu.report.study_page import render_failure
 from shukotsu.report.study_results import StudyResults, Trial, read_subject
 from shukotsu.report.table_cells import Folded
-from shukotsu.report.templates import render
-from shukotsu.report.wording import check_language, languages, speaking
+from shukotsu.report.templates import check_language, languages, render, speaking
 from shukotsu.study.plan import plan_of_results
 from shukotsu.study.results import FAILED_PAGES
 from shukotsu.study.study import Recording

@@ -64,7 +64,7 @@ class StudyFiles:
         self._check_models()
         self._models = {path_token(name): name for name in (*self.study.models, REFERENCE)}
         if self.study.language != "en":  # at once, not after hours of computing
-            from shukotsu.report.plots.style import check_font
+            from shukotsu.report.figures.style import check_font
 
             check_font(self.study.language)
         folders = [_relative(self._simulation_folder())] if self.study.simulation else []

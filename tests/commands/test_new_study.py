@@ -10,7 +10,7 @@ from shukotsu.commands.check_file import main as check
 from shukotsu.commands.drafted_mappings import Drafts, draft_mappings
 from shukotsu.commands.new_study import main as new
 from shukotsu.commands.recording_names import parts_of_names
-from shukotsu.report.plots import style
+from shukotsu.report.figures import style
 from shukotsu.study.layout import read_layout
 
 ROW = "P1\tright\trom\tboth\trom.csv\n"

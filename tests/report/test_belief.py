@@ -21,7 +21,7 @@ from shukotsu.report.belief import (
     wanted_text,
 )
 from shukotsu.report.study_results import Row, StudyResults
-from shukotsu.report.wording import speaking
+from shukotsu.report.templates import speaking
 from shukotsu.study import verdict
 from shukotsu.study.layout import FINGER_MM, read_layout
 from shukotsu.study.verdict import LIMITS, UNJUDGED, judged_joint, noted

@@ -9,9 +9,9 @@ from report_samples.made_movement import JOINTS, write_movement
 from report_samples.made_study import FITTED_MODELS, make_study
 
 from shukotsu.report.belief import NOT
+from shukotsu.report.figures.study_figures import NoDataError, ranges_of_motion
 from shukotsu.report.methods_text import methods_text
 from shukotsu.report.movement_results import RANGE, Movement, read_movement
-from shukotsu.report.print_figures.study_figures import NoDataError, ranges_of_motion
 from shukotsu.report.study_results import StudyResults, read_results
 from shukotsu.study.study import read_study
 

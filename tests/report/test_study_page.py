@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from report_samples.many_subjects import many_subjects
 from report_samples.read_page import read_page, rows_where, table_called
 
-from shukotsu.report.headline import WIDTH, big_numbers, outcome_text
+from shukotsu.report.judged_models import WIDTH, big_numbers, outcome_text
 from shukotsu.report.links import anchor, link
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import StudyResults, read_results
@@ -158,7 +158,7 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
 def test_a_picture_that_fails_is_a_problem_of_the_page(
     fitted: StudyResults, file: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("shukotsu.report.plots.panels.page_figure", lambda _: {}["x"])
+    monkeypatch.setattr("shukotsu.report.figures.panels.page_figure", lambda _: {}["x"])
     page = render_study(replace(fitted, problems=[*fitted.problems]), file)
     assert "Not drawn: internal error in report" in page
     assert "KeyError" in page.partition('id="problems"')[2].partition("</section>")[0]

@@ -19,11 +19,11 @@ from stage_runs import subject_pages
 
 from shukotsu.errors import InputError
 from shukotsu.report import templates, wording
-from shukotsu.report.plots import style
+from shukotsu.report.figures import style
 from shukotsu.report.recording_page import recording_page
 from shukotsu.report.recording_results import read_recording
 from shukotsu.report.study_results import StudyResults
-from shukotsu.report.wording import languages, speaking
+from shukotsu.report.templates import languages, speaking
 from shukotsu.study.study import read_study
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import END, FOREIGN, translated

@@ -12,7 +12,7 @@ from small_study import write_study
 from stage_runs import plan as write_plan
 
 from shukotsu.errors import InputError
-from shukotsu.report.plots import style
+from shukotsu.report.figures import style
 from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
 from shukotsu.study.plan import plan_text, read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES

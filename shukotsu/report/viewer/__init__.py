@@ -21,6 +21,8 @@ from markupsafe import Markup
 
 from shukotsu.hand.posing import ReceiverPoint
 from shukotsu.report.belief import BELIEFS
+from shukotsu.report.figures.hand import hand_panel
+from shukotsu.report.figures.panels import page_picture
 from shukotsu.report.hand_motion import (
     Array,
     HandMotion,
@@ -31,8 +33,6 @@ from shukotsu.report.hand_motion import (
     still_frame,
     upright,
 )
-from shukotsu.report.plots.hand import hand_panel
-from shukotsu.report.plots.panels import page_picture
 from shukotsu.translation import tr, word
 
 POSITION_STEP_MM = 0.05

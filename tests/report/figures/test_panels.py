@@ -14,11 +14,9 @@ from hypothesis import strategies as st
 from report_samples.made_study import HOSTILE
 
 from shukotsu.report.belief import BELIEVED, CARE, NOT
-from shukotsu.report.hand_motion import BoneLine, HandMotion, ShownSkeleton
-from shukotsu.report.palette import MODELS, Look
-from shukotsu.report.plots import panels
-from shukotsu.report.plots.hand import hand_panel
-from shukotsu.report.plots.panels import (
+from shukotsu.report.figures import panels
+from shukotsu.report.figures.hand import hand_panel
+from shukotsu.report.figures.panels import (
     Panel,
     Row,
     Scale,
@@ -29,6 +27,8 @@ from shukotsu.report.plots.panels import (
     taken_failures,
     value_scale,
 )
+from shukotsu.report.hand_motion import BoneLine, HandMotion, ShownSkeleton
+from shukotsu.report.palette import MODELS, Look
 
 LOOK = Look(MODELS[0], "s")
 NUMBERS = st.lists(st.floats(-500.0, 500.0).map(lambda value: round(value, 3)), min_size=1, max_size=40)

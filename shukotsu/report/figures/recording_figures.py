@@ -13,11 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from shukotsu.errors import InputError
+from shukotsu.report.figures.panels import PLAIN, Panel, in_rows, locator, print_figure, value_scale
+from shukotsu.report.figures.study_figures import Drawing, NoDataError, count_range, drawn
+from shukotsu.report.figures.style import SMALL_PT
 from shukotsu.report.hand_motion import view_base
 from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
-from shukotsu.report.plots.panels import PLAIN, Panel, in_rows, locator, print_figure, value_scale
-from shukotsu.report.plots.style import SMALL_PT
-from shukotsu.report.print_figures.study_figures import Drawing, NoDataError, count_range, drawn
 from shukotsu.report.recording_results import ANGLES, Array, read_angles, read_tip_errors
 from shukotsu.report.score_tables import mean
 from shukotsu.report.study_results import LEAST_SQUARES, StudyResults, recording_key, row_key

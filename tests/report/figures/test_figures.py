@@ -11,12 +11,9 @@ from report_samples.hand_tables import part_of, write_parts
 from report_samples.read_page import rows_where
 
 from shukotsu.errors import InputError
-from shukotsu.report.judged_models import REPLAY, judged_models
-from shukotsu.report.palette import MODELS as COLOURS
-from shukotsu.report.palette import PAPER
-from shukotsu.report.plots.panels import page_figure
-from shukotsu.report.print_figures.recording_figures import find_recording, joint_angles, thin, tip_error
-from shukotsu.report.print_figures.study_figures import (
+from shukotsu.report.figures.panels import page_figure
+from shukotsu.report.figures.recording_figures import find_recording, joint_angles, thin, tip_error
+from shukotsu.report.figures.study_figures import (
     Drawing,
     NoDataError,
     joint_errors,
@@ -25,6 +22,9 @@ from shukotsu.report.print_figures.study_figures import (
     models,
     of_study,
 )
+from shukotsu.report.judged_models import REPLAY, judged_models
+from shukotsu.report.palette import MODELS as COLOURS
+from shukotsu.report.palette import PAPER
 from shukotsu.report.study_results import StudyResults
 from shukotsu.study.results import STUDY_FIGURES
 from shukotsu.study.study import Recording

@@ -21,7 +21,7 @@ from matplotlib.ticker import FixedFormatter
 
 from shukotsu.errors import InputError
 from shukotsu.report.palette import INK, RULE, SOFT
-from shukotsu.report.wording import translations_of
+from shukotsu.report.templates import translations_of
 from shukotsu.translation import ENGLISH, N_, language
 
 ONE_COLUMN_MM, TWO_COLUMNS_MM = 85.0, 175.0

@@ -20,10 +20,7 @@ from matplotlib.patches import Patch
 
 from shukotsu.errors import on_one_line
 from shukotsu.report.belief import BELIEVED, CARE, NOT, belief, wanted_text
-from shukotsu.report.judged_models import LEFT_OUT, PRIOR, REPLAY, TRUTH, JudgedModels, judged_models
-from shukotsu.report.movement_results import OF_ANGLE, RANGE, Movement, read_movement
-from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
-from shukotsu.report.plots.panels import (
+from shukotsu.report.figures.panels import (
     FEWEST_FOR_QUARTILES,
     FOOT_MM,
     ROW_MM,
@@ -39,12 +36,15 @@ from shukotsu.report.plots.panels import (
     scattered,
     value_scale,
 )
-from shukotsu.report.plots.style import ONE_COLUMN_MM, SMALL_PT, applied, label, wrapped
+from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, applied, label, wrapped
+from shukotsu.report.judged_models import LEFT_OUT, PRIOR, REPLAY, TRUTH, JudgedModels, judged_models
+from shukotsu.report.movement_results import OF_ANGLE, RANGE, Movement, read_movement
+from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
 from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import Row as TableRow
 from shukotsu.report.study_results import StudyResults, hand_of
 from shukotsu.report.table_cells import alike, capital, heading
-from shukotsu.report.wording import plain
+from shukotsu.report.templates import plain
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS, paired_difference
 from shukotsu.study.results import STUDY_FIGURES

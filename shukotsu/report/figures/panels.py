@@ -24,8 +24,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FixedFormatter, FuncFormatter, Locator, LogLocator, MaxNLocator, NullLocator
 
 from shukotsu.errors import INTERNAL, on_one_line
-from shukotsu.report.palette import INK, PAPER, SOFT, Look, as_custom_property
-from shukotsu.report.plots.style import (
+from shukotsu.report.figures.style import (
     SMALL_PT,
     TWO_COLUMNS_MM,
     applied,
@@ -34,6 +33,7 @@ from shukotsu.report.plots.style import (
     without_controls,
     wrapped,
 )
+from shukotsu.report.palette import INK, PAPER, SOFT, Look, as_custom_property
 from shukotsu.report.table_cells import number
 from shukotsu.translation import ENGLISH, language, tr, translated, word
 

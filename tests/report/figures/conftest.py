@@ -9,7 +9,7 @@ import pytest
 from report_samples.compared import compared
 from report_samples.made_study import FITTED_MODELS, make_study
 
-from shukotsu.report.print_figures.study_figures import Drawing, of_study
+from shukotsu.report.figures.study_figures import Drawing, of_study
 from shukotsu.report.study_results import Row, StudyResults, read_results
 from shukotsu.study.study import read_study
 

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from shukotsu.report.belief import BELIEF_MARKS, BELIEVED
+from shukotsu.report.figures.panels import PAGE_MM, Panel
+from shukotsu.report.figures.style import SMALL_PT, width_mm, wrapped
 from shukotsu.report.hand_motion import Array, HandMotion, ShownSkeleton, receivers_at, seen
 from shukotsu.report.palette import INK, PAPER, SOFT, Mark, digit_looks
-from shukotsu.report.plots.panels import PAGE_MM, Panel
-from shukotsu.report.plots.style import SMALL_PT, width_mm, wrapped
 from shukotsu.translation import listed, tr, word
 
 _GUTTER_MM, _BAR_MM, _PAD_MM, _NEAR_MM = 14.0, 20.0, 10.0, 45.0

@@ -16,10 +16,10 @@ from report_samples.made_study import make_study
 from stage_runs import print_figures
 
 from shukotsu.errors import InputError
+from shukotsu.report.figures.panels import Panel, Row, Scale, draw_rows, print_figure
+from shukotsu.report.figures.study_figures import Drawing, drawn, not_drawn, save
+from shukotsu.report.figures.style import label
 from shukotsu.report.palette import Look
-from shukotsu.report.plots.panels import Panel, Row, Scale, draw_rows, print_figure
-from shukotsu.report.plots.style import label
-from shukotsu.report.print_figures.study_figures import Drawing, drawn, not_drawn, save
 from shukotsu.study.results import FIGURE_KINDS, STUDY_FIGURES, Results
 from shukotsu.study.study import read_study
 
@@ -50,7 +50,7 @@ def test_two_processes_write_the_same_bytes(
     assert run(*words_of(simulated_files, first)) == 0
     (line,) = capsys.readouterr().err.splitlines()
     assert STUDY_FIGURES[-1] in line, "no movement here"
-    module = "shukotsu.report.print_figures"
+    module = "shukotsu.report.figures"
     command = [sys.executable, "-W", "error", "-m", module, *words_of(simulated_files, second)]
     environment = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"}
     subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, check=True)
