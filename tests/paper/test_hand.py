@@ -14,11 +14,11 @@ from shukotsu.hand.rotations import Array
 from shukotsu.paper.hand import BuiltHand, build_hand, judged, pose_metacarpals
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
+from shukotsu.study.recording_summary import OF_A_MODEL, _joint_problems
 from shukotsu.study.verdict import BELIEVE, TOO_CLOSE, doubts_of
 from shukotsu.tables.catalogue import JOINT_CENTRES
 from shukotsu.tables.poses import Poses, read_poses
 from shukotsu.tables.typed_table import read_table, rows_of
-from shukotsu.workflow.study_tables import OF_A_MODEL, _joint_problems
 
 Build = Callable[..., BuiltHand]
 
