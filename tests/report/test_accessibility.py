@@ -52,12 +52,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize(
-    "page",
-    [
-        "report.html",
-        "report/sub-S01/subject.html",
-        "report/sub-S01/right/opposition.html",
-    ],
+    "page", ["report.html", "report/sub-S01/subject.html", "report/sub-S01/right/opposition.html"]
 )
 def test_axe_finds_nothing_serious(browser: Browser, axe: Path, report: Path, page: str, theme: str) -> None:
     with watched(browser, color_scheme=theme, bypass_csp=True) as opened:

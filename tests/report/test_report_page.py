@@ -92,10 +92,7 @@ def test_hostile_names_are_text(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_same_input_same_bytes(
-    results: StudyResults,
-    study: Study,
-    page: str,
-    made: tuple[Path, Path],
+    results: StudyResults, study: Study, page: str, made: tuple[Path, Path]
 ) -> None:
     """Rendered twice the page is the same, pictures too, and it knows no path of this machine."""
     assert whole_report(results, study) == page

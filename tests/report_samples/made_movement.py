@@ -24,10 +24,7 @@ TASK = {"hand": "right", "task": "opposition"}
 
 
 def write_movement(
-    results: Path,
-    subjects: Sequence[str],
-    *,
-    models: Sequence[str] = ("whole-hand",),
+    results: Path, subjects: Sequence[str], *, models: Sequence[str] = ("whole-hand",)
 ) -> None:
     """Write the tables, of two sessions of every subject."""
     rng = np.random.default_rng(11)

@@ -16,13 +16,7 @@ import numpy as np
 import pyarrow as pa
 from simulated_poses import write_poses
 
-from report_samples.made_scores import (
-    gain_rows,
-    joint_error_rows,
-    receiver_rows,
-    score_rows,
-    spoiled,
-)
+from report_samples.made_scores import gain_rows, joint_error_rows, receiver_rows, score_rows, spoiled
 from shukotsu.paper.hand import is_whole
 from shukotsu.scores.study_comparison import compare_study
 from shukotsu.study.layout import Layout, read_layout

@@ -202,9 +202,7 @@ def other_content(path: Path) -> None:
 
 
 def test_an_input_is_known_by_its_content(
-    study: StudyRun,
-    opened: Mapping[Command, set[Path]],
-    monkeypatch: pytest.MonkeyPatch,
+    study: StudyRun, opened: Mapping[Command, set[Path]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of every file of the user's that a job opened, a change is seen by its rule, or refused at once."""
     monkeypatch.chdir(study.folder)
