@@ -15,7 +15,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser = command_line.parser(
         "shukotsu stage report",
         "Write the page of a study's results, which opens offline. "
-        "The pages that it links to are written by shukotsu.stages.report.subject.",
+        "The pages that it links to are written by the stage subject_pages.",
         "shukotsu stage report --study config/demo.yaml --results results/demo "
         "--out results/demo/report.html",
     )

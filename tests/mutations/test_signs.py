@@ -63,12 +63,12 @@ SIGNS = {
 
 
 GUARDS = {
-    "rotations.py": "skeleton/test_rotations.py",
-    "stacked.py": "stages/solve_joints/test_closed.py",
-    "closed.py": "stages/solve_joints/test_closed.py",
-    "moments.py": "stages/solve_joints/test_moments.py",
-    "plane.py": "stages/project_planes/test_plane.py",
-    "posture.py": "stages/estimate_metacarpals/test_posture.py",
+    "rotations.py": "hand/test_rotations.py",
+    "stacked.py": "paper/test_closed.py",
+    "closed.py": "paper/test_closed.py",
+    "moments.py": "paper/test_moments.py",
+    "plane.py": "paper/test_plane.py",
+    "posture.py": "paper/test_posture.py",
 }
 """Modules of the paper's equations with their tests."""
 
