@@ -101,7 +101,7 @@ def test_corrections_move_that_hands_joint_under_models_that_take_them(
 
 
 def test_a_hand_alone_has_the_same_numbers(plan: SubjectPlan, tmp_path: Path) -> None:
-    """From its joint solutions to its tips; whose hand it is an option says where solutions are of several."""
+    """From its joint solutions to its tips; where solutions are of several an option says which."""
     projected, solutions = tmp_path / "projected_joints.parquet", plan.table("joint_solutions")
     assert project(projected, solutions, *ALONE) == 2
     assert project(projected, solutions, *ALONE, "--hand", "right") == 0

@@ -12,12 +12,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from shukotsu.workflow import job, warm_process
+from shukotsu import command_line
+from shukotsu.workflow import warm_process
 
-run = job.run
+run_script = command_line.run_script
 
 
-def opening_run(argv: Sequence[str]) -> int:
+def opening_run(script: str, argv: Sequence[str]) -> int:
     """Run a job; add a line of its arguments and of the files that it opened to FILE."""
     opened: set[str] = set()
 
@@ -27,13 +28,14 @@ def opening_run(argv: Sequence[str]) -> int:
 
     sys.addaudithook(note)
     try:
-        return run(argv)
+        return run_script(script, argv)
     finally:
         with Path(sys.argv[2]).open("a", encoding="utf-8") as stream:
-            stream.write(json.dumps({"argv": list(argv), "opened": sorted(opened)}) + "\n")
+            line = {"argv": [Path(script).name, *argv], "opened": sorted(opened)}
+            stream.write(json.dumps(line) + "\n")
 
 
 if __name__ == "__main__":
-    job.run = opening_run
+    command_line.run_script = opening_run
     with socket.socket(fileno=int(sys.argv[1])) as listener:
         warm_process.serve(listener)

@@ -20,11 +20,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from event_files import midi_of
+from program_files import BESIDE
 from sample_files import RECORDINGS
 from studies.running import REPOSITORY, StudyRun, hashes, record, write_study
 
+from shukotsu import job
 from shukotsu.errors import InputError
-from shukotsu.workflow import job
 from shukotsu.workflow.study_files import StudyFiles
 
 pytestmark = pytest.mark.slow
@@ -111,10 +112,10 @@ def opened(study: StudyRun) -> Mapping[Command, set[Path]]:
 def declared(study: StudyRun) -> dict[Command, tuple[str, set[Path]]]:
     """Return every job's rule and input, output and log files, by its command, as a dry run lists them."""
     with TemporaryDirectory() as program:
-        for name in ("shukotsu", "config", "captions", "profiles"):
+        for name in ("shukotsu", *BESIDE[1:]):
             Path(program, name).symlink_to(REPOSITORY / name)
         text = (REPOSITORY / "Snakefile").read_text("utf-8")
-        text += "for own in workflow.rules:\n    own.message = None\n"  # shown are either messages or files
+        text += "for rule in workflow.rules:\n    rule.message = None\n"  # shown are either messages or files
         Path(program, "Snakefile").write_text(text, "utf-8")
         done = replace(study, repository=Path(program)).snakemake(
             "--dry-run", "--forceall", "--printshellcmds"
@@ -122,7 +123,7 @@ def declared(study: StudyRun) -> dict[Command, tuple[str, set[Path]]]:
     assert done.returncode == 0, done.stderr
     jobs = {}
     for block in re.split(r"\n\n(?=\[)", done.stdout + done.stderr):
-        command = re.search(r"-m shukotsu\.workflow\.job (.*)$", block, re.MULTILINE)
+        command = re.search(r"/stages/(\w+\.py .*)$", block, re.MULTILINE)
         rule = re.search(r"^(?:local)?rule (\w+):", block, re.MULTILINE)
         if command is None or rule is None:
             continue
@@ -138,16 +139,14 @@ def undeclared(
     opened: Mapping[Command, set[Path]], jobs: Mapping[Command, tuple[str, set[Path]]], study: StudyRun
 ) -> dict[str, set[str]]:
     """Return the files that jobs opened and that are no file, nor in a folder, that their rules declare."""
-    found: dict[str, set[str]] = {}
+    hidden: dict[str, set[str]] = {}
     for argv, paths in opened.items():
-        rule, known = jobs[argv]
+        rule, files = jobs[argv]
         for path in paths:
-            own = (
-                path.name.endswith(".tmp") or path.is_dir()
-            )  # half written, and a folder's names on the disk
-            if not own and rule not in CONFIGURED and not known & {path, *path.parents}:
-                found.setdefault(rule, set()).add(path.relative_to(study.folder).as_posix())
-    return found
+            passing = path.name.endswith(".tmp") or path.is_dir()  # half written, or a folder's names
+            if not passing and rule not in CONFIGURED and not files & {path, *path.parents}:
+                hidden.setdefault(rule, set()).add(path.relative_to(study.folder).as_posix())
+    return hidden
 
 
 def test_every_job_opens_what_its_rule_declares(study: StudyRun, opened: Mapping[Command, set[Path]]) -> None:
@@ -171,8 +170,8 @@ def test_an_input_that_a_rule_leaves_out_is_found(
     study: StudyRun, opened: Mapping[Command, set[Path]], rule: str, name: str
 ) -> None:
     jobs = {
-        argv: (own, {path for path in files if own != rule or path.name != name})
-        for argv, (own, files) in declared(study).items()
+        argv: (other, {path for path in files if other != rule or path.name != name})
+        for argv, (other, files) in declared(study).items()
     }
     assert undeclared(opened, jobs, study).keys() == {rule}
 
@@ -181,14 +180,14 @@ def digests(study: StudyRun) -> dict[str, set[str]]:
     """Give, by rule, what tells Snakemake whether the user's files are what they were."""
     files = StudyFiles(study.file)
     each = [
-        SimpleNamespace(subject=plan.who.token, hand=own.hand.hand, recording=own.name)
+        SimpleNamespace(subject=plan.who.token, hand=recording.hand.hand, recording=recording.name)
         for plan in files.subjects
-        for own in plan.recordings
+        for recording in plan.recordings
     ]
     return {
-        "plan": {files.plan(own) for own in each},
-        "capture": {files.recording_digest(own) for own in each},
-        "align_events": {files.event_digest(own) for own in each},
+        "plan": set(map(files.plan, each)),
+        "capture": set(map(files.recording_digest, each)),
+        "align_events": set(map(files.event_digest, each)),
         **{rule: {files.configuration_digest} for rule in OF_THE_STUDY},
     }
 

@@ -25,32 +25,19 @@ def _study(folder: Path) -> StudyRun:
     return write_study(folder, "same", ROWS, ["paper-fig3-rest", "paper-fig4"])
 
 
-@pytest.fixture(scope="module")
-def on_one_core(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
-    study = _study(tmp_path_factory.mktemp("one") / "study")
-    study.run(cores=1)
-    return study
-
-
-@pytest.fixture(scope="module")
-def on_two_cores(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
-    """The same in a folder of another name, deeper down; libraries are told to take two threads each."""
-    study = _study(tmp_path_factory.mktemp("two") / "other place" / "of the same study")
+def test_every_result_is_the_same_to_the_byte(tmp_path: Path) -> None:
+    """On one core, and on two in a folder of another name, deeper down, where libraries are told to take two
+    threads each; no result says where it was made, logs may.
+    """
+    on_one_core, on_two_cores = _study(tmp_path / "one"), _study(tmp_path / "other place" / "of the study")
+    on_one_core.run(cores=1)
     with pytest.MonkeyPatch.context() as patch:
         for name in command_line.ONE_THREAD:
             patch.setenv(name, "2")
-        study.run(cores=2)
-    return study
-
-
-def test_every_result_is_the_same_to_the_byte(on_one_core: StudyRun, on_two_cores: StudyRun) -> None:
-    """Tables, the report and whatever else is under results; logs may say where they were."""
-    found = hashes(on_one_core.results.folder)
-    assert {"report.html", "sub-01/tips.parquet", "problems.parquet"} <= set(found)
-    assert found == hashes(on_two_cores.results.folder)
-
-
-def test_no_result_says_where_it_was_made(on_one_core: StudyRun) -> None:
-    folder = str(on_one_core.folder).encode()
+        on_two_cores.run(cores=2)
     results = on_one_core.results.folder
-    assert not [name for name in hashes(results) if folder in (results / name).read_bytes()]
+    digests = hashes(results)
+    assert {"report.html", "sub-01/tips.parquet", "problems.parquet"} <= set(digests)
+    assert digests == hashes(on_two_cores.results.folder)
+    folder = str(on_one_core.folder).encode()
+    assert not [name for name in digests if folder in (results / name).read_bytes()]

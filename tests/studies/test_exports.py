@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from studies.running import StudyRun, record, write_study
@@ -29,16 +26,10 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     assert len(kept) < len(lines)
     (folder / "02.csv").write_text("\n".join(kept) + "\n", "utf-8")
     rows = [f"{name}\tright\trom\tboth\t{name}.csv" for name in ("01", "02")]
-    made = write_study(
-        folder,
-        "moving",
-        rows,
-        list(MODELS),
-        exports=f"[{', '.join(FORMATS_ASKED)}]",
-        export_settings="{rig: webxr, licence: CC-BY-4.0}",
-    )
-    made.run()
-    return made
+    keys = {"exports": f"[{', '.join(FORMATS_ASKED)}]", "export_settings": "{rig: webxr, licence: CC-BY-4.0}"}
+    study = write_study(folder, "moving", rows, list(MODELS), **keys)
+    study.run()
+    return study
 
 
 def _files(study: StudyRun, model: str, subject: str) -> set[str]:
@@ -47,38 +38,20 @@ def _files(study: StudyRun, model: str, subject: str) -> set[str]:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_every_format_of_every_model(study: StudyRun, model: str) -> None:
+def test_every_format_of_every_model_or_why_it_is_not_there(study: StudyRun, model: str) -> None:
+    """Formats that hold gaps are written; those that do not say why they are not."""
     stem = f"sub-01_hand-right_task-rom_model-{model}"
     wanted = {stem + end for name in FORMATS_ASKED if name != "bids" for end in FORMATS[name].extensions}
     assert _files(study, model, "01") == {*wanted, f"{stem}.bvh.txt"}
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_a_gap_is_refused_format_by_format_and_told(study: StudyRun, model: str) -> None:
-    """Formats that hold gaps are written; those that do not say why they are not."""
-    stem = f"sub-02_hand-right_task-rom_model-{model}"
-    found = _files(study, model, "02")
+    stem, names = stem.replace("01", "02"), _files(study, model, "02")
     holding = {name for name in FORMATS_ASKED if FORMATS[name].holds_gaps and name != "bids"}
-    assert {stem + FORMATS[name].extensions[0] for name in holding} <= found
+    assert {stem + FORMATS[name].extensions[0] for name in holding} <= names
     failed = {f"{stem}_{name}.failed.txt" for name in ("bvh", "glb", "osim")}
-    assert failed <= found
+    assert failed <= names
     page = study.page()
     for name in failed:
         assert name.removesuffix(".failed.txt") in page
     assert "choose --gaps hold, cut or interpolate" in page
-
-
-def test_the_dataset_is_valid(study: StudyRun) -> None:
-    """Both subjects, both models; the validator of BIDS finds no error."""
-    folder = study.results.dataset
-    assert {path.name for path in folder.glob("sub-*")} == {"sub-01", "sub-02"}
-    assert not list(study.results.exports.glob("*_bids.failed.txt"))
-    program = Path(sys.executable).with_name("bids-validator-deno")
-    done = subprocess.run(
-        [program, str(folder), "--format", "json"], capture_output=True, text=True, check=False
-    )
-    assert '"severity":"error"' not in done.stdout.replace(" ", "")
-    assert done.returncode == 0, done.stdout[-2000:]
 
 
 def test_all_subjects_are_in_one_folder_that_takes_no_room(study: StudyRun) -> None:
@@ -86,7 +59,11 @@ def test_all_subjects_are_in_one_folder_that_takes_no_room(study: StudyRun) -> N
     folders = {path for path in study.results.exports.iterdir() if path.is_dir()}
     assert folders == {study.results.dataset, study.results.exports / "tables"}
     package = json.loads((study.results.exports / "tables" / "datapackage.json").read_text("utf-8"))
-    assert {own["name"] for own in package["resources"]} >= {"recordings", "ranges_of_motion", "problems"}
+    assert {resource["name"] for resource in package["resources"]} >= {
+        "recordings",
+        "ranges_of_motion",
+        "problems",
+    }
     for subject in ("01", "02"):
         for file in study.results.subject_exports(subject).glob("sub-*"):
             assert (study.results.exports / file.name).samefile(file)

@@ -68,17 +68,17 @@ def test_killed_at_any_moment_the_same_command_completes_to_the_same_bytes(
 ) -> None:
     study, expected, seconds = undisturbed
     shutil.copytree(study.folder, tmp_path / "study")
-    own, chance = StudyRun(tmp_path / "study" / study.file.name, tmp_path / "study"), random.Random(5)
+    copy, chance = StudyRun(tmp_path / "study" / study.file.name, tmp_path / "study"), random.Random(5)
     for _ in range(KILLS):
-        process = started(own)
+        process = started(copy)
         time.sleep(chance.uniform(0, seconds))
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
-        half_written = {name for name, digest in state(own).items() if expected.get(name) != digest}
+        half_written = {name for name, digest in state(copy).items() if expected.get(name) != digest}
         assert half_written == set()
-    own.run()
-    assert state(own) == expected
-    assert not list(own.results.folder.rglob(".*.tmp"))
+    copy.run()
+    assert state(copy) == expected
+    assert not list(copy.results.folder.rglob(".*.tmp"))
 
 
 def test_a_machines_trouble_is_no_result(
@@ -87,10 +87,10 @@ def test_a_machines_trouble_is_no_result(
     """As a quota of files' sizes."""
     study, expected, _ = undisturbed
     shutil.copytree(study.folder, tmp_path / "study")
-    own = StudyRun(tmp_path / "study" / study.file.name, tmp_path / "study")
-    process = started(own, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
-    said = process.communicate(timeout=600)[1]
-    assert process.returncode != 0, said
-    assert {name for name, digest in state(own).items() if expected.get(name) != digest} == set()
-    own.run()
-    assert state(own) == expected
+    copy = StudyRun(tmp_path / "study" / study.file.name, tmp_path / "study")
+    process = started(copy, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
+    error = process.communicate(timeout=600)[1]
+    assert process.returncode != 0, error
+    assert {name for name, digest in state(copy).items() if expected.get(name) != digest} == set()
+    copy.run()
+    assert state(copy) == expected

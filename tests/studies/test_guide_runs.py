@@ -102,9 +102,9 @@ def environment(tmp_path_factory: pytest.TempPathFactory, lab: Path) -> dict[str
     for name, words in {"shukotsu": "-P -m shukotsu", "python": ""}.items():
         (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {words} "$@"\n', "utf-8")
         (programs / name).chmod(0o755)
-    own = Path(sys.executable).parent
+    path = f"{programs}:{Path(sys.executable).parent}:{os.environ['PATH']}"
     return os.environ | {
-        "PATH": f"{programs}:{own}:{os.environ['PATH']}",
+        "PATH": path,
         "PYTHONPATH": str(REPOSITORY),
         "BROWSER": "true",
         "MPLBACKEND": "agg",

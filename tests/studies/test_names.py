@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
@@ -36,16 +35,3 @@ def test_no_name_in_a_sheet_stops_the_study(tmp_path: Path) -> None:
     assert text.count("the row was left out") == 2
     (tmp_path / "{x}.parquet").write_bytes((tmp_path / "d.parquet").read_bytes())
     assert {job.subject for job in study.planned() if job.rule == "capture"} == {"%7Bsubject%7D"}
-
-
-def test_a_bad_study_file_is_refused(tmp_path: Path) -> None:
-    """What the tests of the schemas refuse in all its forms reaches whoever runs Snakemake."""
-    study = write_study(tmp_path, "study", ["01\tright\trom\tboth\trom.parquet"], ["paper-fig4"])
-    study.file.write_text(study.file.read_text().replace("models:", "modles:"))
-    done = study.snakemake()
-    assert done.returncode == 1
-    (sentence,) = re.findall(r"^WorkflowError in file .*\n(.*)\n", done.stderr + done.stdout, re.MULTILINE)
-    for words in ("study.yaml", "'modles'", "did you mean 'models'"):
-        assert words in sentence
-    assert "Traceback" not in done.stderr + done.stdout
-    assert not (tmp_path / "results").exists()

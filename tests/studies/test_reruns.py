@@ -17,17 +17,9 @@ pytestmark = pytest.mark.slow
 PLAIN, CORRECTED, FITTED = "plain", "corrected", "fitted"
 ROWS = ["01\tright\trom\tboth\t01.csv", "02\tright\trom\tboth\t02.csv", "late\tright\trom\tboth\tlate.csv"]
 CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t1\t0\t0\n"
-AFTER_CAPTURE = {"check_recordings", "align_events", "solve_joints"}
-AFTER_CAPTURE |= {"fit_hand"}
-AFTER_SOLVING = {
-    "project_planes",
-    "estimate_metacarpals",
-    "evaluate_tips",
-    "evaluate_skeletons",
-    "measure_movement",
-}
-AT_THE_END = {"gather", "compare_models", "compare_movement", "report", "subject_pages", "print_figures"}
-EVERYTHING = {"capture", *AFTER_CAPTURE, *AFTER_SOLVING, *AT_THE_END}
+EVERYTHING = {"capture", "check_recordings", "align_events", "solve_joints", "fit_hand", "project_planes"}
+EVERYTHING |= {"estimate_metacarpals", "evaluate_tips", "evaluate_skeletons", "measure_movement", "gather"}
+EVERYTHING |= {"compare_models", "compare_movement", "report", "subject_pages", "print_figures"}
 FRAMES = 700  # a CSV recording above 1 MB, the size from which Snakemake goes by the time of a file
 
 
@@ -84,15 +76,9 @@ def _edit(file: Path, change: Callable[[str], str]) -> None:
     file.write_text(after, "utf-8")
 
 
-# --- nothing to do ----------------------------------------------------------------------------------------
-
-
 def test_a_second_run_does_nothing(unchanged: StudyRun) -> None:
     assert unchanged.planned() == set()
     assert "Nothing to be done" in unchanged.run()
-
-
-# --- tables as targets ------------------------------------------------------------------------------------
 
 
 def test_every_table_is_declared(unchanged: StudyRun) -> None:
@@ -135,9 +121,6 @@ def test_a_table_asked_for_is_made_with_what_it_needs(study: StudyRun, table: st
     assert _rules(study.planned("--until", f"results/twice/{table}")) >= rules
 
 
-# --- what changed in the study ----------------------------------------------------------------------------
-
-
 def test_a_changed_recording_runs_its_subject_only(study: StudyRun) -> None:
     """Run for real: the other's tables keep their bytes, and then nothing is left to do."""
     before = hashes(study.results.folder)
@@ -169,17 +152,11 @@ def test_one_model_more_fits_that_model_only(study: StudyRun) -> None:
     assert study.planned() == set()
 
 
-# --- what changed in the program --------------------------------------------------------------------------
-
-
 def test_another_state_of_the_program_reruns_all_but_the_plans(study: StudyRun) -> None:
     _edit(study.repository / "shukotsu/paper/plane.py", lambda before: f"{before}\nassert True\n")
     jobs = study.planned()
     assert _rules(jobs) == EVERYTHING
     assert _subjects(jobs) == {"01", "02", "late"}
-
-
-# --- what Snakemake has forgotten, was copied or damaged ---------------------------------------------------
 
 
 @pytest.mark.parametrize("memory", [True, False])
@@ -210,13 +187,3 @@ def test_what_no_run_left_so_is_made_anew(study: StudyRun) -> None:
     assert study.planned() == set()
     shutil.rmtree(study.folder / ".snakemake")
     assert {"capture", "solve_joints", "report"} <= _rules(study.planned()), "nothing says what made them"
-
-
-# --- Snakemake's own options ------------------------------------------------------------------------------
-
-
-def test_report_of_the_workflow(unchanged: StudyRun, tmp_path: Path) -> None:
-    """With what `make demo` installs: the report's own dependencies are in the lock."""
-    done = unchanged.snakemake("--report", str(tmp_path / "workflow.html"))
-    assert done.returncode == 0, done.stderr
-    assert "solve_joints" in (tmp_path / "workflow.html").read_text("utf-8")

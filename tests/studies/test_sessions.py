@@ -36,9 +36,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
     events = [EVENTS, *(f"01\tright\t1\trom\t{onset}\tkey" for onset in (1.0, 2.5, 4.0))]
     (folder / "events.tsv").write_text("\n".join(events) + "\n", "utf-8")
     keys = {"events": "events.tsv", "factors": "[session]", "exports": "[bvh, bids]"}
-    made = write_study(folder, "redonned", rows, MODELS, **keys)
-    made.run()
-    return made
+    study = write_study(folder, "redonned", rows, MODELS, **keys)
+    study.run()
+    return study
 
 
 def test_each_session_has_a_folder_and_rows_of_its_own(study: StudyRun) -> None:
