@@ -90,10 +90,7 @@ FORMS: list[tuple[Callable[..., Written], tuple[Any, ...]]] = [
     *((wave, dress) for dress in ((True, "\t"), (False, ","))),
     *((aurora, dress) for dress in ((",", ""), ("", ","))),
 ]
-GUIDE = {
-    "Q0 #1": (wave, (False, "\t")),
-    "sequence": (sequence, (False, ("Hand", "Stylus"))),
-}
+GUIDE = {"Q0 #1": (wave, (False, "\t")), "sequence": (sequence, (False, ("Hand", "Stylus")))}
 
 
 @pytest.mark.parametrize("tools", [2, 3])

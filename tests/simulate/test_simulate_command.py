@@ -72,8 +72,7 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    "option",
-    [("--anatomy", "xray"), ("--mounts", "2"), ("--artefact", "0"), ("--faults", "3")],
+    "option", [("--anatomy", "xray"), ("--mounts", "2"), ("--artefact", "0"), ("--faults", "3")]
 )
 def test_options_change_the_recording_and_are_in_its_truth(
     plain: Path, tmp_path: Path, option: tuple[str, str]

@@ -58,16 +58,6 @@ def test_a_mistake_is_named(tmp_path: Path, text: str, message: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no\.yaml: no such file; expected a study file"):
-        read_config(tmp_path / "no.yaml", "study")
-    (tmp_path / "latin.yaml").write_bytes(b"study: \xe9")
-    with pytest.raises(InputError, match=r"latin\.yaml: line 1: is not UTF-8 text; save it as UTF-8"):
-        read_config(tmp_path / "latin.yaml", "study")
-    with pytest.raises(InputError, match="is a folder; expected a study file, a regular file"):
-        read_config(tmp_path, "study")
-
-
 def test_a_name_that_ships_or_a_path(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").touch()
     assert config_path("mine.yaml", "layout", tmp_path) == tmp_path / "mine.yaml"

@@ -9,7 +9,6 @@ import pytest
 import yaml
 
 from shukotsu.errors import InputError
-from shukotsu.study.layout import read_layout
 from shukotsu.study.mapping import FileMapping, mapping_from_config, read_mapping
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "mappings.md"
@@ -41,16 +40,6 @@ def test_the_guides_mappings_are_mappings(tmp_path: Path, text: str) -> None:
     (tmp_path / "mapping.yaml").write_text(text, "utf-8")
     mapping = read_mapping(tmp_path / "mapping.yaml")
     assert mapping.format == yaml.safe_load(text)["format"]
-
-
-def test_the_guides_fixed_segment_is_of_the_layout_that_it_refers_to(tmp_path: Path) -> None:
-    layouts = re.findall(r"```yaml\n(.*?)```", (PAGE.parent / "layouts.md").read_text("utf-8"), re.DOTALL)
-    (tmp_path / "pointer.yaml").write_text(layouts[1], "utf-8")
-    layout = read_layout(tmp_path / "pointer.yaml")
-    (mapping,) = (found for text in EXAMPLES if (found := check(yaml.safe_load(text))).fixed)
-    assert {*mapping.receivers, *mapping.fixed} == {*layout.measured} == {"bench", "pointer"}
-    assert [joint.name for joint in layout.solvable] == ["pivot"]
-    assert layout.joints["pivot"].plane.frame == "none"
 
 
 def put(base: dict[str, Any], place: str, value: Any) -> dict[str, Any]:

@@ -121,15 +121,6 @@ def test_all_bad_cells_at_once_but_no_flood(tmp_path: Path) -> None:
     assert str(caught.value).endswith("; and 11 more")
 
 
-def test_files_that_are_no_sheet(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no\.tsv: no such file; expected the sheet of participants"):
-        read_sheet(tmp_path / "no.tsv", PARTICIPANTS)
-    with pytest.raises(InputError, match="is a folder; expected the sheet of recordings"):
-        read_sheet(tmp_path, RECORDINGS)
-    with pytest.raises(InputError, match=r"is UTF-16 text; expected the sheet .*: save it as UTF-8"):
-        read_sheet(written(tmp_path, RECORDING, encoding="utf-16"), RECORDINGS)
-
-
 def test_sheets_may_say_more(tmp_path: Path) -> None:
     """Near is a name only to a column that is not there: `mask` is no typo beside `task`; a missing length is
     none, not zero.

@@ -170,20 +170,3 @@ def test_one_recordings_numbers(long: Path) -> None:
     assert recording_numbers(long, METACARPALS, LEFT, "opposition", "", "digit", TURNS, 3) == {}
     metadata = pq.ParquetFile(long).metadata
     assert [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)] == [5, 5, 4, 3, 5, 6]
-
-
-def test_recordings_that_share_a_row_group(tmp_path: Path, long: Path) -> None:
-    """Whatever wrote the file: rows of another recording, part or digit beside them are nobody else's."""
-    path, rows = tmp_path / "together.parquet", pq.read_table(long)
-    listed = pq.read_metadata(long).metadata[PARTS_KEY.encode()]
-    pq.write_table(rows.replace_schema_metadata(rows.schema.metadata | {PARTS_KEY: listed}), path)
-    assert pq.read_metadata(path).num_row_groups == 1
-    for part, task, trial, digit in LONG:
-        found = recording_numbers(path, METACARPALS, part, task, trial, "digit", TURNS)
-        assert set(found) == {own[3] for own in LONG if own[:3] == (part, task, trial)}
-        np.testing.assert_array_equal(found[digit], LONG[part, task, trial, digit])
-    frames = np.array([2, 3, 9])
-    some = recording_numbers(path, METACARPALS, LEFT, "rom", "", "digit", ["qw"], frames=frames, name="index")
-    np.testing.assert_array_equal(some["index"][:2, 0], LONG[LEFT, "rom", "", "index"][2:4, 0])
-    assert np.isnan(some["index"][2, 0]), "the recording has no frame 9"
-    assert not recording_numbers(path, METACARPALS, LEFT, "rom", "", "digit", ["qw"], name="ring")

@@ -91,22 +91,11 @@ def test_blocks_do_not_depend_on_row_groups(
         np.testing.assert_array_equal(joined, getattr(whole, name), err_msg=name)
 
 
-def test_a_damaged_column_is_said(tmp_path: Path) -> None:
-    path = moving(tmp_path / "p.parquet", 2000, 2000)
-    content = bytearray(path.read_bytes())
-    content[4:100_000] = bytes(100_000 - 4)
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=r"p\.parquet: damaged Parquet file"):
-        read_poses(path, ("hand", "thumb"))
-
-
 def test_a_recordings_name(tmp_path: Path) -> None:
     path = write(tmp_path / "p.parquet", {"hand": [1]}, trial="2")
     assert str(recording_name(path)) == "subject 01, right hand, rom, 2"
     write_table(path, POSES, {column.name: [] for column in POSES.columns}, Provenance())
-    with pytest.raises(
-        InputError, match=r"its metadata lacks 'subject'; make it with shukotsu\.stages\.capture"
-    ):
+    with pytest.raises(InputError, match="its metadata lacks 'subject'; make it with"):
         recording_name(path)
 
 

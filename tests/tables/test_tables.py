@@ -130,16 +130,6 @@ def test_what_the_declaration_forbids_is_not_written(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_write_that_fails_leaves_nothing_and_harms_nothing(tmp_path: Path) -> None:
-    """No half-written table, no temporary file; a folder in the table's place stays as it is."""
-    in_the_way = tmp_path / "t.parquet"
-    in_the_way.mkdir()
-    with pytest.raises(InputError, match=r"t\.parquet: cannot be written"):
-        write_table(in_the_way, SMALL, COLUMNS, Provenance())
-    assert list(tmp_path.iterdir()) == [in_the_way]
-    assert list(in_the_way.iterdir()) == []
-
-
 def test_a_table_in_parts_has_a_row_group_a_part(tmp_path: Path) -> None:
     """The same rows as at once; no part at all is a table without rows, a part that fails no table."""
     parts = [{"name": [name], "count": [n], "length_mm": [None]} for n, name in enumerate("abc")]

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,13 +25,9 @@ def translated(kind: str, rotates: str = FORWARD, **keys: str) -> dict[str, Any]
     return {"kind": kind, "rotates": rotates, **keys}
 
 
-def same(one: np.ndarray, other: np.ndarray) -> None:
+def same(first: np.ndarray, second: np.ndarray) -> None:
     """The same rotations, whatever the signs."""
-    assert angle(multiply(conjugate(one), other)).max() < 1e-7
-
-
-def as_euler(axes: str, q: np.ndarray) -> np.ndarray:
-    return Rotation.from_quat(q, scalar_first=True).as_euler(axes)
+    assert angle(multiply(conjugate(first), second)).max() < 1e-7
 
 
 def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> None:
@@ -60,7 +55,11 @@ def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> 
         ("quaternion", {"order": "xyzw"}, lambda q: q[:, [1, 2, 3, 0]]),
         ("matrix", {}, lambda q: matrix(q).reshape(-1, 9)),
         *(
-            ("euler", {"axes": axes, "unit": "rad"}, partial(as_euler, axes))
+            (
+                "euler",
+                {"axes": axes, "unit": "rad"},
+                lambda q, axes=axes: Rotation.from_quat(q, scalar_first=True).as_euler(axes),
+            )
             for axes in ("ZYX", "XYZ", "ZXZ", "YXZ")
         ),
     ],
@@ -76,14 +75,14 @@ def test_every_kind_gives_the_rotation_that_it_was_written_from(
 
 def test_a_missing_number_stays_missing_and_an_infinite_one_infinite() -> None:
     angles = np.array([[1, np.nan, 2], [np.nan] * 3, [1, np.inf, 2], [1, 2, 3]])
-    found = quaternions(angles, translated("euler", axes="ZYX", unit="deg"), locate)
-    assert np.isnan(found[:2]).all()
-    assert np.isinf(found[2]).any()
-    assert np.isfinite(found[3]).all()
+    turned = quaternions(angles, translated("euler", axes="ZYX", unit="deg"), locate)
+    assert np.isnan(turned[:2]).all()
+    assert np.isinf(turned[2]).any()
+    assert np.isfinite(turned[3]).all()
     nine = np.stack([np.full(9, np.nan), np.eye(3).ravel()])
-    found = quaternions(nine, translated("matrix"), locate)
-    assert np.isnan(found[0]).all()
-    np.testing.assert_array_equal(found[1], [1, 0, 0, 0])
+    turned = quaternions(nine, translated("matrix"), locate)
+    assert np.isnan(turned[0]).all()
+    np.testing.assert_array_equal(turned[1], [1, 0, 0, 0])
     some = np.array([[1.0, 0, np.nan, 0]])
     np.testing.assert_array_equal(
         quaternions(some, translated("quaternion", order="xyzw"), locate), [[0, 1, 0, np.nan]]
@@ -93,9 +92,9 @@ def test_a_missing_number_stays_missing_and_an_infinite_one_infinite() -> None:
 def test_a_rounded_matrix_gives_the_nearest_rotation() -> None:
     rng = np.random.default_rng(5)
     q = unit(rng.normal(size=(50, 4)))
-    found = proper_rotations(np.round(matrix(q), 3), locate)
-    np.testing.assert_allclose(np.swapaxes(found, 1, 2) @ found, np.tile(np.eye(3), (50, 1, 1)), atol=1e-12)
-    assert angle(multiply(conjugate(q), from_matrix(found))).max() < 2e-3
+    turned = proper_rotations(np.round(matrix(q), 3), locate)
+    np.testing.assert_allclose(np.swapaxes(turned, 1, 2) @ turned, np.tile(np.eye(3), (50, 1, 1)), atol=1e-12)
+    assert angle(multiply(conjugate(q), from_matrix(turned))).max() < 2e-3
 
 
 @pytest.mark.parametrize(

@@ -65,9 +65,9 @@ def test_station_numbers_are_mapped_by_the_layout(tmp_path: Path) -> None:
     samples = read(write(tmp_path, content + ROW.format(frame=0, segment=1)))
     assert [samples.segments[index] for index in samples.segment] == ["little_distal", "hand"]
     segments = {
-        name: replace(own, left_receiver=own.receiver + 20)
-        for name, own in LIBERTY.segments.items()
-        if own.receiver
+        name: replace(segment, left_receiver=segment.receiver + 20)
+        for name, segment in LIBERTY.segments.items()
+        if segment.receiver
     }
     both = replace(LIBERTY, segments=LIBERTY.segments | segments)
     for hand, receiver in (("right", 36), ("left", 16)):

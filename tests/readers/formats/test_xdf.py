@@ -1,5 +1,6 @@
 """Reading XDF: files made here byte by byte (XDF 1.0), and made sure of by pyxdf itself."""
 
+import gzip
 import struct
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,6 +14,7 @@ from recording_files import LIBERTY
 
 from shukotsu.errors import InputError
 from shukotsu.readers.samples import Samples
+from shukotsu.tables import xdf_streams
 
 Array = npt.NDArray[np.float64]
 
@@ -99,6 +101,13 @@ def test_a_header_cannot_declare_what_unfolds(tmp_path: Path) -> None:
     head = header(TWO).replace(b"<name>tracker</name>", b"<name>&j;</name>")
     with pytest.raises(InputError, match="is damaged: pyxdf cannot read it"):
         read(tmp_path, xdf(stream(1, bomb + head, TIMES, VALUES)))
+
+
+def test_a_packed_file_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xdf_streams, "MEMORY_BYTES", 1000)
+    refuse(
+        tmp_path, gzip.compress(PLAIN + bytes(100_000)), r"more than 0 MB; unpack it with gunzip to an \.xdf"
+    )
 
 
 @pytest.mark.parametrize("field", ["marker", "object"])
@@ -214,9 +223,12 @@ def test_streams_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
         r"2 streams of type MoCap \(tracker, number 4, tracker, number 7\); say which in a mapping",
     )
     receivers = {segment: {"value": segment} for segment in TWO}
-    told = {"format": "xdf", "position_unit": "m", "receivers": receivers}
+    mapping = {"format": "xdf", "position_unit": "m", "receivers": receivers}
     refuse(
-        tmp_path, data, "has 2 streams of 'tracker'; .* say its number", told | {"xdf": {"stream": "tracker"}}
+        tmp_path,
+        data,
+        "has 2 streams of 'tracker'; .* say its number",
+        mapping | {"xdf": {"stream": "tracker"}},
     )
-    samples = read(tmp_path, data, told | {"xdf": {"stream": 7}})
+    samples = read(tmp_path, data, mapping | {"xdf": {"stream": 7}})
     np.testing.assert_array_equal(samples.time_s[:5], TIMES + 7)
