@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-PROFILES = REPOSITORY / "config" / "profiles"
+PROFILES = REPOSITORY / "profiles"
 NAMES = ["slurm", "cluster-generic"]
 
 

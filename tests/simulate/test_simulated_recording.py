@@ -62,18 +62,18 @@ def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str)
             (joint.child_segment, joint.child_mm),
         ):
             if segment:
-                own = made.segments.index(segment)
-                seen = np.einsum("tba,tb->ta", turn[:, own], centre_mm - made.position_mm[:, own])
+                index = made.segments.index(segment)
+                seen = np.einsum("tba,tb->ta", turn[:, index], centre_mm - made.position_mm[:, index])
                 np.testing.assert_allclose(stated, seen.mean(0), atol=1e-9)
         np.testing.assert_array_equal(joint.child_mm, noisy[name].child_mm)
-    for own, segment in enumerate(made.segments):
+    for index, segment in enumerate(made.segments):
         bone = rotations.matrix(truth.bone_quaternion[:, BONES.index(segment)])
-        seen = np.einsum("tba,tb->ta", turn[:, own], bone[..., 0]).mean(0)
-        np.testing.assert_allclose(truth.along[own], seen / np.linalg.norm(seen), atol=1e-12)
+        seen = np.einsum("tba,tb->ta", turn[:, index], bone[..., 0]).mean(0)
+        np.testing.assert_allclose(truth.along[index], seen / np.linalg.norm(seen), atol=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("hand", "task", "seed", "n_frames", "said"),
+    ("hand", "task", "seed", "n_frames", "reason"),
     [
         ("both", "rom", 1, 10, "hand 'both'"),
         ("left", "juggling", 1, 10, "task 'juggling'"),
@@ -81,6 +81,6 @@ def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str)
         ("left", "rom", 1, 1, "1 frames"),
     ],
 )
-def test_unusable_arguments_are_refused(hand: str, task: str, seed: int, n_frames: int, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_unusable_arguments_are_refused(hand: str, task: str, seed: int, n_frames: int, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
         simulate("01", hand, task, seed, EXACT, n_frames)

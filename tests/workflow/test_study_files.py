@@ -2,20 +2,17 @@
 
 import os
 import shlex
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import yaml
 from small_study import write_study
-from stage_runs import plan as write_plan
 
 from shukotsu.errors import InputError
 from shukotsu.report.figures import style
 from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
-from shukotsu.study.plan import plan_text, read_plan
-from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES
+from shukotsu.study.results import FIT_TABLES
 from shukotsu.workflow.study_files import StudyFiles, study_file
 
 ROWS = (
@@ -74,18 +71,6 @@ def test_paths_of_a_subject(folder: Path) -> None:
     assert study.plans == [f"results/test/{subject}/plan.json" for subject in (SUBJECT, "sub-02")]
 
 
-def test_files_of_the_whole_study(folder: Path) -> None:
-    study = files(folder)
-    gathered = {*study.gathered()}
-    assert {Path(path).stem for path in gathered} >= {*GATHERED_TABLES, *FIT_TABLES}
-    assert study.all_poses() == [path for path in study.tables if path.endswith("/poses.parquet")]
-    assert gathered < set(study.tables)
-    assert study.study_tables == [f"results/test/{name}.parquet" for name in STUDY_TABLES]
-    names = {Path(path).name for path in study.configuration}
-    sheets = {f"{name}.tsv" for name in (*SHEETS, "recordings")}
-    assert names == {"study.yaml", "liberty16.yaml", "rigid.yaml", "alone.yaml"} | sheets
-
-
 def test_a_recordings_file_that_is_missing_stops_no_other(folder: Path) -> None:
     """Its import says so. What is simulated is made, whether or not it is there."""
     study = files(folder, more=SIMULATION)
@@ -118,14 +103,6 @@ def test_a_name_that_snakemake_would_read_as_its_own_is_no_input(folder: Path, n
     assert study.recording_digest(ROM) != missing
 
 
-def test_a_folder_that_snakemake_would_read_as_its_own_is_refused(folder: Path) -> None:
-    message = r"study/made \{1\}: its path holds \{\.\.\.\} or <\.\.\.>, which Snakemake reads as its own"
-    with pytest.raises(InputError, match=message):
-        files(folder, more="simulation: {folder: 'made {1}', seed: 3}\n")
-    with pytest.raises(InputError, match=r"^odd <b>/study.yaml: its path holds"):
-        StudyFiles(write_study(folder / "odd <b>", *ROWS))
-
-
 Change = dict[str, str]
 CHANGES: dict[str, tuple[tuple[str, ...], Change, tuple[str, ...]]] = {
     "role": (("A&b right rom both data/a.csv", *ROWS[1:]), {}, MODELS),
@@ -147,15 +124,15 @@ AGAIN = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_job_is_run_again_for_what_it_uses(folder: Path, change: str) -> None:
     before = files(folder)
-    requests: dict[str, Callable[[StudyFiles], str]] = {
-        "plan": lambda study: study.plan(FIT),
-        "import_options": lambda study: study.import_options(ROM),
-        "fit_plan": lambda study: study.fit_plan(FIT),
-    }
-    first = {name: request(before) for name, request in requests.items()}
+
+    def requests(study: StudyFiles) -> dict[str, str]:
+        imports = study.import_options(ROM)
+        return {"plan": study.plan(FIT), "import_options": imports, "fit_plan": study.fit_plan(FIT)}
+
+    first = requests(before)
     rows, sheets, models = CHANGES[change]
-    after = files(folder, *rows, models=models, **sheets)
-    changed = {name for name, request in requests.items() if request(after) != first[name]}
+    after = requests(files(folder, *rows, models=models, **sheets))
+    changed = {name for name, request in after.items() if request != first[name]}
     assert changed == {name for name, changes in AGAIN.items() if change in changes}
 
 
@@ -196,55 +173,36 @@ def test_what_is_exported(folder: Path) -> None:
     assert files(folder, more="exports: [bids]\n").export_folders == ["results/test/dataset"]
 
 
-def test_a_run_is_of_one_study_as_its_file_says(folder: Path) -> None:
+def test_a_run_or_a_module_is_of_one_study_as_its_file_or_its_keys_say(folder: Path) -> None:
     path = write_study(folder / "study", *ROWS)
     config = yaml.safe_load(path.read_text())
-    assert study_file([path], config, is_module=False) == path
+    for is_module in (False, True):
+        assert study_file([path], config, is_module=is_module) == path
     assert study_file([], {}, is_module=False) == Path("config", "demo.yaml")
-    with pytest.raises(InputError, match="--configfile: names several files"):
-        study_file([path, path], config, is_module=False)
-    with pytest.raises(InputError, match=r"--config: .*; write it into .*study/study\.yaml"):
-        study_file([path], config | {"layout": "arm"}, is_module=False)
-
-
-def test_a_module_is_of_the_study_that_its_keys_say(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder)
-    path = write_study(folder / "study", *ROWS)
-    config = yaml.safe_load(path.read_text())
-    assert study_file([path], config, is_module=True) == path
     other = config | {"recordings": "elsewhere.tsv"}
     written = study_file([path], other, is_module=True)
-    assert written == Path("test.module.yaml")
-    assert yaml.safe_load(written.read_text()) == other
-    with pytest.raises(InputError, match=r"^config: .*study"):
-        study_file([], {}, is_module=True)
+    assert (written, yaml.safe_load(written.read_text())) == (Path("test.module.yaml"), other)
+    for files_named, keys, is_module, message in (
+        ([path, path], config, False, "--configfile: names several files"),
+        ([path], config | {"layout": "arm"}, False, r"--config: .*; write it into .*study/study\.yaml"),
+        ([], {}, True, r"^config: .*study"),
+    ):
+        with pytest.raises(InputError, match=message):
+            study_file(files_named, keys, is_module=is_module)
+
+
+def test_a_folder_that_snakemake_would_read_as_its_own_is_refused(folder: Path) -> None:
+    with pytest.raises(InputError, match=r"^odd <b>/study.yaml: its path holds .* which Snakemake reads as"):
+        StudyFiles(write_study(folder / "odd <b>", *ROWS))
 
 
 def test_models_of_whole_hands_are_refused_where_no_layout_is_a_hand(folder: Path) -> None:
     """With another model, or a hand, the study runs, and each arm is a problem of its own."""
-    path = write_study(folder / "arms", "01 right rom both a.csv - arm", models=("whole-hand",))
-    with pytest.raises(
-        InputError, match=r"study\.yaml: models: model whole-hand fits .* layout arm is none, .*"
-    ):
-        StudyFiles(path)
-    more = write_study(folder / "more", "01 right rom both a.csv - arm", models=("whole-hand", "paper-fig4"))
-    assert StudyFiles(more).study.models
-    both = ("01 right rom both a.csv - arm", "02 right rom both b.csv")
-    assert StudyFiles(write_study(folder / "both", *both, models=("whole-hand",))).study.models
-
-
-def test_the_plan_command_writes_the_subjects_plan(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    study = files(folder)
-    argv = ["--study", study.file, "--results", "results/test", "--out", study.plans[0]]
-    assert write_plan([*argv, "--subject", "A&b"]) == 0
-    read = read_plan(Path(study.plans[0]))
-    assert (read.subject, read.folder) == ("A&b", Path("results/test", SUBJECT))
-    before = Path(study.plans[0]).read_bytes()
-    assert write_plan([*argv, "--subject", "A&b"]) == 0
-    assert Path(study.plans[0]).read_bytes() == before
-    assert write_plan([*argv, "--subject", "nobody"]) == 2
-    assert "has no subject 'nobody'; expected one of A&b, 02" in capsys.readouterr().err
-    assert plan_text({"plan": 1}).endswith("\n")
+    arm, hand = "01 right rom both a.csv - arm", "02 right rom both b.csv"
+    with pytest.raises(InputError, match=r"study\.yaml: models: model whole-hand fits .* layout arm is none"):
+        StudyFiles(write_study(folder / "arms", arm, models=("whole-hand",)))
+    assert StudyFiles(write_study(folder / "more", arm, models=("whole-hand", "paper-fig4"))).study.models
+    assert StudyFiles(write_study(folder / "both", arm, hand, models=("whole-hand",))).study.models
 
 
 def test_a_job_asks_for_more_the_longer_the_recordings_are_and_for_so_much_memory_at_most(
@@ -257,5 +215,5 @@ def test_a_job_asks_for_more_the_longer_the_recordings_are_and_for_so_much_memor
         with path.open("wb") as file:
             file.truncate(size)  # takes no room
         asked.append({name: of(SimpleNamespace(subject="02")) for name, of in study.resources(2, 10).items()})
-    assert [own["runtime"] for own in asked] == [2, 3, 102, 1002]
+    assert [request["runtime"] for request in asked] == [2, 3, 102, 1002]
     assert asked[0]["mem_mb"] < asked[1]["mem_mb"] < asked[2]["mem_mb"] == asked[3]["mem_mb"]

@@ -7,10 +7,9 @@ import pytest
 from captures import circling, cycle, settings, write
 
 from shukotsu.__main__ import main
-from shukotsu.errors import InputError
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.typed_table import read_metadata, read_table
-from shukotsu.tracker.archive import ArchiveWriter, open_archive
+from shukotsu.tracker.archive import open_archive
 from shukotsu.tracker.decode.stream import Tally, blocks_of
 from shukotsu.tracker.decode.survey import (
     FlaggedRecords,
@@ -113,23 +112,15 @@ def test_a_capture_as_poses(tmp_path: Path) -> None:
 def test_a_capture_that_was_killed_says_so(tmp_path: Path) -> None:
     path = write(tmp_path / "a.arrows", [cycle(f) for f in range(200)], ended=False)
     path.write_bytes(path.read_bytes()[:-700])
-    said = findings(survey_of(path))
-    assert "are no whole entry" in said[0]
-    assert "was not ended by the recorder" in said[1]
+    first, second = findings(survey_of(path))
+    assert "are no whole entry" in first
+    assert "was not ended by the recorder" in second
     assert survey_of(path).records[1] == 150
 
 
-def test_without_settings_there_is_nothing_to_decode(tmp_path: Path) -> None:
-    writer = ArchiveWriter(tmp_path / "a.arrows", {})
-    writer.received(b"Invalid Command\r\n", 1)
-    writer.close({}, 2)
-    with pytest.raises(InputError, match="ends before the tracker was set up"):
-        survey_of(tmp_path / "a.arrows")
-
-
-def arrivals(seconds: float, drift: float, seed: int = 0, rate_hz: float = 240.0):
+def arrivals(seconds: float, drift: float, rate_hz: float = 240.0):
     """Frames of a device whose crystal is off by `drift`; delays are 1 ms and more, now and then 200 ms."""
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     frame = np.arange(1000, 1000 + int(seconds * rate_hz), 2)
     sent_s = (frame - 1000) / rate_hz * (1 + drift)
     delay_s = 0.001 + random.exponential(0.003, len(frame))
@@ -137,18 +128,13 @@ def arrivals(seconds: float, drift: float, seed: int = 0, rate_hz: float = 240.0
     return frame, np.round((5.0 + np.maximum.accumulate(sent_s + delay_s)) * 1e9).astype(np.int64)
 
 
-@pytest.mark.parametrize("drift", [-4e-4, -5e-5, 0.0, 1e-4])
+@pytest.mark.parametrize("drift", [-4e-4, 1e-4])
 def test_a_drifting_crystal_is_followed(drift: float) -> None:
     frame, host_ns = arrivals(120.0, drift)
     clock = fit_clock(frame, host_ns, 240.0, 1000)
     assert clock.fitted
     assert clock.period_s * 240 == pytest.approx(1 + drift, abs=2e-5)
     assert clock.host_ns * 1e-9 == pytest.approx(5.001, abs=1e-3)
-
-
-def test_another_rate_is_told_and_not_used() -> None:
-    frame, host_ns = arrivals(60.0, 1.0)
-    clock = fit_clock(frame, host_ns, 240.0, 1000)
-    assert not clock.fitted
-    assert clock.measured_rate_hz == pytest.approx(120.0, rel=1e-4)
-    assert clock.period_s == 1 / 240
+    other = fit_clock(*arrivals(60.0, 1.0), 240.0, 1000)  # another rate than the device's is not used
+    assert (other.fitted, other.period_s) == (False, 1 / 240)
+    assert other.measured_rate_hz == pytest.approx(120.0, rel=1e-4)

@@ -14,7 +14,6 @@ from shukotsu.tracker.liberty.replies import FULL_LIST
 from shukotsu.tracker.protocols.stream_settings import StreamSettings
 
 ALL = frozenset(range(1, 17))
-INVALID = b"Invalid Command\r\n"
 
 
 def device(stations: frozenset[int] = ALL) -> EmulatedLiberty:
@@ -23,12 +22,6 @@ def device(stations: frozenset[int] = ALL) -> EmulatedLiberty:
 
 def translated(tracker: EmulatedLiberty, *commands: bytes) -> bytes:
     return b"".join(tracker.receive(command) for command in commands)
-
-
-def body(reply: bytes) -> bytes:
-    size = struct.unpack_from("<h", reply, 6)[0]
-    assert len(reply) == 8 + size
-    return reply[8:]
 
 
 def cycles(tracker: EmulatedLiberty, count: int) -> bytes:
@@ -72,35 +65,6 @@ def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
         assert translated(tracker, setting.question(17))[4] == 2, "Invalid Station"
 
 
-@pytest.mark.parametrize(
-    ("command", "code"),
-    [
-        (b"", 1), (b"K1", 1), (b"\x1c", 1), (b"H0,1,0,0", 2), (b"H17,1,0,0", 2), (b"Hx", 2), (b"\x150,1", 2),
-        (b"U2", 3), (b"U-1", 3), (b"R2", 3), (b"H1,a,0,0", 3), (b"H1,0,0,1,5", 3), (b"Q", 3), (b"C1", 3),
-        (b"O1,13", 3), (b"O1," + b"2," * 20 + b"2", 3), (b"A1,0,0,0,1,0,0,1,0,0,0", 3), (b"N1,1e999,0,0", 3),
-    ],
-)  # fmt: skip
-def test_refusals_name_their_code(command: bytes, code: int) -> None:
-    """In ASCII a line without header, in binary a header with the error code and the text."""
-    tracker = device()
-    text = translated(tracker, command + b"\r")
-    assert text.endswith(b"\r\n")
-    assert not text[:2].isdigit()
-    translated(tracker, b"F1\r")
-    reply = translated(tracker, command + b"\r")
-    assert (reply[:3], reply[4], body(reply)) == (b"LY\0", code, text)
-
-
-def test_line_ends_and_blanks() -> None:
-    """CR ends a command, LF is nothing, a lone CR is an invalid command, blanks are tolerated."""
-    tracker = device()
-    assert translated(tracker, b"\r") == INVALID
-    assert translated(tracker, b"\n") == b""
-    assert translated(tracker, b"u1\r\n", b"U\r\n") == b"00U  1\r\n"
-    assert translated(tracker, b"X .2,.3\r", b"X\r") == b"00X   0.200  0.300  0.800  0.950 \r\n"
-    assert translated(tracker, b"H ", b"4 , 0,", b"0,1\r", b"h4\r") == b"04H    0.000  0.000  1.000\r\n"
-
-
 def flat(x_mm: np.ndarray) -> Motion:
     """One receiver that moves along X."""
     position = np.stack([x_mm, np.full_like(x_mm, 300.0), np.full_like(x_mm, 20.0)], -1)[:, None]
@@ -123,17 +87,6 @@ def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
     follows = EmulatedLiberty(motion, frozenset({1}))
     translated(follows, b"H*,0,0,0\r")
     assert measured_cm(follows, 200)[:, :3] == pytest.approx(true, abs=1e-5)
-
-
-def test_patriot_has_two_stations_at_60_hz_and_its_own_tag() -> None:
-    tracker = EmulatedLiberty(built_in_motion(), frozenset({1, 2}), family="patriot", ports=2, rate_hz=60)
-    translated(tracker, b"F1\rO*,8,9\rC\r")
-    assert tracker.rate == 60
-    cycles(tracker, 60)
-    got = records(cycles(tracker, 1), 16)
-    assert [record[:3] for record in got] == [b"PA\x01", b"PA\x02"]
-    assert struct.unpack_from("<2I", got[0], 8) == (1000, 60)
-    assert translated(tracker, b"H3\r")[4] == 2
 
 
 @pytest.mark.parametrize("items", [FULL_LIST, (2, 4, 1), (2, 6)])

@@ -32,9 +32,9 @@ def stream(frames: int = 6, stations=range(1, 5), **how) -> list[bytes]:
     return [record(frame, station, **how) for frame in range(frames) for station in stations]
 
 
-def read(data: bytes, given: StreamSettings | None = None) -> tuple[Records, list[int]]:
+def read(data: bytes, how: StreamSettings | None = None) -> tuple[Records, list[int]]:
     """Decode a stream; gives the records and the skipped bytes."""
-    decoded = decode(BinaryDecoder(given or settings()), data)
+    decoded = decode(BinaryDecoder(how or settings()), data)
     return decoded.records, skipped_bytes(decoded)
 
 
@@ -42,7 +42,7 @@ def read(data: bytes, given: StreamSettings | None = None) -> tuple[Records, lis
 @pytest.mark.parametrize(("unit", "mm"), [("cm", 10.0), ("inch", 25.4)])
 def test_every_number_comes_out(items, unit: str, mm: float) -> None:
     data = b"".join(stream(items=items))
-    records, skipped = read(data, given=settings(items, unit=unit))
+    records, skipped = read(data, how=settings(items, unit=unit))
     assert len(records) == 24
     assert not skipped
     for row, (frame, station) in enumerate((f, s) for f in range(6) for s in range(1, 5)):
@@ -64,7 +64,7 @@ def test_a_tag_in_the_numbers_does_not_mislead() -> None:
     position = struct.unpack("<f", b"LY\x01C")[0]
     body = struct.pack("<I3f4f", 7, position, position, position, 1, 0, 0, 0)
     head = b"LY\x01C\0\0" + struct.pack("<h", len(body))
-    records, skipped = read((head + body) * 5, given=settings((9, 2, 7)))
+    records, skipped = read((head + body) * 5, how=settings((9, 2, 7)))
     assert len(records) == 5
     assert not skipped
 
@@ -74,7 +74,7 @@ def test_numbers_that_cannot_be_right_are_doubted() -> None:
     far = good[:12] + struct.pack("<f", 400.0) + good[16:]
     nan = good[:12] + struct.pack("<f", float("nan")) + good[16:]
     long = good[:24] + struct.pack("<4f", 1, 0.2, 0, 0) + good[40:]
-    records, _ = read(b"".join([good, far, nan, long, good]), given=settings((9, 2, 7)))
+    records, _ = read(b"".join([good, far, nan, long, good]), how=settings((9, 2, 7)))
     assert records.doubtful.tolist() == [False, True, True, True, False]
 
 

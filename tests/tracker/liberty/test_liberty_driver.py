@@ -30,14 +30,8 @@ def stubborn(unheard: bytes, heard: bytes = b"", *, before: bytes = b"") -> Stub
         (b"U1\r", "did not take its units: sent was 1, and when asked it says 0; switch it off and on"),
         (b"R3\r", "did not take its rate: sent was 3, and when asked it says 4"),
         (b"Z1\r", "did not take its external sync: sent was 1, and when asked it says 0"),
-        (
-            b"O*,8,9,11,10,12,3,7\r",
-            "did not take its output list of receiver 1: sent was 8, 9, 11, 10, 12, 3, 7",
-        ),
-        (
-            b"H*,0,0,1\r",
-            "did not take its hemisphere of receiver 1: sent was 0, 0, 1, and when asked it says 1, 0, 0",
-        ),
+        (b"O*,8,9,11,10,12,3,7\r", "did not take its output list of receiver 1: sent was 8, 9, 11, 10, 12"),
+        (b"H*,0,0,1\r", "its hemisphere of receiver 1: sent was 0, 0, 1, and when asked it says 1, 0, 0"),
         (b"\x152,0\r", "did not take its active receivers: sent was 1, and when asked it says 1, 2"),
         (b"X0,1,0,0\r", "did not take its position filter"),
         (b"Y0,1,0,0\r", "did not take its attitude filter"),

@@ -52,11 +52,11 @@ def test_a_wrong_checksum_is_no_frame() -> None:
 
 
 def test_replies_and_a_frame_without_sensors() -> None:
-    told, refused = viper_reply(7, b"\2\0\0\0"), viper_reply(20, b"", REFUSED)
+    answer, refused = viper_reply(7, b"\2\0\0\0"), viper_reply(20, b"", REFUSED)
     empty = viper_frame(3, ())
-    decoded = read(told + viper_frame(1, (1,)) + refused + empty)
+    decoded = read(answer + viper_frame(1, (1,)) + refused + empty)
     assert [(r.command, r.error) for r in decoded.replies] == [(7, 0), (20, REFUSED), (19, 0)]
-    assert decoded.replies[0].body == told[8:-4]
+    assert decoded.replies[0].body == answer[8:-4]
     assert len(decoded.records) == 1
 
 
@@ -70,17 +70,8 @@ def test_a_virtual_sensor_and_an_unknown_kind_of_orientation_are_doubted() -> No
 
 
 ANY = 0xFFFFFFFF
-HEMISPHERE, FILTER, BORESIGHT, RATE, UNITS, STATION_MAP, STYLUS, CONTINUOUS, WHOAMI = (
-    0,
-    1,
-    4,
-    6,
-    7,
-    10,
-    11,
-    19,
-    20,
-)
+HEMISPHERE, FILTER, BORESIGHT, RATE, UNITS = 0, 1, 4, 6, 7
+STATION_MAP, STYLUS, CONTINUOUS, WHOAMI = 10, 11, 19, 20
 
 
 class Viper:
