@@ -24,15 +24,13 @@ class FailedJobs(logging.Filter):
         super().__init__()
         self.workflow, self.results = workflow, results
         self.began_s = time.time() - 0.1  # times of files are by a coarser clock
-        logging.raiseExceptions = False  # a log that a full disk takes no more is not to be told line by line
+        logging.raiseExceptions = False  # a log that a full disk takes no more is not named line by line
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Whether Snakemake is to print a message; its reports of failed jobs it leaves out by itself."""
-        event = str(getattr(record, "event", ""))
+        event, details = str(getattr(record, "event", "")), record.__dict__
         if event.endswith("group_error"):
-            self._print(
-                record, f"jobs of group {record.__dict__['groupid']} failed", record.__dict__["aux_logs"]
-            )
+            self._print(record, f"jobs of group {details['groupid']} failed", details["aux_logs"])
         elif event.endswith("job_error"):
             self._print_job(record)
         elif getattr(record, "exception", "") == "ProtectedOutputException":
@@ -41,18 +39,15 @@ class FailedJobs(logging.Filter):
 
     def _print_job(self, record: logging.LogRecord) -> None:
         """Print why a job failed; nothing of a job of a group that did not, or was not begun."""
-        told: dict[str, Any] = record.__dict__
+        details: dict[str, Any] = record.__dict__
         dag = self.workflow.dag
-        message = next(job.message for job in dag.jobs if dag.jobid(job) == told["jobid"])
-        log = Path(told["log"][0])
-        if told["indent"] and (
-            all(Path(path).exists() for path in told["output"])
-            or not log.exists()
-            or log.stat().st_mtime < self.began_s
-        ):
+        message = next(job.message for job in dag.jobs if dag.jobid(job) == details["jobid"])
+        log = Path(details["log"][0])
+        was_run = log.exists() and log.stat().st_mtime >= self.began_s
+        if details["indent"] and (not was_run or all(Path(path).exists() for path in details["output"])):
             return
-        why = reason(log, told["output"])
-        self._print(record, f"{message}: {why or told['rule_msg'] or 'it ended without a word'}", told["log"])
+        why = reason(log, details["output"]) or details["rule_msg"] or "it ended without a word"
+        self._print(record, f"{message}: {why}", details["log"])
 
     def _print(self, record: logging.LogRecord, sentence: str, logs: list[str]) -> None:
         shown = f" (log: {', '.join(logs)})" if logs else ""

@@ -42,10 +42,10 @@ class FileDigests:
         self._cache = cache
         self._has_new = False
         self._read: dict[str, str] = {}
-        self._known: dict[str, tuple[list[int], int, str]] = {}
+        self._digests: dict[str, tuple[list[int], int, str]] = {}
         self._last_run: dict[str, dict[str, str]] = {}
         with suppress(OSError, ValueError):
-            self._known, self._last_run = json.loads(cache.read_text("utf-8"))
+            self._digests, self._last_run = json.loads(cache.read_text("utf-8"))
 
     def of(self, paths: Iterable[str]) -> str:
         """Digest of the names and the contents of files."""
@@ -55,23 +55,19 @@ class FileDigests:
     def sha256(self, path: str) -> str:
         """Digest of what is in a file; where it cannot be read, the reason, which its reader will say too."""
         if path not in self._read:
-            try:
-                self._read[path] = self._digest(path)
+            try:  # a pipe would never end
+                self._read[path] = self._digest(path) if Path(path).is_file() else "no file"
             except OSError as error:
                 self._read[path] = error.strerror or "unreadable"
         return self._read[path]
 
     def _digest(self, path: str) -> str:
-        if not Path(path).is_file():
-            return "no file"  # nor would a pipe ever end
         state = list(file_state(Path(path)))
-        known, read_ns, digest = self._known.get(path, ([], 0, ""))
-        if known == state and read_ns - state[-1] > SETTLED_NS:
-            return digest
-        self._has_new = True
-        begun_ns = time.time_ns()
-        digest = file_sha256(Path(path))
-        self._known[path] = state, begun_ns, digest
+        former, read_ns, digest = self._digests.get(path, ([], 0, ""))
+        if former != state or read_ns - state[-1] <= SETTLED_NS:
+            self._has_new = True
+            read_ns, digest = time.time_ns(), file_sha256(Path(path))
+            self._digests[path] = state, read_ns, digest
         return digest
 
     def content(self, path: str) -> str:
@@ -82,24 +78,19 @@ class FileDigests:
         return self.of(file.as_posix() for file in files if file.name != STAMP)
 
     def changes(self, study: str, contents: Mapping[str, str]) -> list[str]:
-        """Names whose content is another than in the study's last run, or new or gone; none before."""
-        before = self._last_run.get(study)
-        if before is None:
-            return []
-        names = dict.fromkeys((*contents, *before))
-        return [name for name in names if before.get(name) != contents.get(name)]
+        """Return names whose content is another than in the study's last run, or new or gone; none before.
 
-    def write(self, study: str, contents: Mapping[str, str]) -> None:
-        """Keep what was read, and what the study is made from as it runs now."""
+        What the study is made from as it runs now is kept.
+        """
+        before = self._last_run.get(study, contents)
         self._last_run[study] = dict(contents)
         self._has_new = True
         self.save()
+        return [name for name in {**contents, **before} if before.get(name) != contents.get(name)]
 
     def save(self) -> None:
         """Keep what was read, if anything was."""
-        if not self._has_new:
-            return
-        known = {path: entry for path, entry in self._known.items() if Path(path).exists()}
-        text = json.dumps([known, self._last_run], sort_keys=True)
-        with suppress(OSError, InputError):  # a folder that cannot be written to costs time, and no more
-            write_text(self._cache, text)
+        if self._has_new:
+            digests = {path: entry for path, entry in self._digests.items() if Path(path).exists()}
+            with suppress(OSError, InputError):  # a folder that cannot be written to costs time, and no more
+                write_text(self._cache, json.dumps([digests, self._last_run], sort_keys=True))

@@ -40,12 +40,12 @@ def recall(
 ) -> list[str]:
     """Put lost notes and times of outputs back; return those that are not as a run left them."""
     memory = FilePersistence()
-    made = {path: (job, *entry) for job in _read(kept) for path, entry in job["outputs"].items()}
+    entries = {path: (job, *entry) for job in _read(kept) for path, entry in job["outputs"].items()}
     spoiled = []
-    for path in dict.fromkeys((*made, *outputs)):
+    for path in dict.fromkeys((*entries, *outputs)):
         note = memory._read_record(path)
         is_marked = note is not None and note.params == NOT_AS_MADE
-        job, digest, time_s = made.get(path, ({}, "", None))
+        job, digest, time_s = entries.get(path, ({}, "", None))
         if not Path(path).exists() or (note is not None and not is_marked and note.endtime != time_s):
             continue  # made since, or never kept: Snakemake knows more
         if digests.content(path) == digest and path not in outdated:
@@ -79,7 +79,7 @@ def keep(kept: Path, workflow: Any) -> None:
         }
         if new and job.rule.name != "plan":  # which is held against the study itself
             for former in jobs:
-                former["outputs"] = {path: own for path, own in former["outputs"].items() if path not in new}
+                former["outputs"] = {path: e for path, e in former["outputs"].items() if path not in new}
             outputs = {path: [digests.content(path), note.endtime] for path, note in new.items()}
             jobs.append(next(iter(new.values())).model_dump(include=COMPARED) | {"outputs": outputs})
     there = [job for job in jobs if any(Path(path).exists() for path in job["outputs"])]

@@ -49,57 +49,99 @@ Wildcards = Any
 
 
 class StudyFiles:
-    """One study, asked by the wildcards of a job."""
+    """One study, asked by the wildcards of a job.
+
+    options : say which study a job is of. subjects : plans of every subject in every session, in the sheet's
+    order. simulated, streamed, simulated_truth : a simulated recording, as its tracker's raw capture, and its
+    truth tables, with wildcards; paths that nothing asks for where none is. kept : what Snakemake noted of
+    the results. whole_tables : study_tables, model_comparisons, movement_comparisons. figures : for print,
+    and their captions. exports : the folder of everything that is exported, none where nothing is.
+    export_formats : of each recording; the dataset of all is a job of its own. export_folders : of each
+    subject, of the dataset of all, of the study's tables.
+    """
 
     def __init__(self, study_file: Path) -> None:
         self.file = _relative(study_file)
         self.study: Study = read_study(Path(self.file))
         self.results = results.Results.of(self.study.name)
+        self.options = shlex.join(["--study", self.file, "--results", self.results.folder.as_posix()])
         self._digests = FileDigests()
         plans = StudyPlans(self.study, self.results.folder)
         self._contents = {who.token: plans.content(*who) for who in self.study.sessions}
         self._plans = {
             subject: plan_from_content(content, self.file) for subject, content in self._contents.items()
         }
-        self._check_models()
+        self.subjects = list(self._plans.values())
+        reasons = [
+            refusal(layout, name, model)
+            for plan in self.subjects
+            for layout in plan.layouts.values()
+            for name, model in plan.models.items()
+        ]
+        if reasons and all(reasons):  # a model that can be taken for no hand is a problem of the study
+            raise InputError(f"{self.file}: models: {reasons[0]}")
         self._models = {path_token(name): name for name in (*self.study.models, REFERENCE)}
         if self.study.language != "en":  # at once, not after hours of computing
             from shukotsu.report.figures.style import check_font
 
             check_font(self.study.language)
-        folders = [_relative(self._simulation_folder())] if self.study.simulation else []
-        for path in (*self._configuration, *folders):
+        simulation, folder = self.study.simulation, Path(os.devnull, "none")
+        self.seed = 0 if simulation is None else simulation.seed
+        if simulation is not None:
+            folder, around = simulation.folder, (Path(self.file).parent, Path())
+            if not any(folder.resolve().is_relative_to(above.resolve()) for above in around):
+                raise InputError(
+                    f"{self.file}: simulation.folder: {folder} is neither below the study file's folder nor "
+                    "below the one that this runs in; expected a folder there"
+                )
+        recording = _relative(folder / "sub-{subject}_hand-{hand}_task-{task}")
+        self.simulated, self.streamed = f"{recording}.parquet", f"{recording}.arrows"
+        truth = truth_folder(Path(self.simulated))
+        self.simulated_truth = [(truth / f"{name}.parquet").as_posix() for name in results.TRUTH_TABLES]
+        layouts = dict.fromkeys(recording.layout for recording in self.study.recordings)
+        files = [*self.study.sheets.values(), *layouts, *self.study.models.values()]
+        self._configuration = [self.file, *map(_relative, files)]
+        mappings = dict.fromkeys(r.mapping for r in self.study.recordings if r.mapping is not None)
+        self._mappings = [_relative(path) for path in mappings]
+        for path in (*self._configuration, *([] if simulation is None else [_relative(folder)])):
             if not _can_be_declared(path):
                 raise InputError(
                     f"{path}: its path holds {{...}} or <...>, which Snakemake reads as its own; rename "
                     "it, or run from a folder from which its path does not"
                 )
+        self._name_results()
 
-    def _check_models(self) -> None:
-        """Raise InputError where no model can be taken for any hand; one alone is a problem of the study."""
-        reasons = [
-            refusal(layout, name, model)
-            for plan in self._plans.values()
-            for layout in plan.layouts.values()
-            for name, model in plan.models.items()
+    def _name_results(self) -> None:
+        """Name what the whole study has beside the tables of its subjects."""
+        paths, study, whose = self.results, self.study, self.study.sessions
+        self.kept = paths.folder / "logs" / "made_from.json"
+        self.plans = [str(paths.plan(*who)) for who in whose]
+        kinds = results.STUDY_TABLES, results.MODEL_COMPARISONS, results.MOVEMENT_COMPARISONS
+        tables = [[str(paths.study_table(table)) for table in kind] for kind in kinds]
+        self.study_tables, self.model_comparisons, self.movement_comparisons = tables
+        self.whole_tables = [path for kind in tables for path in kind]
+        self.figures = [
+            str(paths.figures / f"{name}.{kind}")
+            for name in results.STUDY_FIGURES
+            for kind in results.FIGURE_KINDS
         ]
-        if reasons and all(reasons):
-            raise InputError(f"{self.file}: models: {reasons[0]}")
+        self.subject_pages = [str(paths.subject_pages(*who)) for who in whose]
+        self.export_formats = [name for name in study.exports if name != "bids"]
+        self.exports = [str(paths.exports)] if study.exports else []
+        self.export_folders = [str(paths.subject_exports(*who)) for who in whose if self.export_formats]
+        self.export_folders += [str(paths.new_dataset)] if "bids" in study.exports else []
+        self.export_folders += [str(paths.tidy_tables)] if "csv" in study.exports else []
 
     def what_changed(self) -> str:
-        """What changed since the study ran last and is made again, or empty; kept for the next run."""
+        """Format what changed since the study ran last and is made again, or empty; kept for the next run."""
         files = {
-            plan.who.token: [
-                *self._event_files(token),
-                *(p for r in plan.recordings for p in self._files_of(r)),
-            ]
+            token: [*self._event_files(token), *(p for r in plan.recordings for p in self._files_of(r))]
             for token, plan in self._plans.items()
         }
-        paths = {*self._configuration, *(path for own in files.values() for path in own)}
+        paths = {*self._configuration, *(path for of_subject in files.values() for path in of_subject)}
         contents = {path: self._digests.sha256(path) for path in sorted(paths)}
-        contents |= {f"plan of {token}": plan_digest(own) for token, own in self._contents.items()}
+        contents |= {f"plan of {token}": plan_digest(plan) for token, plan in self._contents.items()}
         changed = self._digests.changes(self.study.name, contents)
-        self._digests.write(self.study.name, contents)
         if not changed:
             return ""
         named = [name for name in changed if not name.startswith("plan of ")]
@@ -114,41 +156,34 @@ class StudyFiles:
         return f"removed results of what the study has no longer: {listed(former)}" if former else ""
 
     def what_is_not_as_made(self) -> str:
-        """Results that are not as a run left them and are made anew; empty where there are none.
+        """Format which results are not as a run left them and are made anew; empty where there are none.
 
         What Snakemake has lost of its notes is put back. A plan that is not as the study says is written as a
         run begins, which takes a job: the study's tables.
         """
         from shukotsu.workflow.made_from import recall  # and Snakemake: who only reads a study has no need
 
-        plans = {plan.folder / "plan.json": plan_text(self._contents[t]) for t, plan in self._plans.items()}
-        changed = any(path.is_file() and path.read_bytes() != text.encode() for path, text in plans.items())
-        tables = [self.results.resolved.as_posix()] if changed else []
+        tables = [self.results.resolved.as_posix()] if self._changed_plans() else []
         simulated = [path for plan in self.subjects for r in plan.recordings for path in self._made_for(r)]
         spoiled: list[str] = []
         with suppress(OSError):  # a folder that cannot be written to: Snakemake says so
-            made = [path for path in self.outputs if path not in self.plans]
-            spoiled = recall(self.kept, [*made, *simulated], tables, self._digests)
+            outputs = [path for path in self.outputs if path not in self.plans]
+            spoiled = recall(self.kept, [*outputs, *simulated], tables, self._digests)
         folder = f"{self.results.folder.as_posix()}/"
         named = [path.removeprefix(folder) for path in spoiled if path not in tables]
         return f"not as a run left them, and made anew: {listed(named)}" if named else ""
 
+    def _changed_plans(self) -> dict[Path, str]:
+        """Return the texts of plans that say something else than the study, by path."""
+        texts = {plan.folder / "plan.json": plan_text(self._contents[t]) for t, plan in self._plans.items()}
+        return {path: t for path, t in texts.items() if path.is_file() and path.read_bytes() != t.encode()}
+
     def write_changed_plans(self) -> None:
         """Write plans anew that say something else than the study; Snakemake asks no job for it."""
-        for token, plan in self._plans.items():
-            path, text = plan.folder / "plan.json", plan_text(self._contents[token])
-            if path.is_file() and path.read_bytes() != text.encode():
-                write_text(path, text)
+        for path, text in self._changed_plans().items():
+            write_text(path, text)
 
-    @property
-    def subjects(self) -> list[SubjectPlan]:
-        """The plan of every subject in every session, in the sheet's order."""
-        return list(self._plans.values())
-
-    @property
-    def options(self) -> str:
-        """Options that say which study a job is of."""
-        return shlex.join(["--study", self.file, "--results", self.results.folder.as_posix()])
+    # --- of one subject -----------------------------------------------------------------------------------
 
     # --- of one subject -----------------------------------------------------------------------------------
 
@@ -169,7 +204,7 @@ class StudyFiles:
 
         def gb(wildcards: Wildcards) -> float:
             recordings = self._plans[wildcards.subject].recordings
-            files = {Path(path) for own in recordings for path in self._files_of(own)}
+            files = {Path(path) for recording in recordings for path in self._files_of(recording)}
             return sum(file.stat().st_size for file in files if file.is_file()) / 1e9
 
         return {
@@ -192,8 +227,7 @@ class StudyFiles:
 
     def recording_files(self, wildcards: Wildcards) -> list[str]:
         """The user's files that a recording is read from, those that are there and can be declared."""
-        recording = self._recording(wildcards)
-        return _declarable(self._files_of(recording))
+        return _declarable(self._files_of(self._recording(wildcards)))
 
     def recording_digest(self, wildcards: Wildcards) -> str:
         """Digest of what is in the user's files that a recording is read from, declared or not."""
@@ -222,9 +256,9 @@ class StudyFiles:
 
     def _event_files(self, subject: str) -> list[str]:
         """The user's files that a subject's events are read from: also recordings, which may have pulses."""
-        with_events = [own for own in self._plans[subject].recordings if own.events is not None]
-        paths = [(own, _relative(path)) for own in with_events for path in (own.file, own.events) if path]
-        return list(dict.fromkeys(path for own, path in paths if path not in self._made_for(own)))
+        recordings = [r for r in self._plans[subject].recordings if r.events is not None]
+        paths = [(r, _relative(path)) for r in recordings for path in (r.file, r.events) if path]
+        return list(dict.fromkeys(path for r, path in paths if path not in self._made_for(r)))
 
     def import_options(self, wildcards: Wildcards) -> str:
         """Options that say what a recording is, for the command that imports it."""
@@ -285,11 +319,8 @@ class StudyFiles:
 
     def fit_tables(self, wildcards: Wildcards) -> list[str]:
         """Return every table of the subject's whole-hand fits, its references' too."""
-        return [
-            path
-            for files in self.fits(*results.FIT_TABLES, references=True).values()
-            for path in files(wildcards)
-        ]
+        kinds = self.fits(*results.FIT_TABLES, references=True).values()
+        return [path for files in kinds for path in files(wildcards)]
 
     def fit_plan(self, wildcards: Wildcards) -> str:
         """Digest of the plan of a fit of the whole hand."""
@@ -304,55 +335,11 @@ class StudyFiles:
         return [_relative(path) for path in paths]
 
     def _recording(self, wildcards: Wildcards) -> Recording:
-        plan = self._plans[wildcards.subject]
-        return next(
-            r
-            for r in plan.recordings
-            if (r.hand.hand, r.name) == (wildcards.hand, wildcards.recording) and not r.exclude
-        )
-
-    # --- simulation ---------------------------------------------------------------------------------------
-
-    def _simulation_folder(self) -> Path:
-        """The folder of simulated recordings; InputError where it lies among other people's files."""
-        assert self.study.simulation is not None
-        folder = self.study.simulation.folder
-        own = Path(self.file).parent, Path()
-        if not any(folder.resolve().is_relative_to(place.resolve()) for place in own):
-            raise InputError(
-                f"{self.file}: simulation.folder: {folder} is neither below the study file's folder nor "
-                "below the one that this runs in; expected a folder there"
-            )
-        return folder
-
-    @property
-    def simulated(self) -> str:
-        """Path of a simulated recording, with wildcards; a path that nothing asks for where none is."""
-        folder = self.study.simulation.folder if self.study.simulation else Path(os.devnull, "none")
-        return _relative(folder / "sub-{subject}_hand-{hand}_task-{task}.parquet")
-
-    @property
-    def streamed(self) -> str:
-        """Path of a simulated recording as its tracker's raw capture, with wildcards."""
-        return self.simulated.removesuffix(".parquet") + ".arrows"
-
-    @property
-    def simulated_truth(self) -> list[str]:
-        """Paths of the truth tables of a simulated recording, with wildcards."""
-        folder = truth_folder(Path(self.simulated))
-        return [(folder / f"{name}.parquet").as_posix() for name in results.TRUTH_TABLES]
-
-    @property
-    def seed(self) -> int:
-        """Seed of the simulation."""
-        return self.study.simulation.seed if self.study.simulation else 0
+        hand, name = wildcards.hand, wildcards.recording
+        every = (r for r in self._plans[wildcards.subject].recordings if not r.exclude)
+        return next(r for r in every if (r.hand.hand, r.name) == (hand, name))
 
     # --- the whole study ----------------------------------------------------------------------------------
-
-    @property
-    def plans(self) -> list[str]:
-        """Plans of all subjects."""
-        return [str(self.results.plan(*who)) for who in self.study.sessions]
 
     @property
     def plans_digest(self) -> str:
@@ -389,38 +376,6 @@ class StudyFiles:
         return [path for token in self._plans for path in files(SimpleNamespace(subject=token))]
 
     @property
-    def study_tables(self) -> list[str]:
-        """The study-wide tables."""
-        return [str(self.results.study_table(table)) for table in results.STUDY_TABLES]
-
-    @property
-    def whole_tables(self) -> list[str]:
-        """All study-wide tables."""
-        return [*self.study_tables, *self.model_comparisons, *self.movement_comparisons]
-
-    @property
-    def model_comparisons(self) -> list[str]:
-        """The study-wide tables that compare its models."""
-        return [str(self.results.study_table(table)) for table in results.MODEL_COMPARISONS]
-
-    @property
-    def movement_comparisons(self) -> list[str]:
-        """The study-wide tables that compare its subjects' movement."""
-        return [str(self.results.study_table(table)) for table in results.MOVEMENT_COMPARISONS]
-
-    @property
-    def _configuration(self) -> list[str]:
-        """The study file and its sheets, layouts and models."""
-        layouts = dict.fromkeys(recording.layout for recording in self.study.recordings)
-        files = [*self.study.sheets.values(), *layouts, *self.study.models.values()]
-        return [self.file, *map(_relative, files)]
-
-    @property
-    def _mappings(self) -> list[str]:
-        mappings = [own.mapping for own in self.study.recordings if own.mapping is not None]
-        return [_relative(path) for path in dict.fromkeys(mappings)]
-
-    @property
     def configuration(self) -> list[str]:
         """The study file and its sheets, layouts and models; and mappings, those that can be declared."""
         return [*self._configuration, *_declarable(self._mappings)]
@@ -434,8 +389,8 @@ class StudyFiles:
     def export_options(self) -> str:
         """Options of the export command that the study file sets."""
         settings = self.study.export_settings | {"models": ",".join(self.study.export_settings["models"])}
-        given = {name: value for name, value in settings.items() if value not in ("", None)}
-        return shlex.join(f"--{name.replace('_', '-')}={value}" for name, value in given.items())
+        chosen = {name: value for name, value in settings.items() if value not in ("", None)}
+        return shlex.join(f"--{name.replace('_', '-')}={value}" for name, value in chosen.items())
 
     @property
     def participants(self) -> str:
@@ -444,48 +399,11 @@ class StudyFiles:
         return "" if sheet is None else shlex.join([f"--participants={_relative(sheet)}"])
 
     @property
-    def export_formats(self) -> list[str]:
-        """Formats that each recording is exported in; the dataset of all is a job of its own."""
-        return [name for name in self.study.exports if name != "bids"]
-
-    @property
-    def exports(self) -> list[str]:
-        """The folder of everything that the study exports, none where it exports nothing."""
-        return [str(self.results.exports)] if self.study.exports else []
-
-    @property
-    def export_folders(self) -> list[str]:
-        """Folders that exports are made in: of each subject, of the dataset of all, of the study's tables."""
-        folders = [str(self.results.subject_exports(*who)) for who in self.study.sessions]
-        dataset = [str(self.results.new_dataset)] if "bids" in self.study.exports else []
-        tables = [str(self.results.tidy_tables)] if "csv" in self.study.exports else []
-        return (folders if self.export_formats else []) + dataset + tables
-
-    @property
     def outputs(self) -> list[str]:
         """Return all that the study is run for."""
         files = [str(self.results.report), str(self.results.resolved), *self.whole_tables]
         files += [*self.tables, *self.subject_pages]
         return [*files, *self.figures, *self.exports, *self.export_folders, *self.plans]
-
-    @property
-    def kept(self) -> Path:
-        """The file of what Snakemake noted of the results."""
-        return self.results.folder / "logs" / "made_from.json"
-
-    @property
-    def figures(self) -> list[str]:
-        """The study's figures for print, and their captions."""
-        return [
-            str(self.results.figures / f"{name}.{kind}")
-            for name in results.STUDY_FIGURES
-            for kind in results.FIGURE_KINDS
-        ]
-
-    @property
-    def subject_pages(self) -> list[str]:
-        """Folders of the subjects' pages of the report."""
-        return [str(self.results.subject_pages(*who)) for who in self.study.sessions]
 
 
 def remove_former_results(paths: results.Results, present: Collection[str]) -> list[str]:
@@ -501,12 +419,12 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
             plan = read_plan(path)
         if plan is None or plan.folder != path.parent:
             continue
-        former = [own for own in _files_of_subject(plan, paths, present) if own.as_posix() not in present]
-        removed = [own for own in former if own.is_file()]
-        for own in removed:
-            own.unlink()
+        files = [file for file in _files_of_subject(plan, paths, present) if file.as_posix() not in present]
+        removed = [file for file in files if file.is_file()]
+        for file in removed:
+            file.unlink()
             with suppress(OSError):  # the first folder that is not empty
-                for folder in own.parents:
+                for folder in file.parents:
                     if folder == paths.folder:
                         break
                     folder.rmdir()
@@ -526,7 +444,7 @@ def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collec
         yield from (paths.recording_page(recording) for recording in plan.recordings)
         yield from (paths.subject_page(*plan.who), pages / results.FAILED_PAGES, pages / STAMP)
     if exports.as_posix() not in present:
-        yield from (own for own in exports.rglob("*") if own.relative_to(exports).parts[0].startswith("sub-"))
+        yield from (f for f in exports.rglob("*") if f.relative_to(exports).parts[0].startswith("sub-"))
         yield exports / STAMP
 
 
@@ -541,22 +459,17 @@ def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool
         for path in map(Path, files):
             if read_yaml(path, "study") == config:
                 return path
-        return _written(config)
+        content = json.loads(json.dumps(config))  # plain mappings and lists
+        check_config(content, "study", "config")
+        path = Path(f"{path_token(content['study'])}.module.yaml")
+        if not path.is_file() or read_yaml(path, "study") != content:
+            write_text(path, yaml_text(content))
+        return path
     if len(files) > 1:
         raise InputError("--configfile: names several files; a run is of one study")
     path = Path(files[0]) if files else DEMO
     if config and dict(config) not in (read_config(path, "study", with_defaults=False), as_yaml_1_1(path)):
         raise InputError(f"--config: a study is described by its file alone; write it into {path}")
-    return path
-
-
-def _written(config: Mapping[str, Any]) -> Path:
-    """Write a module's keys to a file, unless it says so already; return the file."""
-    content = json.loads(json.dumps(config))  # plain mappings and lists
-    check_config(content, "study", "config")
-    path = Path(f"{path_token(content['study'])}.module.yaml")
-    if not path.is_file() or read_yaml(path, "study") != content:
-        write_text(path, yaml_text(content))
     return path
 
 

@@ -28,8 +28,6 @@ WILDCARDS = {
     "model": "[^/]+",
 }
 """What the wildcards of a path may be."""
-PREFIXES = {"subject": "sub-", "recording": ""}
-"""What stands before wildcards in a log's name, where not their own names."""
 LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
 """What is said of a job's wildcards."""
 
@@ -75,7 +73,7 @@ def _note(*notes: str) -> None:
 
 
 def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
-    """Give every rule of this Snakefile its log and message, and params by which Snakemake runs it again.
+    """Set every rule's log and message of this Snakefile, and params by which Snakemake runs it again.
 
     These are the program's digest, and those of what inputs of these names say: the subject's plan, all
     plans, the study's configuration. A rule that uses a part of a plan has its own.
@@ -90,11 +88,12 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         if rule.snakefile != snakefile or not rule.output:
             continue
         names = [name for name in WILDCARDS if name in rule.wildcard_names]
-        path = "_".join(
-            f"{{{n}}}" if n == "recording" else f"{n.replace('subject', 'sub')}-{{{n}}}" for n in names
-        )
+        parts = [
+            "{recording}" if n == "recording" else f"{n.replace('subject', 'sub')}-{{{n}}}" for n in names
+        ]
+        path = f"/{'_'.join(parts)}" if names else ""
         rule.log_modifier = rule.output_modifier
-        rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{f'/{path}' if path else ''}.log")
+        rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{path}.log")
         shown = [LABELS.get(name, "{}").format(f"{{wildcards.{name}}}") for name in names]
         rule.message = f"{rule.name}: {', '.join(shown) or 'the study'}"
         if str(rule.output[0]).endswith("/plan.json"):  # changed plans are written when a run begins
@@ -109,17 +108,15 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
 def report_page(study: StudyFiles) -> Any:
     """Return the study's page, as a result of `snakemake --report`."""
     page, labels = str(study.results.report), {"page": study.study.name}
-    return report(page, caption="shukotsu/report/captions/report.rst", category="Study", labels=labels)
+    caption = "shukotsu/report/captions/report.rst"
+    return report(page, caption=caption, category="Study", labels=labels)
 
 
 def report_figures(study: StudyFiles) -> list[Any]:
     """Return the study's figures for print, the drawings as results of `snakemake --report`."""
-    paths = [Path(path) for path in study.figures]
-    return [
-        report(
-            str(path), caption=f"captions/{path.stem}.rst", category="Figures", labels={"figure": path.stem}
-        )
-        if path.suffix == ".svg"
-        else str(path)
-        for path in paths
-    ]
+    figures: list[Any] = []
+    for path in map(Path, study.figures):
+        options = {"caption": f"captions/{path.stem}.rst", "labels": {"figure": path.stem}}
+        is_drawing = path.suffix == ".svg"
+        figures.append(report(str(path), category="Figures", **options) if is_drawing else str(path))
+    return figures
