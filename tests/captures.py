@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.tracker.archive import ArchiveWriter
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
+from shukotsu.tracker.families import StreamSettings
 
 ITEMS = (8, 9, 11, 3, 7)
 RATE_HZ = 240.0

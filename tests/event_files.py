@@ -15,7 +15,7 @@ import pyarrow as pa
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.typed_table import Provenance, Table, write_table
 from shukotsu.tracker.archive import ArchiveWriter
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
+from shukotsu.tracker.families import StreamSettings
 
 RATE_HZ = 240.0
 TICKS_A_SECOND = 960

@@ -3,7 +3,7 @@
 from tracker_processes import at_a_port
 
 from shukotsu.tracker.emulate.device import EmulatedLiberty
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.record.conversation import Conversation
 from shukotsu.tracker.record.port import open_port
 from shukotsu.tracker.record.request import RecordingRequest

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty.replies import TAGS
 from shukotsu.tracker.protocols.records import Decoded, PiecewiseDecoder, Reply, concatenated
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 
 Numbers = tuple[float, ...]
 
 _Lists = tuple[tuple[int, ...], ...]
-_LIBERTY_BINARY: _Lists = ((8, 9, 11, 10, 12, 3, 7), (9, 2, 7), (2, 4, 1), (2, 6))
+_LIBERTY_BINARY: _Lists = ((8, 9, 11, 10, 12, 3, 7), (9, 2, 7))
 
 
 def pose(frame: int, station: int) -> tuple[Numbers, Numbers]:
@@ -23,15 +23,6 @@ def pose(frame: int, station: int) -> tuple[Numbers, Numbers]:
     random = np.random.default_rng([frame, station])
     q = random.normal(size=4)
     return tuple(random.uniform(-50, 50, 3).tolist()), tuple((q / np.linalg.norm(q)).tolist())
-
-
-def angles_deg(quaternion: Sequence[float]) -> Numbers:
-    """Azimuth, elevation and roll of a quaternion."""
-    w, x, y, z = quaternion
-    azimuth = np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z))
-    elevation = np.arcsin(np.clip(2 * (w * y - x * z), -1, 1))
-    roll = np.arctan2(2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
-    return tuple(np.degrees([azimuth, elevation, roll]).tolist())
 
 
 def cosines(quaternion: Sequence[float]) -> Numbers:
@@ -58,9 +49,6 @@ def liberty_binary(
         1: b"\r\n",
         2: _floats(position),
         3: _floats(position),
-        4: _floats(angles_deg(quaternion)),
-        5: _floats(angles_deg(quaternion)),
-        6: _floats(cosines(quaternion)),
         7: _floats(quaternion),
         8: struct.pack("<I", frame * 1000 // 240 % 2**32),
         9: struct.pack("<I", frame % 2**32),

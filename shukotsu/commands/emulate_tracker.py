@@ -48,8 +48,7 @@ def main(argv: list[str]) -> int:
 def emulate(options: argparse.Namespace) -> None:
     """Check the options; then serve a port, or write an archive."""
     from shukotsu.readers.played_recording import read_played_recording
-    from shukotsu.tracker.emulate.device import EmulatedLiberty
-    from shukotsu.tracker.emulate.pose_sources import built_in_motion
+    from shukotsu.tracker.emulate.device import EmulatedLiberty, built_in_motion
     from shukotsu.tracker.emulate.server import Emulator, PtyPort, TcpPort, serve, write_archive
     from shukotsu.tracker.record.request import parse_stations
 

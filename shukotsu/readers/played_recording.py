@@ -9,7 +9,7 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.readers.formats.readers import AUTO, find_reader
 from shukotsu.study.layout import read_layout
-from shukotsu.tracker.emulate.pose_sources import MAX_STATION, Motion, recorded_motion
+from shukotsu.tracker.emulate.device import MAX_STATION, Motion, recorded_motion
 
 
 def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -> Motion:

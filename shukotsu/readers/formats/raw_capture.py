@@ -14,8 +14,7 @@ from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 from shukotsu.tracker.archive import open_archive
 from shukotsu.tracker.decode.survey import UNUSABLE, findings, flagged_records, survey_archive
-from shukotsu.tracker.families import FAMILIES
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
+from shukotsu.tracker.families import FAMILIES, StreamSettings
 
 _KEPT = ("device-error", "device-warning", "distorted")
 """Flags of records that become flags of poses under the same name."""

@@ -17,10 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.tracker.archive import Archive, open_archive
-from shukotsu.tracker.decode.losses import JITTER_S, Losses
-from shukotsu.tracker.decode.stream import Block, Tally, blocks_of
+from shukotsu.tracker.decode.stream import JITTER_S, Block, Losses, Tally, blocks_of
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.protocols.records import Array, Bools, Records, Wholes
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 
 SHORTEST_FIT_S = 30.0
 """Below this the delays' scatter moves the slope by more than a crystal is off (about 1e-4)."""

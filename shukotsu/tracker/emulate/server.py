@@ -17,10 +17,9 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import ArchiveWriter
-from shukotsu.tracker.emulate.device import FOLLOWING, EmulatedLiberty
-from shukotsu.tracker.emulate.pose_sources import Motion
+from shukotsu.tracker.emulate.device import FOLLOWING, EmulatedLiberty, Motion
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty.replies import FULL_LIST
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 
 SECOND_NS, READ_BYTES = 1_000_000_000, 4096
 MOST_WAITING_BYTES = 8 << 20

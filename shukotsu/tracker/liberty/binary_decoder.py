@@ -12,17 +12,20 @@ from collections.abc import Callable
 
 import numpy as np
 
+from shukotsu.tracker.families import MM_PER_UNIT, StreamSettings
 from shukotsu.tracker.liberty import replies as liberty
 from shukotsu.tracker.liberty.replies import HEADER_BYTES, TAGS
 from shukotsu.tracker.protocols import records as protocol
-from shukotsu.tracker.protocols.records import Bools, Bytes, Decoded, Records, Wholes, fill_in
-from shukotsu.tracker.protocols.stream_settings import MM_PER_UNIT, StreamSettings
+from shukotsu.tracker.protocols.records import Bools, Bytes, Decoded, Records, Wholes, doubtful_poses
 
 _IS_RECORD = np.isin(np.arange(256), [liberty.STREAMED, liberty.SINGLE])
 _IS_LETTER = np.isin(np.arange(256), list(b"\x00 abcdefgABCDEFGIu"))
 """Error letters of pose records: none, source failure by axes, BIT errors, outside the mapped area."""
 
 NO, UNKNOWN, YES = 0, 1, 2
+
+_MOST = {"frame": None, "device_ms": None, "button": 1, "distortion": 2, "sync": 1}
+"""What a record has beside its pose, and the most that it can be."""
 """Whether a start is believed; UNKNOWN where more bytes are needed to say."""
 
 
@@ -33,13 +36,11 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
     """
 
     def __init__(self, settings: StreamSettings) -> None:
-        super().__init__()
-        items = liberty.list_of_all(settings.items)
-        self._kind = liberty.record_type(items)
+        super().__init__(settings)
+        self._kind = liberty.record_type(liberty.list_of_all(settings.items))
         self._mm_per_unit = MM_PER_UNIT[settings.unit]
         self._tag = TAGS[settings.family]
         self._is_station = np.isin(np.arange(256), list(settings.items))
-        self._has_quaternion = liberty.QUATERNION in items
         self._trusted = False  # whether the rest begins right after a good record
 
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
@@ -52,9 +53,8 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
             return good
 
         walk = _Walk(at, size, len(b), final, are_good)
-        if self._has_quaternion:
-            others = np.flatnonzero(walk.believed == NO)
-            walk.believed[others[are_good(others)]] = YES
+        others = np.flatnonzero(walk.believed == NO)
+        walk.believed[others[are_good(others)]] = YES
         walk.trusted = self._trusted
         accepted = walk.accepted()
         self._trusted = walk.trusted
@@ -75,13 +75,23 @@ class BinaryDecoder(protocol.PiecewiseDecoder):
     def _records(self, b: Bytes, at: Wholes) -> Records:
         """Read the records at those bytes; nothing is checked but what cannot be right."""
         records = protocol.empty_records(len(at))
-        if len(at):
-            rows = protocol.rows_at(b, at, self._kind.itemsize).view(self._kind)[:, 0]
-            records.offset[:] = at
-            records.size[:] = self._kind.itemsize
-            records.station[:] = rows["station"]
-            records.error[:] = np.where(rows["error"] == ord(" "), 0, rows["error"])
-            fill_in(records, {name: rows[name] for name in self._kind.names or ()}, self._mm_per_unit)
+        if not len(at):
+            return records
+        rows = protocol.rows_at(b, at, self._kind.itemsize).view(self._kind)[:, 0]
+        records.offset[:] = at
+        records.size[:] = self._kind.itemsize
+        records.station[:] = rows["station"]
+        records.error[:] = np.where(rows["error"] == ord(" "), 0, rows["error"])
+        with np.errstate(invalid="ignore", over="ignore"):  # signalling NaNs, and floats beyond any tracker
+            for column, axis in enumerate("xyz"):
+                np.multiply(rows[axis], self._mm_per_unit, out=records.position_mm[:, column], dtype=float)
+            records.quaternion[:] = np.stack([rows[f"q{part}"] for part in "wxyz"], -1, dtype=float)
+            records.doubtful[:] = doubtful_poses(records)
+        for name, most in _MOST.items():
+            if name in (self._kind.names or ()):
+                values = getattr(records, name)
+                values[:] = rows[name]
+                records.doubtful[:] |= False if most is None else (values < 0) | (values > most)
         return records
 
 

@@ -13,10 +13,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from shukotsu.errors import InputError
-from shukotsu.tracker.families import FAMILIES
+from shukotsu.tracker.families import FAMILIES, StreamSettings
 from shukotsu.tracker.liberty import replies
 from shukotsu.tracker.liberty.replies import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 from shukotsu.tracker.record.conversation import (
     Conversation,
     TrackerDriver,
@@ -241,8 +240,8 @@ class LibertyDriver(TrackerDriver):
                 if name == "hemisphere" and sent == TRACK:  # it may well tell the present half
                     continue
                 # Asked for, the lowest and the highest of a filter may be swapped.
-                told, asked = (sorted(v) if name.endswith("filter") and v else v for v in (reported, sent))
-                if told != asked:
+                answer, asked = (sorted(v) if name.endswith("filter") and v else v for v in (reported, sent))
+                if answer != asked:
                     self._require(what, reported, sent)
 
     def _warn_of(self, after: State, stations: tuple[int, ...]) -> None:

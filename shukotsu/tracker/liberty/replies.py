@@ -38,7 +38,6 @@ ITEMS: dict[int, tuple[tuple[str, ...], str]] = {
     3: (("x", "y", "z"), "f4"),
     4: (("azimuth", "elevation", "roll"), "f4"),
     5: (("azimuth", "elevation", "roll"), "f4"),
-    6: (tuple(f"cosine_{row}{column}" for row in "xyz" for column in "xyz"), "f4"),
     QUATERNION: (("qw", "qx", "qy", "qz"), "f4"),
     8: (("device_ms",), "u4"),
     9: (("frame",), "u4"),
@@ -104,7 +103,12 @@ def list_of_all(lists: Mapping[int, Sequence[int]]) -> tuple[int, ...]:
         raise InputError(
             f"settings of the tracker: has {len(several)} output lists; expected one for all stations"
         )
-    return several.pop()
+    items = several.pop()
+    if QUATERNION not in items or {2, 3}.isdisjoint(items):
+        raise InputError(
+            f"settings of the tracker: output list {list(items)} has no position (2, 3) or no quaternion (7)"
+        )
+    return items
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ Pieces of any length go in; undecided bytes are kept for the next. No I/O.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.hand.rotations import about_axis, from_matrix, multiply
+from shukotsu.tracker.families import StreamSettings
 
 Array = npt.NDArray[np.float64]
 Wholes = npt.NDArray[np.int64]
@@ -114,7 +114,8 @@ class PiecewiseDecoder(ABC):
     whole buffers of at most PIECE_BYTES and a rest.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, settings: StreamSettings) -> None:
+        self._settings = settings
         self._rest = np.empty(0, np.uint8)
         self._offset = 0  # of the rest's first byte in the stream
 
@@ -158,88 +159,13 @@ def gaps(first: Wholes, last: Wholes, length: int) -> tuple[Skipped, ...]:
     return tuple(Skipped(start, end - start) for start, end in pairs if end > start)
 
 
-ROTATION_TOLERANCE = 1e-2
-"""How far R^T R may be off the identity, element by element: more than rounding of its float32."""
-
 NORM_TOLERANCE = 1e-3
 FARTHEST_MM = 3048.0
 """120 inches: no magnetic tracker of this kind sees farther."""
 
-_AXES = "xyz"
-_COUNTERS = ("frame", "device_ms", "button", "distortion", "sync")
-_MOST = {"button": 1, "distortion": 2, "sync": 1}
 
-
-def fill_in(records: Records, numbers: Mapping[str, np.ndarray], mm_per_unit: float) -> None:
-    """Put the numbers into records of which they are all that is not known yet.
-
-    numbers : name -> (N,), any of x, y, z; qw, qx, qy, qz; azimuth, elevation, roll in degrees; cosine_xx to
-    cosine_zz; frame, device_ms, button, distortion, sync. Other names are not read.
-    """
-    with np.errstate(invalid="ignore", over="ignore"):  # signalling NaNs, and floats beyond any tracker
-        position = "x" in numbers
-        if position:
-            for column, axis in enumerate(_AXES):
-                np.multiply(numbers[axis], mm_per_unit, out=records.position_mm[:, column], dtype=float)
-        quaternion = None
-        if "qw" in numbers:
-            quaternion = np.stack([numbers[f"q{part}"] for part in "wxyz"], -1, dtype=float)
-        elif "azimuth" in numbers:
-            angles = [numbers[name] for name in ("azimuth", "elevation", "roll")]
-            quaternion = quaternion_of_angles(np.stack(angles, -1, dtype=float))
-        elif "cosine_xx" in numbers:
-            cosines = [numbers[f"cosine_{row}{column}"] for row in _AXES for column in _AXES]
-            quaternion = quaternion_of_cosines(np.stack(cosines, -1, dtype=float).reshape(-1, 3, 3))
-        if quaternion is not None:
-            records.quaternion[:] = quaternion
-        for name in _COUNTERS:
-            if name in numbers:
-                getattr(records, name)[:] = numbers[name]
-        records.doubtful[:] = doubtful_poses(records, position=position, orientation=quaternion is not None)
-    for name, most in _MOST.items():
-        if name in numbers:
-            values = getattr(records, name)
-            records.doubtful[:] |= (values < 0) | (values > most)
-
-
-def doubtful_poses(
-    records: Records, *, position: bool = True, orientation: bool = True
-) -> npt.NDArray[np.bool_]:
-    """Whether poses cannot be right, (N,): not finite, no unit quaternion, farther than FARTHEST_MM.
-
-    position, orientation : whether the stream has them; what it does not have is no reason.
-    """
-    wrong = np.zeros(len(records), bool)
-    if position:
-        squared = np.einsum("ij,ij->i", records.position_mm, records.position_mm)
-        wrong |= ~(squared <= FARTHEST_MM**2)
-    if orientation:
-        squared = np.einsum("ij,ij->i", records.quaternion, records.quaternion)
-        wrong |= ~(np.abs(squared - 1) <= 2 * NORM_TOLERANCE)
-    return wrong
-
-
-def quaternion_of_angles(angles_deg: Array) -> Array:
-    """Return unit quaternions of azimuth, elevation and roll, R = Rz(azimuth) Ry(elevation) Rx(roll).
-
-    angles_deg : (N, 3). Returns (N, 4) w, x, y, z; NaN where an angle is not finite. Source: LIBERTY User
-    Manual URM03PH156, attitude matrix; VIPER uses the same angles.
-    """
-    finite = np.isfinite(angles_deg).all(-1, keepdims=True)
-    azimuth, elevation, roll = np.radians(np.where(finite, angles_deg, np.nan)).T
-    x, y, z = np.eye(3)
-    return multiply(multiply(about_axis(z, azimuth), about_axis(y, elevation)), about_axis(x, roll))
-
-
-def quaternion_of_cosines(cosines: Array) -> Array:
-    """Return unit quaternions (w >= 0) of direction cosines, whose columns are the receiver's axes.
-
-    cosines : (N, 3, 3). Returns (N, 4); NaN where the matrix is no rotation: a number is not finite, it is
-    mirrored, or R^T R is off the identity by more than ROTATION_TOLERANCE.
-    """
-    bounded: npt.NDArray[np.bool_] = np.all(np.abs(cosines) < 2, axis=(-2, -1))  # False for NaN too
-    matrices = np.where(bounded[:, None, None], cosines, np.eye(3))
-    off = np.abs(np.swapaxes(matrices, -1, -2) @ matrices - np.eye(3)).max((-2, -1))
-    proper = bounded & (off <= ROTATION_TOLERANCE) & (np.linalg.det(matrices) > 0)
-    matrices[~proper] = np.eye(3)
-    return np.where(proper[:, None], from_matrix(matrices), np.nan)
+def doubtful_poses(records: Records) -> Bools:
+    """Whether poses cannot be right, (N,): not finite, no unit quaternion, farther than FARTHEST_MM."""
+    far_mm2 = np.einsum("ij,ij->i", records.position_mm, records.position_mm)
+    norm2 = np.einsum("ij,ij->i", records.quaternion, records.quaternion)
+    return np.asarray(~(far_mm2 <= FARTHEST_MM**2) | ~(np.abs(norm2 - 1) <= 2 * NORM_TOLERANCE))

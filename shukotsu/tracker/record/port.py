@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import serial
+from serial.tools import list_ports
 
 from shukotsu.errors import InputError
 from shukotsu.left import instead
@@ -208,8 +209,6 @@ def open_port(name: str, baud: int) -> Port:
     if colon and (why := instead("port", scheme)):
         raise InputError(f"--port: {why}")
     if colon and scheme == "usb":
-        from shukotsu.tracker.record.port import UsbPort
-
         return UsbPort(name)
     options: dict[str, Any] = {"baudrate": baud, "timeout": _QUANTUM_S}
     if "://" not in name:
@@ -223,8 +222,6 @@ def open_port(name: str, baud: int) -> Port:
         raise InputError(f"{name}: {_why_not(name, error)}") from error
     if "://" in name:
         return SerialPort(name, device, None, None)
-    from serial.tools import list_ports
-
     path = str(Path(name).resolve())
     # neither a terminal nor a tracker's own USB is a serial line, though a tty shows it
     is_line = not path.startswith("/dev/pts/")
@@ -261,8 +258,6 @@ def _reason(error: Exception) -> str:
 
 def serial_ports() -> list[PortEntry]:
     """Return every serial port of this machine."""
-    from serial.tools import list_ports
-
     ports = sorted(list_ports.comports())
     return [(port.device, port.vid, port.pid, port.description or "serial port") for port in ports]
 

@@ -16,22 +16,13 @@ from typing import Any
 from shukotsu.errors import InputError
 from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker.archive import ArchiveWriter
-from shukotsu.tracker.decode.losses import ABSENT_S
-from shukotsu.tracker.decode.stream import ChunkDecoder
+from shukotsu.tracker.decode.stream import ABSENT_S, ChunkDecoder
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty.liberty_driver import LibertyDriver
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 from shukotsu.tracker.record import display
 from shukotsu.tracker.record.conversation import Chunk, Conversation, StoppedError
-from shukotsu.tracker.record.display import (
-    BITS_PER_BYTE,
-    arithmetic,
-    check_line,
-    needed_bytes_per_s,
-    what_fits,
-)
 from shukotsu.tracker.record.port import Port, PortGoneError, perhaps_taken
 from shukotsu.tracker.record.request import RecordingRequest, StopRequest
-from shukotsu.tracker.record.statistics import Statistics
 from shukotsu.tracker.viper.viper_driver import ViperDriver
 
 Driver = LibertyDriver | ViperDriver
@@ -86,7 +77,7 @@ def record(
             printer.say(f"setting up the tracker at {port.name} ...")
             driver = DRIVERS[plan.request.family](conversation, plan.request)
             settings = driver.set_up()
-            check_line(settings, port.line_baud, port.name)
+            display.check_line(settings, port.line_baud, port.name)
             archive.flush()
         except BaseException as error:  # no file stays where there is no frame
             archive.discard()
@@ -141,7 +132,7 @@ class _Session:
 
     def _begin(self) -> None:
         self._kept_ns = self._start_ns = time.perf_counter_ns()
-        self._statistics = Statistics(self._settings, self._start_ns)
+        self._statistics = display.Statistics(self._settings, self._start_ns)
         self._totals = self._statistics.totals(self._start_ns)
 
     def run(self) -> Ending:
@@ -317,7 +308,7 @@ def check(port: Port, request: RecordingRequest, stop: StopRequest) -> Iterator[
         driver = DRIVERS[request.family](conversation, request)
         settings = driver.set_up()
         yield from answer_lines(settings, driver.warnings, port.line_baud)
-        decoder, statistics = ChunkDecoder(settings), Statistics(settings, time.perf_counter_ns())
+        decoder, statistics = ChunkDecoder(settings), display.Statistics(settings, time.perf_counter_ns())
         try:
             driver.start()
             end = time.perf_counter() + STREAM_S
@@ -345,12 +336,12 @@ def answer_lines(settings: StreamSettings, warnings: list[str], baud: int | None
     """Return the tracker's answers; how full the line is, and what fits where it is too slow."""
     before, after = settings.options.get("before", {}), settings.options.get("after", {})
     names = [name for name in after if name != "stations"]
-    need = needed_bytes_per_s(settings)
+    need = display.needed_bytes_per_s(settings)
     lines = [f"line        needs {need / 1000:.1f} kB/s; the port's own rate is not known"]
     if baud is not None:
-        carried = baud / BITS_PER_BYTE
-        lines = [f"line        {arithmetic(settings, baud)}: {100 * need / carried:.0f} %"]
-        lines += [f"            too slow; {what_fits(settings, baud)}"] if need > carried else []
+        carried = baud / display.BITS_PER_BYTE
+        lines = [f"line        {display.arithmetic(settings, baud)}: {100 * need / carried:.0f} %"]
+        lines += [f"            too slow; {display.what_fits(settings, baud)}"] if need > carried else []
     return [
         f"tracker     {settings.options.get('whoami') or settings.family}",
         f"receivers   {', '.join(map(str, settings.stations))}",

@@ -12,9 +12,9 @@ import struct
 import numpy as np
 import numpy.typing as npt
 
+from shukotsu.tracker.families import MM_PER_UNIT
 from shukotsu.tracker.protocols import records as protocol
 from shukotsu.tracker.protocols.records import Bools, Bytes, Decoded, Records, Reply, Wholes, doubtful_poses
-from shukotsu.tracker.protocols.stream_settings import MM_PER_UNIT, StreamSettings
 
 COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"
 LEADER_BYTES, POSE_HEADER_BYTES, COMMAND_HEADER_BYTES, CRC_BYTES = 8, 24, 28, 4
@@ -65,10 +65,6 @@ class ViperDecoder(protocol.PiecewiseDecoder):
     Units travel in every record, so nothing of the settings is needed. A pose frame without sensors is a
     reply of CONTINUOUS. Station is sensor + 1; virtual sensors have stations beyond 128 and are doubted.
     """
-
-    def __init__(self, settings: StreamSettings) -> None:
-        super().__init__()
-        del settings
 
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
         at, end, is_pose = _possible_frames(b)

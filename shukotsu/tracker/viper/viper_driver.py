@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from shukotsu.errors import InputError
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.protocols.records import Reply
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 from shukotsu.tracker.record.conversation import TrackerDriver
 from shukotsu.tracker.record.request import TRACK
 from shukotsu.tracker.viper import decoder as viper

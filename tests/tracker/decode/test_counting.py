@@ -8,8 +8,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from shukotsu.tracker.decode.stream import Counter
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.protocols.records import Records, empty_records
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 
 STATIONS = (1, 2, 5)
 

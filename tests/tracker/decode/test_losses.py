@@ -10,15 +10,13 @@ import pytest
 from tracker_streams import viper_frame
 
 from shukotsu.tracker.archive import ArchiveWriter, open_archive
-from shukotsu.tracker.decode.losses import ABSENT_S, STOP_FRAMES
-from shukotsu.tracker.decode.stream import ChunkDecoder
+from shukotsu.tracker.decode.stream import ABSENT_S, STOP_FRAMES, ChunkDecoder
 from shukotsu.tracker.decode.survey import Survey, flagged_records, survey_archive
-from shukotsu.tracker.emulate.device import EmulatedLiberty
-from shukotsu.tracker.emulate.pose_sources import built_in_motion
+from shukotsu.tracker.emulate.device import EmulatedLiberty, built_in_motion
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty.replies import record_type
 from shukotsu.tracker.protocols.records import Bools, Wholes
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
-from shukotsu.tracker.record.statistics import Statistics
+from shukotsu.tracker.record.display import Statistics
 
 SECONDS, TICK_S, LOOK_S, WRAP = 8.0, 0.01, 0.2, 2**32
 

@@ -5,13 +5,12 @@ import struct
 import numpy as np
 import pytest
 
-from shukotsu.tracker.emulate.device import EmulatedLiberty
-from shukotsu.tracker.emulate.pose_sources import Motion, built_in_motion
+from shukotsu.tracker.emulate.device import EmulatedLiberty, Motion, built_in_motion
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty import replies
 from shukotsu.tracker.liberty.binary_decoder import BinaryDecoder
 from shukotsu.tracker.liberty.liberty_driver import SETTINGS
 from shukotsu.tracker.liberty.replies import FULL_LIST
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 
 ALL = frozenset(range(1, 17))
 
@@ -89,7 +88,7 @@ def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
     assert measured_cm(follows, 200)[:, :3] == pytest.approx(true, abs=1e-5)
 
 
-@pytest.mark.parametrize("items", [FULL_LIST, (2, 4, 1), (2, 6)])
+@pytest.mark.parametrize("items", [FULL_LIST, (2, 7)])
 def test_decoders_read_what_is_sent(items: tuple[int, ...]) -> None:
     """Every record is found, with positions as fine as float32 has them."""
     tracker = device()

@@ -9,12 +9,12 @@ import pytest
 from tracker_streams import decode, liberty_binary, pose, skipped_bytes
 
 from shukotsu.errors import InputError
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty import replies
 from shukotsu.tracker.liberty.binary_decoder import BinaryDecoder
 from shukotsu.tracker.liberty.liberty_driver import SETTINGS
 from shukotsu.tracker.liberty.replies import list_of_all
 from shukotsu.tracker.protocols.records import Records
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 
 FULL = (8, 9, 11, 10, 12, 3, 7)
 

@@ -4,8 +4,7 @@ import pytest
 from stubborn_trackers import EVERYTHING_HEARD, StubbornTracker, set_up
 
 from shukotsu.errors import InputError
-from shukotsu.tracker.emulate.device import EmulatedLiberty
-from shukotsu.tracker.emulate.pose_sources import built_in_motion
+from shukotsu.tracker.emulate.device import EmulatedLiberty, built_in_motion
 from shukotsu.tracker.liberty import liberty_driver as driver
 from shukotsu.tracker.liberty.liberty_driver import SETTINGS
 from shukotsu.tracker.record.conversation import is_default_alignment

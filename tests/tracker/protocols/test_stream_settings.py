@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.tracker.protocols.stream_settings import StreamSettings, settings_from_json
+from shukotsu.tracker.families import StreamSettings, settings_from_json
 
 SETTINGS = StreamSettings("liberty", "binary", "cm", 240.0, (1, 2), {1: (2, 4)}, {1: (0.0, 0.0, 1.0)})
 

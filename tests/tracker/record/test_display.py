@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from shukotsu.errors import InputError
+from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty.replies import FULL_LIST
-from shukotsu.tracker.protocols.stream_settings import StreamSettings
 from shukotsu.tracker.record import display
-from shukotsu.tracker.record.statistics import Statistics
+from shukotsu.tracker.record.display import Statistics
 
 
 def test_the_line_says_what_there_is_to_see() -> None:

@@ -20,8 +20,7 @@ from shukotsu.errors import InputError
 from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker.archive import open_archive
 from shukotsu.tracker.decode.stream import Tally, blocks_of
-from shukotsu.tracker.emulate.device import EmulatedLiberty
-from shukotsu.tracker.emulate.pose_sources import built_in_motion
+from shukotsu.tracker.emulate.device import EmulatedLiberty, built_in_motion
 from shukotsu.tracker.emulate.server import Emulator
 from shukotsu.tracker.record.port import Port, PortGoneError, open_port, port_lines
 from shukotsu.tracker.record.request import RecordingRequest, StopRequest

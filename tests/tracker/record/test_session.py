@@ -22,8 +22,7 @@ from shukotsu.commands import record_tracker
 from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_archive
 from shukotsu.tracker.decode.stream import Tally, blocks_of
-from shukotsu.tracker.emulate.device import EmulatedLiberty
-from shukotsu.tracker.emulate.pose_sources import built_in_motion
+from shukotsu.tracker.emulate.device import EmulatedLiberty, built_in_motion
 from shukotsu.tracker.protocols.records import Records, concatenated
 from shukotsu.tracker.record.conversation import Conversation
 from shukotsu.tracker.record.port import SerialPort, open_port
