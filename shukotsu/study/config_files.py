@@ -117,6 +117,17 @@ def loaded_yaml(text: str, where: str) -> Any:
         raise InputError(f"{where}: not valid YAML: {error}") from error
 
 
+def read_numbers(path: Path) -> dict[str, Any]:
+    """Read a YAML file of the program's constants; lists are tuples."""
+
+    def fixed(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: fixed(part) for name, part in value.items()}
+        return tuple(map(fixed, value)) if isinstance(value, list) else value
+
+    return dict(fixed(read_yaml(path, "constants")))
+
+
 def yaml_text(content: Any) -> str:
     """Return plain mappings, lists and values as YAML, in any version of it."""
     return str(yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100))
