@@ -21,7 +21,7 @@ fit = f"{subject}/fits/{{hand}}/{{model}}"
 report: "shukotsu/report/captions/workflow.rst"  # the first page of `snakemake --report`
 
 
-container: "shukotsu.sif"  # of container/Dockerfile: for a whole run (docs/cluster.md), no job needs it
+container: "shukotsu.sif"  # of container/Dockerfile: for a whole run (docs/studies.md), no job needs it
 
 
 rule all:

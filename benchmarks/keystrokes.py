@@ -24,7 +24,7 @@ from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
 from shukotsu.tables.poses import Poses
 
-WRITTEN_TO = "keystrokes.md", "tables"
+WRITTEN_TO = "benchmarks.md", "keystrokes"
 FIRST_SEED = 9900
 TEMPI = {"slow": 0.5, "medium": 0.3, "fast": 0.18}
 """Seconds from a keystroke to the next."""

@@ -52,7 +52,7 @@ def test_the_example_layout_is_one(tmp_path: Path) -> None:
 
 
 def test_the_example_model_is_one(tmp_path: Path) -> None:
-    (tmp_path / "half-twist.yaml").write_text(first_yaml("models.md"))
+    (tmp_path / "half-twist.yaml").write_text(first_yaml("choose-a-model.md"))
     assert read_model(tmp_path / "half-twist.yaml").metacarpals.twist_factor == 0.5
 
 

@@ -1,6 +1,6 @@
 """The movements that can be asked for: what to do, the joints that it tells of, the seconds that it takes.
 
-The ranges are those that docs/calibration-movements.md asks for; healthy joints have more.
+The ranges are those that docs/calibrate.md asks for; healthy joints have more.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ A joint's frame stands where its angles are zero, on the parent's bone at the jo
 carried one by the other, R = R(axis 1, q1) R(axis 2, q2) R(axis 3, q3), after the translations along the
 frame's own axes. So every relative pose of two bones has its coordinates, and nothing of it is lost.
 
-- A joint of known anatomy turns by the angles of `docs/joint-angles.md`, in their order and with their signs:
+- A joint of known anatomy turns by the angles of `docs/movement.md`, in their order and with their signs:
   flexion, abduction, rotation.
 - One with an estimated axis turns about that first. Its zero is the rotation nearest to the anatomical zero
   of all that have the axis where the parent has it; abduction and rotation are about the two axes at right

@@ -31,9 +31,9 @@ _MEANING = {
     "that of the digit, skin and all, <digit>_receiver_tip the distal receiver's origin, taken for the tip",
     **{f"{axis}_mm": f"position of the joint in the transmitter frame, {axis}, mm" for axis in "xyz"},
     **{f"q{part}": f"unit quaternion, bone frame to transmitter frame, {part}" for part in "wxyz"},
-    "flexion_deg": "flexion positive, extension negative (docs/joint-angles.md), deg",
-    "abduction_deg": "abduction or deviation, signed as docs/joint-angles.md says, deg",
-    "rotation_deg": "axial rotation, signed as docs/joint-angles.md says, deg",
+    "flexion_deg": "flexion positive, extension negative (docs/movement.md), deg",
+    "abduction_deg": "abduction or deviation, signed as docs/movement.md says, deg",
+    "rotation_deg": "axial rotation, signed as docs/movement.md says, deg",
 }
 
 

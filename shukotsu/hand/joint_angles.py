@@ -15,7 +15,7 @@ X dorsal, Y distal, Z ulnar on the left, our z, x and y: mirrored movements give
 ISB calls the second angle ab-/adduction or radial/ulnar deviation, and the name alone leaves the sign of a
 finger's abduction open: the middle finger abducts to both sides. So `abduction_deg` is signed by radius and
 ulna in every joint: an index spread away from the middle finger has a negative one, a little finger that is
-spread a positive one, a thumb in palmar abduction a negative one. The table by joints: docs/joint-angles.md.
+spread a positive one, a thumb in palmar abduction a negative one. The table by joints: docs/movement.md.
 """
 
 from __future__ import annotations

@@ -119,7 +119,7 @@ def angle_axes(joint: SkeletonJoint, hand: str) -> Array:
 
 
 def neutral_rotations(layout: Layout, hand: str, joints: Sequence[SkeletonJoint]) -> Array:
-    """Rotations (J, 4) of bones against their parents where joint angles are zero (`docs/joint-angles.md`).
+    """Rotations (J, 4) of bones against their parents where joint angles are zero (`docs/movement.md`).
 
     The thumb's metacarpal faces its nail's side; a fitted hand's own, else the average hand's. NaN of the
     root, of tips, of unknown digits and of joints without a degree of freedom.

@@ -90,7 +90,7 @@ def pose(
 
 
 def bend(posed: PosedRecording, angles_deg: Mapping[str, Angles]) -> PosedRecording:
-    """Return the same hand at joint angles (docs/joint-angles.md), in the frame of the hand's own bone.
+    """Return the same hand at joint angles (docs/movement.md), in the frame of the hand's own bone.
 
     angles_deg : by joint: flexion alone, or flexion, deviation and axial rotation, or these over time (T, 3);
     a joint that is not named has all angles zero. Bones keep their lengths, and each digit starts where

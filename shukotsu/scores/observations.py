@@ -41,7 +41,7 @@ METRICS = (
     Metric("left_out_mean_mm", (PRIOR, TRUE), fitted_only=True),
     Metric("replay_mean_mm", (TRUE,)),
 )
-"""Those that judge a skeleton first (docs/evaluation.md)."""
+"""Those that judge a skeleton first (docs/method.md)."""
 
 NO_NUMBER = "no such number"
 OTHER_KIND = {

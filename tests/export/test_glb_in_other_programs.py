@@ -30,7 +30,7 @@ from shukotsu.export.rigging import with_webxr_names
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import conjugate, rotate
 
-GUIDE = Path(__file__).resolve().parents[2] / "docs" / "web.md"
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "other-programs.md"
 
 
 class _Silent(SimpleHTTPRequestHandler):
@@ -158,7 +158,7 @@ def test_fbx_by_blender_has_every_joint(known: KnownHand, tmp_path: Path, export
 
 
 def to_fbx(export_tool: ExportTool, glb: Path, fbx: Path) -> None:
-    (block,) = blocks(REPOSITORY / "docs" / "blender.md", "python")
+    block = blocks(REPOSITORY / "docs" / "other-programs.md", "python")[0]
     script = glb.with_name("fbx.py")
     script.write_text(block.text)
     words = [str(export_tool("blender/bin/python")), str(script), str(glb), str(fbx)]

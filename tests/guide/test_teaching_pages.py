@@ -39,7 +39,7 @@ def test_a_picture_says_in_words_what_it_shows_and_is_whole_by_itself(picture: P
 
 def test_the_protocol_has_a_box_for_every_movement_of_the_page() -> None:
     protocol = text_of("protocol.md").lower()
-    headings = re.findall(r"^### (.+)$", text_of("calibration-movements.md"), re.MULTILINE)
-    assert len(headings) == 11
+    headings = re.findall(r"^\| !.*\*\*(.+)\*\*", text_of("calibrate.md"), re.MULTILINE)
+    assert len(headings) == 12
     for heading in headings:
         assert heading.lower().replace("thumb, joint by joint", "thumb mcp joint, then ip joint") in protocol

@@ -107,7 +107,7 @@ def true_angles_deg(hand: str) -> dict[str, Array]:
 
 @pytest.mark.parametrize("hand", ["right", "left"])
 def test_angles_follow_from_bones_and_the_zero_in_joint_centres(subject: PlannedSubject, hand: str) -> None:
-    """As docs/joint-angles.md says, of the bones of another table."""
+    """As docs/movement.md says, of the bones of another table."""
     plan, keys = subject.plan, {"hand": hand, "model": "quick"}
 
     def rows(name: str, path: Path) -> list[Row]:

@@ -34,7 +34,7 @@ OTHERS = languages()[1:]
 
 
 def _extracted() -> set[str]:
-    """Return all that is to be translated, as `pybabel extract` finds it (docs/languages.md)."""
+    """Return all that is to be translated, as `pybabel extract` finds it (docs/studies.md)."""
     with (REPOSITORY / "babel.cfg").open(encoding="utf-8") as stream:
         methods, options = parse_mapping_cfg(stream)
     keywords = DEFAULT_KEYWORDS | {"tr": None, "N_": None, "plural": (1, 2)}

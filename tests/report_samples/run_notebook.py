@@ -1,7 +1,7 @@
 """Run the guide's notebook on the results in a folder, print what it prints, and keep its picture.
 
 After `make demo` and `make site`:
-.venv/bin/python tests/report_samples/run_notebook.py . docs/gallery/notebook.png
+.venv/bin/python tests/report_samples/run_notebook.py . notebook.png
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The device lives in cycles: `cycle` is the number of the next one since power-up; time is what its caller
 makes of them. An argument that is left out keeps its value; a command that sets something answers nothing.
 Source: LIBERTY User Manual URM03PH156, chapter of commands and reply framing. What no manual says is invented
-and listed in docs/emulator.md.
+and listed in docs/recording.md.
 """
 
 from __future__ import annotations
