@@ -130,17 +130,6 @@ def test_a_constant_angular_velocity_stays_one(
     assert found.rate_hz == fps
 
 
-def test_a_gap_that_was_kept_stays_a_gap() -> None:
-    motion = moving_fingers(100)
-    position = motion.position_mm.copy()
-    position[40:50, 2] = np.nan
-    found = resampled(replace(motion, position_mm=position), 30)
-    inside = (found.time_s > motion.time_s[39]) & (found.time_s < motion.time_s[50])
-    np.testing.assert_array_equal(~found.known[:, 2], inside)
-    assert found.known[:, 0].all()
-    assert inside.sum() == 3
-
-
 def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
     motion = moving_fingers(100).take(np.r_[0:40, 50:100])
     found = resampled(motion, 30)
@@ -149,14 +138,3 @@ def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
     assert not found.receivers.valid[inside].any()
     assert found.receivers.valid[~inside].all()
     assert resampled(motion, 30, widest_s=0.2).whole.all()
-
-
-def test_times_that_do_not_tell_are_refused() -> None:
-    motion = moving_fingers(10)
-    timeless = replace(timed(motion, time_s=np.full(10, np.nan)), rate_hz=np.nan)
-    with pytest.raises(InputError, match="rate_hz"):
-        resampled(timeless, 60)
-    time_s = motion.time_s.copy()
-    time_s[5] = time_s[4]
-    with pytest.raises(InputError, match="does not grow from frame 11"):
-        resampled(timed(motion, time_s=time_s), 60)

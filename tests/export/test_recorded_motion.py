@@ -106,16 +106,6 @@ def test_a_failed_joint_leaves_its_digit_out(fresh: KnownHand) -> None:
         fresh.motion(REPLAYED)
 
 
-def test_inputs_are_told_by_their_hashes(right: KnownHand) -> None:
-    origin = right.motion(FITTED).origin
-    assert set(origin.inputs) == {
-        "sub-01/right/opposition/poses.parquet",
-        *(f"sub-01/{name}.parquet" for name in ("joint_centres", "bone_lengths")),
-        *(f"sub-01/fits/right/{FITTED}/{name}.parquet" for name in ("bone_poses", "posed_tips")),
-    }
-    assert all(len(digest) == 64 for digest in origin.inputs.values())
-
-
 def test_a_range_goes_by_recorded_frame_numbers_and_of_many_frames_some_are_read(
     right: KnownHand, monkeypatch: pytest.MonkeyPatch
 ) -> None:

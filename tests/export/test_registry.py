@@ -102,11 +102,6 @@ def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:
         prepared(motion, Settings(), holds_gaps=False, up="y")
 
 
-def test_gaps_are_closed_before_the_rate_is_changed() -> None:
-    motion = blanked(moving_fingers(40), np.s_[10:13, 2])
-    assert prepared(motion, Settings(gaps="interpolate", fps=30), holds_gaps=False, up="y").whole.all()
-
-
 def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
     """Frame numbers go on, time does not: nobody knows what the hand did meanwhile."""
     motion = moving_fingers(40)

@@ -15,7 +15,6 @@ from shukotsu.hand.posing import (
     digit_points,
     fitted_bones,
     receiver_bones,
-    rigid_positions,
 )
 from shukotsu.hand.rotations import about_axis, conjugate, multiply, rotate
 from shukotsu.study.layout import read_layout
@@ -129,25 +128,6 @@ def test_bone_frames_have_x_along_the_bone_and_z_dorsal(
             np.testing.assert_allclose(
                 rotate(bones.quaternion[:, index], bones.axis[index]), world, atol=1e-12
             )
-
-
-def test_rigid_bones_end_at_the_least_squares_tips(
-    ridden: tuple[Skeleton, Poses, dict[str, np.ndarray], PosedRecording],
-) -> None:
-    """A digit's base, and from there one bone after the other as what drives it turns it."""
-    skeleton, poses, metacarpals, bones = ridden
-    found = rigid_positions(bones)
-    for digit in LAYOUT.digits.values():
-        tip = bones.position_mm[:, bones.index(digit.joints[0])].copy()
-        for segment in digit.segments:
-            row = skeleton.bones[digit.name, segment]
-            vector = [row["length_mm"], 0, 0]
-            turn = metacarpals[digit.name]
-            if row["driven_by"]:
-                vector = [row[f"{axis}_mm"] for axis in "xyz"]
-                turn = poses.quaternion[:, poses.index(segment)]
-            tip += Rotation.from_quat(turn, scalar_first=True).apply(vector)
-        np.testing.assert_allclose(found[:, bones.index(f"{digit.name}_tip")], tip, atol=1e-9)
 
 
 def changed_joint(skeleton: Skeleton, name: str) -> Skeleton:

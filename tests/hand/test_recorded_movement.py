@@ -1,8 +1,10 @@
-"""Angles of a recording as they run on beyond half a turn."""
+"""Angles of a recording as they run on beyond half a turn, their range, and how many are independent."""
 
 import numpy as np
 import pytest
 
+from shukotsu.hand.angle_range import angle_range, flattening
+from shukotsu.hand.effective_samples import effective_samples
 from shukotsu.hand.recorded_movement import running_on
 
 TIME_S = np.arange(2400) / 240
@@ -37,3 +39,28 @@ def test_a_wide_range_that_does_not_pass_half_a_turn_is_as_it_was() -> None:
     angle_deg = np.linspace(-110.0, 120.0, 500)[:, None]
     assert running_on(angle_deg) is angle_deg
     assert running_on(np.empty((0, 3))).shape == (0, 3)
+
+
+def test_one_bad_frame_in_forty_changes_nothing() -> None:
+    angle = np.linspace(0.0, 100.0, 1001)
+    assert angle_range(angle) == pytest.approx(95.0)
+    assert angle_range(np.append(angle, [500.0] * 10)) == pytest.approx(95.0, abs=1.0)
+
+
+def test_a_joint_that_rests_most_of_the_time_keeps_its_range_where_postures_count() -> None:
+    angle = np.concatenate([np.zeros(9000), np.linspace(0.0, 1.0, 1000)])
+    assert angle_range(angle) < 0.8
+    assert angle_range(angle, flattening(angle)) == pytest.approx(0.95, abs=0.03)
+
+
+@pytest.mark.parametrize("waves", [0.5, 1.5, 20.0])
+def test_effective_samples_are_those_of_the_sum_written_out(waves: float) -> None:
+    """Slow and quick series, whose autocovariance crosses zero late and early."""
+    rng = np.random.default_rng(2)
+    series = np.cos(np.linspace(0, 2 * np.pi * waves, 401))[:, None] + 0.1 * rng.normal(size=(401, 2))
+    centred = series - series.mean(0)
+    lags = [np.sum(centred[: 401 - lag] * centred[lag:]) / 401 for lag in range(401)]
+    crossing = next(lag for lag, value in enumerate(lags) if value <= 0)
+    assert (crossing > 401 // 8) == (waves < 2)
+    expected = 2.0 / ((2 * sum(lags[:crossing]) - lags[0]) / 401)
+    assert effective_samples(series, 2.0, 10**9) == pytest.approx(expected, rel=1e-10)

@@ -179,20 +179,14 @@ def test_cycles_are_cut_and_refused(out: Path) -> None:
 
 def test_a_weak_clock_cuts_nothing(subject: PlannedSubject, tmp_path: Path) -> None:
     events = subject.plan_file.with_name("events.parquet")
-    own = {"subject": "01", "session": "", "hand": "right", "task": "opposition", "trial": ""}
-    row = {**own, "source": "sheet", "status": "weak", "message": "said"}
+    key = {"subject": "01", "session": "", "hand": "right", "task": "opposition", "trial": ""}
+    row = {**key, "source": "sheet", "status": "weak", "message": "said"}
     row |= dict.fromkeys(("n_pulses", "n_missing", "n_extra"), 0)
     clocks = tmp_path / "clocks.parquet"
     write_table(clocks, CLOCKS, columns_from_rows(CLOCKS, [row]), Provenance())
     assert run(subject, tmp_path, f"--events={events}", f"--clocks={clocks}") == 0
     cycles = rows_in(tmp_path, "movement_cycles")
     assert {(row["used"], row["message"]) for row in cycles} == {(False, "the clock of its events is weak")}
-
-
-def test_without_events_there_are_no_cycles(subject: PlannedSubject, tmp_path: Path) -> None:
-    assert run(subject, tmp_path) == 0
-    assert rows_in(tmp_path, "movement_cycles") == []
-    assert len(rows_in(tmp_path, "ranges_of_motion")) > 100
 
 
 def test_a_model_that_failed_has_no_rows_and_the_other_has(subject: PlannedSubject, tmp_path: Path) -> None:

@@ -79,12 +79,6 @@ def test_what_is_missing_is_said(
         recording.aligned()
 
 
-def test_a_capture_without_such_a_pulse(tmp_path: Path) -> None:
-    file, records = midi_of(tmp_path, TRUE_S), records_of(tmp_path, TRUE_S)
-    with pytest.raises(InputError, match="has no button pulse; it has sync"):
-        RecordingEvents(poses_of(tmp_path), records, file, "note 24 = button").aligned()
-
-
 def test_the_trackers_own_events(tmp_path: Path) -> None:
     events, (clock,) = RecordingEvents(poses_of(tmp_path), file=records_of(tmp_path, TRUE_S)).aligned()
     np.testing.assert_allclose([row["onset_s"] for row in events], TRUE_S, atol=1 / 240)

@@ -15,7 +15,6 @@ from stage_runs import of_plan
 
 from benchmarks.pianist import Played, play
 from shukotsu.tables.catalogue import CLOCKS, EVENTS, TABLES
-from shukotsu.tables.parts import part_metadata
 from shukotsu.tables.typed_table import Provenance, columns_from_rows, read_table, rows_of, write_table
 
 TASK, SEED = "opposition", 4
@@ -47,11 +46,11 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
     write_poses(subject.poses(TASK), played.poses, "right", TASK)
     subject.run_stages(reference=False)
     rows = []
-    for number, own in enumerate(played.strokes):
-        times = {"onset_s": own.contact_s, "duration_s": own.up_s - own.contact_s, "onset_sd_ms": 1.0}
-        rows.append(
-            KEYS | {"event": number, "name": f"note {own.pitch}", "source": "midi", "message": ""} | times
-        )
+    for number, stroke in enumerate(played.strokes):
+        duration_s = stroke.up_s - stroke.contact_s
+        times = {"onset_s": stroke.contact_s, "duration_s": duration_s, "onset_sd_ms": 1.0}
+        name = {"event": number, "name": f"note {stroke.pitch}", "source": "midi", "message": ""}
+        rows.append(KEYS | name | times)
     rows[3] |= {"name": f"note {played.strokes[3].pitch} {played.strokes[3].digit}"}
     rows[4] |= {"onset_sd_ms": 30.0}
     rows[5] |= {"onset_s": 0.5, "duration_s": 0.1}
@@ -64,9 +63,9 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
 def write_events(subject: PlannedSubject, rows: list[Row], status: str = "ok") -> None:
     clock = KEYS | {"source": "midi", "status": status, "message": "", "n_pulses": 0}
     clock |= {"n_missing": 0, "n_extra": 0}
-    for table, own in ((EVENTS, rows), (CLOCKS, [clock])):
+    for table, table_rows in ((EVENTS, rows), (CLOCKS, [clock])):
         path = subject.plan_file.with_name(f"{table.name}.parquet")
-        write_table(path, table, columns_from_rows(table, own), Provenance())
+        write_table(path, table, columns_from_rows(table, table_rows), Provenance())
 
 
 def run(subject: PlannedSubject, out: Path, *options: str) -> int:
@@ -78,33 +77,29 @@ def run(subject: PlannedSubject, out: Path, *options: str) -> int:
 def test_strokes_are_those_that_were_played(measured: Measured) -> None:
     rows = sorted(measured.rows("event_strokes", model="quick"), key=lambda row: row["event"])
     assert [row["event"] for row in rows] == list(range(len(measured.played.strokes))), "a lamp is no stroke"
-    pairs = [own for own in zip(rows, measured.played.strokes, strict=True) if own[0]["event"] != 5]
-    used = [(row, own) for row, own in pairs if row["used"]]
+    pairs = [pair for pair in zip(rows, measured.played.strokes, strict=True) if pair[0]["event"] != 5]
+    used = [(row, stroke) for row, stroke in pairs if row["used"]]
     assert len(used) > 0.9 * len(pairs)
-    assert np.mean([row["digit"] == own.digit for row, own in used]) > 0.95
-    lag_ms = np.array([1e3 * (row["key_down_s"] - own.contact_s) for row, own in used])
+    assert np.mean([row["digit"] == stroke.digit for row, stroke in used]) > 0.95
+    lag_ms = np.array([1e3 * (row["key_down_s"] - stroke.contact_s) for row, stroke in used])
     assert np.abs(lag_ms).max() < 4
-    speed = np.array([row["contact_speed_mm_s"] / own.speed_mm_s for row, own in used])
+    speed = np.array([row["contact_speed_mm_s"] / stroke.speed_mm_s for row, stroke in used])
     assert np.mean(speed) == pytest.approx(1.0, abs=0.05)
     assert np.std(speed) < 0.08
     assert all(row["peak_speed_before_mm_s"] >= row["contact_speed_mm_s"] for row, _ in used)
+    for model in ("rigid", "quick"):
+        row = measured.rows("event_strokes", model=model)[3]
+        assert (row["contact_speed_sd_mm_s"] is None) == (model == "rigid"), "fitted hands alone state errors"
 
 
 def test_what_is_given_is_believed_and_what_is_not_known_is_not_used(measured: Measured) -> None:
-    given, late, other = sorted(measured.rows("event_strokes", model="quick"), key=lambda row: row["event"])[
-        3:6
-    ]
-    assert (given["digit"], given["used"]) == (measured.played.strokes[3].digit, True)
+    rows = sorted(measured.rows("event_strokes", model="quick"), key=lambda row: row["event"])
+    named, late, other = rows[3:6]
+    assert (named["digit"], named["used"]) == (measured.played.strokes[3].digit, True)
     assert (late["used"], late["digit"]) == (False, "")
     assert late["message"] == "its onset is known to 30 ms, more than 10"
     assert (other["used"], other["digit"]) == (False, ""), "nothing went down then"
     assert other["message"].startswith("no digit of this hand went down")
-
-
-def test_errors_are_stated_by_fitted_hands_alone(measured: Measured) -> None:
-    for model in ("rigid", "quick"):
-        row = measured.rows("event_strokes", model=model)[3]
-        assert (row["contact_speed_sd_mm_s"] is None) == (model == "rigid")
 
 
 def test_events_on_a_clock_that_is_weak_are_not_used(measured: Measured, tmp_path: Path) -> None:
@@ -112,19 +107,6 @@ def test_events_on_a_clock_that_is_weak_are_not_used(measured: Measured, tmp_pat
     rows = list(rows_of(read_table(copy.plan_file.with_name("events.parquet"), EVENTS)))
     write_events(copy, rows, "weak")
     assert run(copy, tmp_path / "tables") == 0
-    found = Measured(copy, measured.played, tmp_path / "tables")
-    assert not any(row["used"] for row in found.rows("event_strokes"))
-    assert found.rows("event_strokes")[0]["message"] == "its clock is not sure: its clock is weak"
-
-
-def test_a_bug_costs_the_model_its_rows_and_is_named(
-    measured: Measured, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def raising(*_: Any) -> None:
-        raise RuntimeError("planted")
-
-    monkeypatch.setattr("shukotsu.movement.strokes._way_down", raising)
-    assert run(measured.subject, tmp_path, "--record-failure") == 0
-    failures = part_metadata(tmp_path / "event_strokes.parquet", TABLES["event_strokes"])
-    assert {part.model for part in failures} == {"rigid", "quick"}
-    assert all("planted" in own["failure"] for own in failures.values())
+    strokes = Measured(copy, measured.played, tmp_path / "tables").rows("event_strokes")
+    assert not any(row["used"] for row in strokes)
+    assert strokes[0]["message"] == "its clock is not sure: its clock is weak"

@@ -8,7 +8,7 @@ import pytest
 from browser import browser, watched_page  # noqa: F401
 from report_samples.hand_tables import write_tips
 from report_samples.made_study import FITTED_MODELS, make_study
-from report_samples.rendered import subject_page, whole_report
+from report_samples.pages import subject_page, whole_report
 
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import StudyResults, read_results

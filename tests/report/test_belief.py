@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from report_samples.made_scores import gain_rows
-from report_samples.read_page import rows_where
+from report_samples.pages import rows_where
 
 from shukotsu.report.belief import (
     BELIEVED,

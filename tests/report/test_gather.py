@@ -8,9 +8,7 @@ import pyarrow as pa
 import pytest
 import yaml
 from small_study import write_plans, write_study
-from stage_runs import gather as main
 
-from shukotsu.errors import TableError
 from shukotsu.study.findings import REFUSED, Finding
 from shukotsu.study.plan import SubjectPlan, read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, STUDY_TABLES, Results
@@ -64,13 +62,8 @@ def write_subject(plan: SubjectPlan, failures: dict[tuple[str, Part], str] | Non
             keys = {"subject": plan.subject, "hand": recording.hand.hand, "task": recording.task}
             parameters = {**keys, "trial": recording.trial}
             columns: dict[str, Any] = dict.fromkeys((c.name for c in POSES.columns), np.zeros(4))
-            columns |= {
-                "segment": ["hand"] * 4,
-                "frame": np.arange(4),
-                "flags": [""] * 4,
-                "valid": [True] * 4,
-            }
-            columns["time_s"] = np.arange(4) / 240
+            columns |= {"segment": ["hand"] * 4, "frame": np.arange(4), "time_s": np.arange(4) / 240}
+            columns |= {"flags": [""] * 4, "valid": [True] * 4}
             write_table(plan.poses(recording), POSES, columns, Provenance((), parameters))
     write_findings(plan)
     for name in GATHERED_TABLES:
@@ -123,8 +116,8 @@ def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
     digests = {"01//right/rom/": "a", "01//right/pinch/1": ""}
     write_findings(plans[0], row, digests=digests)
     write_findings(plans[1], digests={"02//right/pinch/": "a", "02//right/rom/": ""})
-    found = gathered(tmp_path)
-    rows = [row for row in found["problems"] if row["stage"] == "check_recordings"]
+    tables = gathered(tmp_path)
+    rows = [row for row in tables["problems"] if row["stage"] == "check_recordings"]
     keys = ("subject", "hand", "task", "kind", "severity")
     assert [tuple(row[key] for key in keys) for row in rows] == [
         ("01", "right", "pinch, 1", "spikes", "refused"),
@@ -132,7 +125,7 @@ def test_findings_are_problems_and_a_refused_recording_is_not_called_used(
     ]
     assert rows[0]["message"] == finding.message
     assert "those of subject 01, right hand, rom:" in rows[1]["message"]
-    statuses = {(row["subject"], row["task"], row["hand"]): row["status"] for row in found["recordings"]}
+    statuses = {(row["subject"], row["task"], row["hand"]): row["status"] for row in tables["recordings"]}
     assert statuses["01", "pinch", "right"] == "refused"
     assert statuses["02", "pinch", "right"] == "used"
 
@@ -143,44 +136,42 @@ def test_further_columns_of_the_sheet_are_handed_on(tmp_path: Path) -> None:
     sheet = tmp_path / "sheets" / "recordings.tsv"
     head, *rows = sheet.read_text().splitlines()
     width = head.count("\t")
-    lines = [row + "\t" * (width - row.count("\t")) + f"\tn{place}\tx" for place, row in enumerate(rows)]
+    lines = [row + "\t" * (width - row.count("\t")) + f"\tn{index}\tx" for index, row in enumerate(rows)]
     sheet.write_text("\n".join([f"{head}\tnote\tstatus", *lines]))
-    found = gathered(tmp_path)
-    assert [row["note"] for row in found["recordings"]] == [f"n{place}" for place in range(len(rows))]
-    assert (
-        {row["status_of_sheet"] for row in found["recordings"]} == {"x"} != {found["recordings"][0]["status"]}
-    )
-    (note,) = (row["message"] for row in found["problems"] if "further columns" in row["message"])
+    tables = gathered(tmp_path)
+    assert [row["note"] for row in tables["recordings"]] == [f"n{index}" for index in range(len(rows))]
+    assert {row["status_of_sheet"] for row in tables["recordings"]} == {"x"}
+    assert tables["recordings"][0]["status"] != "x"
+    (note,) = (row["message"] for row in tables["problems"] if "further columns" in row["message"])
     assert note.endswith("note, status")
 
 
 def test_what_is_said_of_a_clock_is_a_problem(plans: list[SubjectPlan], tmp_path: Path) -> None:
+    hand = vars(plans[0].hand("right"))
     rows = [
-        row_of(
-            CLOCKS, **vars(plans[0].hand("right")), task="pinch", trial=trial, status=status, message=status
-        )
+        row_of(CLOCKS, **hand, task="pinch", trial=trial, status=status, message=status)
         for trial, status in (("1", "weak"), ("2", "failed"), ("3", "ok"))
     ]
     with parts_writer(plans[0].table("clocks"), CLOCKS, Provenance()) as writer:
         writer.rows(plans[0].part("right"), rows)
-    found = [row for row in gathered(tmp_path)["problems"] if row["kind"] == "events"]
-    assert [(row["task"], row["severity"]) for row in found] == [("pinch, 1", "note"), ("pinch, 2", "note")]
+    rows = [row for row in gathered(tmp_path)["problems"] if row["kind"] == "events"]
+    assert [(row["task"], row["severity"]) for row in rows] == [("pinch, 1", "note"), ("pinch, 2", "note")]
 
 
 @pytest.mark.usefixtures("plans")
 def test_rows_of_every_whole_skeleton_in_order(tmp_path: Path) -> None:
-    found = gathered(tmp_path)
+    tables = gathered(tmp_path)
     hands = [("01", "right"), ("01", "left"), ("02", "right")]
     skeletons = [(*hand, model) for hand in hands for model in MODELS]
     for name in GATHERED_TABLES:
-        rows = found[name]
+        rows = tables[name]
         assert not any(row.get("made_without") for row in rows), name
         if "made_without" not in TABLES[name].key:
             assert [(row["subject"], row["hand"]) for row in rows] == [hand for hand in hands for _ in "ab"]
         else:
             fitted = [skeleton for skeleton in skeletons if skeleton[2] == "whole-hand"]
-            own = fitted if name in FIT_TABLES else skeletons
-            assert [whose(row) for row in rows] == [skeleton for skeleton in own for _ in "ab"], name
+            expected = fitted if name in FIT_TABLES else skeletons
+            assert [whose(row) for row in rows] == [skeleton for skeleton in expected for _ in "ab"], name
 
 
 @pytest.mark.usefixtures("plans")
@@ -199,10 +190,10 @@ def test_a_failed_import_is_a_problem_and_a_row(plans: list[SubjectPlan], tmp_pa
     recording = plans[0].recordings[1]
     names = {"subject": "01", "hand": "right", "task": "pinch", "trial": "1"}
     write_failure(plans[0].poses(recording), POSES, "b.csv: row 7", Provenance((), names))
-    found = gathered(tmp_path)
-    failed = [row for row in found["recordings"] if row["status"] == "failed"]
+    tables = gathered(tmp_path)
+    failed = [row for row in tables["recordings"] if row["status"] == "failed"]
     assert [(row["file"], row["message"]) for row in failed] == [("b.csv", "b.csv: row 7")]
-    problem = found["problems"][0]
+    problem = tables["problems"][0]
     assert (problem["stage"], problem["kind"], problem["severity"]) == ("capture", "recording", "refused")
     assert (problem["subject"], problem["hand"], problem["task"]) == ("01", "right", "pinch, 1")
     assert problem["message"] == "b.csv: row 7"
@@ -221,24 +212,11 @@ def test_failed_parts_are_named_once_and_the_others_are_there(
     failures |= {(name, without): "too few frames" for name in tables}
     failures["skeleton_scores", plans[0].part("left")] = "no recording"
     write_subject(plans[0], failures)
-    found = gathered(tmp_path)
-    assert ("01", "right", "rigid") not in {whose(row) for row in found["joint_centres"]}
-    assert ("01", "right", "whole-hand") in {whose(row) for row in found["joint_centres"]}
-    problems = [row for row in found["problems"] if row["stage"] not in ("solve_joints", "project_planes")]
+    tables = gathered(tmp_path)
+    assert ("01", "right", "rigid") not in {whose(row) for row in tables["joint_centres"]}
+    assert ("01", "right", "whole-hand") in {whose(row) for row in tables["joint_centres"]}
+    problems = [row for row in tables["problems"] if row["stage"] not in ("solve_joints", "project_planes")]
     assert [(*whose(row), row["stage"], row["kind"], row["message"]) for row in problems] == [
         ("01", "right", "rigid", "estimate_metacarpals", "skeleton", "no frame was valid"),
         ("01", "left", "", "evaluate_skeletons", "hand", "no recording"),
     ]
-
-
-def test_a_damaged_table_of_a_subject_ends_it(
-    plans: list[SubjectPlan], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    plans[1].table("tip_errors").write_text("cut")
-    with pytest.raises(TableError, match=r"sub-02/tip_errors\.parquet: not a readable Parquet file"):
-        gathered(tmp_path)
-    argv = ["--study", str(tmp_path / "study.yaml"), "--results", str(tmp_path / "results")]
-    assert main(argv) == 2
-    assert "tip_errors.parquet" in capsys.readouterr().err
-    write_subject(plans[1])
-    assert main(argv) == 0

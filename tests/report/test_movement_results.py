@@ -4,27 +4,31 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import drawn_movement as drawn
 import pytest
-from report_samples.made_movement import JOINTS, write_movement
 from report_samples.made_study import FITTED_MODELS, make_study
 
+from shukotsu.movement.study_comparison import compare_study
 from shukotsu.report.belief import NOT
 from shukotsu.report.figures.study_figures import NoDataError, ranges_of_motion
 from shukotsu.report.methods_text import methods_text
 from shukotsu.report.movement_results import RANGE, Movement, read_movement
 from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.study.results import Results
 from shukotsu.study.study import read_study
 
-SUBJECTS = tuple(f"P{index}" for index in range(6))
+RECORDINGS = drawn.recordings(12, ("1", "2"))
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
     """A study with all tables of movement; not to be changed."""
+    subjects = tuple(dict.fromkeys(row["subject"] for row in RECORDINGS))
     study, folder = make_study(
-        tmp_path_factory.mktemp("moved"), n_frames=4, models=FITTED_MODELS, subjects=SUBJECTS, simulated=True
+        tmp_path_factory.mktemp("moved"), n_frames=4, models=FITTED_MODELS, subjects=subjects, simulated=True
     )
-    write_movement(folder, SUBJECTS, models=FITTED_MODELS)
+    drawn.write_movement(Results(folder), drawn.ranges(RECORDINGS, models=FITTED_MODELS))
+    compare_study(RECORDINGS, ["group"], Results(folder))
     return read_results(read_study(study), folder)
 
 
@@ -39,37 +43,34 @@ def test_a_dot_of_the_figure_is_a_subjects_mean_of_the_leading_model(
 ) -> None:
     assert set(movement.ranges["model"]) == {"whole-hand"}
     figure, caption = ranges_of_motion(results, movement)
-    dots = [
-        line.get_xdata()
-        for axes in figure.axes
-        for line in axes.lines
-        if str(line.get_gid()).startswith("dots")
-    ]
-    assert len(dots) == 3 * len(JOINTS)
-    own = movement.ranges[(movement.ranges["joint"] == "index_pip") & (movement.ranges["angle"] == "flexion")]
-    assert sorted(dots[JOINTS.index("index_pip")]) == pytest.approx(
-        sorted(own.groupby("subject")[RANGE].mean())
-    )
+    lines = [line for axes in figure.axes for line in axes.lines if str(line.get_gid()).startswith("dots")]
+    dots = [sorted(line.get_xdata()) for line in lines]
+    ranges = movement.ranges[movement.ranges["joint"] == "index_pip"]
+    means = sorted(ranges.groupby("subject")[RANGE].mean())
+    assert dots[drawn.JOINTS.index("index_pip")] == pytest.approx(means)
     assert "Model whole-hand." in caption
 
 
 def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults, movement: Movement) -> None:
-    finding = {"subject": "P0", "session": "1", "hand": "right", "severity": "suspect", "stage": "x"}
+    finding = {"subject": "P00", "session": "1", "hand": "right", "severity": "suspect", "stage": "x"}
     rest = read_movement(replace(results, problems=[finding]))
-    assert not ((rest.ranges["subject"] == "P0") & (rest.ranges["session"] == "1")).any()
-    assert ((rest.ranges["subject"] == "P0") & (rest.ranges["session"] == "2")).any()
+    assert not ((rest.ranges["subject"] == "P00") & (rest.ranges["session"] == "1")).any()
+    assert ((rest.ranges["subject"] == "P00") & (rest.ranges["session"] == "2")).any()
     none = replace(movement, ranges=movement.ranges.iloc[:0])
     with pytest.raises(NoDataError, match="suspect finding"):
         ranges_of_motion(results, none)
 
 
 def test_differences_are_those_shown_of_joints_to_be_believed(movement: Movement) -> None:
-    table = movement.differences_table()
+    table, tested = movement.differences_table(), movement.differences
     assert table is not None
-    (row,) = table.blocks[0].rows
+    row = next(row for row in table.blocks[0].rows if row[1].startswith("range_deg"))
+    of_index = tested[(tested["of"] == "index_pip flexion") & (tested["quantity"] == RANGE)]
+    (moved,) = of_index.to_dict("records")
     assert row[:2] == ("group: A − B", "range_deg, index_pip flexion")
-    assert row[4:] == ("3/3", "12.10 deg", "8.10 – 16.10", "p = 0.0021")
-    assert "1 of 21 numbers" in table.caption
+    interval = f"{moved['low']:.2f} – {moved['high']:.2f}"
+    assert row[4:7] == ("6/6", f"{moved['difference']:.2f} deg", interval)
+    assert f"of {(tested['verdict'] != '').sum()} numbers" in table.caption
     doubted = replace(movement, believed={"index_pip": NOT}).differences_table()
     assert doubted is not None
     assert not doubted.blocks[0].rows
@@ -78,6 +79,6 @@ def test_differences_are_those_shown_of_joints_to_be_believed(movement: Movement
 
 def test_methods_say_what_was_done(results: StudyResults, movement: Movement) -> None:
     text = " ".join(methods_text(results, movement))
-    assert "Movement was measured in 6 subjects by joint angles under whole-hand." in text
+    assert "Movement was measured in 12 subjects by joint angles under whole-hand." in text
     assert "Holm's correction over all quantities, joint angles, hands and tasks of two levels" in text
     assert "Movement was measured" not in " ".join(methods_text(results))

@@ -1,8 +1,13 @@
-"""The whole report in a real browser: from study to subject to recording, whatever people are called."""
+"""The whole report in a real browser: from study to subject to recording, whatever people are called.
+
+axe-core is in .tools/node_modules, as of tests/export_tools/package.json, or where SHUKOTSU_TOOLS says.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from browser import WatchedPage, watched
@@ -18,6 +23,8 @@ from shukotsu.study.study import Study, read_study
 from shukotsu.tables.whole_files import write_text
 
 pytestmark = pytest.mark.slow
+TOOLS = Path(os.environ.get("SHUKOTSU_TOOLS", Path(__file__).parents[2] / ".tools"))
+AXE = TOOLS / "node_modules" / "axe-core" / "axe.min.js"
 
 SCRIPT = "<script>alert(1)</script>"
 NAMES = (SCRIPT, "手 骨/%2F ' \" & #?", "plain")
@@ -85,3 +92,20 @@ def test_no_page_is_wider_than_its_window(
         with watched(browser, viewport={"width": width, "height": 900}) as page:
             page.open(path)
             assert page.value("document.documentElement.scrollWidth") <= width
+
+
+@pytest.mark.tools
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_axe_finds_nothing_serious(browser: Browser, report: tuple[Study, Results], theme: str) -> None:
+    """In the study's page, a subject's and a recording's, with everything unfolded."""
+    if not AXE.is_file():
+        pytest.skip(f"no {AXE}; SHUKOTSU_TOOLS can name another folder")
+    study, paths = report
+    for path in (paths.report, paths.subject_page(NAMES[-1]), paths.recording_page(study.shown[0])):
+        with watched(browser, color_scheme=theme, bypass_csp=True) as page:
+            page.open(path)
+            page.value("document.querySelectorAll('details').forEach((part) => (part.open = true))")
+            page.page.add_script_tag(path=AXE)
+            violations = page.value("async () => (await axe.run()).violations")
+            serious = [each for each in violations if each["impact"] in ("serious", "critical")]
+            assert [f"{each['id']}: {each['nodes'][0]['html']}" for each in serious] == []

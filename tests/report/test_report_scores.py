@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from report_samples.read_page import ReadTable, read_page, rows_where, table_called
+from report_samples.pages import ReadTable, read_page, rows_where, table_called
 
 from shukotsu.report.study_results import StudyResults
 

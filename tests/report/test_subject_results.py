@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from report_samples.hand_tables import part_of, write_subject_tables
 from report_samples.made_study import HOSTILE, make_study
-from report_samples.read_page import read_page
+from report_samples.pages import read_page
 from stage_runs import subject_pages
 
 from shukotsu.errors import InputError

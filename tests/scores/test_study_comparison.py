@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from report_samples.many_subjects import many_subjects
 from stage_runs import compare_models as main
 
@@ -34,10 +33,3 @@ def test_tables_are_written_and_a_suspect_hand_is_in_none(tmp_path: Path) -> Non
     write_table(results.study_table(PROBLEMS.name), PROBLEMS, columns, Provenance((), {}))
     assert places() == whole // 2
     assert all(results.study_table(name).is_file() for name in MODEL_COMPARISONS)
-
-
-def test_a_missing_table_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    study, folder = many_subjects(tmp_path, 1, ("paper-fig4",))
-    Results(folder).study_table("skeleton_scores").unlink()
-    assert main(["--study", str(study), "--results", str(folder)]) == 2
-    assert "skeleton_scores.parquet" in capsys.readouterr().err

@@ -115,7 +115,7 @@ def declared(study: StudyRun) -> dict[Command, tuple[str, set[Path]]]:
         for name in ("shukotsu", *BESIDE[1:]):
             Path(program, name).symlink_to(REPOSITORY / name)
         text = (REPOSITORY / "Snakefile").read_text("utf-8")
-        text += "for rule in workflow.rules:\n    rule.message = None\n"  # shown are either messages or files
+        text += "for each in workflow.rules:\n    each.message = None\n"  # shown are either messages or files
         Path(program, "Snakefile").write_text(text, "utf-8")
         done = replace(study, repository=Path(program)).snakemake(
             "--dry-run", "--forceall", "--printshellcmds"

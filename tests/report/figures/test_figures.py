@@ -8,13 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.container import BarContainer
 from report_samples.compared import compared
 from report_samples.hand_tables import part_of, write_parts
-from report_samples.read_page import rows_where
+from report_samples.pages import rows_where
 
-from shukotsu.errors import InputError
 from shukotsu.report.figures.panels import page_figure
 from shukotsu.report.figures.recording_figures import find_recording, joint_angles, thin, tip_error
 from shukotsu.report.figures.study_figures import (
-    Drawing,
     NoDataError,
     joint_errors,
     joint_trust,
@@ -115,15 +113,6 @@ def test_bones_have_their_length_and_stated_error(simulated: StudyResults) -> No
     assert 0 < faces.count(PAPER) < len(faces)
 
 
-def test_captions_state_n_units_what_is_missing_and_the_program(drawings: dict[str, Drawing]) -> None:
-    for name in ("models", "joint-errors"):
-        caption = drawings[name].caption
-        assert "mm" in caption
-        assert "simulated recordings of 8 subjects, 16 hands" in caption
-        assert "eld out" in caption
-        assert "Drawn by shukotsu" in caption
-
-
 def test_a_study_without_any_score_says_so(simulated: StudyResults) -> None:
     empty = compared(replace(simulated, scores=[], joint_errors=[], joints=[], bones=[]))
     with pytest.raises(NoDataError, match="no model of this study has a score"):
@@ -194,14 +183,3 @@ def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
     np.testing.assert_allclose(np.unique(flexion.get_ydata()), 3.0 * np.arange(12))
     assert np.isclose(np.asarray(flexion.get_xdata())[-1], 11 / 240, atol=0.6 / 240)
     assert "n = 12 frames" in caption
-
-
-def test_a_recording_is_found_by_its_name_or_its_path(results: StudyResults) -> None:
-    hostile = 'A & <b>"x"'
-    recording = find_recording(results, hostile, "right", "opposition")
-    assert recording.hand.subject == hostile
-    assert find_recording(results, recording.hand.who.token, "right", "opposition") == recording
-    with pytest.raises(InputError, match="S01 right rom: no such recording; this hand has opposition"):
-        find_recording(results, "S01", "right", "rom")
-    with pytest.raises(InputError, match="hands are S01 right, S01 left"):
-        find_recording(results, "S02", "right", "rom")

@@ -15,9 +15,8 @@ from report_samples.hand_tables import write_tips
 from report_samples.made_study import make_study
 from stage_runs import print_figures
 
-from shukotsu.errors import InputError
 from shukotsu.report.figures.panels import Panel, Row, Scale, draw_rows, print_figure
-from shukotsu.report.figures.study_figures import Drawing, drawn, not_drawn, save
+from shukotsu.report.figures.study_figures import Drawing, drawn, save
 from shukotsu.report.figures.style import label
 from shukotsu.report.palette import Look
 from shukotsu.study.results import FIGURE_KINDS, STUDY_FIGURES, Results
@@ -130,10 +129,3 @@ def test_a_failure_is_a_sentence_or_is_drawn(
     for name in STUDY_FIGURES:
         assert (tmp_path / "figures" / f"{name}.txt").read_text() == f"Not drawn: {expected}.\n"
         assert texts(tmp_path / "figures" / f"{name}.svg")[0].startswith("Not drawn: ")
-
-
-def test_a_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "any.pdf").mkdir()
-    with pytest.raises(InputError, match=r"any\.pdf: cannot be written"):
-        save(tmp_path, not_drawn("any", "no reason"))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["any.pdf", "any.svg"]

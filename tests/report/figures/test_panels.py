@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from report_samples.made_study import HOSTILE
 
 from shukotsu.report.belief import BELIEVED, CARE, NOT
-from shukotsu.report.figures import panels
 from shukotsu.report.figures.hand import hand_panel
 from shukotsu.report.figures.panels import (
     Panel,
@@ -24,7 +23,6 @@ from shukotsu.report.figures.panels import (
     locator,
     page_figure,
     page_picture,
-    taken_failures,
     value_scale,
 )
 from shukotsu.report.hand_motion import BoneLine, HandMotion, ShownSkeleton
@@ -98,14 +96,6 @@ def test_rounding_errors_stretch_no_scale() -> None:
     assert scale.kind == "log"
     assert scale.low > 1e-3
     assert len(dots(page_picture(panel(scale, Row("a", LOOK, numbers), n=5)))) == len(numbers)
-
-
-def test_a_picture_that_fails_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(panels, "page_figure", lambda _: {}["<no>"])
-    picture = page_picture(panel(Scale(0.0, 1.0), Row("a", LOOK, {"a": 1.0}), n=1))
-    assert picture.startswith("<p>Not drawn: internal error in report (Thumb &lt;1&gt;: KeyError")
-    assert len(taken_failures()) == 1
-    assert taken_failures() == []
 
 
 def motion(hand: str = "right", points_mm: np.ndarray = POINTS_MM) -> HandMotion:

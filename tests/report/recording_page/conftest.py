@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from report_samples.hand_tables import part_of, write_parts, write_subject_tables
 from report_samples.made_study import HOSTILE, make_study
-from report_samples.read_page import rows_where
+from report_samples.pages import rows_where
 
 from shukotsu.report.recording_page import recording_page
 from shukotsu.report.recording_results import RecordingResults, read_recording

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from report_samples.made_study import HOSTILE
-from report_samples.read_page import read_page, table_called
+from report_samples.pages import read_page, table_called
 
-from shukotsu.report.recording_page import failure_page, recording_page
+from shukotsu.report.recording_page import recording_page
 from shukotsu.report.recording_results import read_recording
 from shukotsu.study.model import read_model
 from shukotsu.tables.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS, TIP_ERRORS
@@ -50,18 +50,6 @@ def test_tip_errors_in_numbers_are_the_tables_rows(hands: Any, page: str) -> Non
         assert shown[:11] == [row["model"], row["digit"], row["binding"], *numbers, *counts]
 
 
-def test_a_hostile_name_is_text_everywhere(hands: Any) -> None:
-    page = recording_page(hands.results(HOSTILE, "right"))
-    reader = read_page(page)
-    assert f"Subject {HOSTILE}, right hand, opposition" in "".join(reader.text)
-    assert not any(tag == "b" and "data-part" not in attributes for tag, attributes in reader.tags)
-    assert not any(
-        '"x"' in (value or "") and "<b>" not in (value or "") for _, a in reader.tags for value in a.values()
-    )
-    links = [attributes["href"] for tag, attributes in reader.tags if tag == "a" and "href" in attributes]
-    assert all(link and not set('<>" ') & set(link) for link in links)
-
-
 def test_a_model_without_results_is_left_out_with_the_reason(hands: Any) -> None:
     subject = hands.subject()
     models = {"paper-fig4": subject.models["paper-fig4"], "rigid": read_model("rigid")}
@@ -81,8 +69,3 @@ def test_poses_that_failed_leave_a_page_that_says_so(hands: Any) -> None:
     text = text_of(recording_page(results))
     assert "Nothing moves here. left.csv: row 7 <is> not a number" in text
     assert "Right hand, same task" in text
-
-
-def test_a_failure_is_told_as_text() -> None:
-    reader = read_page(failure_page("Subject <b>, right hand, x", "because <b>"))
-    assert "because <b>" in "".join(reader.text)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser import WatchedPage, chromium, watched
-from report_samples.small_page import page_of_viewer
+from report_samples.pages import page_of_viewer
 
 pytestmark = pytest.mark.slow
 

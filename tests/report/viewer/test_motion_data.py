@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
-from report_samples.small_page import page_of_viewer
+from report_samples.pages import page_of_viewer
 
 from shukotsu.hand.rotations import matrix
 from shukotsu.report.hand_motion import Array, still_frame

@@ -1,11 +1,19 @@
-"""Reading a page back: its tables as cells, its tags as they are nested."""
+"""Pages rendered from a made-up study, whole or one part of one; and read back, as tables and tags."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from html.parser import HTMLParser
 from typing import Any
+
+from shukotsu.report.hand_motion import HandMotion
+from shukotsu.report.study_page import render_study
+from shukotsu.report.study_results import StudyResults
+from shukotsu.report.subject_page import render_subject
+from shukotsu.report.templates import ENVIRONMENT, render
+from shukotsu.report.viewer import view_of
+from shukotsu.study.study import Study
 
 VOID = {"meta", "br", "hr", "link", "img", "input"}
 
@@ -75,3 +83,40 @@ def table_called(page: str, caption: str) -> ReadTable:
     """The one table with that caption."""
     (captioned,) = [table for table in read_page(page).tables if table.caption == caption]
     return captioned
+
+
+ROWS = [
+    field.name
+    for field in fields(StudyResults)
+    if field.type == "list[Row]" and not field.name.startswith("model_")
+]
+
+
+def of_subject(results: StudyResults, subject: str) -> StudyResults:
+    """The same results, of one subject, without problems: those of the study are not the subject's."""
+    rows = {name: [row for row in getattr(results, name) if row["subject"] == subject] for name in ROWS}
+    recordings = tuple(recording for recording in results.recordings if recording.hand.subject == subject)
+    return replace(results, recordings=recordings, **rows | {"problems": []})
+
+
+def subject_page(results: StudyResults, subject: str) -> str:
+    """The page of one subject."""
+    return render_subject(of_subject(results, subject))
+
+
+def whole_report(results: StudyResults, study: Study) -> str:
+    """The study's page and every subject's, one after the other."""
+    pages = [render_study(results, study), *(subject_page(results, name) for name in results.subjects)]
+    return "".join(pages)
+
+
+PAGE = """{% extends "base.html.j2" %}{% block title %}{{ title }}{% endblock %}
+{% block styles %}{% include "viewer/viewer.css" %}{% endblock %}
+{% block scripts %}{% include "viewer/viewer.js" %}{% endblock %}
+{% block content %}<h1>{{ title }}</h1>
+{% from "viewer/viewer.html.j2" import hand_viewer %}{{ hand_viewer(view) }}{% endblock %}"""
+
+
+def page_of_viewer(title: str, motion: HandMotion) -> str:
+    """Return a page that shows one moving hand and nothing else."""
+    return render(ENVIRONMENT.from_string(PAGE), title=title, view=view_of(title, motion))
