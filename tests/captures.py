@@ -17,11 +17,11 @@ RATE_HZ = 240.0
 Pose = Callable[[int, int], tuple[Sequence[float], Sequence[float]]]
 
 
-def settings(stations: Iterable[int] = (1, 2, 3), **how) -> StreamSettings:
+def settings(stations: Iterable[int] = (1, 2, 3)) -> StreamSettings:
     stations = tuple(stations)
     lists = dict.fromkeys(stations, ITEMS)
     hemispheres = dict.fromkeys(stations, (1.0, 0.0, 0.0))
-    return StreamSettings("liberty", "binary", "cm", RATE_HZ, stations, lists, hemispheres, how)
+    return StreamSettings("liberty", "binary", "cm", RATE_HZ, stations, lists, hemispheres)
 
 
 def still(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:
@@ -29,40 +29,30 @@ def still(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:
     return (20 + station, 5 + 0.001 * frame, -3.0), (1.0, 0.0, 0.0, 0.0)
 
 
-def record(frame: int, station: int, pose: Pose = still, error: int = 0, distortion: int = 0) -> bytes:
+def record(frame: int, station: int, pose: Pose) -> bytes:
     position, quaternion = pose(frame, station)
-    body = struct.pack("<IIi", frame * 1000 // 240 % 2**32, frame % 2**32, distortion)
-    body += struct.pack("<3f4f", *position, *quaternion)
-    return b"LY" + struct.pack("<BBBBh", station, ord("C"), error, 0, len(body)) + body
+    body = struct.pack("<IIi7f", frame * 1000 // 240, frame, 0, *position, *quaternion)
+    return b"LY" + struct.pack("<BBBBh", station, ord("C"), 0, 0, len(body)) + body
 
 
-def cycle(frame: int, stations: Iterable[int] = (1, 2, 3), **how) -> bytes:
-    return b"".join(record(frame, station, **how) for station in stations)
+def cycle(frame: int, stations: Iterable[int] = (1, 2, 3), pose: Pose = still) -> bytes:
+    return b"".join(record(frame, station, pose) for station in stations)
 
 
 def write(
-    path: Path,
-    cycles: Iterable[bytes],
-    given: StreamSettings | None = None,
-    *,
-    ended: bool = True,
-    start_ns: int = 0,
-    period_ns: float = 1e9 / RATE_HZ,
-    late_ns: Callable[[int], int] = lambda _: 0,
-    utc_offset_ns: Callable[[], int] = lambda: 0,
+    path: Path, cycles: Iterable[bytes], how: StreamSettings | None = None, *, ended: bool = True
 ) -> Path:
     """Write a capture whose i-th piece arrives with the i-th frame."""
-    writer = ArchiveWriter(path, {"note": "made up"}, utc_offset_ns)
-    writer.sent(b"C\r", start_ns)
-    writer.settings((given or settings()).to_json(), start_ns)
-    at = start_ns
+    writer, at_ns = ArchiveWriter(path, {"note": "made up"}, lambda: 0), 0
+    writer.sent(b"C\r", 0)
+    writer.settings((how or settings()).to_json(), 0)
     for index, piece in enumerate(cycles):
-        at = start_ns + round(index * period_ns) + late_ns(index)
-        writer.received(piece, at)
+        at_ns = round(index * 1e9 / RATE_HZ)
+        writer.received(piece, at_ns)
         if index % 50 == 49:
             writer.flush()
     if ended:
-        writer.close({"reason": "duration"}, at)
+        writer.close({"reason": "duration"}, at_ns)
     else:
         writer.flush()
     return path

@@ -84,8 +84,60 @@ def midi_of(folder: Path, pulses_s: npt.NDArray[np.float64]) -> Path:
     return path
 
 
-def _chunk(tag: int, content: bytes) -> bytes:
+def xdf_chunk(tag: int, content: bytes) -> bytes:
+    """Return a chunk of an XDF file."""
     return struct.pack("<BIH", 4, 2 + len(content), tag) + content
+
+
+TYPES = [f"Position{axis}" for axis in "XYZ"] + [f"Orientation{part}" for part in "ABCD"]
+
+
+def xdf_header(
+    owners: Sequence[str],
+    name: str = "tracker",
+    kind: str = "MoCap",
+    unit: str = "meters",
+    types: Sequence[str] = TYPES,
+    field: str = "marker",
+    number: str = "double64",
+) -> bytes:
+    """Return the header of a stream of poses, a channel a number of each owner."""
+    channels = "".join(
+        f"<channel><label>{owner}_{kind}</label><{field}>{owner}</{field}><type>{kind}</type>"
+        f"<unit>{unit if kind.startswith('Position') else ''}</unit></channel>"
+        for owner in owners
+        for kind in types
+    )
+    return (
+        f"<info><name>{name}</name><type>{kind}</type>"
+        f"<channel_count>{len(owners) * len(types)}</channel_count>"
+        f"<nominal_srate>240</nominal_srate><channel_format>{number}</channel_format>"
+        f"<desc><channels>{channels}</channels></desc></info>"
+    ).encode()
+
+
+def pose_stream(
+    number: int,
+    head: bytes,
+    time_s: npt.NDArray[np.float64],
+    values: npt.NDArray[np.float64],
+    offsets: Sequence[tuple[float, float]] = (),
+) -> bytes:
+    """A stream's chunks: header, samples two a chunk, clock offsets, footer; a NaN time is left out."""
+    of = struct.pack("<I", number)
+    data = xdf_chunk(2, of + head)
+    code = "<f4" if b"float32" in head else "<f8"
+    for start in range(0, len(time_s), 2):
+        samples = b""
+        rows = range(start, min(start + 2, len(time_s)))
+        for row in rows:
+            stamp = b"\0" if np.isnan(time_s[row]) else struct.pack("<Bd", 8, time_s[row])
+            samples += stamp + values[row].astype(code).tobytes()
+        data += xdf_chunk(3, of + struct.pack("<BB", 1, len(rows)) + samples)
+    for offset in offsets:
+        data += xdf_chunk(4, of + struct.pack("<dd", *offset))
+    footer = f"<info><sample_count>{len(time_s)}</sample_count></info>".encode()
+    return data + xdf_chunk(6, of + footer)
 
 
 def marker_stream(
@@ -104,7 +156,7 @@ def marker_stream(
         f"<channel_format>{'string' if texts else 'int32'}</channel_format></info>"
     )
     of = struct.pack("<I", number)
-    data = _chunk(2, of + head.encode())
+    data = xdf_chunk(2, of + head.encode())
     for sample, time in zip(values, time_s, strict=True):
         content = struct.pack("<BBBd", 1, 1, 8, time)
         for value in sample:
@@ -112,16 +164,16 @@ def marker_stream(
                 content += struct.pack("<BI", 4, len(value.encode())) + value.encode()
             else:
                 content += struct.pack("<i", value)
-        data += _chunk(3, of + content)
+        data += xdf_chunk(3, of + content)
     for offset in offsets:
-        data += _chunk(4, of + struct.pack("<dd", *offset))
+        data += xdf_chunk(4, of + struct.pack("<dd", *offset))
     footer = f"<info><sample_count>{len(values)}</sample_count></info>"
-    return data + _chunk(6, of + footer.encode())
+    return data + xdf_chunk(6, of + footer.encode())
 
 
 def xdf_of(*streams: bytes) -> bytes:
     """An XDF file of those streams."""
-    return b"XDF:" + _chunk(1, b"<info><version>1.0</version></info>") + b"".join(streams)
+    return b"XDF:" + xdf_chunk(1, b"<info><version>1.0</version></info>") + b"".join(streams)
 
 
 def _bytes_of(write: Callable[[Path], Path]) -> bytes:

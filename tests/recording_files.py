@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import random
 import re
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,6 @@ from shukotsu.study.mapping import mapping_from_config
 from shukotsu.tables.catalogue import GAINS
 from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
 
-EXAMPLES = int(os.environ.get("RECORDING_EXAMPLES", "8"))
-"""Random recordings of each format that a test makes; a thousand are made by hand."""
 ARM = read_layout("arm")
 LIBERTY = read_layout("liberty16")
 
@@ -60,6 +58,20 @@ def refuse(path: Path, message: str, layout: Layout = ARM, mapping: dict[str, An
     sentence = str(caught.value)
     assert message in sentence or re.search(message, sentence), sentence
     assert "\n" not in sentence
+
+
+def write_c3d(path: Path, points: np.ndarray, labels: Sequence[str], first: int = 1) -> Path:
+    """Write a C3D file of 50 Hz in mm; points : (T, P, 3), first : number of the first frame."""
+    import ezc3d
+
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [50.0]
+    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    file["parameters"]["POINT"]["LABELS"]["value"] = [*labels]
+    file["data"]["points"] = np.concatenate([points, np.ones((*points.shape[:2], 1))], -1).transpose(2, 1, 0)
+    file["header"]["points"]["first_frame"] = first - 1
+    file.write(str(path))
+    return path
 
 
 def of(samples: Samples, segment: str) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import struct
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from event_files import pose_stream, xdf_header, xdf_of
+from recording_files import write_c3d
 from tracker_streams import cosines, liberty_binary, pose, settings
 
 FRAMES = 6
@@ -84,50 +85,17 @@ def _mapped_csv() -> Recording:
 
 
 def _c3d() -> Recording:
-    import ezc3d
-
     shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
-    file = ezc3d.c3d()
-    file["parameters"]["POINT"]["RATE"]["value"] = [50.0]
-    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
-    file["parameters"]["POINT"]["LABELS"]["value"] = ["H1", "H2", "H3"]
     points = np.array([shape + pose(frame, 1)[0] for frame in range(FRAMES)])
-    file["data"]["points"] = np.concatenate([points, np.ones((FRAMES, 3, 1))], -1).transpose(2, 1, 0)
     with tempfile.TemporaryDirectory() as name:
-        path = Path(name, "a.c3d")
-        file.write(str(path))
-        data = path.read_bytes()
+        data = write_c3d(Path(name, "a.c3d"), points, ["H1", "H2", "H3"]).read_bytes()
     mapping = {"format": "c3d", "position_unit": "mm", "receivers": {"hand": {"markers": ["H1", "H2", "H3"]}}}
     return Recording("a.c3d", {"a.c3d": data}, mapping)
 
 
-def xdf_chunk(tag: int, content: bytes) -> bytes:
-    """A chunk of an XDF file."""
-    return struct.pack("<BIH", 4, 2 + len(content), tag) + content
-
-
 def _xdf() -> Recording:
-    kinds = [f"Position{axis}" for axis in "XYZ"] + [f"Orientation{part}" for part in "ABCD"]
-    channels = "".join(
-        f"<channel><label>{segment}_{kind}</label><marker>{segment}</marker><type>{kind}</type>"
-        f"<unit>{'meters' if kind.startswith('P') else ''}</unit></channel>"
-        for segment in SEGMENTS.values()
-        for kind in kinds
-    )
-    head = (
-        f"<info><name>t</name><type>MoCap</type><channel_count>{len(SEGMENTS) * 7}</channel_count>"
-        "<nominal_srate>240</nominal_srate><channel_format>double64</channel_format>"
-        f"<desc><channels>{channels}</channels></desc></info>"
-    )
-    number = struct.pack("<I", 1)
-    data = (
-        b"XDF:" + xdf_chunk(1, b"<info><version>1.0</version></info>") + xdf_chunk(2, number + head.encode())
-    )
-    for frame in range(FRAMES):
-        poses = _numbers(frame)
-        sample = struct.pack("<BBBd", 1, 1, 8, frame / 240) + struct.pack(f"<{len(poses)}d", *poses)
-        data += xdf_chunk(3, number + sample)
-    data += xdf_chunk(6, number + f"<info><sample_count>{FRAMES}</sample_count></info>".encode())
+    poses = np.array([_numbers(frame) for frame in range(FRAMES)])
+    data = xdf_of(pose_stream(1, xdf_header(list(SEGMENTS.values())), np.arange(FRAMES) / 240, poses))
     return Recording("a.xdf", {"a.xdf": data})
 
 

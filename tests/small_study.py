@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pipeline
 import stage_runs
@@ -28,12 +30,12 @@ def write_study(
     sheets : text of participants, corrections, measurements and touches, blanks for tabs. more : more lines
     of the study file.
     """
-    own = folder / "sheets"
-    own.mkdir(parents=True, exist_ok=True)
+    sheet_folder = folder / "sheets"
+    sheet_folder.mkdir(parents=True, exist_ok=True)
     lines = ["\t".join("" if cell == "-" else cell for cell in row.split(" ")) for row in rows]
-    (own / "recordings.tsv").write_text("\n".join([HEADER, *lines]), "utf-8")
+    (sheet_folder / "recordings.tsv").write_text("\n".join([HEADER, *lines]), "utf-8")
     for name, text in sheets.items():
-        (own / f"{name}.tsv").write_text(text.replace(" ", "\t"), "utf-8")
+        (sheet_folder / f"{name}.tsv").write_text(text.replace(" ", "\t"), "utf-8")
         more += f"{name}: sheets/{name}.tsv\n"
     file = folder / "study.yaml"
     file.write_text(
@@ -41,6 +43,20 @@ def write_study(
         + more
     )
     return file
+
+
+def put(config: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """Return the configuration with one key, by its dotted path, set; None takes it out."""
+    changed = copy.deepcopy(config)
+    *groups, last = key.split(".")
+    inner = changed
+    for group in groups:
+        inner = inner.setdefault(group, {})
+    if value is None:
+        del inner[last]
+    else:
+        inner[last] = value
+    return changed
 
 
 def write_plans(study_file: Path) -> dict[str, Path]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shukotsu.checks.timeline import Timeline, alike, away, sides, spikes, stuck, zeros
+from shukotsu.checks.timeline import Timeline, away, sides, spikes, stuck, zeros
 from shukotsu.hand.rotations import about_axis
 
 FRAMES = 600
@@ -62,15 +62,3 @@ def test_zeros_are_no_poses_but_of_what_all_is_measured_against() -> None:
     expected[100:104, 1:] = True
     assert (zeros(line) == expected).all()
     assert not zeros(moving()).any()
-
-
-def test_two_receivers_are_never_one_unless_neither_moves() -> None:
-    line = moving(4)
-    assert alike(line) == {}
-    line.position_mm[:, 3], line.quaternion[:, 3] = line.position_mm[:, 1], line.quaternion[:, 1]
-    line.valid[:10, 3] = False
-    (pair,) = alike(line).items()
-    assert (pair[0], pair[1].tolist()) == ((1, 3), list(range(10, FRAMES)))
-    fixed = moving()
-    fixed.position_mm[:, :2], fixed.quaternion[:, :2] = 0, [1, 0, 0, 0]
-    assert alike(fixed) == {}

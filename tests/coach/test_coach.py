@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
@@ -20,6 +19,7 @@ from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames, LivePoses
 from shukotsu.coach.movements import FIRST, MOVEMENTS
 from shukotsu.coach.study import hand_alone
 from shukotsu.fit.receiver_frames import concatenated
+from shukotsu.simulate.random_hand import FINGERS
 from shukotsu.study.layout import read_layout
 from shukotsu.study.verdict import BELIEVE, CARE
 from shukotsu.tables.poses import Poses, read_poses
@@ -33,17 +33,8 @@ def a_coach(wanted_mm: float = 2.0) -> Coach:
 
 
 def coached(coach: Coach, poses: Poses, chunk: int = 60) -> list[str]:
-    return [
-        line
-        for start in range(0, len(poses.frame), chunk)
-        for line in coach.take(poses.take(slice(start, start + chunk)))
-    ]
-
-
-@cache
-def calibrated() -> tuple[Coach, tuple[str, ...]]:
-    coach = a_coach()
-    return coach, (*coached(coach, calibration(7.0)), *coach.end())
+    blocks = (poses.take(slice(start, start + chunk)) for start in range(0, len(poses.frame), chunk))
+    return [line for block in blocks for line in coach.take(block)]
 
 
 def from_frame(poses: Poses, frame: int) -> Poses:
@@ -52,7 +43,10 @@ def from_frame(poses: Poses, frame: int) -> Poses:
 
 
 def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
-    coach, lines = calibrated()
+    """Lines depend on the frames alone and not on how they came."""
+    coach, again = a_coach(), a_coach()
+    lines = [*coached(coach, calibration(7.0)), *coach.end()]
+    assert [*coached(again, calibration(7.0), chunk=997), *again.end()] == lines
     assert f">> {MOVEMENTS[FIRST].sentence}" in lines[0]
     assert "Nothing is wrong in these 4 s" in lines[1]
     assert "joints good enough; the least sure is thumb_cmc" in lines[2]
@@ -64,22 +58,26 @@ def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
     assert any(f"What would help: {coach.gains()[0]}" in line for line in lines)
 
 
-def test_lines_hang_on_the_frames_alone_and_not_on_how_they_came() -> None:
-    coach = a_coach()
-    assert (*coached(coach, calibration(7.0), chunk=997), *coach.end()) == calibrated()[1]
+def test_enough_is_said_where_every_joint_is_as_good_as_asked_and_estimates_are_left_out_in_haste() -> None:
+    coach = a_coach(wanted_mm=8.0)
+    lines = coach.take(calibration(7.0), may_leave_out=True)
+    assert coach.phase == ENOUGH
+    assert sum("Enough: 15 of 15 joints good enough" in line for line in lines) == 1
+    assert coach.estimate is not None
+    assert coach.estimate.time_s > 5.9
 
 
 def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None:
     poses = calibration(5.0)
     coach = a_coach()
-    said = coached(coach, exchanged(poses, SWAPPED))
-    assert len(said) == 2
-    assert all(name in said[1] for name in (*SWAPPED, "swapped"))
+    lines = coached(coach, exchanged(poses, SWAPPED))
+    assert len(lines) == 2
+    assert all(name in lines[1] for name in (*SWAPPED, "swapped"))
     assert coach.request is None
     assert coach.estimate is None
-    said = coached(coach, concatenated([from_frame(poses, 1200), from_frame(poses, 2400)]))
+    lines = coached(coach, concatenated([from_frame(poses, 1200), from_frame(poses, 2400)]))
     assert coach.restarts == 1
-    assert any("Put right" in line for line in said)
+    assert any("Put right" in line for line in lines)
     assert coach.findings == []
     assert coach.estimate is not None
 
@@ -95,81 +93,60 @@ def test_a_receiver_that_sends_nothing_is_named() -> None:
     assert "Not calibrated" in coach.end()[0]
 
 
-def test_enough_is_said_once_every_joint_is_as_good_as_asked() -> None:
-    coach = a_coach(wanted_mm=8.0)
-    lines = coached(coach, calibration(7.0))
-    assert coach.phase == ENOUGH
-    assert sum("Enough: 15 of 15 joints good enough" in line for line in lines) == 1
-
-
-def estimated(sd_mm: Mapping[str, float], range_deg: float) -> Estimate:
-    """An estimate whose joints have these errors and moved so far; one without an error given is believed."""
-    joints = dict.fromkeys(joint for movement in MOVEMENTS.values() for joint in movement.range_deg)
+def advised(sd_mm: Mapping[str, float], range_deg: float, *times_s: float) -> Coach:
+    """A coach that had the first movement, with joints of these errors, else believed, which moved so far."""
+    joints = {joint for movement in MOVEMENTS.values() for joint in movement.range_deg}
     rows = {
-        joint: {
-            "joint": joint,
-            "sd_mm": sd_mm.get(joint, 1.0),
-            "range_deg": range_deg,
-            "verdict": CARE if joint in sd_mm else BELIEVE,
-        }
-        for joint in joints
+        joint: {"joint": joint, "sd_mm": sd_mm.get(joint, 1.0), "range_deg": range_deg}
+        | {"verdict": CARE if joint in sd_mm else BELIEVE}
+        for joint in sorted(joints)
     }
-    return Estimate(0.0, cast(Any, None), rows)
+    coach = a_coach()
+    coach._done.add(FIRST)
+    coach.gains = list  # type: ignore[method-assign]
+    for coach.time_s in times_s:
+        coach.estimate = Estimate(0.0, cast(Any, None), rows)
+        coach._advise(coach.estimate)
+    return coach
 
 
 @pytest.mark.parametrize(
-    ("sd_mm", "movement"),
+    ("sd_mm", "range_deg", "times_s", "movement"),
     [
-        ({"thumb_ip": 5.0}, "thumb-tip"),
-        ({"ring_mcp": 5.0}, "alone-ring"),
-        ({f"{finger}_pip": 4.0 for finger in ("index", "middle", "ring", "little")}, "fist"),
+        ({"thumb_ip": 5.0}, 90.0, (0.0,), "thumb-tip"),
+        ({"ring_mcp": 5.0}, 90.0, (0.0,), "alone-ring"),
+        ({f"{finger}_pip": 4.0 for finger in FINGERS}, 90.0, (0.0,), "fist"),
+        ({"thumb_ip": 5.0}, 5.0, (0.0, 4.5), "thumb-tip"),
+        ({"thumb_ip": 5.0}, 5.0, (0.0, 4.5, 6.5), None),
     ],
+    ids=["thumb", "ring", "all", "waited-for", "no-longer"],
 )
-def test_the_movement_of_the_least_sure_joints_is_asked_for(sd_mm: dict[str, float], movement: str) -> None:
-    coach = a_coach()
-    coach._done.add(FIRST)
-    coach._advise(estimated(sd_mm, 90.0))
-    assert coach.request is not None
-    assert coach.request.movement.name == movement
+def test_the_movement_of_the_least_sure_joints_is_asked_for_until_it_is_seen(
+    sd_mm: dict[str, float], range_deg: float, times_s: tuple[float, ...], movement: str | None
+) -> None:
+    request = advised(sd_mm, range_deg, *times_s).request
+    assert (request and request.movement.name) == movement
 
 
-def test_a_movement_is_waited_for_until_it_is_seen_and_no_longer_than_it_takes() -> None:
-    coach = a_coach()
-    coach._done.add(FIRST)
-    for time_s, range_deg, movement in ((0.0, 5.0, "thumb-tip"), (4.5, 5.0, "thumb-tip"), (6.5, 5.0, None)):
-        coach.time_s = time_s
-        coach._advise(estimated({"thumb_ip": 5.0}, range_deg))
-        assert (coach.request and coach.request.movement.name) == movement
-
-
-def test_what_movements_cannot_better_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
-    coach = a_coach()
-    monkeypatch.setattr(coach, "gains", list)
-    asked = []
-    for step in range(20):
-        coach.time_s = 7.0 * step
-        coach.estimate = estimated({"index_mcp": 5.0}, 90.0)
-        coach._advise(coach.estimate)
-        asked.append(coach.phase)
-    assert asked.index(ENOUGH) == MOST_VAIN
+def test_what_movements_cannot_better_is_left() -> None:
+    times_s = [7.0 * step for step in range(MOST_VAIN + 2)]
+    assert advised({"index_mcp": 5.0}, 90.0, *times_s[: MOST_VAIN - 1]).phase != ENOUGH
+    coach = advised({"index_mcp": 5.0}, 90.0, *times_s)
+    assert coach.phase == ENOUGH
     assert "left are index_mcp at 5.00 mm" in coach.advice
 
 
-def test_an_estimate_is_left_out_where_frames_wait() -> None:
-    coach = a_coach()
-    coach.take(calibration(7.0), may_leave_out=True)
-    assert coach.estimate is not None
-    assert coach.estimate.time_s > 5.9
-
-
-def test_a_gap_of_an_hour_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     poses = calibration(7.0).take(slice(0, 480))
     coach = a_coach()
     monkeypatch.setattr(coach, "_estimate", lambda: None)
     coached(coach, concatenated([poses, from_frame(poses, 3600 * RATE_HZ)]))
     assert coach.time_s > 3600.0
     assert coach._kept.poses().frame.size == 960
-    assert np.ptp(coach.newest.time_s if coach.newest else [9.0]) < 4.1
+    frames = EvenFrames()
+    for _ in range(40):
+        frames.add(calibration(7.0))
+    assert 100 < len({*frames.poses().frame.tolist()}) <= MOST_FRAMES
 
 
 def test_they_are_the_poses_of_an_import(recorded: Path, tmp_path: Path) -> None:
@@ -187,12 +164,3 @@ def test_they_are_the_poses_of_an_import(recorded: Path, tmp_path: Path) -> None
     )
     np.testing.assert_allclose(poses.quaternion[poses.valid], expected.quaternion[expected.valid], atol=1e-9)
     assert np.ptp(poses.time_s - expected.time_s) < 1e-4
-
-
-def test_memory_of_a_long_recording_is_bounded() -> None:
-    frames, poses = EvenFrames(), calibration(7.0)
-    for _ in range(40):
-        frames.add(poses)
-    kept = frames.poses()
-    assert len(kept.frame) <= MOST_FRAMES
-    assert len({*kept.frame.tolist()}) > 100

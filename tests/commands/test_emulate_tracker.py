@@ -32,11 +32,11 @@ def test_bad_options_are_refused_in_a_sentence(
     options: list[str], sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["emulate", *options]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert told.err.startswith("error: ")
-    assert told.err.count("\n") == 1
-    assert sentence in told.err
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("error: ")
+    assert printed.err.count("\n") == 1
+    assert sentence in printed.err
 
 
 def test_tcp_serves_one_client_at_a_time() -> None:
@@ -83,9 +83,9 @@ def test_what_cannot_be_asked_is_refused_before_anything_is_done(
 ) -> None:
     out = tmp_path / "rom.arrows"
     assert record_tracker.main(["--port", "/dev/no-such-port", "--out", str(out), *options]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"error: {sentence}")
-    assert told.count("\n") == 1
+    message = capsys.readouterr().err
+    assert message.startswith(f"error: {sentence}")
+    assert message.count("\n") == 1
     assert not out.exists()
 
 

@@ -2,22 +2,18 @@
 
 import re
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import recording_files
 import yaml
-from recording_files import ARM, of
+from recording_files import ARM, of, write_c3d
 
 from shukotsu.__main__ import main
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import matrix, unit
 from shukotsu.readers.samples import Samples
-from shukotsu.simulate.realism import Realism
-from shukotsu.simulate.recording import write_recording
-from shukotsu.simulate.simulation import simulate
 from shukotsu.study.mapping import read_mapping
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -124,15 +120,9 @@ def test_a_wide_table_of_quaternions(run: Run) -> None:
     np.testing.assert_allclose(samples.time_s, np.arange(FRAMES) / 120, atol=1e-6)
 
 
-def test_what_other_programs_write(run: Run) -> None:
-    """Angles of joints alone, a header that begins with %time, receivers by the dozen in one line each."""
-    angles = RNG.normal(size=(FRAMES, 4))
-    glove = run.table("glove.csv", "t,Thumb_MCP_Flex,Index_MCP_Flex,Index_MCP_Spread", angles)
+def test_receivers_by_the_dozen_have_one_line_and_a_glove_is_refused(run: Run) -> None:
+    glove = run.table("glove.csv", "t,Thumb_MCP_Flex,Index_MCP_Flex,Index_MCP_Spread", TURNED)
     assert "has angles of joints (Thumb_MCP_Flex, " in run.inspect(glove, code=2)
-    nanoseconds = 1.7e18 + 1e7 * np.arange(FRAMES)[:, None]
-    assert "time column %time: " in run.inspect(
-        run.table("ros.csv", "%time,x,y,z,qw,qx,qy,qz", np.concatenate([nanoseconds, PLACE, TURNED], 1))
-    )
     titles = [f"s{n}_{axis}" for n in range(17) for axis in ("x", "y", "z", "qw", "qx", "qy", "qz")]
     many = run.table("many.csv", ",".join(titles), np.tile(np.concatenate([PLACE, TURNED], 1), 17))
     assert run.inspect(many).count("\nposition") == 1
@@ -180,61 +170,24 @@ def test_a_tracker_s_own_text_goes_round_its_stations(run: Run) -> None:
     np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(30) + 0.5) * 25.4)
 
 
-def write_c3d(path: Path, points: np.ndarray, labels: list[str], unit_text: str = "") -> Path:
-    """A C3D file of 50 Hz; points: (T, P, 3). Without points it has the poses as a ROTATION `hand 1`."""
-    import ezc3d
-
-    file = ezc3d.c3d()
-    file["parameters"]["POINT"]["RATE"]["value"] = [50.0]
-    file["parameters"]["POINT"]["UNITS"]["value"] = [unit_text] if unit_text else []
-    file["parameters"]["POINT"]["LABELS"]["value"] = labels
-    file["data"]["points"] = np.concatenate([points, np.ones((*points.shape[:2], 1))], -1).transpose(2, 1, 0)
-    if not labels:
-        whole = np.tile(np.eye(4)[:, :, None, None], (1, 1, 1, 2 * FRAMES))
-        whole[:3, :3, 0, ::2], whole[:3, 3, 0, ::2] = np.moveaxis(matrix(TURNED), 0, -1), PLACE.T
-        file.add_parameter("ROTATION", "LABELS", ["hand 1"])
-        file["data"]["rotations"] = whole
-    file.write(str(path))
-    return path
-
-
-def test_a_c3d_file_names_its_rigid_clusters(run: Run) -> None:
-    shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
-    rigid = shape @ np.swapaxes(matrix(TURNED), 1, 2) + 1000 * PLACE[:, None]
-    points = np.concatenate([rigid, RNG.normal(scale=100, size=(FRAMES, 3, 3))], 1)
-    points[:10, 3] = np.nan
-    labels = ["Arm1", "Arm2", "Arm3", "Dot1", "Dot2", "Dot3"]
-    path = write_c3d(run.folder / "a.c3d", points, labels, "mm")
-    out = run.drafted(path)
-    facts = ["C3D: 6 points, 40 frames numbered from 1", "rate 50 Hz", "unit mm (POINT:UNITS)"]
-    for fact in (*facts, "missing: Dot1 25 %"):
-        assert fact in out
-    assert "markers Arm1, Arm2, Arm3: keep their distances: a rigid cluster" in out
-    draft = run.mapping.read_text()
-    assert "first_frame" not in draft
-    assert "#   last_frame: 40  # frames count from 1 at the first stored frame" in draft
-    samples = run.imported(path, {"CHECK_Arm1": "upper_arm"})
-    np.testing.assert_allclose(samples.numbers[:, :3], rigid[:, 0], atol=1e-3)
-    assert samples.notes[0].startswith("cluster upper_arm: 3 markers")
-
-
-def test_a_c3d_file_with_markers_of_any_names_has_its_rigid_clusters_found(run: Run) -> None:
+def test_the_rigid_clusters_of_a_c3d_file_are_drafted_whatever_its_markers_are_called(run: Run) -> None:
     """Two segments that turn apart, and a marker that goes its own way; names tell nothing."""
     shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
-    places = [1000 * PLACE, 300 * PLACE[::-1]]
-    turns = [matrix(TURNED), matrix(TURNED[::-1])]
-    rigid = [
-        shape @ np.swapaxes(turn, 1, 2) + place[:, None] for turn, place in zip(turns, places, strict=True)
-    ]
+    motions = (TURNED, 1000 * PLACE), (TURNED[::-1], 300 * PLACE[::-1])
+    rigid = [shape @ np.swapaxes(matrix(turn), 1, 2) + mm[:, None] for turn, mm in motions]
     loose = RNG.normal(scale=100, size=(FRAMES, 1, 3))
     points = np.concatenate([*rigid, loose], 1)[:, [0, 3, 1, 4, 6, 2, 5]]
     labels = ["RSHO", "LPSI", "CLAV", "STRN", "RUPA", "T10", "RBAK"]
-    out = run.drafted(write_c3d(run.folder / "a.c3d", points, labels, "mm"))
+    points[:10, 4] = np.nan
+    out = run.drafted(write_c3d(run.folder / "a.c3d", points, labels))
+    facts = ["C3D: 7 points, 40 frames numbered from 1", "rate 50 Hz", "unit mm (POINT:UNITS)"]
+    assert all(fact in out for fact in (*facts, "missing: RUPA 25 %"))
+    assert "#   last_frame: 40  # frames count from 1 at the first stored frame" in run.mapping.read_text()
     for names in ("RSHO, CLAV, T10", "LPSI, STRN, RBAK"):
         assert f"markers {names}: keep their distances: a rigid cluster" in out
     samples = run.imported(run.folder / "a.c3d", {"CHECK_RSHO": "upper_arm", "CHECK_LPSI": "forearm"})
-    own = samples.segment == samples.segments.index("upper_arm")
-    np.testing.assert_allclose(samples.numbers[own, :3], rigid[0][:, 0], atol=1e-3)
+    np.testing.assert_allclose(samples.numbers[of(samples, "upper_arm"), :3], rigid[0][:, 0], atol=1e-3)
+    assert samples.notes[0].startswith("cluster upper_arm: 3 markers")
 
 
 TIDY = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
@@ -258,29 +211,3 @@ def test_own_files_need_no_mapping(run: Run) -> None:
     assert "table poses (version 1)" in out
     assert "column x_mm [mm]" in out
     assert "nothing to import" in out
-
-
-@pytest.mark.slow
-def test_inspection_and_import_say_what_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Of a recording in metres, and of a left hand without and with a word on which hand it is."""
-    made = {hand: simulate("01", hand, "rom", 7, Realism.full(), 900) for hand in ("right", "left")}
-    metres = replace(made["right"], position_mm=made["right"].position_mm / 1000)
-    write_recording(tmp_path / "metres.csv", metres)
-    write_recording(tmp_path / "left.parquet", made["left"])
-    sentence = "units: The positions are 1000 times too small, in m and read as mm"
-
-    def said(*words: str) -> tuple[str, str]:
-        assert main([*words]) == 0
-        captured = capsys.readouterr()
-        return captured.out, captured.err
-
-    assert f"suspect: {sentence}" in said("inspect", str(tmp_path / "metres.csv"))[0]
-    who = ["--layout", "liberty16", "--subject", "01", "--hand", "right", "--task", "rom"]
-    poses = str(tmp_path / "poses.parquet")
-    printed = said("import", "--in", str(tmp_path / "metres.csv"), "--out", poses, *who)[1]
-    assert f"suspect: {tmp_path / 'metres.csv'}: {sentence}" in printed
-    assert f"suspect: {sentence}" in said("inspect", poses)[0]
-    left = said("inspect", str(tmp_path / "left.parquet"))[0]
-    assert "it looks like a left hand" in left
-    assert "suspect" not in left
-    assert "wrong-hand" in said("inspect", str(tmp_path / "left.parquet"), "--hand", "right")[0]

@@ -1,4 +1,4 @@
-"""What notebooks get: tables with their units, posed hands wherever the results are."""
+"""What notebooks get: tables with their units, posed hands wherever the results are, at any joint angles."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from export_samples.known_hands import FITTED, REPLAYED, KnownHand, make_hand
 
 import shukotsu
 from shukotsu.errors import InputError
+from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.tables.catalogue import JOINT_CENTRES
 from shukotsu.tables.typed_table import column_array, read_table
 
 
 @pytest.fixture(scope="module", params=["right", "left"])
-def known(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
+def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
     return make_hand(tmp_path_factory.mktemp("study"), request.param)
 
 
@@ -27,15 +28,12 @@ def test_importing_it_imports_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == "set()"
-
-
-def test_a_name_that_is_not_there_is_told() -> None:
     with pytest.raises(AttributeError, match="no 'raed'; it has PosedRecording, bend, pose, read"):
         shukotsu.raed  # noqa: B018
 
 
-def test_a_table_comes_with_units_and_gaps(known: KnownHand) -> None:
-    path = known.path(REPLAYED, JOINT_CENTRES)
+def test_a_table_comes_with_units_and_gaps(study: KnownHand) -> None:
+    path = study.path(REPLAYED, JOINT_CENTRES)
     frame, table = shukotsu.read(str(path)), read_table(path, JOINT_CENTRES)
     assert list(frame.columns) == table.column_names
     assert len(frame) == table.num_rows > 0
@@ -48,12 +46,12 @@ def test_a_table_comes_with_units_and_gaps(known: KnownHand) -> None:
 
 
 @pytest.mark.parametrize("model", [FITTED, REPLAYED])
-def test_a_hand_is_posed_as_the_pipeline_poses_it(known: KnownHand, model: str) -> None:
-    hand = shukotsu.pose(known.plan.folder.parent, "01", known.made.hand, "opposition", model=model)
-    bones = recording_reader(known.plan, known.recording, model).bones(known.poses())
+def test_a_hand_is_posed_as_the_pipeline_poses_it(study: KnownHand, model: str) -> None:
+    hand = shukotsu.pose(study.plan.folder.parent, "01", study.made.hand, "opposition", model=model)
+    bones = recording_reader(study.plan, study.recording, model).bones(study.poses())
     assert hand.names == bones.names
     np.testing.assert_array_equal(hand.position_mm, bones.position_mm)
-    np.testing.assert_array_equal(hand.frame, known.made.frame)
+    np.testing.assert_array_equal(hand.frame, study.made.frame)
     assert np.isfinite(hand.time_s).all()
 
 
@@ -65,7 +63,65 @@ def test_a_hand_is_posed_as_the_pipeline_poses_it(known: KnownHand, model: str) 
         ({"model": "whole_hand"}, "model 'whole_hand' is not in study made; did you mean 'whole-hand'"),
     ],
 )
-def test_what_is_not_in_the_study_is_told(known: KnownHand, words: dict[str, str], message: str) -> None:
-    own = {"subject": "01", "hand": known.made.hand, "task": "opposition"} | words
+def test_what_is_not_in_the_study_is_told(study: KnownHand, words: dict[str, str], message: str) -> None:
+    which = {"subject": "01", "hand": study.made.hand, "task": "opposition"} | words
     with pytest.raises(InputError, match=message):
-        shukotsu.pose(known.plan.folder.parent, **own)
+        shukotsu.pose(study.plan.folder.parent, **which)
+
+
+ANGLES = {"index_mcp": (60.0, 8.0, -5.0), "index_pip": (80.0, 0.0, 0.0), "thumb_mcp": (20.0, -6.0, 4.0)}
+
+
+@pytest.fixture(scope="module")
+def posed(study: KnownHand) -> shukotsu.PosedRecording:
+    return shukotsu.pose(study.plan.folder.parent, "01", study.made.hand, "opposition")
+
+
+def angles_in(posed: shukotsu.PosedRecording, joint: str) -> np.ndarray:
+    """Joint angles (T, 3) of a posed hand."""
+    child = posed.index(joint)
+    bones = posed.quaternion[:, posed.parents[child]], posed.quaternion[:, child]
+    return joint_angles(*bones, posed.hand, posed.neutral[child])
+
+
+def test_a_bent_hand_has_the_angles_that_were_asked_for(posed: shukotsu.PosedRecording) -> None:
+    bent = shukotsu.bend(posed, ANGLES)
+    for joint in ("index_mcp", "index_pip", "thumb_mcp", "ring_pip"):
+        expected = ANGLES.get(joint, (0.0, 0.0, 0.0))
+        np.testing.assert_allclose(angles_in(bent, joint), [expected], atol=1e-6)
+
+
+def test_a_flexed_finger_goes_to_the_palm(posed: shukotsu.PosedRecording) -> None:
+    tip = posed.index("index_tip")
+    straight, flexed = (shukotsu.bend(posed, {"index_mcp": angle}).position_mm[0, tip] for angle in (0, 80))
+    assert flexed[2] < straight[2] - 40  # dorsal
+    assert flexed[0] < straight[0] - 40  # distal
+
+
+def test_the_recordings_own_angles_give_its_own_fingers_back(posed: shukotsu.PosedRecording) -> None:
+    moving = ("index_mcp", "index_pip", "index_dip")
+    bent = shukotsu.bend(posed, {joint: angles_in(posed, joint) for joint in moving})
+    base = posed.index("index_mcp")
+    for joint in ("index_pip", "index_dip", "index_tip"):
+        index = posed.index(joint)
+        far, again = (
+            np.linalg.norm(h.position_mm[:, index] - h.position_mm[:, base], axis=-1) for h in (posed, bent)
+        )
+        np.testing.assert_allclose(again, far, atol=0.05)  # its joints glide as they bend
+    assert len(bent.frame) == len(posed.frame)
+    assert np.isnan(bent.time_s).all()
+
+
+@pytest.mark.parametrize(
+    ("angles", "message"),
+    [
+        ({"index_mpc": 5}, "the hand has no joint 'index_mpc'; did you mean 'index_mcp'"),
+        ({"index_mcp": (1, 2)}, "index_mcp: angles of shape"),
+        ({"index_mcp": np.zeros((3, 3)), "ring_mcp": np.zeros((4, 3))}, "angles over 3 and 4 frames"),
+    ],
+)
+def test_angles_that_no_hand_can_have_are_refused(
+    posed: shukotsu.PosedRecording, angles: dict[str, object], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        shukotsu.bend(posed, angles)

@@ -12,8 +12,6 @@ from shukotsu.fit.posterior import Posterior
 from shukotsu.hand.rotations import Array, exp_rotation
 from shukotsu.study.layout import Layout
 
-STEP = 1e-6
-
 
 def model_of(layout: Layout) -> HandModel:
     receivers = [name for name in layout.measured if name != "forearm"]

@@ -1,11 +1,10 @@
 """Hands calibrated, and tasks recorded, with fewer receivers than there are bones."""
 
 import numpy as np
-import pytest
 from simulated_poses import fitted, recorded
 
 from shukotsu.fit.fingertips import fingertips
-from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.fit import Settings, fit_hand
 from shukotsu.fit.gains import gains
 from shukotsu.fit.hand_tables import joint_rows
 from shukotsu.simulate.random_hand import BONES, FINGERS
@@ -13,36 +12,16 @@ from shukotsu.study.layout import read_layout
 from shukotsu.study.verdict import ONE_RECEIVER, doubts_of
 from shukotsu.tables.poses import Poses
 
-QUICK = Settings(n_frames=60, rounds=1)
 SIX = ("hand", *(f"{digit}_distal" for digit in ("thumb", *FINGERS)))
 
 
-def only(poses: Poses, worn: tuple[str, ...]) -> Poses:
-    """The recording with the rows of some receivers alone."""
-    own = [poses.index(name) for name in worn]
-    return Poses(
-        worn,
-        poses.frame,
-        poses.time_s,
-        poses.position_mm[:, own],
-        poses.quaternion[:, own],
-        poses.valid[:, own],
-    )
-
-
-@pytest.fixture(scope="module")
-def whole() -> HandFit:
-    return fitted()
-
-
-@pytest.fixture(scope="module")
-def six() -> HandFit:
-    poses = only(recorded(seed=4, n_frames=1600)[1], SIX)
-    return fit_hand([poses], read_layout("tips-and-hand"), "right", settings=QUICK)
-
-
-def test_a_calibration_with_six_says_what_is_lost(whole: HandFit, six: HandFit) -> None:
+def test_a_calibration_with_six_says_what_is_lost() -> None:
     """Bones are less certain, as far off as stated; joints have a place only beside a receiver."""
+    whole, poses = fitted(), recorded(seed=4, n_frames=1600)[1]
+    worn = [poses.index(name) for name in SIX]
+    arrays = (array[:, worn] for array in (poses.position_mm, poses.quaternion, poses.valid))
+    few = Poses(SIX, poses.frame, poses.time_s, *arrays)
+    six = fit_hand([few], read_layout("tips-and-hand"), "right", settings=Settings(n_frames=60, rounds=1))
     assert six.evidence.model.receivers == SIX
     assert six.converged
     true_mm = recorded(seed=4, n_frames=1600)[0].truth.hand.length_mm

@@ -25,24 +25,19 @@ def made_loose(segment: str, recording: int, frame: int) -> LooseReceiver:
     return LooseReceiver(segment, moment, moment, np.array([5.0, 0.0, 0.0, 0.0, 0.1, 0.0]))
 
 
-def never_used() -> HandFit:
-    """Only a disturbed field needs the fit."""
-    return cast("HandFit", None)
-
-
 def test_the_longer_part_is_kept() -> None:
     """Before, after, or between two moments; over all recordings, of which one may lack the receiver."""
     poses = recorded(seed=5, n_frames=600)[1]
     valid = poses.valid.copy()
     valid[:450, poses.index("hand")] = False
     first, second = replace(poses, valid=valid), poses
-    found = [
+    loose = [
         made_loose("index_distal", 0, 401),
         made_loose("ring_middle", 0, 101),
         made_loose("ring_middle", 1, 501),
         made_loose("hand", 1, 201),
     ]
-    kept = without_displaced(never_used(), [first, second], Displaced(found))
+    kept = without_displaced(cast("HandFit", None), [first, second], Displaced(loose))
     expected = np.array(
         [
             [np.arange(600) < 0, np.ones(600, bool)],
@@ -52,10 +47,14 @@ def test_the_longer_part_is_kept() -> None:
     )
     expected[0, 0, 400:] = True
     for segment, parts in zip(("index_distal", "ring_middle", "hand"), expected, strict=True):
-        for own, part in zip(kept, parts, strict=True):
-            np.testing.assert_array_equal(own.valid[:, own.index(segment)], part)
+        for poses, part in zip(kept, parts, strict=True):
+            np.testing.assert_array_equal(poses.valid[:, poses.index(segment)], part)
     for before, after in zip((first, second), kept, strict=True):
-        others = [i for i, name in enumerate(before.segments) if name not in {one.segment for one in found}]
+        others = [
+            i
+            for i, name in enumerate(before.segments)
+            if name not in {receiver.segment for receiver in loose}
+        ]
         np.testing.assert_array_equal(after.valid[:, others], before.valid[:, others])
         assert after.position_mm is before.position_mm
     assert share_left_out([first, second], kept) == {
@@ -85,8 +84,8 @@ def test_rows_say_what_moved_and_what_was_left_out(left: HandFit) -> None:
     step = np.array([0.0, 8.0, 0.0, 0.1, 0.0, 0.0])
     slid = LooseReceiver("hand", Moment(0, 720, 3.0), Moment(0, 5040, 21.0), step)
     fell = LooseReceiver("ring_middle", Moment(0, 99, np.nan), Moment(0, 99, np.nan), step)
-    found = Unsteady(names, Displaced([slid, fell]), {}, {"hand": 0.25})
-    rows = {row["segment"]: row for row in receiver_rows(tips, found)}
+    unsteady = Unsteady(names, Displaced([slid, fell]), {}, {"hand": 0.25})
+    rows = {row["segment"]: row for row in receiver_rows(tips, unsteady)}
     assert rows["hand"]["message"] == (
         "slid in rom, 2 between 3.0 s and 21.0 s: it moved 8.0 mm and turned 6 deg on its bone; "
         "25 % of its frames were left out"
@@ -95,11 +94,8 @@ def test_rows_say_what_moved_and_what_was_left_out(left: HandFit) -> None:
         "came loose in rom, 2 at frame 99: it moved 8.0 mm and turned 6 deg on its bone; "
         "all of its frames were used, as no joint centre is the worse for it"
     )
-    assert [rows[name]["loose_kind"] for name in ("hand", "ring_middle", "index_middle")] == [
-        "slide",
-        "step",
-        "",
-    ]
+    kinds = [rows[name]["loose_kind"] for name in ("hand", "ring_middle", "index_middle")]
+    assert kinds == ["slide", "step", ""]
     assert (rows["hand"]["loose_from_frame"], rows["hand"]["loose_until_frame"]) == (720, 5040)
     field, place = near_a_tip(left, 6.0)
     near = Unsteady(names, Displaced(field=field), {"little_distal": field.error}, {})

@@ -18,13 +18,11 @@ from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import Poses, recording_name
 
 LAYOUT = read_layout("liberty16")
-X, Y, Z = np.eye(3)
+_, Y, Z = np.eye(3)
 
 
 def thinned(task: str) -> Poses:
-    poses = recorded("right", task, seed=5, n_frames=3600)[1]
-    arrays = ("frame", "time_s", "position_mm", "quaternion", "valid")
-    return replace(poses, **{name: getattr(poses, name)[::12] for name in arrays})
+    return recorded("right", task, seed=5, n_frames=3600)[1].take(slice(None, None, 12))
 
 
 @cache
@@ -44,9 +42,8 @@ def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...
 @pytest.mark.parametrize(
     ("segment", "axis", "deg", "shift_mm", "first"),
     [
-        pytest.param("index_middle", Z, 25.0, (4.0, 4.0, 0.0), 0, marks=pytest.mark.slow),
         ("ring_proximal", Y, 15.0, (3.0, 0.0, 0.0), 150),
-        pytest.param("index_distal", X, 25.0, (0.0, 0.0, 0.0), 0, marks=pytest.mark.slow),
+        pytest.param("index_middle", Z, 25.0, (4.0, 4.0, 0.0), 0, marks=pytest.mark.slow),
         pytest.param("little_distal", Y, 0.0, (0.0, 4.0, 0.0), 0, marks=pytest.mark.slow),
     ],
 )

@@ -8,12 +8,15 @@ from pathlib import Path
 import pytest
 from long_poses import long_poses
 
+from shukotsu.commands.run_stage import STAGES
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 HOUR = 3600 * 240
 MOST_BYTES = 10**9
 
 PEAK = (
-    "import re, sys; from shukotsu.workflow import job; assert job.run(sys.argv[1:]) == 0; "
+    "import re, sys; from shukotsu.command_line import run_script; "
+    "assert run_script(sys.argv[1], sys.argv[2:]) == 0; "
     "print(re.search(r'VmHWM:\\s+(\\d+)', open('/proc/self/status').read())[1])"
 )
 
@@ -22,7 +25,7 @@ def peak_bytes(stage: str, *argv: object) -> int:
     """Run a stage under paper-fig4 in a process of its own; the most memory that it held."""
     words = [*map(str, argv), "--layout", "liberty16", "--model", "paper-fig4"]
     finished = subprocess.run(
-        [sys.executable, "-c", PEAK, f"shukotsu.{stage}", *words],
+        [sys.executable, "-c", PEAK, STAGES / f"{stage}.py", *words],
         env=os.environ | {"PYTHONPATH": str(REPOSITORY), "OMP_NUM_THREADS": "1"},
         check=True,
         capture_output=True,

@@ -36,10 +36,7 @@ def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
         ("planes: {parallel_limit_deg: 91}", r"planes\.parallel_limit_deg: is 91; expected at most 90$"),
         ("planes: {parallel_limit_deg: .nan}", r"planes\.parallel_limit_deg: is nan; expected a finite"),
         ("metacarpals: {rest_direction: [1, -.inf, 0]}", r"rest_direction\.1: is -inf; expected a finite"),
-        (
-            "metacarpals: {rest_direction: [1, 0]}",
-            r"metacarpals\.rest_direction: has 2; expected at least 3: Where",
-        ),
+        ("metacarpals: {rest_direction: [1, 0]}", r"metacarpals\.rest_direction: has 2; expected at least 3"),
         ("planes:", "planes: is empty; expected a group, lines of `key: value`$"),
         ("own_cmc: [a, a]", r'own_cmc: is \["a", "a"\], which names one thing twice$'),
         ("description: again", "not valid YAML: the key 'description' is given twice .*line 3"),
@@ -70,12 +67,11 @@ def test_a_name_that_ships_or_a_path(tmp_path: Path) -> None:
 
 
 def _properties(schema: Any) -> list[tuple[str, dict[str, Any]]]:
-    if isinstance(schema, list):
-        return [found for part in schema for found in _properties(part)]
-    if not isinstance(schema, dict):
+    if not isinstance(schema, dict | list):
         return []
-    own = list(schema.get("properties", {}).items())
-    return own + [found for part in schema.values() for found in _properties(part)]
+    parts = schema if isinstance(schema, list) else [*schema.values()]
+    named = [] if isinstance(schema, list) else [*schema.get("properties", {}).items()]
+    return named + [pair for part in parts for pair in _properties(part)]
 
 
 @pytest.mark.parametrize("kind", ["study", "layout", "model", "mapping"])
@@ -96,8 +92,8 @@ TWO_VERSIONS = {**dict(zip(TEXTS, TEXTS, strict=True)), **VALUES, **WORDS}
 def test_yaml_is_read_as_1_2_and_written_for_both_versions() -> None:
     """Written by us, a text is that text to a reader of YAML 1.1, too."""
     for text, value in TWO_VERSIONS.items():
-        found = loaded_yaml(f"key: {text}", "a.yaml")["key"]
-        assert (found, type(found)) == (value, type(value)), text
+        loaded = loaded_yaml(f"key: {text}", "a.yaml")["key"]
+        assert (loaded, type(loaded)) == (value, type(value)), text
         assert loaded_yaml(yaml_text({"key": value}), "a.yaml") == {"key": value}
         assert yaml.safe_load(yaml_text({"key": value})) == {"key": value}
     for text in TWO_VERSIONS:

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 import yaml
+from small_study import put
 
 from shukotsu.errors import InputError
 from shukotsu.study.config_files import shipped
@@ -23,20 +24,6 @@ FINGER: dict[str, Any] = {
 }
 
 
-def changed(path: str, value: Any) -> dict[str, Any]:
-    """Return the finger with one key, such as joints.mcp.parent, set; None takes it out."""
-    config: dict[str, Any] = yaml.safe_load(yaml.safe_dump(FINGER))
-    *folders, name = path.split(".")
-    part = config
-    for folder in folders:
-        part = part.setdefault(folder, {})
-    if value is None:
-        del part[name]
-    else:
-        part[name] = value
-    return config
-
-
 def read(tmp_path: Path, config: dict[str, Any]) -> Layout:
     (tmp_path / "finger.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
     return read_layout("finger.yaml", tmp_path)
@@ -44,11 +31,8 @@ def read(tmp_path: Path, config: dict[str, Any]) -> Layout:
 
 def test_smaller_layouts_are_the_hand_with_fewer_receivers() -> None:
     hand = read_layout("liberty16")
-    tips = [digit.tip for digit in hand.digits.values()]
-    for name, worn in (
-        ("tips-and-hand", {"hand", *tips}),
-        ("two-hands-7", {"hand", "thumb_metacarpal", *tips}),
-    ):
+    tips = {"hand", *(digit.tip for digit in hand.digits.values())}
+    for name, worn in (("tips-and-hand", tips), ("two-hands-7", tips | {"thumb_metacarpal"})):
         layout = read_layout(name)
         assert layout.is_as(hand)
         assert hand.is_as(layout)
@@ -79,16 +63,10 @@ def test_liberty16_is_a_hand() -> None:
 def test_a_plane_is_the_childs_lateral_one_unless_told(tmp_path: Path) -> None:
     plane = read(tmp_path, FINGER).joints["mcp"].plane
     assert (plane.frame, plane.point_mm, plane.normal) == ("child", (0, 0, 0), (0, 1, 0))
-    config = changed("joints.mcp.plane", {"frame": "parent", "point_mm": [1, 2, 3]})
+    config = put(FINGER, "joints.mcp.plane", {"frame": "parent", "point_mm": [1, 2, 3]})
     config["segments"]["hand"]["receiver_axes"] = {"lateral": [0, 0, 1], "dorsal": [0, -1, 0]}
     plane = read(tmp_path, config).joints["mcp"].plane
     assert (plane.frame, plane.point_mm, plane.normal) == ("parent", (1, 2, 3), (0, 0, 1))
-
-
-def test_a_wrist_that_was_measured(tmp_path: Path) -> None:
-    wrist = read(tmp_path, changed("wrist.point_mm", [-30, 1, -15])).wrist
-    assert wrist is not None
-    assert wrist.point_mm == (-30.0, 1.0, -15.0)
 
 
 @pytest.mark.parametrize(
@@ -121,15 +99,15 @@ def test_a_wrist_that_was_measured(tmp_path: Path) -> None:
 )
 def test_a_contradiction_is_refused(tmp_path: Path, path: str, value: Any, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
-        read(tmp_path, changed(path, value))
+        read(tmp_path, put(FINGER, path, value))
     assert str(caught.value).startswith(str(tmp_path / "finger.yaml"))
 
 
 def test_what_is_asked_of_a_joint_goes_by_the_limb(tmp_path: Path) -> None:
     """A hand is known by its wrist or by its fingers' names; a layout may ask for anything."""
-    asked = {name: read_layout(name).wanted_mm for name in shipped("layout")}
-    assert asked.pop("arm") == 10.0
-    assert {*asked.values()} == {2.0}
+    wanted_mm = {name: read_layout(name).wanted_mm for name in shipped("layout")}
+    assert wanted_mm.pop("arm") == 10.0
+    assert {*wanted_mm.values()} == {2.0}
     assert read(tmp_path, FINGER).wanted_mm == 2.0
     assert read(tmp_path, FINGER | {"wanted_mm": 0.5}).wanted_mm == 0.5
     knee = {name: FINGER[name] for name in ("layout", "description")}

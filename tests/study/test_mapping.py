@@ -1,12 +1,12 @@
 """Mappings: the guide's examples load, and what does not belong together is refused by name."""
 
-import copy
 import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from small_study import put
 
 from shukotsu.errors import InputError
 from shukotsu.study.mapping import FileMapping, mapping_from_config, read_mapping
@@ -42,28 +42,14 @@ def test_the_guides_mappings_are_mappings(tmp_path: Path, text: str) -> None:
     assert mapping.format == yaml.safe_load(text)["format"]
 
 
-def put(base: dict[str, Any], place: str, value: Any) -> dict[str, Any]:
-    """The mapping with one key, by its dotted place, set, or with None taken out."""
-    made = copy.deepcopy(base)
-    *groups, last = place.split(".")
-    inner = made
-    for group in groups:
-        inner = inner.setdefault(group, {})
-    if value is None:
-        del inner[last]
-    else:
-        inner[last] = value
-    return made
+def check(config: dict[str, Any]) -> FileMapping:
+    return mapping_from_config(config, "mapping.yaml")
 
 
-def check(told: dict[str, Any]) -> FileMapping:
-    return mapping_from_config(told, "mapping.yaml")
-
-
-@pytest.mark.parametrize("told", [WIDE, LONG, C3D])
-def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any]) -> None:
-    mapping = check(told)
-    assert mapping.mm_per_unit == {"cm": 10, "m": 1000, "mm": 1}[told["position_unit"]]
+@pytest.mark.parametrize("config", [WIDE, LONG, C3D])
+def test_defaults_are_filled_in_and_units_become_millimetres(config: dict[str, Any]) -> None:
+    mapping = check(config)
+    assert mapping.mm_per_unit == {"cm": 10, "m": 1000, "mm": 1}[config["position_unit"]]
     assert mapping.fixed == ()
     if mapping.orientation is not None:
         assert mapping.orientation["rotates"] == "receiver-to-transmitter"
@@ -71,7 +57,7 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
 
 
 @pytest.mark.parametrize(
-    ("told", "message"),
+    ("config", "message"),
     [
         (put(put(WIDE, "rate_hz", "CHECK"), "orientation.order", "CHECK"),
          "orientation.order, rate_hz still say CHECK: put the truth there"),
@@ -126,8 +112,8 @@ def test_defaults_are_filled_in_and_units_become_millimetres(told: dict[str, Any
         (put(C3D, "c3d.first_frame", 0), "c3d.first_frame: is 0; expected at least 1"),
     ],
 )  # fmt: skip
-def test_what_does_not_belong_together_is_refused(told: dict[str, Any], message: str) -> None:
+def test_what_does_not_belong_together_is_refused(config: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)) as caught:
-        check(told)
+        check(config)
     assert str(caught.value).startswith("mapping.yaml: ")
     assert "\n" not in str(caught.value)

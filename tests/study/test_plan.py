@@ -59,10 +59,9 @@ def test_what_is_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (read.study, read.subject, read.folder) == ("test", "01", Path("study/results/sub-01"))
     assert (read.hand_length_mm, read.hand_breadth_mm) == (190.5, None)
     assert [r.name for r in read.recordings] == ["rom", "opposition_1", "rom"]
-    own = study.of_session("01").recordings
-    for found, given in zip(read.recordings, own, strict=True):
-        assert (found.hand, found.role, found.exclude) == (given.hand, given.role, given.exclude)
-        assert found.file == Path("study") / given.file_as_written
+    for recording, row in zip(read.recordings, study.of_session("01").recordings, strict=True):
+        assert (recording.hand, recording.role, recording.exclude) == (row.hand, row.role, row.exclude)
+        assert recording.file == Path("study") / row.file_as_written
     assert read.layouts == {hand: read_layout("liberty16") for hand in (RIGHT, LEFT)}
     assert list(read.models.values()) == [read_model("rigid"), read_model("whole-hand")]
     (correction,), (measurement,) = read.corrections, read.measurements
@@ -142,8 +141,6 @@ def test_what_is_no_plan_is_refused(tmp_path: Path, spoil: Any, message: str) ->
         read_plan(path)
 
 
-# --- which recording serves which purpose -----------------------------------------------------------------
-
 ROLES = ("01 right a calibration a.csv", "01 right b both b.csv", "01 right c evaluation c.csv")
 
 
@@ -191,11 +188,8 @@ def test_tasks_that_are_left_out_in_turn(
     for task, used in left_out.items():
         assert tasks(read.calibrating(RIGHT, model, task)) == used
         assert tasks(read.evaluated(RIGHT, task)) == task
-    own = [part for part in read.parts(model) if part.hand == RIGHT]
-    assert own == [Part(RIGHT, model, task, "01") for task in ("", *left_out)]
-
-
-# --- a hand alone -----------------------------------------------------------------------------------------
+    parts = [part for part in read.parts(model) if part.hand == RIGHT]
+    assert parts == [Part(RIGHT, model, task, "01") for task in ("", *left_out)]
 
 
 def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(tmp_path: Path) -> None:
@@ -205,5 +199,5 @@ def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(
         row = {"subject": "01", "session": "", "hand": "left", "task": "grip", "trial": ""}
         row |= worded("units", severity, "In inch.").columns
         write_table(plan.table("findings"), FINDINGS, columns_from_rows(FINDINGS, [row]), Provenance())
-        found = plan.checked(plan.table("findings"))
-        assert (found.doubted("left"), found.doubted("right")) == (doubted, "")
+        checked = plan.checked(plan.table("findings"))
+        assert (checked.doubted("left"), checked.doubted("right")) == (doubted, "")

@@ -66,12 +66,12 @@ def test_a_suspect_hand_judges_nothing_and_says_what_else_is_known() -> None:
 
 @given(sizes, sizes, nullable, nullable, st.floats(0.5, 20.0), st.lists(kinds, max_size=2))
 def test_a_smaller_error_without_more_against_it_is_never_judged_worse(
-    one_mm: float, other_mm: float, gap_mm: float | None, range_deg: float | None, wanted_mm: float, more: Any
+    sd_mm: float, other_mm: float, gap_mm: float | None, range_deg: float | None, wanted_mm: float, more: Any
 ) -> None:
-    small, large = sorted((one_mm, other_mm))
+    small, large = sorted((sd_mm, other_mm))
     row = ROW | {"gap_rms_mm": gap_mm, "range_deg": range_deg}
     better, worse = (
-        judged_joint(row | {"sd_mm": sd} | noted({kind: {} for kind in own}), wanted_mm)["verdict"]
-        for sd, own in ((small, []), (large, more))
+        judged_joint(row | {"sd_mm": sd} | noted({kind: {} for kind in doubts}), wanted_mm)["verdict"]
+        for sd, doubts in ((small, []), (large, more))
     )
     assert VERDICTS.index(better) <= VERDICTS.index(worse)

@@ -76,13 +76,16 @@ def test_what_changed_since_the_last_run_is_named() -> None:
     assert again.changes("another", {"a": "1"}) == []
 
 
-def test_a_program_is_its_version_and_in_a_checkout_its_files(tmp_path: Path) -> None:
-    module = tmp_path / "shukotsu" / "a.py"
-    module.parent.mkdir()
-    module.write_text("x = 1\n")
-    assert program_digest(module.parent) == VERSION
-    (tmp_path / "Snakefile").touch()
-    before = program_digest(module.parent)
-    module.write_text("x = 2\n")
-    assert before.startswith(f"{VERSION} ")
-    assert program_digest(module.parent) not in (VERSION, before)
+def test_a_program_is_its_version_and_in_a_checkout_its_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(file_digests, "IN_CHECKOUT", False)
+    assert program_digest(tmp_path) == VERSION
+    monkeypatch.setattr(file_digests, "IN_CHECKOUT", True)
+    (tmp_path / "stages").mkdir()
+    digests = set()
+    for text in ("x = 1", "x = 2"):
+        (tmp_path / "stages/a.py").write_text(text)
+        digests.add(program_digest(tmp_path))
+    assert len(digests) == 2
+    assert all(digest.startswith(f"{VERSION} ") for digest in digests)

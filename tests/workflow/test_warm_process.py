@@ -7,29 +7,45 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import psutil
 import pytest
 
+from shukotsu import job
 from shukotsu.__main__ import main as capture
+from shukotsu.commands.run_stage import STAGES
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
-from shukotsu.workflow import job, warm_process
+from shukotsu.workflow import warm_process
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-JOB = (sys.executable, "-m", "shukotsu.workflow.job")
-HELP = ("shukotsu.paper", "--help")
-WAITING = "tests.workflow.waiting_job"
+
+WAITING = Path(__file__).with_name("waiting_job.py")
+SOLVE = STAGES / "solve_joints.py"
 LIGHT = (
     "import socket, sys; from shukotsu.workflow import warm_process as w; "
     "w.PACKAGES = ['shukotsu.paper']; w.serve(socket.socket(fileno=int(sys.argv[1])))"
 )
-"""A warm process that imports one stage, not all."""
+"""A warm process that imports one room, not all."""
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the warm process is for Linux")
+
+
+def wait_for(true: Callable[[], object]) -> None:
+    """Wait as long as the suite's own time limit lets it."""
+    while not true():
+        time.sleep(0.02)
+
+
+def done(folder: Path, *words: object, script: Path = SOLVE, address: str | None = None) -> tuple[int, str]:
+    """Run a stage's script to its end; return its exit code and its log."""
+    environment = os.environ | ({} if address is None else {job.ADDRESS: address})
+    argv = [sys.executable, script, *map(str, words)]
+    ended = subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    return ended.returncode, ended.stderr
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +67,7 @@ def warm() -> Iterator[psutil.Process]:
         whole = subprocess.Popen
         with patch.context() as light:
             words = [sys.executable, "-c", LIGHT]
-            light.setattr(subprocess, "Popen", lambda own, **options: whole([*words, own[-1]], **options))
+            light.setattr(subprocess, "Popen", lambda argv, **how: whole([*words, argv[-1]], **how))
             started = warm_process.start()
         assert started is not None
         yield psutil.Process(started.pid)
@@ -64,59 +80,25 @@ def forks(warm: psutil.Process) -> list[psutil.Process]:
     return [fork for fork in warm.children() if fork.status() != psutil.STATUS_ZOMBIE]
 
 
-def done(
-    words: Sequence[object], folder: Path, *, address: str | None = None
-) -> subprocess.CompletedProcess[str]:
-    environment = os.environ | ({} if address is None else {job.ADDRESS: address})
-    argv = [*JOB, *map(str, words)]
-    return subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True)
-
-
-def solve(poses: Path, model: str = "rigid") -> list[object]:
-    options = ["--poses", poses, "--layout=liberty16", f"--model={model}"]
-    return ["shukotsu.paper", *options, "--out=joints.parquet"]
-
-
-def wait_for(true: Callable[[], object]) -> None:
-    """Wait as long as the suite's own time limit lets it."""
-    while not true():
-        time.sleep(0.02)
-
-
 def test_a_fork_writes_the_same_bytes_into_the_folder_of_its_client(
     warm: psutil.Process, poses: Path, tmp_path: Path
 ) -> None:
+    """It prints nothing, and a refusal or a bug is what it is in a process of its own."""
     addresses = {"warm": None, "cold": str(tmp_path / "nobody")}
+    options = ["--poses", poses, "--layout=liberty16", "--out=joints.parquet"]
     for name, address in addresses.items():
         (tmp_path / name).mkdir()
-        finished = done(solve(poses), tmp_path / name, address=address)
-        assert (finished.returncode, finished.stderr) == (0, "")
+        assert done(tmp_path / name, *options, "--model=rigid", address=address) == (0, "")
     first, second = ((tmp_path / name / "joints.parquet").read_bytes() for name in addresses)
     assert first == second
-    assert warm.is_running()
-
-
-@pytest.mark.usefixtures("warm")
-def test_a_fork_that_has_answered_prints_nothing_more(tmp_path: Path) -> None:
-    """The client closes the line at once when it is answered, which must not look like an order to end."""
-    printed = {done(HELP, tmp_path).stderr for _ in range(4)}
-    assert printed == {""}
-
-
-@pytest.mark.usefixtures("warm")
-def test_bad_input_is_the_same_sentence_and_exit_code(poses: Path, tmp_path: Path) -> None:
-    finished = done(solve(poses, "rigd"), tmp_path)
-    assert finished.returncode == 2
-    assert "did you mean 'rigid'" in finished.stderr
-    assert "Traceback" not in finished.stderr
-    assert done(HELP, tmp_path).returncode == 0
-    assert done(["shukotsu.paper"], tmp_path).returncode == 2
-
-
-def test_a_bug_is_a_traceback_in_the_clients_log(warm: psutil.Process, tmp_path: Path) -> None:
-    finished = done(["shukotsu.nothing_of_that_name"], tmp_path)
-    assert finished.returncode == 1
-    assert "ModuleNotFoundError" in finished.stderr
+    code, log = done(tmp_path, *options, "--model=rigd")
+    assert (code, log.count("\n")) == (2, 1)
+    assert "did you mean 'rigid'" in log
+    broken = tmp_path / "broken.py"
+    broken.write_text(WAITING.read_text().replace("del argv", "del nothing"))
+    code, log = done(tmp_path, script=broken)
+    assert code == 1
+    assert "UnboundLocalError" in log
     assert warm.is_running()
 
 
@@ -124,7 +106,7 @@ def test_a_bug_is_a_traceback_in_the_clients_log(warm: psutil.Process, tmp_path:
 def waiting(warm: psutil.Process, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """A job that has begun, and waits for the end of its input to end with 7."""
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
-    with subprocess.Popen([*JOB, WAITING, "7"], cwd=tmp_path, text=True, **pipes) as client:
+    with subprocess.Popen([sys.executable, WAITING], cwd=tmp_path, text=True, **pipes) as client:
         assert client.stdout is not None
         assert client.stdout.readline() == "begun\n"
         wait_for(lambda: len(forks(warm)) == 1)
@@ -150,59 +132,33 @@ def test_a_fork_that_is_killed_is_a_failed_job(warm: psutil.Process, waiting: su
     assert waiting.returncode == job.KILLED
 
 
-@pytest.fixture
-def short_folder() -> Iterator[Path]:
-    """A folder whose path leaves room for a socket's (107 bytes)."""
-    with tempfile.TemporaryDirectory() as name:
-        yield Path(name)
-
-
-ORPHAN = f"""
-import sys, threading, time
-from shukotsu.workflow import job, warm_process
-process = warm_process.start()
-print(process.pid, flush=True)
-threading.Thread(target=job.run_in_fork, args=(["{WAITING}"],), daemon=True).start()
+ORPHAN = """
+import subprocess, sys, time
+from shukotsu.workflow import warm_process
+print(warm_process.start().pid, flush=True)
+subprocess.Popen([sys.executable, sys.argv[1]])
 time.sleep(600)
 """
 
 
 @pytest.mark.slow
-def test_jobs_end_with_a_workflow_that_is_killed(short_folder: Path) -> None:
-    """Its next run must not find them writing its files."""
-    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "TMPDIR": str(short_folder)}
-    environment.pop(job.ADDRESS, None)
-    words = [sys.executable, "-c", ORPHAN]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-    with subprocess.Popen(words, env=environment, text=True, **pipes) as workflow:
-        assert workflow.stdout is not None
-        warm = psutil.Process(int(workflow.stdout.readline()))
-        assert workflow.stdout.readline() == "begun\n"
-        (fork,) = forks(warm)
-        keeper = os.dup(workflow.stdin.fileno())  # type: ignore[union-attr] # the job itself would wait on
-        workflow.kill()
-        workflow.wait()
-        wait_for(lambda: not fork.is_running())
-        os.close(keeper)
-
-
-def test_a_job_of_a_workflow_that_has_ended_is_not_begun(tmp_path: Path) -> None:
-    finished = done(HELP, tmp_path, address=str(tmp_path / "removed" / "jobs"))
-    assert finished.returncode == job.KILLED
-    assert finished.stderr == "error: the workflow that started this job was killed\n"
-
-
-@pytest.mark.slow
-def test_it_ends_with_who_started_it(short_folder: Path) -> None:
-    """Also where that is killed; then, too, it leaves nothing behind."""
-    code = "import time; from shukotsu.workflow import warm_process as w; print(w.start().pid, flush=True); "
-    environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "TMPDIR": str(short_folder)}
-    environment.pop(job.ADDRESS, None)
-    words = [sys.executable, "-c", code + "time.sleep(60)"]
-    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as starting:
-        assert starting.stdout is not None
-        process = psutil.Process(int(starting.stdout.readline()))
-        starting.kill()
-        starting.stdout.close()
-    wait_for(lambda: not process.is_running())
-    assert not list(short_folder.iterdir())
+def test_jobs_end_with_a_workflow_that_is_killed() -> None:
+    """Its next run must not find them writing its files; nothing is left behind, and no job is begun."""
+    with tempfile.TemporaryDirectory() as name:  # short enough for a socket's path (107 bytes)
+        environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "TMPDIR": name}
+        environment.pop(job.ADDRESS, None)
+        words = [sys.executable, "-c", ORPHAN, str(WAITING)]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        with subprocess.Popen(words, env=environment, text=True, **pipes) as workflow:
+            assert workflow.stdout is not None
+            warm = psutil.Process(int(workflow.stdout.readline()))
+            assert workflow.stdout.readline() == "begun\n"
+            (fork,) = forks(warm)
+            keeper = os.dup(workflow.stdin.fileno())  # type: ignore[union-attr] # the job itself would wait on
+            workflow.kill()
+            workflow.wait()
+            wait_for(lambda: not fork.is_running() and not warm.is_running())
+            os.close(keeper)
+        assert not list(Path(name).iterdir())
+        killed = job.KILLED, "error: the workflow that started this job was killed\n"
+        assert done(Path(name), "--help", address=str(Path(name, "removed", "jobs"))) == killed

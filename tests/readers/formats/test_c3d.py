@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from poses_columns import solved
-from recording_files import ARM, of, read, refuse
+from recording_files import ARM, of, read, refuse, write_c3d
 
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import angle, conjugate, matrix, multiply, unit
@@ -26,17 +26,7 @@ CLUSTER = {"markers": ["H1", "H2", "H3"]}
 
 
 def write(path: Path, points: np.ndarray = MARKERS, first: int = 101) -> Path:
-    """Write a C3D file with markers H1 to H3 at 50 Hz."""
-    import ezc3d
-
-    file = ezc3d.c3d()
-    file["parameters"]["POINT"]["RATE"]["value"] = [50.0]
-    file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
-    file["parameters"]["POINT"]["LABELS"]["value"] = ["H1", "H2", "H3"]
-    file["data"]["points"] = np.concatenate([points, np.ones((*points.shape[:2], 1))], -1).transpose(2, 1, 0)
-    file["header"]["points"]["first_frame"] = first - 1
-    file.write(str(path))
-    return path
+    return write_c3d(path, points, ["H1", "H2", "H3"], first)
 
 
 def config(receiver: dict[str, Any] = CLUSTER, segment: str = "hand", **keys: Any) -> dict[str, Any]:

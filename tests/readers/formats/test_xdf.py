@@ -2,7 +2,6 @@
 
 import gzip
 import struct
-from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import recording_files
+from event_files import TYPES, pose_stream, xdf_chunk, xdf_header, xdf_of
 from recording_files import LIBERTY
 
 from shukotsu.errors import InputError
@@ -18,69 +18,19 @@ from shukotsu.tables import xdf_streams
 
 Array = npt.NDArray[np.float64]
 
-TYPES = [f"Position{axis}" for axis in "XYZ"] + [f"Orientation{part}" for part in "ABCD"]
-
-
-def chunk(tag: int, content: bytes) -> bytes:
-    length = 2 + len(content)
-    head = struct.pack("<BB", 1, length) if length < 256 else struct.pack("<BI", 4, length)
-    return head + struct.pack("<H", tag) + content
-
-
-def header(
-    owners: list[str],
-    name: str = "tracker",
-    kind: str = "MoCap",
-    unit: str = "meters",
-    types: list[str] = TYPES,
-    field: str = "marker",
-    number: str = "double64",
-) -> bytes:
-    channels = "".join(
-        f"<channel><label>{owner}_{kind}</label><{field}>{owner}</{field}><type>{kind}</type>"
-        f"<unit>{unit if kind.startswith('Position') else ''}</unit></channel>"
-        for owner in owners
-        for kind in types
-    )
-    return (
-        f"<info><name>{name}</name><type>{kind}</type>"
-        f"<channel_count>{len(owners) * len(types)}</channel_count>"
-        f"<nominal_srate>240</nominal_srate><channel_format>{number}</channel_format>"
-        f"<desc><channels>{channels}</channels></desc></info>"
-    ).encode()
-
-
-def stream(
-    number: int, head: bytes, time_s: Array, values: Array, offsets: Sequence[tuple[float, float]] = ()
-) -> bytes:
-    """A stream's chunks: header, samples two a chunk, clock offsets, footer; a NaN time is left out."""
-    of = struct.pack("<I", number)
-    data = chunk(2, of + head)
-    code = "<f4" if b"float32" in head else "<f8"
-    for start in range(0, len(time_s), 2):
-        samples = b""
-        rows = range(start, min(start + 2, len(time_s)))
-        for row in rows:
-            stamp = b"\0" if np.isnan(time_s[row]) else struct.pack("<Bd", 8, time_s[row])
-            samples += stamp + values[row].astype(code).tobytes()
-        data += chunk(3, of + struct.pack("<BB", 1, len(rows)) + samples)
-    for offset in offsets:
-        data += chunk(4, of + struct.pack("<dd", *offset))
-    footer = f"<info><sample_count>{len(time_s)}</sample_count></info>".encode()
-    return data + chunk(6, of + footer)
-
-
-def xdf(*streams: bytes) -> bytes:
-    return b"XDF:" + chunk(1, b"<info><version>1.0</version></info>") + b"".join(streams)
-
-
 TIMES = np.array([100.0, 100.004, 100.0075, 100.0125, 100.017])
 POSE = np.array([0.1, -0.02, 0.3, 0.6, 0.0, 0.8, 0.0])
 VALUES = np.tile([*POSE, *POSE], (5, 1))
 VALUES[:, 0] += np.arange(5) / 8
 VALUES[3, 7:] = np.nan
+
+
+def file_of(head: bytes, time_s: Array = TIMES, values: Array = VALUES) -> bytes:
+    return xdf_of(pose_stream(1, head, time_s, values))
+
+
 TWO = ["hand", "index_distal"]
-PLAIN = xdf(stream(1, header(TWO), TIMES, VALUES))
+PLAIN = file_of(xdf_header(TWO))
 
 
 def read(tmp_path: Path, data: bytes, mapping: dict[str, object] | None = None) -> Samples:
@@ -98,9 +48,9 @@ def test_a_header_cannot_declare_what_unfolds(tmp_path: Path) -> None:
     names = "abcdefghij"
     entities = "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in pairwise(names))
     bomb = f'<!DOCTYPE info [<!ENTITY a "0123456789">{entities}]>'.encode()
-    head = header(TWO).replace(b"<name>tracker</name>", b"<name>&j;</name>")
+    head = xdf_header(TWO).replace(b"<name>tracker</name>", b"<name>&j;</name>")
     with pytest.raises(InputError, match="is damaged: pyxdf cannot read it"):
-        read(tmp_path, xdf(stream(1, bomb + head, TIMES, VALUES)))
+        read(tmp_path, xdf_of(pose_stream(1, bomb + head, TIMES, VALUES)))
 
 
 def test_a_packed_file_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,8 +63,8 @@ def test_a_packed_file_that_unpacks_to_too_much(tmp_path: Path, monkeypatch: pyt
 @pytest.mark.parametrize("field", ["marker", "object"])
 def test_poses_times_and_gaps_come_through(tmp_path: Path, field: str) -> None:
     """Also beside streams of other types, and with one number of bytes or another."""
-    other = stream(9, header(["eeg"], "cap", "EEG", types=["EEG"]), TIMES, VALUES[:, :1])
-    samples = read(tmp_path, xdf(other, stream(1, header(TWO, field=field), TIMES, VALUES)))
+    other = pose_stream(9, xdf_header(["eeg"], "cap", "EEG", types=["EEG"]), TIMES, VALUES[:, :1])
+    samples = read(tmp_path, xdf_of(other, pose_stream(1, xdf_header(TWO, field=field), TIMES, VALUES)))
     assert [samples.segments[i] for i in samples.segment] == ["hand"] * 5 + ["index_distal"] * 5
     np.testing.assert_array_equal(samples.frame, [*range(5)] * 2)
     np.testing.assert_array_equal(samples.time_s, [*TIMES] * 2)
@@ -135,7 +85,7 @@ def test_poses_times_and_gaps_come_through(tmp_path: Path, field: str) -> None:
 def test_times_follow_the_rate_and_the_clock_and_jitter_stays(
     tmp_path: Path, stamps: Array, offsets: list[tuple[float, float]], time_s: Array
 ) -> None:
-    samples = read(tmp_path, xdf(stream(1, header(TWO), np.array(stamps), VALUES, offsets)))
+    samples = read(tmp_path, xdf_of(pose_stream(1, xdf_header(TWO), np.array(stamps), VALUES, offsets)))
     np.testing.assert_allclose(samples.time_s[:5], time_s, rtol=0, atol=1e-9)
 
 
@@ -144,7 +94,7 @@ MAPPING = {
     "position_unit": "m",
     "receivers": {"hand": {"value": "RB 1"}, "thumb_distal": {"value": "2"}},
 }
-NAMED = xdf(stream(1, header(["RB 1", "2"]), TIMES, VALUES))
+NAMED = file_of(xdf_header(["RB 1", "2"]))
 
 
 def test_a_mapping_says_which_marker_is_which_segment(tmp_path: Path) -> None:
@@ -168,27 +118,39 @@ EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
     [
         (b"", "is no XDF file"),
         (b"PK\x03\x04", "is no XDF file"),
-        (xdf(), "has no stream of type MoCap; it has no stream at all"),
-        (xdf(stream(1, header(["a"], "cap", "EEG"), TIMES, VALUES[:, :7])), r"it has cap \(EEG\)"),
-        (xdf(stream(1, header(TWO), TIMES[:0], VALUES[:0])), "has no samples"),
-        (xdf(stream(1, header(TWO, unit="feet"), TIMES, VALUES)), "unit: is 'feet'; expected meters"),
-        (xdf(stream(1, header(TWO, unit=""), TIMES, VALUES)), "has no unit; say position_unit"),
-        (xdf(stream(1, header(["hand"], types=EULER), TIMES, VALUES[:, :6])), "has angles"),
+        (xdf_of(), "has no stream of type MoCap; it has no stream at all"),
         (
-            xdf(stream(1, header(["hand"], types=TYPES[:6]), TIMES, VALUES[:, :6])),
+            file_of(xdf_header(["a"], "cap", "EEG"), TIMES, VALUES[:, :7]),
+            r"it has cap \(EEG\)",
+        ),
+        (file_of(xdf_header(TWO), TIMES[:0], VALUES[:0]), "has no samples"),
+        (
+            file_of(xdf_header(TWO, unit="feet")),
+            "unit: is 'feet'; expected meters",
+        ),
+        (file_of(xdf_header(TWO, unit="")), "has no unit; say position_unit"),
+        (file_of(xdf_header(["hand"], types=EULER), TIMES, VALUES[:, :6]), "has angles"),
+        (
+            file_of(xdf_header(["hand"], types=TYPES[:6]), TIMES, VALUES[:, :6]),
             "no channels of type OrientationD",
         ),
-        (xdf(stream(1, header(["hand", "hand"]), TIMES, VALUES)), "has 2 channels of type PositionX"),
-        (xdf(stream(1, header(TWO, number="string"), TIMES, VALUES)), "holds string; expected numbers"),
         (
-            xdf(stream(1, header(TWO[:1]).replace(b">7<", b">14<"), TIMES, VALUES)),
+            file_of(xdf_header(["hand", "hand"])),
+            "has 2 channels of type PositionX",
+        ),
+        (
+            file_of(xdf_header(TWO, number="string")),
+            "holds string; expected numbers",
+        ),
+        (
+            file_of(xdf_header(TWO[:1]).replace(b">7<", b">14<")),
             "has 14 channels, but its header describes 7",
         ),
         (PLAIN.replace(b"<nominal_srate>240<", b"<nominal_srate>abc<"), "is damaged: pyxdf cannot read it"),
         (PLAIN.replace(b"<info><name>", b"<info><nome>"), "is damaged: pyxdf cannot read it"),
         (PLAIN.replace(b"<channel_count>14<", b"<channel_count>15<"), "stream tracker: is damaged"),
-        (PLAIN + chunk(2, struct.pack("<I", 1) + header(TWO)), "a stream begins again"),
-        (PLAIN + chunk(4, struct.pack("<Id", 1, 1.0)), "is damaged: pyxdf cannot read it"),
+        (PLAIN + xdf_chunk(2, struct.pack("<I", 1) + xdf_header(TWO)), "a stream begins again"),
+        (PLAIN + xdf_chunk(4, struct.pack("<Id", 1, 1.0)), "is damaged: pyxdf cannot read it"),
     ],
 )
 def test_what_is_refused(tmp_path: Path, data: bytes, message: str) -> None:
@@ -216,7 +178,7 @@ def test_a_recording_that_was_not_ended_is_read_and_noted(
 
 def test_streams_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
     """The sentence says the numbers."""
-    data = xdf(*(stream(number, header(TWO), TIMES + number, VALUES) for number in (4, 7)))
+    data = xdf_of(*(pose_stream(number, xdf_header(TWO), TIMES + number, VALUES) for number in (4, 7)))
     refuse(
         tmp_path,
         data,
