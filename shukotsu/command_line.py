@@ -36,9 +36,9 @@ are added up in one order, whatever the machine has, and small matrices gain not
 
 
 def parser(
-    program: str, description: str, example: str, *, records_failure: bool = True
+    program: str, description: str, example: str, *, records_failure: bool | None = None
 ) -> argparse.ArgumentParser:
-    """Return a parser in the house's style: what it does, an example, one way to record failures."""
+    """Return a parser in the house's style: what it does, an example, a stage's way to record failures."""
     built = argparse.ArgumentParser(
         prog=program,
         description=description,
@@ -48,7 +48,7 @@ def parser(
     )
     built.register("type", Path, _path)
     built.set_defaults(stage=program.removeprefix("shukotsu stage "))
-    if records_failure:
+    if program.startswith("shukotsu stage ") if records_failure is None else records_failure:
         built.add_argument(
             "--record-failure",
             action="store_true",

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from shukotsu.coach.estimate import CoachedHand
+from shukotsu.coach.coach import CoachedHand
 from shukotsu.errors import InputError
 from shukotsu.fit.measurements import Measurement
 from shukotsu.hand.known_digits import no_whole_hand

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu import command_line
-from shukotsu.commands.study_file import USUAL
+from shukotsu.commands import USUAL
 from shukotsu.errors import InputError
 from shukotsu.tables.text_files import reading
 
@@ -27,7 +27,6 @@ def build_parser() -> argparse.ArgumentParser:
         "measurements on the hand would gain most.",
         "shukotsu check study.yaml\n  shukotsu check rom.csv --hand right\n  "
         "shukotsu check lab.csv --hand right --mapping mapping.yaml",
-        records_failure=False,
     )
     parser.add_argument(
         "file", nargs="?", type=Path, default=USUAL, metavar="STUDY_OR_RECORDING", help=f"default: {USUAL}"

@@ -12,24 +12,22 @@ from dataclasses import replace
 from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from shukotsu.commands.study_file import read_files
+from shukotsu.checks.checked_subject import check_subject
+from shukotsu.checks.compared_recordings import copies
+from shukotsu.commands import import_file, read_files
 from shukotsu.errors import InputError, listed
 from shukotsu.study.config_files import CONFIG_FOLDER
+from shukotsu.study.findings import Finding
+from shukotsu.study.plan import SubjectPlan
+from shukotsu.study.study import Recording, columns_handed_on, unmatched_rows
 from shukotsu.tables.line_printer import progress
-
-if TYPE_CHECKING:
-    from shukotsu.study.findings import Finding
-    from shukotsu.study.plan import SubjectPlan
-    from shukotsu.study.study import Recording
-    from shukotsu.workflow.study_files import StudyFiles
+from shukotsu.tables.poses import usable_poses
+from shukotsu.workflow.study_files import StudyFiles, import_options
 
 
 def check_study(path: Path) -> None:
     """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict."""
-    from shukotsu.study.study import columns_handed_on, unmatched_rows
-
     files = read_files(path)
     study = files.study
     counts = f"{len(study.subjects)} subjects, {len(study.recordings)} recordings, {len(study.models)} models"
@@ -63,10 +61,6 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
 
 def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
     """Import every recording into a folder that is removed again; return names and what is to say."""
-    from shukotsu.checks.compared_recordings import copies
-    from shukotsu.commands import import_file
-    from shukotsu.workflow.study_files import import_options
-
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
     findings: list[tuple[str, str]] = []
     digests: list[tuple[Recording, str]] = []
@@ -75,10 +69,7 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
         for plan in plans:
             recordings = [recording for recording in plan.recordings if not recording.exclude]
             poses = {recording: Path(folder, f"{done + n}.parquet") for n, recording in enumerate(recordings)}
-            for (
-                recording,
-                file,
-            ) in poses.items():  # as a run does, be it a table that says why it cannot be read
+            for recording, file in poses.items():  # as a run does, be it a table of why it cannot be read
                 output = io.StringIO()
                 argv = ["--record-failure", *import_options(recording), f"--out={file}"]
                 with redirect_stderr(output), redirect_stdout(output):
@@ -96,9 +87,6 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
 
 def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[tuple[str, str]]:
     """Findings on a subject's recordings, or why one cannot be read; digests of the poses join the others."""
-    from shukotsu.checks.checked_subject import check_subject
-    from shukotsu.tables.poses import usable_poses
-
     findings = [
         (_name(recording), f"cannot be read: {reason}")
         for recording in plan.recordings

@@ -13,8 +13,7 @@ from shukotsu import command_line
 from shukotsu.errors import InputError
 
 if TYPE_CHECKING:
-    from shukotsu.coach.coach import Coach
-    from shukotsu.coach.estimate import CoachedHand
+    from shukotsu.coach.coach import Coach, CoachedHand
     from shukotsu.coach.source import Source
     from shukotsu.tracker.archive import Piece
     from shukotsu.tracker.record.request import StopRequest
@@ -37,7 +36,6 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu coach --replay FILE --speed 4\n"
         "  shukotsu coach --follow FILE --hand left\n"
         "  shukotsu coach --port /dev/ttyUSB0 --study study.yaml --subject 03 -- --hemisphere 0,0,1",
-        records_failure=False,
     )
     add = parser.add_argument
     add("--port", help="record there, and coach what is recorded; such as /dev/ttyUSB0")
@@ -63,7 +61,16 @@ def main(argv: list[str]) -> int:
 
 def coach(arguments: argparse.Namespace) -> None:
     """Coach one hand. Raises InputError where there is nothing to coach."""
-    _check(arguments)
+    if sum(getattr(arguments, name) is not None for name in SOURCES) != 1:
+        raise InputError("expected one of --port (to record), --follow and --replay")
+    if not arguments.speed >= 0:
+        raise InputError(f"--speed: is {arguments.speed:g}; expected 0 or more")
+    if arguments.page is not None and arguments.page.suffix != ".html":
+        raise InputError(f"--page: is {arguments.page}; expected a name that ends with .html")
+    if arguments.recorder and arguments.port is None:
+        raise InputError(f"{arguments.recorder[0]}: is an option of the recorder; expected --port with it")
+    if arguments.follow is not None and not arguments.follow.is_file():
+        raise InputError(f"{arguments.follow}: no such file; start `shukotsu record --out` first")
     from shukotsu.coach.study import hand_alone, hand_of
     from shukotsu.tracker.record.request import StopRequest, stop_on_signals
 
@@ -79,22 +86,8 @@ def coach(arguments: argparse.Namespace) -> None:
     with stop_on_signals(stop):
         if arguments.port is None:
             _coach_archive(arguments, hand, stop)
-            return
-        while _record(arguments, hand, stop):
+        while arguments.port is not None and _record(arguments, hand, stop):
             print("receivers were put right: a new recording begins", file=sys.stderr)
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    if sum(getattr(arguments, name) is not None for name in SOURCES) != 1:
-        raise InputError("expected one of --port (to record), --follow and --replay")
-    if not arguments.speed >= 0:
-        raise InputError(f"--speed: is {arguments.speed:g}; expected 0 or more")
-    if arguments.page is not None and arguments.page.suffix != ".html":
-        raise InputError(f"--page: is {arguments.page}; expected a name that ends with .html")
-    if arguments.recorder and arguments.port is None:
-        raise InputError(f"{arguments.recorder[0]}: is an option of the recorder; expected --port with it")
-    if arguments.follow is not None and not arguments.follow.is_file():
-        raise InputError(f"{arguments.follow}: no such file; start `shukotsu record --out` first")
 
 
 def _coach_archive(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest) -> None:

@@ -24,15 +24,15 @@ class Check(NamedTuple):
     """One check. needed : whether studies cannot run without it; remedy : where it is not there."""
 
     name: str
-    found: str
+    state: str
     there: bool
     remedy: str
     needed: bool = False
 
     def line(self) -> str:
         """Return the check as a line of text."""
-        state = "ok" if self.there else "MISSING" if self.needed else "-"
-        return f"{state:8}{self.name:10}{self.found}{'' if self.there else f'; {self.remedy}'}"
+        mark = "ok" if self.there else "MISSING" if self.needed else "-"
+        return f"{mark:8}{self.name:10}{self.state}{'' if self.there else f'; {self.remedy}'}"
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -42,7 +42,6 @@ def build_parser() -> argparse.ArgumentParser:
         "Say what is installed, what is missing and what for, and what this machine can do. Ends with 2 "
         "where no study can run.",
         "shukotsu doctor",
-        records_failure=False,
     )
     parser.add_argument(
         "--snakefile", action="store_true", help="print the Snakefile's path alone, for Snakemake itself"
@@ -51,17 +50,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 
 def checks() -> Iterator[Check]:
-    """Look at everything, what studies need first."""
-    yield _packages()
-    free = shutil.disk_usage(Path.cwd()).free / 1e9
-    writable = os.access(Path.cwd(), os.W_OK)
-    state = f"{free:.0f} GB free in {Path.cwd()}" + ("" if writable else ", where this user may not write")
-    remedy = "results go into the folder that a study is run from; run it from another"
-    yield Check("disk", state, writable and free >= LEAST_DISK_GB, remedy, needed=True)
-    yield _ports()
-
-
-def _packages() -> Check:
+    """Look at everything, what studies need first; of serial ports name those that this user may not open."""
     state = f"Python {platform.python_version()} at {sys.executable}, on {platform.system()}"
     missing = []
     try:
@@ -76,21 +65,23 @@ def _packages() -> Check:
     except PackageNotFoundError:
         missing.append("shukotsu")
     remedy = f"not installed: {', '.join(missing)}; install this program again"
-    return Check("packages", state, not missing, remedy, needed=True)
-
-
-def _ports() -> Check:
-    """List serial ports, and say which of them this user may not open."""
+    yield Check("packages", state, not missing, remedy, needed=True)
+    free = shutil.disk_usage(Path.cwd()).free / 1e9
+    writable = os.access(Path.cwd(), os.W_OK)
+    state = f"{free:.0f} GB free in {Path.cwd()}" + ("" if writable else ", where this user may not write")
+    remedy = "results go into the folder that a study is run from; run it from another"
+    yield Check("disk", state, writable and free >= LEAST_DISK_GB, remedy, needed=True)
     try:
         from serial.tools.list_ports import comports
     except ModuleNotFoundError:
-        return Check("tracker", "no serial port can be opened", False, "pyserial is not installed")
+        yield Check("tracker", "no serial port can be opened", False, "pyserial is not installed")
+        return
     ports = [port.device for port in comports()]
     closed = [port for port in ports if not os.access(port, os.R_OK | os.W_OK)]
     state = f"serial ports: {', '.join(ports)}" if ports else "no serial port"
     state += f"; not to be opened by this user: {', '.join(closed)}" if closed else ""
     remedy = "join the ports' group (often dialout) and log in anew" if closed else "only `record` needs one"
-    return Check("tracker", state, bool(ports) and not closed, remedy)
+    yield Check("tracker", state, bool(ports) and not closed, remedy)
 
 
 def doctor(options: argparse.Namespace) -> int:

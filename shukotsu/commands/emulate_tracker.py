@@ -23,7 +23,6 @@ def build_parser() -> argparse.ArgumentParser:
         "straight into a raw capture. Prints what a client is to open; ends with Ctrl-C.",
         "shukotsu emulate --pty /tmp/tracker --stations 1-8\n"
         "  shukotsu emulate --tcp 4001 --recording rom.parquet --layout liberty16 --loop",
-        records_failure=False,
     )
     where = parser.add_mutually_exclusive_group(required=True)
     add = where.add_argument

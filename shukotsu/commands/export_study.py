@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from shukotsu import command_line
-from shukotsu.commands.study_file import add_study, read_files
+from shukotsu.commands import add_study, read_files
 from shukotsu.errors import InputError
 from shukotsu.export.registry import DESCRIPTION, add_options
 
@@ -17,29 +16,23 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu export",
         DESCRIPTION,
         "shukotsu export study.yaml --hand right --model whole-hand --formats bvh,glb --out exports",
-        records_failure=False,
     )
     add_study(parser)
     add_options(parser)
     return parser
 
 
-def plans(study: Path) -> list[Path]:
-    """Return the plans of a study's subjects. Raises InputError where it has not been run in this folder."""
-    files = read_files(study)
-    every = [files.results.folder / f"sub-{who.token}" / "plan.json" for who in files.study.sessions]
-    there = [path for path in every if path.is_file()]
-    if not there:
-        raise InputError(f"{every[0]}: is not there yet; run `shukotsu run {study}` in this folder first")
-    return there
-
-
 def export_study(arguments: argparse.Namespace) -> None:
-    """Export what is asked for of every subject."""
+    """Export what is asked for of every subject. InputError where the study was not run in this folder."""
     from shukotsu.export.exported_plans import export_plans
     from shukotsu.study.plan import plan_of_results
 
-    arguments.plan, arguments.record_failure = plans(arguments.study), False
+    files = read_files(arguments.study)
+    every = [files.results.folder / f"sub-{who.token}" / "plan.json" for who in files.study.sessions]
+    arguments.plan, arguments.record_failure = [path for path in every if path.is_file()], False
+    if not arguments.plan:
+        what = f"run `shukotsu run {arguments.study}` in this folder first"
+        raise InputError(f"{every[0]}: is not there yet; {what}")
     export_plans({path: plan_of_results(path) for path in arguments.plan}, arguments)
 
 

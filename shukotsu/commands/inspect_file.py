@@ -23,7 +23,6 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu inspect",
         "Say what is in a file, in which units it seems to be, and why.",
         "shukotsu inspect old.csv --write-mapping mapping.yaml",
-        records_failure=False,
     )
     parser.add_argument("file", type=Path, help="a recording, or a table of this project")
     parser.add_argument(

@@ -32,7 +32,6 @@ def build_parser() -> argparse.ArgumentParser:
         "Make a study folder: study.yaml with comments, recordings.tsv and participants.tsv to fill in. What "
         "is there is kept.",
         "shukotsu new piano --recordings captures",
-        records_failure=False,
     )
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="the folder; its name is the study's")
     parser.add_argument(
@@ -87,8 +86,7 @@ def new_study(arguments: argparse.Namespace) -> None:
 
 def _drafted(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:
     """Draft the sheet of recordings, header first, and the mappings' files; say what is wrong with any."""
-    from shukotsu.commands.drafted_mappings import draft_mappings
-    from shukotsu.commands.recording_names import parts_of_names
+    from shukotsu.commands.drafts import draft_mappings, parts_of_names
     from shukotsu.study.layout import read_layout
 
     layout = read_layout(arguments.layout)

@@ -26,7 +26,6 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu record --devices\n"
         "  shukotsu record --port /dev/ttyUSB0 --ask\n"
         "  shukotsu record --port /dev/ttyUSB0 --out rom.arrows --duration 60 --note rom",
-        records_failure=False,
     )
     add = parser.add_argument
     add("--port", help="such as /dev/ttyUSB0, COM3, usb:, socket://host:4001")

@@ -21,23 +21,17 @@ def build_parser() -> argparse.ArgumentParser:
         f"Run the demo, a study of two simulated people, in this folder: {STUDY}, its sheets and recordings "
         f"in {SHEETS}, results in results/demo. What is there is kept; what is up to date is not made again.",
         "shukotsu demo --cores 2",
-        records_failure=False,
     )
     parser.add_argument("--cores", default="all", metavar="N", help="jobs at once (default: all)")
     return parser
 
 
-def write_study() -> None:
-    """Write the study file and its sheets into this folder, those that are not there."""
+def run_demo(arguments: argparse.Namespace) -> int:
+    """Write the study file and its sheets, those that are not there; run it, and return the exit code."""
     for shipped in (ROOT / STUDY, *sorted((ROOT / SHEETS).glob("*.tsv"))):
         path = shipped.relative_to(ROOT)
         if not path.exists():
             write_text(path, shipped.read_text("utf-8"))
-
-
-def run_demo(arguments: argparse.Namespace) -> int:
-    """Write and run the study, which ends with its outcome; return the exit code."""
-    write_study()
     return run_study.main([str(STUDY), "--cores", arguments.cores])
 
 

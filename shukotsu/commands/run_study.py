@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TextIO
 
 from shukotsu import command_line
-from shukotsu.commands.study_file import add_study, read_files
+from shukotsu.commands import add_study, read_files
 from shukotsu.errors import InputError
 from shukotsu.resources import ROOT
 from shukotsu.workflow import one_run
@@ -32,7 +32,6 @@ def build_parser() -> argparse.ArgumentParser:
         "Run a study by Snakemake, whose command is printed; what is up to date is not made again. Results "
         "go to results/<study>/ in this folder.",
         "shukotsu run study.yaml --cores 8 -- --keep-going",
-        records_failure=False,
     )
     add_study(parser)
     parser.add_argument("--cores", default="all", metavar="N", help="jobs at once (default: all)")

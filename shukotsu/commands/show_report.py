@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from shukotsu import command_line
-from shukotsu.commands.study_file import add_study, read_files
+from shukotsu.commands import add_study, read_files
 from shukotsu.errors import InputError
 
 
@@ -16,7 +16,6 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu report",
         "Name the report of a study that was run in this folder, print its outcome, or open it in a browser.",
         "shukotsu report study.yaml --print",
-        records_failure=False,
     )
     add_study(parser)
     parser.add_argument(

@@ -29,6 +29,7 @@ def build_parser() -> argparse.ArgumentParser:
         "Turn a recording's file into the poses table: units and frames checked, gaps kept and named.",
         "shukotsu import --in rom.csv --layout liberty16 --subject 01 --hand right "
         "--task rom --out poses.parquet",
+        records_failure=True,
     )
     add = parser.add_argument
     add("--in", dest="file", type=Path, required=True, help="the recording")

@@ -13,8 +13,7 @@ from coached_hands import RATE_HZ, calibration
 
 from benchmarks.faultless_hands import exchanged
 from shukotsu.__main__ import main as capture
-from shukotsu.coach.coach import ENDED, ENOUGH, MOST_VAIN, Coach
-from shukotsu.coach.estimate import Estimate
+from shukotsu.coach.coach import ENDED, ENOUGH, MOST_VAIN, Coach, Estimate
 from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames, LivePoses
 from shukotsu.coach.movements import FIRST, MOVEMENTS
 from shukotsu.coach.study import hand_alone

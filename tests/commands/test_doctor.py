@@ -38,7 +38,7 @@ def test_a_port_that_is_closed_to_this_user_is_named(monkeypatch: pytest.MonkeyP
     port = SimpleNamespace(device="/dev/ttyUSB7")
     monkeypatch.setattr(serial.tools.list_ports, "comports", lambda: [port])
     monkeypatch.setattr(os, "access", lambda *_: False)
-    check = doctor._ports()
+    check = list(doctor.checks())[-1]
     assert not check.there
-    assert "not to be opened by this user: /dev/ttyUSB7" in check.found
+    assert "not to be opened by this user: /dev/ttyUSB7" in check.state
     assert "group" in check.remedy
