@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.hand.rotations import Array
-from shukotsu.readers.mirror_jumps import own_sides
+from shukotsu.readers.jumps import own_sides
 
 Bools = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.int64]

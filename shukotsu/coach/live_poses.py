@@ -11,8 +11,8 @@ import numpy.typing as npt
 from shukotsu.fit.receiver_frames import concatenated
 from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.raw_capture import segments_of_receivers
+from shukotsu.readers.jumps import spikes
 from shukotsu.readers.poses_table import NORM_TOLERANCE
-from shukotsu.readers.spikes import spikes
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 from shukotsu.tracker.archive import Piece

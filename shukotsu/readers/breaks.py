@@ -50,11 +50,7 @@ def breaks(
     segments: Sequence[str], poses: Callable[[str], ReceiverPoses], links: Sequence[tuple[str, str]]
 ) -> list[Break]:
     """Find all breaks of a recording; links : parent and child of each joint between two of the segments."""
-    broken = {
-        link: broken_joint
-        for link in links
-        if (broken_joint := _broken_joint(poses(link[0]), poses(link[1]), link))
-    }
+    broken = {link: joint for link in links if (joint := _broken_joint(poses(link[0]), poses(link[1]), link))}
     if len(broken) >= max(2, EVERY * len(links)):
         frames = [broken_joint.frame for broken_joint in broken.values()]
         if np.ptp(frames) <= LEAP_POSES:
@@ -70,28 +66,15 @@ def breaks(
         culprit = max(joints, key=lambda name: (ends.count(name), -joints[name], ends[::-1].index(name)))
         of_culprit = [broken_joint for broken_joint in broken.values() if culprit in broken_joint.segments]
         first = min(of_culprit, key=lambda broken_joint: broken_joint.frame)
-        out.append(
-            Break(
-                (culprit,),
-                first.frame,
-                first.until,
-                float(np.median([broken_joint.grown for broken_joint in of_culprit])),
-            )
-        )
-        broken = {link: broken_joint for link, broken_joint in broken.items() if culprit not in link}
-        above, off = (
-            parents.get(culprit, ""),
-            {name for broken_joint in out for name in broken_joint.segments},
-        )
+        grown = float(np.median([joint.grown for joint in of_culprit]))
+        out.append(Break((culprit,), first.frame, first.until, grown))
+        broken = {link: joint for link, joint in broken.items() if culprit not in link}
+        above, off = parents.get(culprit, ""), {name for joint in out for name in joint.segments}
         while above in off:
             above = parents.get(above, "")
         for parent, child in links if above else ():  # which hangs on the culprit, and may be off as well
-            over = (above, child)
-            if (
-                parent == culprit
-                and (broken_joint := _broken_joint(poses(above), poses(child), over)) is not None
-            ):
-                broken[over] = replace(broken_joint, segments=(child,))
+            if parent == culprit and (joint := _broken_joint(poses(above), poses(child), (above, child))):
+                broken[above, child] = replace(joint, segments=(child,))
     return sorted(out, key=lambda broken_joint: broken_joint.frame)
 
 
@@ -118,8 +101,8 @@ def _broken_joint(above: ReceiverPoses, below: ReceiverPoses, link: tuple[str, s
         sides = slice(0, split), slice(split, None)
         centres = [_centre(turn[side], apart[side]) for side in sides]
         gaps_mm = [
-            _rms(_gap_mm(turn[side], apart[side], centre_of_side))
-            for side, centre_of_side in zip(sides, centres, strict=True)
+            _rms(_gap_mm(turn[side], apart[side], middle))
+            for side, middle in zip(sides, centres, strict=True)
         ]
         sizes_mm = [float(np.median(distance_mm[sampled[side]])) for side in sides]
         shares = [gap / max(size, LEAST_GAP_MM) for gap, size in zip(gaps_mm, sizes_mm, strict=True)]

@@ -1,7 +1,7 @@
 """On which side of the transmitter each receiver is, and when: which positions are mirror images.
 
 A magnetic tracker knows a position only up to its sign. Where a receiver jumps to the other side its own
-positions show (`checks.mirror_jumps`), but not which side is right. Three things tell, weighed together over
+positions show (`readers.jumps`), but not which side is right. Three things tell, weighed together over
 the layout's tree: a joint's two receivers agree about its centre on one pair of sides and not on the other,
 unless one of them stands still; the centre lies near both, and of a hand where anatomy has it; and most
 poses of a receiver are right.
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from shukotsu.hand.average_hand import DIGITS
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import matrix, unit
-from shukotsu.readers.mirror_jumps import OwnSides
+from shukotsu.readers.jumps import OwnSides
 from shukotsu.study.layout import Layout
 
 Array = npt.NDArray[np.float64]
@@ -54,14 +54,14 @@ Poses = tuple[Integers, Array]
 
 @dataclass(frozen=True)
 class Sides:
-    """own : the receiver's pieces, signs as they are best taken. decided : whether anything tells so."""
+    """pieces : of the receiver's time, signs as they are best taken. decided : whether anything tells so."""
 
-    own: OwnSides
+    pieces: OwnSides
     decided: bool
 
     def sign(self, frame: Integers) -> Integers:
         """Return 1, -1 where frames (N,) are mirrored, 0 on the way; where undecided no side is mirrored."""
-        sign = self.own.sign[self.own.piece_at(frame)]
+        sign = self.pieces.sign[self.pieces.piece_at(frame)]
         return sign if self.decided else np.abs(sign)
 
 
@@ -72,14 +72,13 @@ def expected_joints(layout: Layout) -> dict[str, Array]:
         for bone, name in enumerate(digit.segments):
             worn, mount = layout.segments[name], DIGITS[digit.name].mounts_mm()[bone]
             faces_known = digit.name != "thumb"  # a thumb's receivers sit anywhere round the bone
-            expected_mm[name] = -mount[0] * np.array(worn.distal) - faces_known * mount[2] * np.array(
-                worn.dorsal
-            )
+            side_mm = faces_known * mount[2] * np.array(worn.dorsal)
+            expected_mm[name] = -mount[0] * np.array(worn.distal) - side_mm
     return expected_mm
 
 
 def sides(
-    own: Mapping[str, OwnSides],
+    receivers: Mapping[str, OwnSides],
     poses: Callable[[str], Poses],
     parents: Mapping[str, str],
     expected_mm: Mapping[str, Array],
@@ -88,12 +87,13 @@ def sides(
 ) -> dict[str, Sides]:
     """Decide the sides of all receivers together.
 
-    own : by segment, what its own positions tell. poses : gives a segment's poses. parents : of a segment the
-    one towards the body. expected_mm : see `expected_joints`. all_along : whether all may be on the other
-    side in all poses, of which anatomy alone tells: then joints lie opposite to where they are expected.
+    receivers : by segment, what its own positions tell. poses : gives a segment's poses. parents : of a
+    segment the one towards the body. expected_mm : see `expected_joints`. all_along : whether all may be on
+    the other side in all poses, of which anatomy alone tells: then joints lie opposite to where they are
+    expected.
     """
-    links = [(parents[name], name) for name in own if parents.get(name, "") in own]
-    settled = _settled(own, poses, links)
+    links = [(parents[name], name) for name in receivers if parents.get(name, "") in receivers]
+    settled = _settled(receivers, poses, links)
     tables = {}
     for parent, child in links:
         pair = _pair(settled[parent], poses(parent), settled[child], poses(child))
@@ -152,14 +152,14 @@ class _Pair:
 def _pair(parent: OwnSides, above: Poses, child: OwnSides, below: Poses, sampled: int = SAMPLED) -> _Pair:
     """Return both where the child has poses, the parent's between its own where they are not in step."""
     frames, positions, runs = [], [], []
-    for own, (frame, numbers) in ((parent, above), (child, below)):
-        piece = own.piece_at(frame)
-        kept = own.sign[piece] != 0
+    for sided_by, (frame, numbers) in ((parent, above), (child, below)):
+        piece = sided_by.piece_at(frame)
+        kept = sided_by.sign[piece] != 0
         sided = numbers[kept].copy()
-        sided[:, :3] *= own.sign[piece[kept], None]
+        sided[:, :3] *= sided_by.sign[piece[kept], None]
         frames.append(frame[kept])
         positions.append(sided)
-        runs.append(own.run[piece[kept]])
+        runs.append(sided_by.run[piece[kept]])
     rows, left, right, share = _between(frames[0], frames[1])
     thinned = np.unique(np.linspace(0, len(rows) - 1, min(sampled, len(rows))).astype(int))
     rows, left, right, share = rows[thinned], left[thinned], right[thinned], share[thinned, None]
@@ -184,15 +184,15 @@ def _between(parent: Integers, child: Integers) -> tuple[Integers, Integers, Int
 
 
 def _settled(
-    own: Mapping[str, OwnSides], poses: Callable[[str], Poses], links: Sequence[tuple[str, str]]
+    receivers: Mapping[str, OwnSides], poses: Callable[[str], Poses], links: Sequence[tuple[str, str]]
 ) -> dict[str, OwnSides]:
     """Put runs of a receiver on one side by its joints, where its own positions let guess only."""
-    votes = {name: np.zeros(receiver.run[-1] + 1) for name, receiver in own.items()}
+    votes = {name: np.zeros(receiver.run[-1] + 1) for name, receiver in receivers.items()}
     for parent, child in links:
         unsure = [len(votes[name]) > 1 for name in (parent, child)]
         if not any(unsure):
             continue
-        pair = _pair(own[parent], poses(parent), own[child], poses(child), 10**9)
+        pair = _pair(receivers[parent], poses(parent), receivers[child], poses(child), 10**9)
         signs = np.array([(x, y) for x in (1, -1)[: 1 + unsure[0]] for y in (1, -1)[: 1 + unsure[1]]])
         link = _Link.of(pair, signs)
         centre = link.centre()
@@ -205,8 +205,8 @@ def _settled(
                 vote = np.bincount(run, odds, len(votes[name]))
                 agreed = (np.sign(vote) * np.bincount(run, minlength=len(vote))).sum()
                 votes[name] += vote if agreed >= 0 else -vote
-    turned = {name: votes[name][receiver.run] < -CERTAIN for name, receiver in own.items()}
-    return {name: replace(r, sign=np.where(turned[name], -r.sign, r.sign)) for name, r in own.items()}
+    turned = {name: votes[name][receiver.run] < -CERTAIN for name, receiver in receivers.items()}
+    return {name: replace(r, sign=np.where(turned[name], -r.sign, r.sign)) for name, r in receivers.items()}
 
 
 def _odds(pair: _Pair, expected_mm: Array | None) -> Array:

@@ -13,10 +13,7 @@ from shukotsu import command_line
 from shukotsu.readers.formats.readers import AUTO, FORMATS
 
 if TYPE_CHECKING:
-    from shukotsu.readers.poses_table import PosesTable
     from shukotsu.readers.samples import Samples
-    from shukotsu.study.layout import Layout
-    from shukotsu.study.mapping import FileMapping
 
 _DECLARED = ("format", "position_unit", "position_axes", "rate_hz", "orientation", "fixed")
 """Keys of a mapping that say what its numbers are, for the checks."""
@@ -58,66 +55,50 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from shukotsu.readers.hemispheres import expected_joints
     from shukotsu.readers.poses_table import poses_table
     from shukotsu.readers.samples import joined
+    from shukotsu.study.config_files import config_path
     from shukotsu.study.layout import read_layout
     from shukotsu.study.mapping import read_mapping
+    from shukotsu.tables.catalogue import POSES
+    from shukotsu.tables.typed_table import Provenance, write_table_in_parts
 
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
     mapping = None if arguments.mapping is None else read_mapping(arguments.mapping)
     read = find_parts_reader(arguments.file, arguments.format, mapping)
-    remarks: list[Samples] = []
+    parts_without_rows: list[Samples] = []
 
     def parts() -> Iterator[Samples]:
         with reading_what_was_brought():
             for part in read(arguments.file, layout, mapping):
-                remarks.append(part.take(slice(0)))
+                parts_without_rows.append(part.take(slice(0)))
                 yield part
 
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     folder = next(parent for parent in arguments.out.absolute().parents if parent.is_dir())
-    table = poses_table(
-        parts(),
-        parents,
-        folder,
-        expected_mm=expected_joints(layout),
-        repair_hemisphere=arguments.repair_hemisphere,
-    )
+    expected_mm, repair = expected_joints(layout), arguments.repair_hemisphere
+    table = poses_table(parts(), parents, folder, expected_mm=expected_mm, repair_hemisphere=repair)
     with closing(table) as poses:
-        _write(arguments, layout, poses, joined(remarks), mapping)
-
-
-def _write(
-    arguments: argparse.Namespace,
-    layout: Layout,
-    poses: PosesTable,
-    remarks: Samples,
-    mapping: FileMapping | None,
-) -> None:
-    """Write the table; what was declared of it, is absent and was remarked goes into its metadata."""
-    from shukotsu.study.config_files import config_path
-    from shukotsu.tables.catalogue import POSES
-    from shukotsu.tables.typed_table import Provenance, write_table_in_parts
-
-    # Expected are the layout's segments, or of these the mapping's: nobody wore a receiver on the others.
-    seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
-    worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
-    absent = [s for s in layout.expected if s in worn and s not in seen]
-    notes = list(remarks.notes)
-    if absent:
-        notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
-    notes += [f"segment {name} never moves though its parent does; not used" for name in poses.frozen]
-    for note in notes:
-        print(f"note: {arguments.file}: {note}", file=sys.stderr)
-    inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
-    inputs += [] if arguments.mapping is None else [arguments.mapping]
-    parameters = {**_parameters(arguments, layout.name, absent), "notes": list(remarks.notes)}
-    if mapping is not None:
-        declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
-        unit = mapping.config.get("csv", {}).get("time_unit")
-        parameters["mapping"] = declared if unit is None else {**declared, "csv": {"time_unit": unit}}
-    parameters |= {"losses": list(remarks.losses), "missing_frames": remarks.missing_frames}
-    more = {"tracker": remarks.tracker, "orientation": remarks.orientation, "breaks": poses.breaks}
-    parameters |= {key: value for key, value in more.items() if value}
-    write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
+        remarks = joined(parts_without_rows)
+        # Expected are the layout's segments, or of these the mapping's: nobody wore a receiver on the others.
+        seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
+        worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
+        absent = [s for s in layout.expected if s in worn and s not in seen]
+        notes = list(remarks.notes)
+        if absent:
+            notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
+        notes += [f"segment {name} never moves though its parent does; not used" for name in poses.frozen]
+        for note in notes:
+            print(f"note: {arguments.file}: {note}", file=sys.stderr)
+        inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
+        inputs += [] if arguments.mapping is None else [arguments.mapping]
+        parameters = {**_parameters(arguments, layout.name, absent), "notes": list(remarks.notes)}
+        if mapping is not None:
+            declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
+            unit = mapping.config.get("csv", {}).get("time_unit")
+            parameters["mapping"] = declared if unit is None else {**declared, "csv": {"time_unit": unit}}
+        parameters |= {"losses": list(remarks.losses), "missing_frames": remarks.missing_frames}
+        more = {"tracker": remarks.tracker, "orientation": remarks.orientation, "breaks": poses.breaks}
+        parameters |= {key: value for key, value in more.items() if value}
+        write_table_in_parts(arguments.out, POSES, poses.row_groups(), Provenance.of(inputs, **parameters))
 
 
 def record_failure(arguments: argparse.Namespace, message: str) -> None:

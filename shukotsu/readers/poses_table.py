@@ -22,9 +22,8 @@ import pyarrow as pa
 from shukotsu.errors import InputError
 from shukotsu.readers.breaks import breaks
 from shukotsu.readers.hemispheres import sides
-from shukotsu.readers.mirror_jumps import OwnSides, own_sides
+from shukotsu.readers.jumps import OwnSides, own_sides, spikes
 from shukotsu.readers.samples import NUMBERS, Samples
-from shukotsu.readers.spikes import spikes
 from shukotsu.tables.limits import FARTHEST_MM
 
 FLAGS = {
@@ -308,9 +307,7 @@ def _on_one_side(
 
 
 def _without_breaks(
-    segments: Mapping[str, _Segment],
-    files: Mapping[str, _RowFile],
-    parents: Mapping[str, str],
+    segments: Mapping[str, _Segment], files: Mapping[str, _RowFile], parents: Mapping[str, str]
 ) -> tuple[dict[str, _Segment], tuple[dict[str, Any], ...]]:
     """Flag rows in which, for good, a receiver is not where its neighbours say; give the segments as they
     are then, and the values of a finding on each break.

@@ -127,8 +127,8 @@ def segments_of_stations(
     return segment
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the nearest known name as the end of a sentence; nothing where none is near."""
-    by_lower = {other.lower(): other for other in known}
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """Return the nearest of the names as the end of a sentence; nothing where none is near."""
+    by_lower = {other.lower(): other for other in names}
     near = difflib.get_close_matches(name.lower(), by_lower, 1)
     return f"; did you mean {by_lower[near[0]]!r}?" if near else ""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shukotsu.readers.mirror_jumps import OwnSides, own_sides
+from shukotsu.readers.jumps import OwnSides, own_sides
 
 
 def swinging(rate_hz: float, seconds: float = 10.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

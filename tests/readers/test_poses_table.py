@@ -13,9 +13,9 @@ import pytest
 from poses_columns import columns_of
 
 from shukotsu.errors import InputError
+from shukotsu.readers.jumps import spikes
 from shukotsu.readers.poses_table import FROZEN_FRAMES, PosesTable, poses_table
 from shukotsu.readers.samples import Samples
-from shukotsu.readers.spikes import spikes
 from shukotsu.tables.catalogue import POSES
 from shukotsu.tables.typed_table import Provenance, write_table_in_parts
 

@@ -14,7 +14,7 @@ from stage_runs import of_plan, outputs
 
 from shukotsu.checks import checked_recording, timeline
 from shukotsu.hand import posed_recording, recorded_movement
-from shukotsu.readers import mirror_jumps
+from shukotsu.readers import jumps
 from shukotsu.tables import poses
 
 FEW = 37
@@ -39,7 +39,7 @@ def test_blocks_leave_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         monkeypatch.setattr(module, "BLOCK_FRAMES", FEW)
     for module in (checked_recording, timeline):
         monkeypatch.setattr(module, "BLOCK_ROWS", FEW)
-    monkeypatch.setattr(mirror_jumps, "_BLOCK_ROWS", FEW)
+    monkeypatch.setattr(jumps, "_BLOCK_ROWS", FEW)
     in_blocks = tables(subject, out)
     assert in_blocks.keys() == whole.keys()
     for name, table in whole.items():

@@ -17,11 +17,11 @@ from shukotsu.readers.formats.mapped import (
     Integers,
     Track,
     mapped_segments,
+    proper_rotations,
     required_mapping,
     samples_of_tracks,
     without_marks,
 )
-from shukotsu.readers.formats.orientation import proper_rotations
 from shukotsu.readers.samples import Samples, did_you_mean
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping

@@ -17,10 +17,10 @@ from shukotsu.readers.formats.mapped import (
     Integers,
     Track,
     mapped_segments,
+    quaternions,
     required_mapping,
     samples_of_tracks,
 )
-from shukotsu.readers.formats.orientation import quaternions
 from shukotsu.readers.formats.text_table import TextTable, open_table_text
 from shukotsu.readers.samples import Samples, did_you_mean
 from shukotsu.study.layout import Layout

@@ -16,10 +16,10 @@ from shukotsu.readers.formats.mapped import (
     implied_mapping,
     mapped_segments,
     name_in_file,
+    proper_rotations,
     samples_of_tracks,
     snake_case,
 )
-from shukotsu.readers.formats.orientation import proper_rotations
 from shukotsu.readers.samples import Samples
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping

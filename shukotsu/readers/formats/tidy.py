@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -58,12 +57,8 @@ def parquet_blocks(path: Path, block_rows: int = BLOCK_ROWS) -> Iterator[Cells]:
             batch.validate(full=True)  # texts are UTF-8
             batch = batch.rename_columns([name.strip() for name in batch.schema.names])
             table = pa.Table.from_batches([batch])
-            yield Cells(path, table, partial(_row, path, start))
+            yield Cells(path, table, lambda row, start=start: f"{path}: row {start + row + 1}")  # type: ignore[misc]
             start += batch.num_rows
-
-
-def _row(path: Path, start: int, row: int) -> str:
-    return f"{path}: row {start + row + 1}"
 
 
 @contextmanager

@@ -7,8 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.readers.formats.mapped import Track, implied_mapping, name_in_file, samples_of_tracks
-from shukotsu.readers.formats.orientation import quaternions
+from shukotsu.readers.formats.mapped import (
+    Track,
+    implied_mapping,
+    name_in_file,
+    quaternions,
+    samples_of_tracks,
+)
 from shukotsu.readers.samples import Samples, did_you_mean
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping

@@ -19,8 +19,18 @@ from shukotsu.readers.formats.cells import unwrapped_s
 from shukotsu.readers.formats.mapped import snake_case, without_marks
 from shukotsu.readers.formats.mapped_csv import TIME_OF_DAY
 from shukotsu.readers.formats.text_table import open_table_text
-from shukotsu.readers.inspection.column_roles import Roles, by_azimuth, by_scalar, find_roles, paired
-from shukotsu.readers.inspection.column_units import STATED, Unit, Units, angle_unit_by_size, find_units
+from shukotsu.readers.inspection.column_roles import (
+    STATED,
+    Roles,
+    Unit,
+    Units,
+    angle_unit_by_size,
+    by_azimuth,
+    by_scalar,
+    find_roles,
+    find_units,
+    paired,
+)
 from shukotsu.readers.inspection.description import CHECK, Description, draft, extent_line, rate_line
 from shukotsu.study.layout import Layout
 from shukotsu.tables.text_files import open_text
@@ -233,20 +243,16 @@ def _orientation_lines(roles: Roles, numbers: Mapping[str, Array], angle: Unit) 
         norm = float(np.nanmedian(np.linalg.norm(rows, axis=-1)))
         likelier = "wxyz" if first > last else "xyzw"
         order = (
-            f"its first number is {first:.2f} in the "
-            f"median, its last {last:.2f}, so {likelier} is likelier if receivers lie "
-            "roughly as the transmitter does; the numbers cannot prove it"
+            f"its first number is {first:.2f} in the median, its last {last:.2f}, so {likelier} is likelier "
+            "if receivers lie roughly as the transmitter does; the numbers cannot prove it"
         )
         order = "w, x, y and z as its titles say" if by_scalar(group) else order
         lines.append(f"quaternion {' '.join(group)}: median norm {norm:.5f}; {order}")
     lines += [f"matrix {' '.join(group)}: nine numbers of a rotation" for group in roles.matrices]
     for group in roles.angles[:: len(roles.angles) if len(roles.angles) > MOST_LINES else 1]:
         ranges = ", ".join(f"{title} {_range(numbers[title])}" for title in group)
-        seem = (
-            f"in {angle.stated}, as their titles say"
-            if angle.stated
-            else angle_unit_by_size(group, numbers).why
-        )
+        stated = f"in {angle.stated}, as their titles say"
+        seem = stated if angle.stated else angle_unit_by_size(group, numbers).why
         named = "azimuth, elevation and roll, " if by_azimuth(group) else ""
         more = f"; so have {len(roles.angles) - 1} more receivers" if len(roles.angles) > MOST_LINES else ""
         lines.append(f"angles: {ranges}; {named}{seem}{more}")

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import angle, conjugate, from_matrix, matrix, multiply, unit
-from shukotsu.readers.formats.orientation import proper_rotations, quaternions
+from shukotsu.readers.formats.mapped import proper_rotations, quaternions
 from shukotsu.study.config_files import json_schema
 
 FORWARD = "receiver-to-transmitter"

@@ -1,5 +1,4 @@
-"""Find where a receiver jumps to its mirror image, by its own positions, at whatever rate and through any
-filter.
+"""Where a receiver jumps to its mirror image, at whatever rate and through any filter, or away and back.
 
 A magnetic tracker knows a position only up to its sign. From one frame to the next no receiver goes from p to
 near -p; the tracker's filter smears that jump over some frames, through the transmitter, where none can be.
@@ -120,3 +119,42 @@ def _leaps(leaping: npt.NDArray[np.bool_], position_mm: Array, usual_mm: float) 
             after += 1
         leaps.append((before, after))
     return leaps
+
+
+Bools = npt.NDArray[np.bool_]
+
+LONGEST_FRAMES = 5
+FAR_MM, FAR_DEG, SPIKE_STEPS = 100.0, 90.0, 4.0
+"""A spike is at most so long, and so far or so much turned away from the poses before and after it; in a
+coarse recording so many times a large step, the 95th percentile. Those two agree to half of that and what
+large steps come to between them."""
+
+
+def spikes(numbers: Array) -> Bools:
+    """Return which of a receiver's poses (N, 7), in mm and unit quaternions, are spikes, (N,)."""
+    spiked = np.zeros(len(numbers), bool)
+    if len(numbers) < 3:
+        return spiked
+    every = np.arange(len(numbers))
+    steps = _turned_and_apart(numbers, every[:-1], every[1:])
+    large = np.percentile(steps, 95, axis=1)[:, None]
+    far = np.maximum([[FAR_MM], [FAR_DEG]], SPIKE_STEPS * large)
+    if not (steps > far).any():
+        return spiked
+    for length in range(1, min(LONGEST_FRAMES, len(numbers) - 2) + 1):
+        before = every[: -length - 1]
+        near = _turned_and_apart(numbers, before, before + length + 1) < far / 2 + (length + 1) * large
+        agree = before[near.all(0)]
+        away = np.ones(len(agree), bool)
+        for inside in range(1, length + 1):
+            for end in (agree, agree + length + 1):
+                away &= (_turned_and_apart(numbers, end, agree + inside) > far).any(0)
+        spiked[agree[away, None] + np.arange(1, length + 1)] = True
+    return spiked
+
+
+def _turned_and_apart(numbers: Array, first: Integers, second: Integers) -> Array:
+    """Return the distances (2, M), in mm and deg, of poses of those rows from each other."""
+    cosine = np.abs(np.einsum("ij,ij->i", numbers[first, 3:], numbers[second, 3:])).clip(0.0, 1.0)
+    moved_mm = np.linalg.norm(numbers[first, :3] - numbers[second, :3], axis=-1)
+    return np.stack([moved_mm, 2 * np.degrees(np.arccos(cosine))])
