@@ -26,7 +26,7 @@ def build_parser() -> argparse.ArgumentParser:
 def check(arguments: argparse.Namespace) -> None:
     """Check every recording of the subject that holds poses; print the findings, write them if asked to."""
     from shukotsu.checks.checked_subject import check_subject
-    from shukotsu.study.finding_sentences import in_quotes
+    from shukotsu.study.findings import in_quotes
     from shukotsu.tables.catalogue import FINDINGS
     from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
 

@@ -17,8 +17,7 @@ from shukotsu.checks.hypotheses import Recorded, hypotheses
 from shukotsu.checks.mistake_search import Search, effect, explained, find_mistakes
 from shukotsu.checks.timeline import BLOCK_ROWS, Timeline
 from shukotsu.hand.sampled_motion import motion_of, receiver_axes
-from shukotsu.study.finding_sentences import Values
-from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding
+from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding, Values
 from shukotsu.study.layout import Layout
 from shukotsu.tables.device_clock import ClockBreak, device_clock
 from shukotsu.tables.poses import Poses

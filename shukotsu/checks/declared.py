@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from shukotsu.study.finding_sentences import Values
+from shukotsu.study.findings import Values
 
 SENSES = ("receiver-to-transmitter", "transmitter-to-receiver")
 """Senses of rotations; those of the second are inverted as they are read."""

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from shukotsu.checks.declared import SENSES, TIDY, Declared
 from shukotsu.hand.rotations import Array, from_matrix, matrix
 from shukotsu.hand.sampled_motion import MIRROR, Motion
-from shukotsu.study.finding_sentences import Values
+from shukotsu.study.findings import Values
 from shukotsu.study.layout import Layout
 from shukotsu.tables.units import MM_PER_UNIT
 

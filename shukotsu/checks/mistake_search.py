@@ -13,7 +13,7 @@ from shukotsu.checks.explanation import Explanation, explain, joint_shares
 from shukotsu.checks.hypotheses import Hypothesis
 from shukotsu.hand.rotations import Array
 from shukotsu.hand.sampled_motion import MIRROR, Motion
-from shukotsu.study.finding_sentences import Values
+from shukotsu.study.findings import Values
 
 DECISIVE = 4.0
 """Log of the odds, the mistake's own rareness taken off, from which on it is named."""

@@ -26,8 +26,7 @@ from shukotsu.fit.loose_receivers import displaced_in
 from shukotsu.fit.measurements import Measurement
 from shukotsu.fit.receiver_frames import concatenated
 from shukotsu.report.belief import gain_lines, reasons_of
-from shukotsu.study.finding_sentences import in_quotes
-from shukotsu.study.findings import NOTE
+from shukotsu.study.findings import NOTE, in_quotes
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import HandFitting, SkeletonModel
 from shukotsu.study.verdict import BELIEVE, judged_joint

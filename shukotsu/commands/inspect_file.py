@@ -80,7 +80,7 @@ def finding_lines(arguments: argparse.Namespace) -> list[str]:
 
     from shukotsu.checks.checked_poses import checked_poses
     from shukotsu.readers.import_recording import build_parser, import_recording
-    from shukotsu.study.finding_sentences import in_quotes
+    from shukotsu.study.findings import in_quotes
     from shukotsu.study.layout import read_layout
 
     path, hand, layout = arguments.file, arguments.hand or "right", read_layout(arguments.layout)

@@ -13,7 +13,7 @@ from shukotsu.report.study_results import Row, StudyResults, hand_of
 from shukotsu.report.table_cells import p_text, shown
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
-from shukotsu.study.finding_sentences import in_quotes
+from shukotsu.study.findings import in_quotes
 from shukotsu.study.model import the_papers
 from shukotsu.translation import listed, ngettext, tr, word
 

@@ -1,41 +1,56 @@
-"""Findings: what was declared of a recording and cannot be. Kinds of them stand in `mistakes.yaml`."""
+"""Findings: what was declared of a recording and cannot be, and their sentences, made where they are shown.
+
+Kinds stand in `mistakes.yaml`, sentences by kind and variant in `finding_sentences.yaml`.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
+from typing import Any, BinaryIO
 
 import yaml
 
 from shukotsu.resources import ROOT
-from shukotsu.study.finding_sentences import (
-    MISTAKES,
-    Values,
-    cure_of,
-    evidence_of,
-    key_of,
-    sentence_of,
-    what_and_cure,
-    what_of,
-)
-from shukotsu.translation import foreign
+from shukotsu.translation import N_, filled, foreign, listed, ngettext, tr, word
 
 REFUSED, SUSPECT, NOTE = "refused", "suspect", "note"
 STAGE = "check_recordings"
 
 Row = dict[str, Any]
-"""Of the problems table, or of the findings table."""
+"""A row of the problems table, or of the findings table."""
+
+Values = Mapping[str, Any]
+"""By name: numbers, words, or lists of them, as JSON has them."""
+
+_SENTENCES: dict[str, Any] = yaml.load(
+    (ROOT / "schemas" / "finding_sentences.yaml").read_bytes(), yaml.CBaseLoader
+)
+MISTAKES: Mapping[str, Mapping[str, Any]] = _SENTENCES["mistakes"]
+EVIDENCE: Mapping[str, str] = _SENTENCES["evidence"]
+EFFECT: str = _SENTENCES["effect"]
+PROBLEMS: Mapping[str, str | list[str]] = _SENTENCES["problems"]
+
+
+def extracted(
+    file: BinaryIO, *_: object, **__: object
+) -> Iterator[tuple[int, str | None, str | list[str], list[str]]]:
+    """Yield what is to be translated of `finding_sentences.yaml`, as Babel asks of an extractor."""
+    content = yaml.load(file, yaml.CBaseLoader)
+    texts = [text for mistake in content["mistakes"].values() for text in mistake.values()]
+    for text in (*texts, *content["evidence"].values(), content["effect"], *content["problems"].values()):
+        if not isinstance(text, dict):  # keys of a mapping stay as they are
+            yield 0, "ngettext" if isinstance(text, list) else None, text, []
 
 
 @dataclass(frozen=True)
 class Finding:
     """One finding in one recording. severity : refused (not used), suspect (judges nothing) or note.
 
-    variant : which of its kind's sentences says it, see `finding_sentences`. values : that the sentence is
-    made of; numbers to six digits, as tables keep them. accepted : the reason of a study that lets it stand.
+    variant : which of its kind's sentences says it, see `finding_sentences.yaml`. values : what it is made
+    of, numbers to six digits, as tables keep them. accepted : the reason of a study that lets it stand.
     """
 
     kind: str
@@ -48,18 +63,70 @@ class Finding:
         object.__setattr__(self, "values", {name: plain(value) for name, value in self.values.items()})
 
     @property
+    def key(self) -> str:
+        """The name of its kind's variant among MISTAKES and PROBLEMS."""
+        return f"{self.kind}/{self.variant}" if self.variant else self.kind
+
+    @property
     def message(self) -> str:
-        """The English sentence."""
-        return sentence_of(self.kind, self.variant, self.values, self.accepted)
+        """The sentence: of a mistake what is seen, what shows it, what to do and why it may stand; another's
+        by its kind, or the text in its values.
+        """
+        if self.key in MISTAKES:
+            return self.with_cure(f"{self.what} ({self.evidence})" if self.evidence else self.what)
+        if template := PROBLEMS.get(self.key):
+            texts = template if isinstance(template, str) else (template[0], template[1])
+            return filled(texts, {"n": self.values.get("count", 1), **self.values})
+        segment = f"{word(self.values['segment'])}: " if "segment" in self.values else ""
+        return segment + foreign(str(self.values.get("text", "")))
+
+    def with_cure(self, what: str) -> str:
+        """Join what is seen of a mistake and its cure in a sentence; without `what` the cure alone."""
+        cure = self.cure
+        text = tr("{what}; {cure}", what=what, cure=cure) if what else cure[0].upper() + cure[1:]
+        text = tr("{text}.", text=text)
+        if not self.accepted:
+            return text
+        return tr("{finding} Accepted: {reason}", finding=text, reason=self.accepted)
+
+    @property
+    def what(self) -> str:
+        """What is seen of a mistake and what it probably is, as a sentence begins."""
+        what = MISTAKES[self.key]["what"]
+        text = tr(what, **_placeholders(self.values))
+        return text[0].upper() + text[1:]
+
+    @property
+    def cure(self) -> str:
+        """The cure of a mistake in words."""
+        mistake, placeholders = MISTAKES[self.key], _placeholders(self.values)
+        cure = mistake["cure"]
+        if self.values.get("unmapped"):
+            cure = mistake.get("table_cure", cure)
+        if isinstance(cure, str):
+            return tr(cure, **placeholders)
+        written = listed(f"`{key.format(**placeholders)}`" for key in cure["written"])
+        if "under" in cure:
+            return tr("write {written} under `{key}` in the mapping", written=written, key=cure["under"])
+        return tr("write {written} in the mapping", written=written)
+
+    @property
+    def evidence(self) -> str:
+        """What undoing a mistake changes, and how much it matters; empty where poses alone show it."""
+        placeholders, seen = _placeholders(self.values), self.values.get("seen", "")
+        evidence = [tr(EVIDENCE[seen], **placeholders)] if seen else []
+        if "effect" in self.values and seen not in ("scale", "reach"):  # of an absurd size a gap says nothing
+            evidence.append(tr(EFFECT, **placeholders))
+        return "; ".join(evidence)
 
     @property
     def columns(self) -> dict[str, str]:
-        """Columns of a table's row."""
+        """Columns of a table's row; values as JSON, empty where there is none."""
         return {
             "kind": self.kind,
             "severity": self.severity,
             "variant": self.variant,
-            "values": values_text(self.values),
+            "values": json.dumps(self.values, ensure_ascii=False) if self.values else "",
             "accepted": self.accepted,
             "message": self.message,
         }
@@ -96,9 +163,10 @@ def problem_of(row: Mapping[str, Any]) -> dict[str, Any]:
     return {**kept, "task": task, "model": "", "stage": STAGE}
 
 
-def values_text(values: Values) -> str:
-    """Return values as a table's column has them: JSON, empty where there is none."""
-    return json.dumps(dict(values), ensure_ascii=False) if values else ""
+def finding_of(row: Mapping[str, Any]) -> Finding:
+    """Return the finding of a table's row."""
+    values = values_of(row["values"])
+    return Finding(row["kind"], row["severity"], row["variant"], values, row["accepted"])
 
 
 def values_of(text: str) -> Values:
@@ -146,7 +214,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Fault:
-    """One item. text : what is wrong and what to do, and where it is accepted why."""
+    """A fault. text : what is wrong and what to do, and where it is accepted why."""
 
     severity: str
     accepted: str
@@ -154,38 +222,76 @@ class Fault:
     seen: tuple[Seen, ...]
 
 
-def is_declared(row: Row) -> bool:
-    """Return whether the row is one of the sentences of docs/mistakes.md, and so has a cure."""
-    return key_of(row["kind"], row["variant"]) in MISTAKES
-
-
 def row_sentence(row: Row) -> str:
     """Return the sentence of one row."""
-    text = sentence_of(row["kind"], row["variant"], values_of(row["values"]), row["accepted"])
-    return text or foreign(row["message"])
+    return finding_of(row).message or foreign(row["message"])
 
 
 def faults(rows: Iterable[Row]) -> list[Fault]:
     """Put rows of one fault together: of the same kind, variant, severity, cure and reason to accept it."""
     groups: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        cure = _cure(row) if is_declared(row) else row["message"]
+        finding = finding_of(row)
+        cure = finding.cure if finding.key in MISTAKES else row["message"]
         names = ("stage", "kind", "variant", "severity", "accepted")
         groups.setdefault((*(row.get(name, "") for name in names), cure), []).append(row)
     return [_fault(alike) for alike in groups.values()]
 
 
 def _fault(rows: list[Row]) -> Fault:
-    first = rows[0]
-    severity, accepted = first["severity"], first["accepted"]
-    if len(rows) == 1 or not is_declared(first):
-        return Fault(severity, accepted, row_sentence(first), tuple(Seen(row) for row in rows))
-    whats = [what_of(row["kind"], row["variant"], values_of(row["values"])) for row in rows]
-    shown = [evidence_of(values_of(row["values"])) for row in rows]
+    findings = [finding_of(row) for row in rows]
+    first = findings[0]
+    if len(rows) == 1 or first.key not in MISTAKES:
+        return Fault(first.severity, first.accepted, row_sentence(rows[0]), tuple(map(Seen, rows)))
+    whats, shown = [finding.what for finding in findings], [finding.evidence for finding in findings]
     what = whats[0] if len(set(whats)) == 1 else ""
-    text = what_and_cure(what, first["kind"], first["variant"], values_of(first["values"]), accepted)
-    return Fault(severity, accepted, text, tuple(map(Seen, rows, [""] * len(rows) if what else whats, shown)))
+    seen = tuple(map(Seen, rows, [""] * len(rows) if what else whats, shown))
+    return Fault(first.severity, first.accepted, first.with_cure(what), seen)
 
 
-def _cure(row: Row) -> str:
-    return cure_of(row["kind"], row["variant"], values_of(row["values"]))
+def in_quotes(text: str) -> str:
+    """Return text for a terminal: what is to be written stands in quotes, not in backticks."""
+    return text.replace("`", '"')
+
+
+def _placeholders(values: Values) -> dict[str, Any]:
+    """Return the values, and the phrases that are made of several of them."""
+    phrases: dict[str, Any] = {"others": 0, **values}
+    if "first_s" in values:
+        phrases["at"] = tr("at {time_s:.2f} s", time_s=values["first_s"])
+    elif "first_row" in values:
+        phrases["at"] = tr("in row {row} of its rows", row=values["first_row"])
+    if "counts" in values:
+        counts = zip(values["counts"], values["of"], strict=True)
+        phrases["which"] = tr(", ").join(f"{word(name)}: {n}" for n, name in counts)
+    if "negated" in values:
+        phrases["negated"] = listed(values["negated"])
+    if "spiked" in values:
+        phrases["spiked"] = tr(", ").join(
+            tr("{segment} in frame {n}", segment=segment, n=frame) + "".join(f" ({s:.2f} s)" for s in time_s)
+            for segment, frame, *time_s in values["spiked"]
+        )
+    pairs = values.get("pairs", [])
+    if "segment_2" in values:
+        pairs = [(values["segment"], values["segment_2"])]
+    phrases["exchanged"] = ", ".join(tr("{code} with {code_2}", code=a, code_2=b) for a, b in pairs)
+    if "columns" in values:
+        phrases["millimetres"] = ", ".join(f"{axis}_mm" for axis in values["columns"].split(", "))
+    if "frames" in values:
+        duration = f" ({values['duration_s']:.2g} s)" if "duration_s" in values else ""
+        phrases["length"] = ngettext("{n} frame", "{n} frames", values["frames"]) + duration
+    if "turn_deg" in values:
+        axis, about = values["turn_axis"], N_("{deg} deg about a diagonal")
+        if axis:
+            about = N_("{deg} deg about its {axis} axis")
+        phrases["how"] = tr(about, deg=values["turn_deg"], axis=axis)
+        axes = (f"{name}: {values[name]}" for name in ("distal", "lateral", "dorsal"))
+        phrases["receiver_axes"] = f"{{{', '.join(axes)}}}"
+    if "task" in values:
+        person = tr("subject {subject}", subject=values["subject"]) if values["subject"] else ""
+        person += tr(", session {session}", session=values["session"]) if values["session"] else ""
+        hand = tr("{hand} hand", hand=values["hand"])
+        phrases["other"] = tr(", ").join(filter(None, (person, hand, values["task"])))
+    # what is to be written into a file stays as it is, whatever the language
+    phrases["code"] = values.get("segment", values.get("hand", ""))
+    return phrases
