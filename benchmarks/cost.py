@@ -26,7 +26,7 @@ from shukotsu.study.layout import read_layout
 
 WRITTEN_TO = "benchmarks.md", "tables"
 SEED, CORES, SIMULATED = 42, 2, 2
-"""Of the studies; so many subjects are simulated, and the others' recordings are theirs by another name."""
+"""Seed and cores of studies; so many subjects are simulated, and the others' recordings are copies."""
 
 FRAMES = {"rom": 6000, "opposition": 3774}
 ROLES = {"rom": "calibration", "opposition": "evaluation"}

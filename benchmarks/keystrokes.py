@@ -59,7 +59,10 @@ def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[TextTable]:
             *command, "--configfile", f"{name}/study.yaml", "--until", "measure_movement", folder=folder
         )
         strokes = pd.concat(
-            [read(folder / "results" / "study" / f"sub-{own}" / "event_strokes.parquet") for own in truth]
+            [
+                read(folder / "results" / "study" / f"sub-{subject}" / "event_strokes.parquet")
+                for subject in truth
+            ]
         )
     yield TextTable(
         "keystrokes",

@@ -57,8 +57,8 @@ def play(
     hand = hand_of("01", side, seed, realism)
     piece = _Piece(hand, realism, rng, interval_s, duration_s, goes_along)
     n_frames = round(duration_s * RATE_HZ)
-    made = simulate("01", side, "opposition", seed, realism, n_frames, session=session, change=piece.played)
-    return Played(made.poses(), piece.strokes(made.time_s[0]))
+    motion = simulate("01", side, "opposition", seed, realism, n_frames, session=session, change=piece.played)
+    return Played(motion.poses(), piece.strokes(motion.time_s[0]))
 
 
 class _Piece:
@@ -104,10 +104,10 @@ class _Piece:
 
     def _wrist(self, time_s: Array) -> Array:
         knots = np.arange(len(self._shifts)) * 4.0
-        place = np.interp(time_s, np.sort(np.append(knots, knots + 3.4)), np.repeat(self._shifts, 2))
+        shift_mm = np.interp(time_s, np.sort(np.append(knots, knots + 3.4)), np.repeat(self._shifts, 2))
         slow = np.sin(2 * np.pi * 0.21 * time_s)
         return np.asarray(
-            self._wrist0 + place[:, None] * self._lateral + slow[:, None] * np.array([2.0, 2.0, 1.0])
+            self._wrist0 + shift_mm[:, None] * self._lateral + slow[:, None] * np.array([2.0, 2.0, 1.0])
         )
 
     def _set_up(self) -> None:
@@ -126,7 +126,7 @@ class _Piece:
             rest, bent = self._heights(np.array([[0.0], [1.0]]) * np.eye(5)[0])[:, 0]
             self._stroke[0, JOINTS.index(joint), column] = 0.0
             thumb.append((joint, column, rest - bent))
-        size = np.linalg.norm([own[2] for own in thumb])
+        size = np.linalg.norm([fall for *_, fall in thumb])
         for joint, column, falls in thumb:
             self._stroke[0, JOINTS.index(joint), column] = falls / size
         self._bed = float(self._heights(np.zeros((1, 5)))[0].mean()) - 6.0
@@ -148,12 +148,12 @@ class _Piece:
                 gain = self._lateral_mm(more, at_s[i : i + 1])[0, touch.digit] - lateral[i, touch.digit]
                 off_mm = lateral[i, touch.digit] % KEY_MM - KEY_MM / 2 + self.rng.normal(0, 3.0)
                 self._sways_deg[i] = np.clip(-off_mm / gain, -6.0, 6.0)
-        own = np.arange(len(self.touches)), [touch.digit for touch in self.touches]
+        touching = np.arange(len(self.touches)), [touch.digit for touch in self.touches]
         for _ in range(4):  # all come down to one level, wherever the hand is
             bends = self._bends(at_s)
-            low = self._tips(bends, at_s)[own][:, 2]
-            bends[own] += 0.1
-            slope = (self._tips(bends, at_s)[own][:, 2] - low) / 0.1
+            low = self._tips(bends, at_s)[touching][:, 2]
+            bends[touching] += 0.1
+            slope = (self._tips(bends, at_s)[touching][:, 2] - low) / 0.1
             self._deep = self._deep + np.clip((self._bed - low) / slope, -4.0, 4.0)
 
     def _lateral_mm(self, bends: Array, time_s: Array) -> Array:
@@ -167,10 +167,10 @@ class _Piece:
 
     def _tips(self, bends: Array, time_s: Array) -> Array:
         forearm = np.repeat(self._forearm[None], len(time_s), 0)
-        place, turn = bone_poses(self.hand, self._angles(bends), self._wrist(time_s), forearm)
+        position, turn = bone_poses(self.hand, self._angles(bends), self._wrist(time_s), forearm)
         along = np.zeros((5, 3))
         along[:, 0] = self.hand.length_mm[TIP_BONES] + self.hand.soft_tip_mm
-        return np.asarray(place[:, TIP_BONES] + rotate(turn[:, TIP_BONES], along))
+        return np.asarray(position[:, TIP_BONES] + rotate(turn[:, TIP_BONES], along))
 
     def _heights(self, bends: Array) -> Array:
         return self._tips(bends, np.zeros(len(bends)))[..., 2]
@@ -185,7 +185,7 @@ class _Piece:
 
     def _bends(self, time_s: Array) -> Array:
         """How far every digit bends and goes sideways, (T, 10): by its own strokes, and along with others."""
-        own, sways_deg = np.zeros((len(time_s), 5)), np.zeros((len(time_s), 5))
+        strokes_rad, sways_deg = np.zeros((len(time_s), 5)), np.zeros((len(time_s), 5))
         for touch, deep, sway_deg in zip(self.touches, self._deep, self._sways_deg, strict=True):
             d, t = touch.digit, time_s - touch.contact_s
             share = (touch.lift_mm - LIFTS_MM[0]) / (LIFTS_MM[1] - LIFTS_MM[0])
@@ -198,13 +198,13 @@ class _Piece:
             gives = touch.power * (deep - top) / fall * 0.002
             bend += gives * np.where(t > 0, 1 - np.exp(-np.maximum(t, 0) / 0.002), 0)
             let_go = 1 - rise**3 * (10 - 15 * rise + 6 * rise**2)
-            own[:, d] += bend * let_go
+            strokes_rad[:, d] += bend * let_go
             sways_deg[:, d] += sway_deg * ready**2 * (3 - 2 * ready) * let_go
-        return np.concatenate([self._rest + own + own @ self.share.T, sways_deg], -1)
+        return np.concatenate([self._rest + strokes_rad + strokes_rad @ self.share.T, sways_deg], -1)
 
     def strokes(self, starts_s: float) -> list[Struck]:
         """What was struck, in the recording's time, of which motion begins at `starts_s`."""
-        found = []
+        struck = []
         for touch in self.touches:
             times = touch.contact_s + np.array([-1.1e-3, -1e-4])
             tips = self._tips(self._bends(times), times)[:, touch.digit]
@@ -215,5 +215,5 @@ class _Piece:
             octave, step = divmod(white, 7)
             pitch = FIRST_PITCH + 12 * octave + (0, 2, 4, 5, 7, 9, 11)[step]
             at_s = starts_s + touch.contact_s
-            found.append(Struck(DIGITS[touch.digit], at_s, at_s + touch.held_s, pitch, speed))
-        return found
+            struck.append(Struck(DIGITS[touch.digit], at_s, at_s + touch.held_s, pitch, speed))
+        return struck

@@ -83,9 +83,9 @@ def write_simulation(arguments: argparse.Namespace) -> None:
     from shukotsu.tables.typed_table import Provenance  # not at start-up: --help needs no NumPy
 
     check_ending(arguments.out)
-    given = {name: getattr(arguments, name) for name in REALISM_OPTIONS}
-    given = {name: value for name, value in given.items() if value is not None}
-    realism = replace(Realism.exact() if arguments.realism == "exact" else Realism.full(), **given)
+    options = {name: getattr(arguments, name) for name in REALISM_OPTIONS}
+    options = {name: value for name, value in options.items() if value is not None}
+    realism = replace(Realism.exact() if arguments.realism == "exact" else Realism.full(), **options)
     simulated = simulate(
         arguments.subject,
         arguments.hand,
@@ -99,8 +99,8 @@ def write_simulation(arguments: argparse.Namespace) -> None:
     write_recording(arguments.out, simulated)
     folder = arguments.truth or arguments.out.with_name(f"{arguments.out.stem}_truth")
     names = ("subject", "hand", "task", "seed", "realism", "forearm")
-    given |= {"session": arguments.session} if arguments.session else {}
-    provenance = Provenance(parameters={name: getattr(arguments, name) for name in names} | given)
+    options |= {"session": arguments.session} if arguments.session else {}
+    provenance = Provenance(parameters={name: getattr(arguments, name) for name in names} | options)
     write_truth(folder, simulated, provenance)
 
 

@@ -97,13 +97,13 @@ class Bone:
 
 @dataclass(frozen=True)
 class Worn:
-    """A receiver where it was taped: place, turning (columns are its axes) and the skin's own axes there.
+    """A taped receiver: where, its axes as columns, and the skin's own axes there.
 
     All as on a right hand: a left hand is drawn in the mirror.
     """
 
     bone: str
-    place: Array
+    position_mm: Array
     axes: Array
     skin_axes: Array
 

@@ -179,7 +179,7 @@ def carry_receiver(
             for behind in (behind_turn, behind_place)
         )
         at = less, placed(at, centre) - less @ centre
-    position = placed(at, worn.place + moved[:, :3] @ worn.skin_axes.T)
+    position = placed(at, worn.position_mm + moved[:, :3] @ worn.skin_axes.T)
     tilt = Rotation.from_rotvec(moved[:, 3:] @ worn.skin_axes.T).as_matrix() @ worn.axes
     return position, turning @ tilt
 

@@ -133,7 +133,7 @@ def _explained(
     usable = line.valid & ~odd & ~timeline.stuck(line) & ~timeline.zeros(line)
     axes = receiver_axes(layout, segments)
     motion = motion_of(line.position_mm, line.quaternion, usable, axes, hand)
-    recorded = Recorded(layout, segments, axes, hand, bool(body.known.any()), declared)
+    recorded = Recorded(layout, segments, axes, hand, bool(body.has_anatomy.any()), declared)
     search = find_mistakes(motion, body, [] if jumping else hypotheses(recorded, motion))
     if jumping and np.median(search.explanation.gap_mm[0]) > OPEN_GAP_MM:
         return [Finding("spikes", REFUSED, "all", declared.unmapped)], search
@@ -144,7 +144,7 @@ def _explained(
         matters = effect(body, explained(as_read, body), explained(motion, body), flipped)
         flips = [replace(flips[0], values={**flips[0].values, **matters})]
     mistakes = search.mistakes
-    if body.known.all() and search.explanation.total[0] < UNEXPLAINED * len(body.names):
+    if body.has_anatomy.all() and search.explanation.total[0] < UNEXPLAINED * len(body.names):
         mistakes = mistakes[:1]  # no hand even with all undone, guesses on guesses: the likeliest alone
     named = [
         Finding(mistake.hypothesis.kind, SUSPECT, mistake.hypothesis.variant, values)

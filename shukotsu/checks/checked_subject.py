@@ -20,7 +20,7 @@ def check_subject(plan: SubjectPlan, arguments: Namespace) -> list[tuple[Recordi
 
     arguments : of a command line: stage, record_failure.
     """
-    recordings = [own for own in plan.recordings if not own.exclude and usable_poses([plan.poses(own)])[0]]
+    recordings = [r for r in plan.recordings if not r.exclude and usable_poses([plan.poses(r)])[0]]
     checked = [_checked(plan, recording, arguments) for recording in recordings]
     named = [
         (" ".join(filter(None, (recording.task, recording.trial))), recording.hand.hand, checks)

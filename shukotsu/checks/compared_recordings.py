@@ -65,38 +65,39 @@ def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Record
 
 
 def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> dict[int, Finding]:
-    """Findings, by place, on recordings whose receivers sit elsewhere than in most others."""
+    """Findings, by index, on recordings whose receivers sit elsewhere than in most others."""
     findings: dict[int, Finding] = {}
     for hand in dict.fromkeys(hand for _, hand, _ in recordings):
         measured = {
-            place: sizes
-            for place, (_, own, checked) in enumerate(recordings)
-            if own == hand and (sizes := measure(checked)) is not None
+            index: sizes
+            for index, (_, side, checked) in enumerate(recordings)
+            if side == hand and (sizes := measure(checked)) is not None
         }
         judging = {
-            place: sizes
-            for place, sizes in measured.items()
-            if not any(finding.kind == "sudden-change" for finding in recordings[place][2].findings)
+            index: sizes
+            for index, sizes in measured.items()
+            if not any(finding.kind == "sudden-change" for finding in recordings[index][2].findings)
         }
         differ = {
-            a: sum(_worn_elsewhere(one, other) for other in judging.values()) for a, one in judging.items()
+            index: sum(_worn_elsewhere(sizes, other) for other in judging.values())
+            for index, sizes in judging.items()
         }
         if not judging:
             continue
-        usual = min(judging, key=lambda place: (differ[place], place))
-        for place, own in measured.items():
-            if _worn_elsewhere(own, measured[usual]):
+        usual = min(judging, key=lambda index: (differ[index], index))
+        for index, sizes in measured.items():
+            if _worn_elsewhere(sizes, measured[usual]):
                 first = {"subject": "", "hand": hand, "task": recordings[usual][0]}
                 same, others = np.array(
                     [sd for sd in (*PHALANX_MM, *KNUCKLE_MM) for _ in FINGERS] + [SCALE]
                 ).T
-                difference = own.sizes - measured[usual].sizes
+                difference = sizes.sizes - measured[usual].sizes
                 odds = 0.5 * difference**2 * (same**-2 - others**-2) - np.log(others / same)
                 if odds.sum() > OTHER_PERSON:
-                    scales = {"scale": own.scale, "usual": measured[usual].scale}
-                    findings[place] = Finding("other-person", SUSPECT, "another", {**first, **scales})
+                    scales = {"scale": sizes.scale, "usual": measured[usual].scale}
+                    findings[index] = Finding("other-person", SUSPECT, "another", {**first, **scales})
                 else:
-                    findings[place] = Finding("other-person", NOTE, "put-on-anew", first)
+                    findings[index] = Finding("other-person", NOTE, "put-on-anew", first)
     return findings
 
 
@@ -109,7 +110,7 @@ def measure(checked: CheckedRecording) -> Measured | None:
     """Measure a hand whose four fingers are seen; None of any other body."""
     body, explained = checked.body, checked.explanation
     needed = [f"{finger}_{kind}" for finger in FINGERS for kind in ("mcp", "pip", "dip")]
-    if body is None or explained is None or not ({*needed} <= {*body.names} and body.known.any()):
+    if body is None or explained is None or not ({*needed} <= {*body.names} and body.has_anatomy.any()):
         return None
     centre = dict(zip(body.names, explained.centre_mm[0], strict=True))
     phalanges = [

@@ -31,7 +31,7 @@ ON_HAND_SD_MM = 4.0
 """Sd of a knuckle in the hand's frame, what is shared apart."""
 
 FACINGS, PAST_DEG = 9, 25.0
-"""Of the receiver over a thumb's metacarpal: how many are tried, and how far past either side (ours)."""
+"""Turns of the receiver over a thumb's metacarpal: how many are tried, how far past either side (ours)."""
 
 FLEXION_DEG = {"mcp": (-45.0, 100.0), "pip": (-25.0, 120.0), "dip": (-30.0, 100.0), "ip": (-35.0, 100.0)}
 THUMB_FLEXION_DEG = {"cmc": (-45.0, 70.0), "mcp": (-35.0, 80.0), "ip": (-40.0, 100.0)}
@@ -51,7 +51,7 @@ class ExpectedBody:
     frame. gain : (J, 2, 3, 7) by what is SHARED, of sd 1 each. rest : (J, F, 3, 3) child to parent in the
     flat hand, for each of F facings of the thumb metacarpal's receiver; faced : (J,) whether it depends on
     that. flexion_deg : (J, 2) least and largest; sideways_sd_deg, swing_deg : (J, 2) of abduction and axial
-    rotation. known : (J,) whether anatomy says all this. gap_mm : (J,) that skin explains.
+    rotation. has_anatomy : (J,) whether anatomy says all this. gap_mm : (J,) that skin explains.
     """
 
     names: tuple[str, ...]
@@ -64,7 +64,7 @@ class ExpectedBody:
     flexion_deg: Array
     sideways_sd_deg: Array
     swing_deg: Array
-    known: npt.NDArray[np.bool_]
+    has_anatomy: npt.NDArray[np.bool_]
     gap_mm: Array
 
 
@@ -84,10 +84,10 @@ def expected_body(layout: Layout, segments: tuple[str, ...]) -> ExpectedBody:
         for index, joint in enumerate(joints):
             if joint.child in digit.segments:
                 _expect(body, index, joint, digit, layout)
-    if layout.wrist is not None and body.known.any():
+    if layout.wrist is not None and body.has_anatomy.any():
         for index, joint in enumerate(joints):
             if joint.name == layout.wrist.joint and joint.child == root_of(layout):
-                body.known[index] = True
+                body.has_anatomy[index] = True
                 body.centre_mm[index] = -np.array([FOREARM_MOUNT_MM, _hand_mount_mm(layout)])
                 body.sd_mm[index] = [[40.0, 12.0, 12.0], [4.0, 4.0, 4.0]]
                 body.flexion_deg[index] = (-95.0, 95.0)
@@ -103,7 +103,7 @@ def _expect(body: ExpectedBody, index: int, joint: Joint, digit: Digit, layout: 
     bone = digit.segments.index(joint.child)
     thumb = digit.name == "thumb"
     on_root = joint.parent_receiver == digit.base
-    body.known[index] = True
+    body.has_anatomy[index] = True
     for facing, frames in enumerate(_frames(anatomy)):
         body.rest[index, facing] = frames[bone] if on_root else frames[bone - 1].T @ frames[bone]
     body.faced[index] = bool(np.ptp(body.rest[index], axis=0).max() > 0)

@@ -122,7 +122,7 @@ def _turned(
         turning[depends, facing] = _turning(body, joint[depends], low, middle, high)
     alike = ~body.faced[joint]
     angles_deg[alike], turning[alike] = angles_deg[alike, :1], turning[alike, :1]
-    return np.where(body.known[joint, None], turning, 0.0), angles_deg
+    return np.where(body.has_anatomy[joint, None], turning, 0.0), angles_deg
 
 
 def _turning(
@@ -179,10 +179,10 @@ def explain(body: ExpectedBody, shares: JointShares, choice: npt.NDArray[np.int6
     # of a hand twice as large all is twice as large, so that no size closes better
     distance_mm = np.linalg.norm(centres, axis=-1).reshape(len(centres), -1)
     reach = np.maximum(np.median(distance_mm, axis=-1, keepdims=True), 1e-3) / REACH_MM  # the median joint's
-    size = np.where(body.known, scale[:, None], reach)
+    size = np.where(body.has_anatomy, scale[:, None], reach)
     strange = (off**2 / body.sd_mm**2).sum(-1) / size[..., None] ** 2
     unknown = -0.5 * (np.log(reach) / REACH_LOG_SD) ** 2 / centres.shape[1]
-    placed = np.where(body.known, _tail(strange, PLACE_TAIL, 3).sum(-1), unknown)
+    placed = np.where(body.has_anatomy, _tail(strange, PLACE_TAIL, 3).sum(-1), unknown)
     closing = -1.5 * INDEPENDENT_FRAMES * np.log1p((gap / (size * body.gap_mm)) ** 2)
     facing = np.argmax(shares.turning[choice].sum(1), axis=-1)[:, None]
     return Explanation(

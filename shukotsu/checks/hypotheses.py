@@ -193,16 +193,19 @@ def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
     """One receiver on the other side, all of those that are opposite to most, or all that there are."""
     if recorded.declared.format != "c3d":  # cameras have no hemisphere
         yield Hypothesis("hemisphere", _moved(-1.0), "whole")
-    place = np.median(motion.position_mm, axis=0)
-    side = place @ np.linalg.eigh(place.T @ place)[1][:, -1]
+    centre = np.median(motion.position_mm, axis=0)
+    side = centre @ np.linalg.eigh(centre.T @ centre)[1][:, -1]
     behind = side < 0 if (side < 0).sum() <= len(side) / 2 else side > 0  # of the transmitter than most
     opposite = {int(i) for i in np.flatnonzero(behind)} if behind.sum() > 1 else set()
-    for places in [*({place} for place in range(len(recorded.segments))), *([opposite] if opposite else [])]:
+    for receivers in [
+        *({receiver} for receiver in range(len(recorded.segments))),
+        *([opposite] if opposite else []),
+    ]:
         sign = np.ones((len(recorded.segments), 1))
-        sign[list(places)] = -1.0
-        names = [recorded.segments[place] for place in sorted(places)]
+        sign[list(receivers)] = -1.0
+        names = [recorded.segments[receiver] for receiver in sorted(receivers)]
         values = {"segments": names, "count": len(names)}
-        yield Hypothesis("hemisphere", _moved(sign), "all-along", values, frozenset(places))
+        yield Hypothesis("hemisphere", _moved(sign), "all-along", values, frozenset(receivers))
 
 
 def _swaps(recorded: Recorded) -> Iterator[Hypothesis]:

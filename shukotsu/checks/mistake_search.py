@@ -19,8 +19,8 @@ DECISIVE = 4.0
 """Log of the odds, the mistake's own rareness taken off, from which on it is named."""
 MOST = 4
 OPEN_MM, CLOSER, CLOSED_MM = 5.0, 0.33, 40.0
-"""Of joints that anatomy does not know: from which gap on a mistake is looked for, how much less it must be
-put right, and how small."""
+"""Gaps of joints without known anatomy: from which on a mistake is looked for, how much less it must be put
+right, and how small."""
 AWAY_MM, AWAY_LOG_SD = 600.0, 0.8
 """Distance from a tracker's transmitter to what is worn (ours)."""
 MOVED_MM = 2.0
@@ -58,7 +58,7 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
             - explanation.total[0]
             - np.array([hypothesis_left.penalty for hypothesis_left in left])
         )
-        if not body.known.any():
+        if not body.has_anatomy.any():
             gains += _away(motion, left)
             gap = np.sqrt((explanation.gap_mm**2).mean(-1))
             closes = (gap[0] > OPEN_MM) & (gap[1:] < CLOSER * gap[0]) & (gap[1:] < CLOSED_MM)
@@ -121,16 +121,16 @@ def _explain(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypothesis
 def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: Hypothesis) -> Values:
     """The evidence of the joint and the measure that gain most."""
     if hypothesis.kind == "units" and hypothesis.variant.startswith("positions"):
-        if body.known.any():
+        if body.has_anatomy.any():
             return _seen("scale", explained.scale, row)
         return _seen("reach", np.median(np.linalg.norm(explained.centre_mm, axis=-1), axis=(1, 2)), row)
     gained = [part[row] - part[0] for part in (explained.closing, explained.placed, explained.turning)]
     closes = explained.gap_mm[row] < 0.8 * explained.gap_mm[0]
-    if body.known.all():  # of a hand whose size was absurd a gap may close better and be as wide
+    if body.has_anatomy.all():  # of a hand whose size was absurd a gap may close better and be as wide
         gained[0] = np.where(closes, gained[0], -np.inf)
     measure, joint = np.unravel_index(int(np.argmax(gained)), np.shape(gained))
     name = body.names[joint]
-    if measure == 0 or not body.known[joint]:
+    if measure == 0 or not body.has_anatomy[joint]:
         return _seen("gap", explained.gap_mm[:, joint], row) | {"joint": name}
     if measure == 1:
         return _seen("place", explained.off_mm[:, joint], row) | {"joint": name}
@@ -191,7 +191,7 @@ def effect(
         "moved": int(moved),
         "joints": int(concerned.sum()),
     }
-    if body.known.any():
+    if body.has_anatomy.any():
         values |= {"scale_before": before.scale, "scale_after": after.scale}
     return values
 

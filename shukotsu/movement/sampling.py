@@ -32,9 +32,9 @@ _UNSURE, _MOST_UNSURE = 0.35, 0.01
 
 @dataclass(frozen=True)
 class Grid:
-    """Place T frames on an even grid of `count` places, `step_s` apart; place : (T,) their indices."""
+    """Place T frames on an even grid of `count` places, `step_s` apart; index : (T,) their indices."""
 
-    place: npt.NDArray[np.int64]
+    index: npt.NDArray[np.int64]
     count: int
     step_s: float
 
@@ -43,7 +43,7 @@ class Grid:
         if self.count == len(values):
             return values
         out = np.full((self.count, *values.shape[1:]), np.nan)
-        out[self.place] = values
+        out[self.index] = values
         return out
 
 

@@ -38,7 +38,7 @@ AFTER_S, FEWEST = 0.030, (5, 4)
 """How long a movement after contact the second parabola is fitted to; frames that the two need."""
 
 AT_THE_TOP, OF_THE_WAY, BEFORE_S = 0.95, 0.4, (0.025, 0.05)
-"""Of the height that a tip comes from, where it is left, the way down begins; how much of it the first
+"""Share of the height that a tip comes from, where it is left, the way down begins; how much of it the first
 parabola is fitted to, and from and to how long."""
 
 SOFT_S = 0.0015
@@ -67,11 +67,11 @@ class _Window:
 
 @dataclass(frozen=True)
 class _Corner:
-    """Where a path turns. slope : (C,) per second just before it, place : (C,); both of all its columns."""
+    """Where a path turns. position_mm : (C,), slope : (C,) per second just before it, of all its columns."""
 
     time_s: float
     sd_s: float
-    place: Array
+    position_mm: Array
     slope: Array
     speed_sd_mm_s: float
     noise_mm: float
@@ -191,7 +191,7 @@ def _measured(window: _Window, digit: int, about_s: float, down: Array) -> Row |
     corner = _corner(time_s, path, about_s, 0.03)
     if corner is None:
         return None
-    height = (corner.place[:3] - tip) @ down
+    height = (corner.position_mm[:3] - tip) @ down
     way = np.flatnonzero((time_s < corner.time_s) & np.isfinite(height))
     if len(way) < 3 or not height[way].max() > 0:
         return None

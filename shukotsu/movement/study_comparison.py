@@ -153,7 +153,7 @@ class LevelPair:
     """
 
     factor: str
-    place: Mapping[str, str]
+    where: Mapping[str, str]
     level: str
     other: str
     design: str
@@ -231,10 +231,10 @@ def difference_rows(quantity: Quantity, numbers: pd.DataFrame, pairs: Sequence[L
         wide = subject_means(numbers, factor, [*columns, "model", "of"]).unstack("level", sort=False)
         families = dict(list(wide.groupby([*columns, "model"], sort=False))) if len(wide) else {}
         for pair in of_factor:
-            where = {"hand": "", "task": "", **pair.place, "factor": factor, "quantity": quantity.name}
+            where = {"hand": "", "task": "", **pair.where, "factor": factor, "quantity": quantity.name}
             where |= {"level": pair.level, "other_level": pair.other, "design": pair.design}
             for key, family in families.items():
-                if key[:-1] != tuple(pair.place.values()):
+                if key[:-1] != tuple(pair.where.values()):
                     continue
                 levels = family.reindex(columns=[pair.level, pair.other])
                 for of, rows in levels.groupby("of", sort=False):

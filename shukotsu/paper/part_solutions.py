@@ -70,10 +70,10 @@ def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[R
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
     settings = dict.fromkeys(request.settings for request in group)
     recordings = stream_recordings(usable, layout)
-    rows = {own: solution_rows(layout, solve_recordings(recordings, own)) for own in settings}
+    rows = {setting: solution_rows(layout, solve_recordings(recordings, setting)) for setting in settings}
     if not usable:
         why = f"no calibration recording: {joined(reasons) or 'the study names none'}"
-        rows = {own: [{**row, "message": why} for row in failed] for own, failed in rows.items()}
+        rows = {setting: [{**row, "message": why} for row in failed] for setting, failed in rows.items()}
     return rows
 
 

@@ -22,8 +22,8 @@ TYPICAL_GAP_MM = 1.0
 """Rms gap of a joint under typical skin; skin that leaves a larger one is taken to slide as much farther."""
 
 NEIGHBOUR_RANGE_DEG = 30.0
-"""Of a neighbour's motion, as far as it goes with the joint's own: it moves the skin of both, and the less
-the joint itself moves, the farther that moves its centre."""
+"""Range of a neighbour's motion that goes with the joint's own: it moves the skin of both, and the less the
+joint itself moves, the farther that moves its centre."""
 
 COMPOUND_SD_MM = 6.0
 """In 3-D, of a centre across a bone that moves and carries no receiver (ours: hands of the simulator)."""
@@ -53,12 +53,12 @@ def unseen_covariance(
     ]
     turn = cross_matrix(axes[1])
     neighbours = 1.0 + (NEIGHBOUR_RANGE_DEG / max(range_deg, 1.0)) ** 2
-    own = turn @ (to_parent.T @ slides[0] @ to_parent + slides[1]) @ turn.T
+    skin_mm2 = turn @ (to_parent.T @ slides[0] @ to_parent + slides[1]) @ turn.T
     if joint.compound:
-        own += COMPOUND_SD_MM**2 / 3 * np.eye(3)
-    own = neighbours * own + _along_variance_mm2(joint, layout, placed) * np.outer(axes[1], axes[1])
+        skin_mm2 += COMPOUND_SD_MM**2 / 3 * np.eye(3)
+    skin_mm2 = neighbours * skin_mm2 + _along_variance_mm2(joint, layout, placed) * np.outer(axes[1], axes[1])
     both = np.vstack([to_parent, np.eye(3)])
-    return np.asarray(both @ own @ both.T)
+    return np.asarray(both @ skin_mm2 @ both.T)
 
 
 def _looseness(segment: str, layout: Layout, gap_rms_mm: float) -> float:

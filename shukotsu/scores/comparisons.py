@@ -126,15 +126,15 @@ def _values(
     for model in models:
         absent = reasons.loc[is_seen & values[model].isna(), model]
         for (subject, *_), reason in absent.where(absent.notna(), NOT_SCORED).items():
-            own = missing.setdefault((subject, model), {})
-            own[reason.rstrip(".")] = own.get(reason.rstrip("."), 0) + 1
+            of_subject = missing.setdefault((subject, model), {})
+            of_subject[reason.rstrip(".")] = of_subject.get(reason.rstrip("."), 0) + 1
     for subject in subjects:
-        known = subject in means.index
+        has_mean = subject in means.index
         for name in names:
-            n_places = int(counts.at[subject, name]) if known else 0
+            n_places = int(counts.at[subject, name]) if has_mean else 0
             if name in references and not n_places:
                 continue
-            why = missing.get((subject, name), {NOT_SCORED: 1} if not known and name in models else {})
+            why = missing.get((subject, name), {NOT_SCORED: 1} if not has_mean and name in models else {})
             yield {
                 "subject": subject,
                 "model": name,

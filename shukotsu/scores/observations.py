@@ -102,13 +102,13 @@ def observations(
     rows = rows[rows["model"].isin(list(names))]
     counts = rows["kind"].isin([held_out]) | ~rows["model"].isin(list(study.models))
     rows = rows.assign(counts=counts, value=rows["number"].where(counts))
-    found = rows.groupby(_PLACE, sort=False)["value"].mean().reset_index()
-    found = found.merge(_reasons(rows, held_out=held_out), how="left", on=_PLACE).fillna({"reason": ""})
+    means = rows.groupby(_PLACE, sort=False)["value"].mean().reset_index()
+    means = means.merge(_reasons(rows, held_out=held_out), how="left", on=_PLACE).fillna({"reason": ""})
     absent = [] if metric.table == "joint_errors" else list(_unscored(study, names))
     if not absent:
-        return found
+        return means
     others = pd.DataFrame(absent, columns=Observation._fields).astype({"value": float})
-    return pd.concat([found, others], ignore_index=True)
+    return pd.concat([means, others], ignore_index=True)
 
 
 def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
@@ -119,7 +119,7 @@ def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
     texts = rows["message"].where(rows["counts"], OTHER_KIND[held_out])
     joined = texts.groupby([rows[name] for name in _PLACE], sort=False)
     return (
-        joined.agg(lambda own: "; ".join(dict.fromkeys(filter(None, own))) or NO_NUMBER)
+        joined.agg(lambda reasons: "; ".join(dict.fromkeys(filter(None, reasons))) or NO_NUMBER)
         .rename("reason")
         .reset_index()
     )
@@ -168,10 +168,10 @@ def _unscored(study: ScoredStudy, names: Collection[str]) -> Iterator[Observatio
     key = ["subject", "session", "hand", "task", "trial"]
     scored = set(study.scores[key].itertuples(index=False, name=None))
     rows = study.recordings[study.recordings["role"] != "calibration"]
-    for row, place in zip(rows.itertuples(), _recordings(rows), strict=True):
+    for row, recording in zip(rows.itertuples(), _recordings(rows), strict=True):
         if (row.subject, row.session, row.hand, row.task, row.trial) in scored:
             continue
         reason = ": ".join(filter(None, (row.status, row.message)))
         for digit in study.layouts[Hand(row.subject, row.hand, row.session)].digits:
             for name in names:
-                yield Observation(row.subject, name, digit, place, None, reason)
+                yield Observation(row.subject, name, digit, recording, None, reason)

@@ -33,13 +33,13 @@ def compare_study(study: Study, results: Results) -> None:
     Raises TableError where a table is damaged.
     """
     inputs = (SKELETON_SCORES, JOINT_ERRORS, RECORDINGS, PROBLEMS)
-    found = compare_models(read_scores(study, results))
+    comparison = compare_models(read_scores(study, results))
     paths = [results.study_table(table.name) for table in inputs]
     provenance = Provenance.of([*study.sheets.values(), *paths])
     for table, rows in (
-        (MODEL_VALUES, found.values),
-        (MODEL_PAIRS, found.pairs),
-        (MODEL_DIFFERENCES, found.differences),
+        (MODEL_VALUES, comparison.values),
+        (MODEL_PAIRS, comparison.pairs),
+        (MODEL_DIFFERENCES, comparison.differences),
     ):
         write_table(results.study_table(table.name), table, columns_from_rows(table, rows), provenance)
 

@@ -290,17 +290,17 @@ def _sentence(error: Any) -> str:
     return ": ".join(filter(None, (".".join(map(str, path)), fault)))
 
 
-def _odd_values(value: Any, place: str = "") -> Iterator[str]:
+def _odd_values(value: Any, where: str = "") -> Iterator[str]:
     """Name what JSON Schema lets pass or trips over: .nan, .inf, huge numbers, control characters."""
     if isinstance(value, float) and not math.isfinite(value):
-        yield f"{place}: is {value}; expected a finite number"
+        yield f"{where}: is {value}; expected a finite number"
     if isinstance(value, int) and abs(value) > limits.LARGEST_WHOLE:
-        yield f"{place}: is a number of more than {len(str(limits.LARGEST_WHOLE)) - 1} digits"
+        yield f"{where}: is a number of more than {len(str(limits.LARGEST_WHOLE)) - 1} digits"
     if isinstance(value, str) and any(ord(c) < 32 and c not in "\n\t" for c in value):
-        yield f"{place}: holds a control character"
+        yield f"{where}: holds a control character"
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, part in parts:
-        yield from _odd_values(part, f"{place}.{key}" if place else str(key))
+        yield from _odd_values(part, f"{where}.{key}" if where else str(key))
 
 
 def _with_defaults(value: Any, schema: dict[str, Any], root: dict[str, Any]) -> Any:

@@ -68,15 +68,15 @@ _UNEDITED = re.compile(r"CHECK(\d+|_\w+)?")
 _SEGMENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
-def _unedited(value: object, place: str) -> Iterator[str]:
+def _unedited(value: object, path: str) -> Iterator[str]:
     if isinstance(value, str) and _UNEDITED.fullmatch(value):
-        yield place
+        yield path
     elif isinstance(value, list):
         for part in value:
-            yield from _unedited(part, place)
+            yield from _unedited(part, path)
     elif isinstance(value, Mapping):
         for key, part in value.items():
-            inner = f"{place}.{key}" if place else str(key)
+            inner = f"{path}.{key}" if path else str(key)
             if _UNEDITED.fullmatch(str(key)):
                 yield inner
             yield from _unedited(part, inner)
@@ -114,7 +114,7 @@ _RECEIVER_KEYS = {
 """The keys of a receiver that a format (of csv: its kind of rows) reads."""
 
 _LONG_KEYS = ("receiver", "position", "orientation")
-"""Of csv with long rows."""
+"""Keys of csv with long rows."""
 
 
 def _faults(config: Mapping[str, Any], keys: Collection[str]) -> Iterator[str]:
@@ -187,21 +187,21 @@ def _csv_faults(config: Mapping[str, Any]) -> Iterator[str]:
         if other != segment:
             yield f"receivers: {other} and {segment} both have value {receiver['value']!r}"
     groups = [("csv", table), *((f"receivers.{name}", part) for name, part in receivers.items())]
-    for place, group in groups:
+    for path, group in groups:
         columns, kind = group.get("orientation", []), config["orientation"]["kind"]
         if columns and len(columns) != _NUMBERS[kind]:
-            yield f"{place}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
+            yield f"{path}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
         for key in ("position", "orientation", "time", "quality", "frame", "receiver"):
             cell = group.get(key, [])
             for column in cell if isinstance(cell, list) else [cell]:
                 if isinstance(column, str) and not table["header"]:
-                    yield f"{place}.{key}: {column!r} is a name; without a header give numbers"
+                    yield f"{path}.{key}: {column!r} is a name; without a header give numbers"
     for column, keys in (("time", ["time_unit"]), ("quality", ["quality_above", "quality_below"])):
-        places = [place for place, group in groups if column in group]
+        paths = [path for path, group in groups if column in group]
         units = [key for key in keys if key in table]
-        if places and not units:
-            yield f"{places[0]}.{column}: needs {' or '.join(f'csv.{key}' for key in keys)}"
-        if units and not places:
+        if paths and not units:
+            yield f"{paths[0]}.{column}: needs {' or '.join(f'csv.{key}' for key in keys)}"
+        if units and not paths:
             yield f"csv.{units[0]}: no {column} column is named"
     timed = "time" in table or all("time" in part for part in receivers.values())
     if not table["in_step"] and not (timed and "rate_hz" in config):

@@ -149,10 +149,10 @@ class SubjectPlan:
 
     def calibrating(self, hand: str, model: str, made_without: str = "") -> list[Recording]:
         """Recordings that joints are solved from under a model, without a task where one is named."""
-        known = [r for r in self.all_calibrating(hand) if not made_without or r.task != made_without]
-        scored = [r for r in known if r.role == "both"]
+        recordings = [r for r in self.all_calibrating(hand) if not made_without or r.task != made_without]
+        scored = [r for r in recordings if r.role == "both"]
         chosen = self.is_study and self.models[model].joints.calibration == "evaluated" and scored
-        return scored if chosen else known
+        return scored if chosen else recordings
 
     def left_out(self, hand: str, model: str) -> list[str]:
         """Tasks to leave out in turn: those evaluated that would else be calibrated on as well.
@@ -183,7 +183,7 @@ class SubjectPlan:
                             f"{option_of(name)}: {path}: is of the same as {named[key]}; name one of them"
                         )
         files: dict[Recording, Path] = {}
-        recordings = {(own.hand, own.task, own.trial): own for own in self.recordings}
+        recordings = {(r.hand, r.task, r.trial): r for r in self.recordings}
         for path in poses:
             name_in_file = recording_name(path)
             recording = recordings.get((name_in_file.of_hand, name_in_file.task, name_in_file.trial))
@@ -194,7 +194,7 @@ class SubjectPlan:
                     + "; remove it and run the study again"
                 )
             files[recording] = path
-        excluded = {own: path for own, path in self.poses_files.items() if own.exclude}
+        excluded = {recording: path for recording, path in self.poses_files.items() if recording.exclude}
         return replace(self, named=named, poses_files={**excluded, **files} if poses else self.poses_files)
 
     def checked(self, findings: Path) -> SubjectPlan:
@@ -216,23 +216,21 @@ class SubjectPlan:
         }
         return replace(
             self,
-            recordings=tuple(by_recording.get(own, own) for own in self.recordings),
-            poses_files={by_recording.get(own, own): path for own, path in self.poses_files.items()},
-            truth_folders={by_recording.get(own, own): path for own, path in self.truth_folders.items()},
-            refused={own: own.exclude for own in by_recording.values()},
-            suspect=tuple(
-                own for own in self.recordings if (own.hand.hand, own.task, own.trial) in suspicions
-            ),
+            recordings=tuple(by_recording.get(r, r) for r in self.recordings),
+            poses_files={by_recording.get(r, r): path for r, path in self.poses_files.items()},
+            truth_folders={by_recording.get(r, r): path for r, path in self.truth_folders.items()},
+            refused={recording: recording.exclude for recording in by_recording.values()},
+            suspect=tuple(r for r in self.recordings if (r.hand.hand, r.task, r.trial) in suspicions),
         )
 
     def doubted(self, hand: str) -> str:
         """Title of the hand's first recording that a finding refuses or suspects; empty where none does."""
         doubts = [*self.refused, *self.suspect]
-        return next((own.title for own in doubts if own.hand.hand == hand), "")
+        return next((recording.title for recording in doubts if recording.hand.hand == hand), "")
 
     def check_calibration_left(self, hand: str) -> None:
         """Raise InputError, with the finding, where a hand has only refused recordings to calibrate on."""
-        sentences = [text for own, text in self.refused.items() if own.hand.hand == hand]
+        sentences = [text for recording, text in self.refused.items() if recording.hand.hand == hand]
         if sentences and not self.all_calibrating(hand):
             raise InputError(f"no calibration recording is left: {sentences[0]}")
 
@@ -326,8 +324,8 @@ SheetRow = TypeVar("SheetRow", Row, dict[str, Any])
 def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> list[SheetRow]:
     """Return a subject's rows of a sheet for a session: its own, and those for all that it has not."""
     key = [column for column in sheet.key if column != "session"]
-    own = [row for row in rows if row["session"] == session]
-    named = {tuple(row[column] for column in key) for row in own}
+    of_session = [row for row in rows if row["session"] == session]
+    named = {tuple(row[column] for column in key) for row in of_session}
     return [
         row
         for row in rows
@@ -395,18 +393,18 @@ def plan_of_poses(
             same = next((other for other in roles if other.samefile(path)), path)
             roles.setdefault(same, []).append(role)
     files: dict[Recording, Path] = {}
-    known: dict[tuple[str, str], Path] = {}
-    for path, own in roles.items():
+    first_files: dict[tuple[str, str], Path] = {}
+    for path, path_roles in roles.items():
         name = recording_name(path)
-        first = known.setdefault((name.task, name.trial), path)
+        first = first_files.setdefault((name.task, name.trial), path)
         if first != path:
             raise InputError(
                 f"{path}: is of {name}, as {first} is; give a recording once, and import another repetition "
                 "with a --trial of its own"
             )
-        role = "both" if len(set(own)) == 2 else own[0]
-        given = (path, str(path), Path(layout.name), "auto", None, "keep", "")
-        files[Recording(whose, name.task, name.trial, role, *given)] = path
+        role = "both" if len(set(path_roles)) == 2 else path_roles[0]
+        read_as = (path, str(path), Path(layout.name), "auto", None, "keep", "")
+        files[Recording(whose, name.task, name.trial, role, *read_as)] = path
     named = {name: path for name, path in (sheets or {}).items() if path is not None}
     rows: dict[str, Any] = {
         name: tuple(

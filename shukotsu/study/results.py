@@ -89,7 +89,7 @@ FIGURE_KINDS = ("svg", "pdf", "txt")
 
 
 FAILED_PAGES = "failed.txt"
-"""It names those of a subject's pages that could not be made, a line each, and why."""
+"""Name of the file that names those of a subject's pages that could not be made, a line each, and why."""
 
 
 @dataclass(frozen=True)

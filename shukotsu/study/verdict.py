@@ -67,26 +67,10 @@ NO_ERROR = "no-error-stated"
 AXIS = "axis-uncertain"
 
 LIMITS: Mapping[str, str] = {
-    NOT_SOLVED: NO,
-    SUSPECT: NO,
-    NO_LENGTH: NO,
-    FAR: NO,
-    END_IN_DOUBT: CARE,
-    TOO_CLOSE: CARE,
-    HALVES: CARE,
-    NO_POSE: CARE,
-    ONE_RECEIVER: CARE,
-    MOVED_LITTLE: CARE,
-    BY_ANATOMY: CARE,
-    ACROSS: CARE,
-    AXIS_IN_PLANE: CARE,
-    UNSETTLED: CARE,
-    ONE_WAY: CARE,
-    UNCERTAIN: CARE,
-    BY_HAND: CARE,
-    FROM_DOUBTFUL: CARE,
-    NOT_THE_BONE: CARE,
-    NO_ERROR: CARE,
+    **dict.fromkeys((NOT_SOLVED, SUSPECT, NO_LENGTH, FAR), NO),
+    **dict.fromkeys((END_IN_DOUBT, TOO_CLOSE, HALVES, NO_POSE, ONE_RECEIVER, MOVED_LITTLE, BY_ANATOMY), CARE),
+    **dict.fromkeys((ACROSS, AXIS_IN_PLANE, UNSETTLED, ONE_WAY, UNCERTAIN, BY_HAND, FROM_DOUBTFUL), CARE),
+    **dict.fromkeys((NOT_THE_BONE, NO_ERROR), CARE),
     AXIS: BELIEVE,
 }
 """Every kind with the best verdict that it allows; `_judged` says when it is worse. What may be the cause of

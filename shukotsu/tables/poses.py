@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 BLOCK_FRAMES = 1 << 16
 
 KEPT_BYTES = 200 * 10**6
-"""Of recordings that were read whole, together; one that takes more than a quarter of it is not kept."""
+"""Size of recordings that were read whole, together; one that takes more than a quarter of it is not kept."""
 
 BYTES_A_POSE = 57
 _NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")

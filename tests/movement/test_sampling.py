@@ -24,11 +24,11 @@ def test_lost_frames_leave_empty_places() -> None:
     time_s = 3.0 + STEP_S * np.array([0, 1, 2, 5, 6])
     grid = grid_of(time_s)
     assert grid is not None
-    assert grid.place.tolist() == [0, 1, 2, 5, 6]
+    assert grid.index.tolist() == [0, 1, 2, 5, 6]
     assert grid.step_s == pytest.approx(STEP_S)
     spread = grid.spread(np.arange(5.0)[:, None])
     assert np.isnan(spread[:, 0]).tolist() == [False, False, False, True, True, False, False]
-    assert spread[grid.place, 0].tolist() == [0, 1, 2, 3, 4]
+    assert spread[grid.index, 0].tolist() == [0, 1, 2, 3, 4]
 
 
 def _stamped(kind: str) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +54,7 @@ def test_the_rate_is_that_of_the_frames_whatever_their_stamps(kind: str) -> None
     grid = grid_of(time_s)
     assert grid is not None
     assert grid.step_s == pytest.approx(STEP_S, rel=1e-3)
-    assert grid.place.tolist() == (frame - frame[0]).tolist()
+    assert grid.index.tolist() == (frame - frame[0]).tolist()
 
 
 def test_short_gaps_are_straight_lines_and_long_ones_stay() -> None:
