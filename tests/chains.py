@@ -130,8 +130,6 @@ def chain_layout(chain: Chain) -> Layout:
 
 
 def reader_of(*recordings: Poses) -> PosesReader:
-    """A reader of poses that are at hand."""
-
     def read(*_: str) -> Iterator[Poses]:
         return iter(recordings)
 

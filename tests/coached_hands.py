@@ -23,7 +23,6 @@ def played(folder: Path, poses: Poses, hand: str = "right") -> Path:
 
 
 def archive(folder: Path, poses: Poses, hand: str = "right") -> Path:
-    """Write poses as a raw capture."""
     out = folder / "recording.arrows"
     assert capture(["emulate", f"--archive={out}", f"--recording={played(folder, poses, hand)}"]) == 0
     return out

@@ -72,7 +72,6 @@ def range_row(row: Row, model: str, joint: str, value: float, sd: float | None) 
 
 
 def recording_of(row: Row) -> Row:
-    """The columns that name the recording."""
     return {name: row[name] for name in ("subject", "session", "hand", "task", "trial")}
 
 
@@ -83,6 +82,5 @@ def write_movement(results: Results, range_rows: Sequence[Row]) -> None:
 
 
 def write(results: Results, table: Table, rows: Sequence[Row]) -> None:
-    """Write one of the study's tables."""
     path = results.study_table(table.name)
     write_table(path, table, columns_from_rows(table, list(rows)), Provenance())

@@ -76,5 +76,4 @@ def links(page: Path) -> list[tuple[str, str]]:
 
 
 def pictures(page: Path) -> list[tuple[str, str]]:
-    """Text and file of every picture of a page."""
     return re.findall(r"!\[([^\]]*)\]\(([^)\s]+)[^)]*\)", page.read_text("utf-8"))

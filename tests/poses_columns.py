@@ -20,7 +20,6 @@ def poses_columns(samples: Samples, parents: Mapping[str, str] | None = None) ->
 
 
 def columns_of(table: PosesTable, row_group_frames: int = 1000) -> dict[str, Any]:
-    """Put the row groups of a table together."""
     groups = list(table.row_groups(row_group_frames))
     return {name: _joined([group[name] for group in groups]) for name in groups[0]}
 

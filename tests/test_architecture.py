@@ -27,7 +27,6 @@ OF_WINDOWS = re.compile(r'(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?|.*[<>:"|?*\\]
 
 @cache
 def tracked_files() -> list[str]:
-    """Every file of the repository, by its path from there."""
     listed = subprocess.run(
         ["git", "ls-files", "-z"], cwd=REPOSITORY, capture_output=True, text=True, check=False
     ).stdout.split("\0")[:-1]

@@ -129,7 +129,6 @@ def argv_of(line: str) -> tuple[str, ...] | None:
 
 
 def inline_commands(page: Path) -> list[str]:
-    """What stands between backquotes in the text."""
     return re.findall(r"`([^`\n]+)`", page.read_text("utf-8"))
 
 
@@ -170,12 +169,12 @@ def test_commands_of_the_guide_are_there_with_their_options(command: tuple[str, 
     assert [option for option in options if not re.search(rf"(?<![\w-]){option}(?![\w-])", printed)] == []
 
 
-STAGES = sorted(path.parent.name for path in (REPOSITORY / "stages").glob("*/__main__.py"))
+STAGES = sorted(path.stem for path in (REPOSITORY / "stages").glob("*.py"))
 LIGHT_HELP = """
 import runpy, sys
 sys.argv = ["stage", "--help"]
 try:
-    runpy.run_module("shukotsu.{}", run_name="__main__")
+    runpy.run_path("stages/{}.py", run_name="__main__")
 except SystemExit as ended:
     heavy = {{"numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "yaml", "matplotlib"}}
     heavy &= set(sys.modules)

@@ -76,7 +76,6 @@ def test_the_version_is_said_once() -> None:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, built from the source distribution."""
     folder = tmp_path_factory.mktemp("wheel")
     run(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", folder, folder=REPOSITORY)
     (source,) = folder.glob("*.tar.gz")
@@ -159,7 +158,6 @@ def test_the_recorder_needs_three_packages(wheel: Path, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What is committed."""
     folder = tmp_path_factory.mktemp("clone") / "shukotsu"
     run("git", "clone", "--quiet", REPOSITORY, folder, folder=REPOSITORY)
     return folder

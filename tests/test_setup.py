@@ -36,13 +36,3 @@ def test_uv_is_pinned_by_hash_and_told_of_pip_s_settings(tmp_path: Path) -> None
         "UV_INDEX= file:///b file:///c",
         "UV_INDEX_STRATEGY=unsafe-best-match",
     ]
-
-
-def test_new_examples_are_searched_for_apart_from_the_fast_tests() -> None:
-    def recipe(name: str) -> str:
-        return subprocess.run(
-            ["make", "-n", "-C", str(REPOSITORY), name], text=True, capture_output=True, check=True
-        ).stdout
-
-    assert "--hypothesis-profile search" in recipe("test-slow")
-    assert "--hypothesis-profile" not in recipe("test")

@@ -61,7 +61,6 @@ def liberty_binary(
 
 
 def crc16(data: bytes) -> int:
-    """CRC-16/ARC, bit by bit."""
     register = 0
     for byte in data:
         register ^= byte

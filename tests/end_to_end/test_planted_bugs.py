@@ -66,7 +66,6 @@ def run(subject: PlannedSubject, stage: str) -> None:
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
-    """A subject of whom every stage was run."""
     recordings = [("right", "rom", "both"), ("left", "rom", "calibration")]
     subject = planned_subject(
         tmp_path_factory.mktemp("sound"), recordings, ["paper-fig4", "quick"], n_frames=90

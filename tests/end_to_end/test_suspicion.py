@@ -33,7 +33,6 @@ ALONE = "fitted without the left hand's bone lengths: "
 
 
 def find(subject: PlannedSubject, **finding: str) -> None:
-    """Write the subject's findings: one on the left hand, or none."""
     keys = {"subject": "01", "session": "", "hand": "left", "trial": ""}
     rows = [keys | worded("units", SUSPECT, "In inch.").columns | finding] if finding else []
     table = subject.plan_file.with_name("findings.parquet")
@@ -72,7 +71,6 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def of_the_right_hand(subject: PlannedSubject, name: str) -> pa.Table:
-    """All rows of a table that are of the right hand."""
     path = subject.plan_file.with_name(f"{name}.parquet")
     if name in FIT_TABLES:
         path = subject.fit_folder() / path.name
@@ -81,7 +79,6 @@ def of_the_right_hand(subject: PlannedSubject, name: str) -> pa.Table:
 
 
 def notes(subject: PlannedSubject, hand: str = "right") -> set[str]:
-    """What the fit of a hand notes of its parts."""
     parts = part_metadata(subject.fit_folder(hand) / "receivers.parquet", TABLES["receivers"])
     return {own.get("note", "") for own in parts.values()}
 

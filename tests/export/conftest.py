@@ -14,13 +14,11 @@ from export_samples.known_hands import KnownHand, make_hand
 
 @pytest.fixture(scope="session", params=["right", "left"])
 def known(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
-    """A short recording of either hand; not to be changed."""
     return make_hand(tmp_path_factory.mktemp(request.param), request.param)
 
 
 @pytest.fixture(scope="session")
 def right(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
-    """A short recording of a right hand; not to be changed."""
     return make_hand(tmp_path_factory.mktemp("right"), "right")
 
 

@@ -24,7 +24,6 @@ NEAR_MM, NEAR_DEG = 1e-3, 1e-3
 
 
 def read(path: Path) -> Any:
-    """What ezc3d reads."""
     import ezc3d
 
     return ezc3d.c3d(str(path))

@@ -22,7 +22,6 @@ def run(known: KnownHand, out: Path, *argv: str, model: str = FITTED) -> int:
 
 
 def hand_with_a_gap(folder: Path, hand: str) -> KnownHand:
-    """A hand of 60 frames, four of which lack a bone."""
     known = make_hand(folder, hand, 60)
     rows = known.rows(FITTED, BONE_POSES)
     for row in rows:

@@ -39,7 +39,6 @@ class _Silent(SimpleHTTPRequestHandler):
 
 
 def page_under(heading: str) -> str:
-    """The HTML page that the guide shows under a heading."""
     found = re.search(rf"## {heading}\n.*?```html\n(.*?)```", GUIDE.read_text("utf-8"), re.DOTALL)
     assert found, heading
     return found.group(1)
@@ -87,7 +86,6 @@ def read_in_node(export_tool: ExportTool, file: Path) -> Any:
 
 
 def read_in_blender(export_tool: ExportTool, file: Path, rate_hz: float) -> Any:
-    """What Blender has of a file."""
     return output_of(export_tool("blender/bin/python"), SCRIPTS / "read_with_blender.py", file, str(rate_hz))
 
 
@@ -207,26 +205,3 @@ def test_the_page_of_the_guide_shows_the_hand_move(
         seconds, shown_mm = map(float, re.findall(r"[\d.]+", words))
         at = np.interp([seconds - 5e-4, seconds, seconds + 5e-4], motion.time_s - motion.time_s[0], apart_mm)
         assert at.min() - 0.06 <= shown_mm <= at.max() + 0.06
-
-
-def test_model_viewer_shows_the_hand(
-    right: KnownHand, tmp_path: Path, export_tool: ExportTool, browser: Any
-) -> None:
-    motion, file = right.ready(FITTED), tmp_path / "motion.glb"
-    write(motion, file)
-    modules = export_tool("node_modules/@google/model-viewer").parents[1]
-    with served(page_under("With model-viewer"), file, modules, tmp_path) as address:
-        page = browser.new_page(viewport={"width": 400, "height": 300})
-        heard = complaints(page)
-        page.goto(address)
-        page.wait_for_function("document.querySelector('model-viewer').loaded")
-        viewer = "document.querySelector('model-viewer')"
-        assert page.evaluate(f"{viewer}.availableAnimations") == ["right-hand opposition"]
-        assert page.evaluate(f"{viewer}.duration") == pytest.approx(
-            motion.time_s[-1] - motion.time_s[0], abs=1e-4
-        )
-        page.wait_for_function(f"{viewer}.currentTime > 0")
-        size = page.evaluate(f"(({{x, y, z}}) => [x, y, z])({viewer}.getDimensions())")
-        page.close()
-    assert [words for words in heard if ours(words)] == []
-    assert 0.12 < max(size) < 0.3, "m: a hand"

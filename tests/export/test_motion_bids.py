@@ -21,7 +21,6 @@ from shukotsu.export.motion_bids import DESCRIPTION, label, recording_path, writ
 from shukotsu.export.tidy_csv import bone_angles_deg
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import angle, conjugate, multiply
-from shukotsu.tables.poses import RecordingName
 
 
 @given(st.text(), st.text())
@@ -29,17 +28,6 @@ def test_labels_are_legal_and_of_one_name_each(first: str, second: str) -> None:
     assert label(first).isascii()
     assert label(first).isalnum() or not first
     assert (label(first) == label(second)) == (first == second)
-
-
-def test_no_two_recordings_share_their_files() -> None:
-    names = [
-        RecordingName(subject, hand, task, trial)
-        for subject in ("1", "01", "0-1", "Q")
-        for hand in ("left", "right")
-        for task in ("rom", "r_om", "rQuom")
-        for trial in ("", "1", "01", "a", "run-1")
-    ]
-    assert len({recording_path(name) for name in names}) == len(names)
 
 
 def add(motion: PosedRecording, folder: Path) -> tuple[str, ...]:
@@ -55,7 +43,6 @@ def skeleton_path(folder: Path, motion: PosedRecording) -> Path:
 
 
 def table(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Numbers by the channels' names, and the channels."""
     beside = path.with_name(path.name.replace("_motion.tsv", "_channels.tsv"))
     channels = pd.read_csv(beside, sep="\t", keep_default_na=False)
     numbers = pd.read_csv(path, sep="\t", header=None, names=list(channels["name"]), na_values=["n/a"])
@@ -77,7 +64,6 @@ def named(motion: PosedRecording, **names: str) -> PosedRecording:
 
 
 def with_gaps(motion: PosedRecording) -> PosedRecording:
-    """Two poses of a joint missing, and one of a receiver."""
     return blanked(motion, joints=np.s_[3:5, 2], receivers=np.s_[6, 1])
 
 

@@ -21,14 +21,12 @@ ON_TIME = ("glb", "osim")
 
 
 def write(motion: PosedRecording, name: str, folder: Path) -> tuple[str, ...]:
-    """Write a motion by its format's own writer, as it is."""
     chosen = FORMATS[name]
     path = folder / (chosen.shared or f"a{chosen.extensions[0]}")
     return tuple(chosen.writers.write(motion, path))
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    """Content of all files, by path."""
     return {
         path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()
     }

@@ -15,7 +15,6 @@ NODE = """{number} [ shape=none, margin=0, label=<<table border="2">
 
 
 def node(number: int, rule: str, *files: str) -> str:
-    """A rule as Snakemake prints it."""
     cells = "\n".join(f'<td align="left"><font face="monospace">{file}</font></td></tr>' for file in files)
     return NODE.format(number=number, rule=rule, files=cells)
 

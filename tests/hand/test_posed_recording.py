@@ -17,7 +17,6 @@ from shukotsu.tables.typed_table import Table
 
 @pytest.fixture
 def hand(tmp_path: Path) -> KnownHand:
-    """A short recording of a right hand."""
     return make_hand(tmp_path, "right", 20)
 
 

@@ -76,7 +76,6 @@ def random_metacarpals(seed: int = 3) -> dict[str, np.ndarray]:
 
 
 def carried(poses: Poses, segment: str, point: Any) -> np.ndarray:
-    """A point of a receiver's frame in the transmitter's, by scipy."""
     index = poses.index(segment)
     turn = Rotation.from_quat(poses.quaternion[:, index], scalar_first=True)
     return np.asarray(turn.apply(np.array(point, float)) + poses.position_mm[:, index])

@@ -38,7 +38,6 @@ def test_half_turns_have_quaternions(axis: np.ndarray) -> None:
 
 @given(SEEDS, SEEDS)
 def test_product_rotates_second_first(first: int, second: int) -> None:
-    """multiply(a, b) is b, then a; rotate agrees with the matrices."""
     a, b = some(first), some(second)
     product = rotations.multiply(quaternions(a), quaternions(b))
     vectors = np.random.default_rng(first).normal(size=(20, 3))

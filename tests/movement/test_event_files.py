@@ -119,7 +119,6 @@ RATE_HZ = 240.0
 def records(
     tmp_path: Path, sync: list[int], buttons: dict[int, list[int]], lost: tuple[int, ...] = ()
 ) -> Events:
-    """Two stations' records, frame by frame."""
     rows = [
         (frame, station, sync[frame], buttons.get(station, [0] * FRAMES)[frame])
         for frame in range(FRAMES)

@@ -57,7 +57,6 @@ def event(hand: str, number: int, name: str, onset_s: float, duration_s: float |
 
 @pytest.fixture(scope="module")
 def out(subject: PlannedSubject, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The tables, with events."""
     folder = tmp_path_factory.mktemp("tables")
     assert run(subject, folder, f"--events={subject.plan_file.with_name('events.parquet')}") == 0
     return folder

@@ -66,7 +66,7 @@ GUARDS = {
     "rotations.py": "hand/test_rotations.py",
     "stacked.py": "paper/test_closed.py",
     "closed.py": "paper/test_closed.py",
-    "moments.py": "paper/test_moments.py",
+    "moments.py": "paper/test_closed.py",
     "plane.py": "paper/test_plane.py",
     "posture.py": "paper/test_posture.py",
 }

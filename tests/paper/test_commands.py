@@ -43,7 +43,6 @@ def plan(plan_file: Path) -> SubjectPlan:
 
 
 def poses_of(plan: SubjectPlan, task: str) -> Path:
-    """Poses of the right hand in a task."""
     return next(plan.poses(r) for r in plan.recordings if (r.hand.hand, r.task) == ("right", task))
 
 
@@ -53,7 +52,6 @@ def project(out: Path, solutions: Path, *options: object) -> int:
 
 
 def estimate(out: Path, joints: Path, *options: object) -> int:
-    """Estimate metacarpals into a folder."""
     out.mkdir(exist_ok=True)
     argv = ["--projected-joints", joints, *stage_runs.outputs("estimate_metacarpals", out), *options]
     return stage_runs.estimate_metacarpals([str(argument) for argument in argv])

@@ -25,7 +25,6 @@ Build = Callable[..., BuiltHand]
 
 @pytest.fixture(scope="module")
 def hand(tmp_path_factory: pytest.TempPathFactory) -> HandResults:
-    """A realistic hand with a forearm receiver, run once."""
     folder = tmp_path_factory.mktemp("hand")
     made = recorded("right", "rom", seed=5, n_frames=600, forearm=True)[0]
     poses = write_poses(folder / "poses.parquet", made, "right", "rom")

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from report_samples.made_scores import gain_rows
+from report_samples.made_study import gain_rows
 from report_samples.pages import rows_where
 
 from shukotsu.report.belief import (
@@ -67,8 +67,6 @@ def test_what_is_asked_of_each_layout() -> None:
 
 
 def _with(results: StudyResults, model: str, joint: str, **changes: object) -> StudyResults:
-    """The results with one joint of S01's left hand changed."""
-
     def of(row: Row) -> Row:
         mine = (row["subject"], row["hand"], row["model"], row["joint"]) == ("S01", "left", model, joint)
         return judged_joint(row | UNJUDGED | changes, FINGER_MM) if mine else row

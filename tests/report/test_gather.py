@@ -47,7 +47,6 @@ def row_of(table: Table, **values: Any) -> dict[str, Any]:
 
 
 def write_findings(plan: SubjectPlan, *rows: dict[str, Any], **parameters: Any) -> None:
-    """Write a subject's findings."""
     columns = columns_from_rows(FINDINGS, [{**plan.who._asdict(), "trial": "", **row} for row in rows])
     write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}, **parameters}))
 
@@ -98,7 +97,6 @@ def plans(tmp_path: Path) -> list[SubjectPlan]:
 
 
 def gathered(folder: Path) -> dict[str, list[dict[str, Any]]]:
-    """Gather the study; rows of its tables."""
     results = Results(folder / "results")
     gather_study(read_study(folder / "study.yaml"), results)
     return {name: list(rows_of(read_table(results.study_table(name), TABLES[name]))) for name in STUDY_TABLES}

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from report_samples.compared import compared
-from report_samples.many_subjects import many_subjects
+from report_samples.made_study import many_subjects
 
 from shukotsu.report.judged_models import judged_models, model_to_take
 from shukotsu.report.study_results import StudyResults, read_results
@@ -19,13 +19,11 @@ OURS, PAPER = "whole-hand", "paper-fig4"
 
 @pytest.fixture(scope="module")
 def twelve(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
-    """Twelve simulated subjects."""
     file, folder = many_subjects(tmp_path_factory.mktemp("twelve"), 12)
     return read_results(read_study(file), folder)
 
 
 def first(results: StudyResults, n: int) -> StudyResults:
-    """The study of its first n subjects alone."""
     kept = {own.hand.subject for own in results.recordings[: n * 4]}
     rows = {
         name: [row for row in getattr(results, name) if row["subject"] in kept]
@@ -42,7 +40,6 @@ def without_truth(results: StudyResults, *, held_out: bool = True) -> StudyResul
 
 
 def means(results: StudyResults, metric: str) -> dict[str, float]:
-    """The mean over subjects of each model."""
     (own,) = (each for each in judged_models(results) if each.metric == metric)
     return {model: float(np.mean(list(values.values()))) for model, values in own.values.items()}
 

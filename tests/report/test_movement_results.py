@@ -34,7 +34,6 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
 
 @pytest.fixture(scope="module")
 def movement(results: StudyResults) -> Movement:
-    """Its movement."""
     return read_movement(results)
 
 

@@ -33,7 +33,6 @@ def _links(page: str) -> set[str]:
 
 
 def _target(page: Path, link: str) -> Path:
-    """The file that a relative link on a page leads to."""
     return Path(os.path.normpath(page.parent / unquote(link.partition("#")[0])))
 
 
@@ -75,7 +74,6 @@ def test_links_lead_to_places(pages: dict[Path, str], results: StudyResults) -> 
 
 
 def test_hostile_names_are_text(tmp_path: Path) -> None:
-    """A name with markup in it is shown as it is and adds no tag."""
     name = "<script>alert(1)</script> 手 ' \" </svg><img src=x onerror=y>"
     plain = make_study(tmp_path / "plain", n_frames=4, subjects=("A",))
     hostile = make_study(tmp_path / "hostile", n_frames=4, subjects=(name,))
@@ -118,7 +116,6 @@ def test_tables_in_cm_equal_the_parquet_table(
 
 
 def test_least_squares_table_equals_the_parquet_table(results: StudyResults, page: str) -> None:
-    """Mean and 95th percentile by model and digit, in mm."""
     caption = (
         "Tip error, least-squares binding, mean and 95th percentile (p95) [mm]: subject S01, opposition."
     )
@@ -131,7 +128,6 @@ def test_least_squares_table_equals_the_parquet_table(results: StudyResults, pag
 
 
 def test_what_went_wrong_is_told(page: str) -> None:
-    """The failed recording, its reason and the count."""
     text = " ".join(read_page(page).text)
     assert "3 of 4 recordings used (1 failed)" in text
     assert "row 7, column x_mm" in text
@@ -155,7 +151,6 @@ def test_no_recording_used(tmp_path: Path) -> None:
 
 
 def test_joints_all_failed(tmp_path: Path) -> None:
-    """Joints without any number are told, and the pages are made."""
     study, folder = make_study(tmp_path, n_frames=3, subjects=("A",))
     results = read_results(read_study(study), folder)
     kept = [column.name for column in JOINT_CENTRES.columns if not column.nullable]
@@ -177,12 +172,10 @@ def test_joints_all_failed(tmp_path: Path) -> None:
     ],
 )
 def test_printed_tables_are_the_papers(table: int, block: int, row: int, cells: tuple[str, ...]) -> None:
-    """A row of each of the paper's four tables."""
     assert printed_table(table).blocks[block].rows[row] == cells
 
 
 def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
-    """Headers and row headings are the same, cell by cell."""
     trial = next(results.trials("S01"))
     table = study_table(results, trial, read_model("paper-fig3"))
     for mine, printed in zip(table.blocks, printed_table(2).blocks, strict=True):

@@ -29,13 +29,11 @@ MARKS = {"believe": "", "care": "◆", "no": "✕"}
 
 @pytest.fixture(scope="module")
 def file(fitted_made: tuple[Path, Path]) -> Study:
-    """The fitted study's file, read."""
     return read_study(fitted_made[0])
 
 
 @pytest.fixture(scope="module")
 def fitted_study_page(fitted: StudyResults, file: Study) -> str:
-    """Its page."""
     return render_study(fitted, file)
 
 

@@ -27,7 +27,6 @@ def scored_study(results: StudyResults) -> ScoredStudy:
 
 
 def compared(results: StudyResults) -> StudyResults:
-    """The results with their models compared anew."""
     return with_comparisons(results, compare_models(scored_study(results)))
 
 

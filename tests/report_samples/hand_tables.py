@@ -49,7 +49,6 @@ def write_subject_tables(study: Study, results: Results) -> None:
 
 
 def write_plans(study: Study, results: Results) -> None:
-    """Write every subject's plan."""
     plans = StudyPlans(study, results.folder)
     for subject in study.subjects:
         write_text(results.plan(subject), plan_text(plans.content(subject)))
@@ -68,7 +67,6 @@ def write_tips(study: Study, results: Results, models: Sequence[str] = ()) -> No
 
 
 def write_parts(path: Path, table: Table, rows_of: Mapping[Part, Sequence[dict[str, Any]]]) -> None:
-    """Write a subject table of these parts."""
     columns = {column.name for column in table.columns}
     with parts_writer(path, table, Provenance()) as writer:
         for part, rows in rows_of.items():

@@ -8,7 +8,7 @@ simulated study has a second task, rom, that calibrates only, and a truth.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ import numpy as np
 import pyarrow as pa
 from simulated_poses import write_poses
 
-from report_samples.made_scores import gain_rows, joint_error_rows, receiver_rows, score_rows, spoiled
 from shukotsu.paper.hand import is_whole
 from shukotsu.scores.study_comparison import compare_study
 from shukotsu.study.layout import Layout, read_layout
@@ -27,7 +26,7 @@ from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, not
 from shukotsu.tables.catalogue import BONE_TIP, DISTAL_RECEIVER, TABLES
 from shukotsu.tables.poses import Poses
 from shukotsu.tables.subjects import path_token
-from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, write_table
+from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
 
 HOSTILE = 'A & <b>"x"'
 FITTED_MODELS = ("paper-fig4", "whole-hand")
@@ -46,7 +45,8 @@ POINTS = {
 }
 
 
-Rows = defaultdict[str, list[dict[str, Any]]]
+Row = dict[str, Any]
+Rows = defaultdict[str, list[Row]]
 """Rows of the study-wide tables, by the tables' names."""
 
 
@@ -96,14 +96,13 @@ def make_study(
     return study, results
 
 
-def write_rows(results: Path, rows: Mapping[str, list[dict[str, Any]]]) -> None:
+def write_rows(results: Path, rows: Mapping[str, list[Row]]) -> None:
     """Write the study-wide tables, and beside them the tips."""
     for name in (*STUDY_TABLES, "tips"):
         write(results / f"{name}.parquet", TABLES[name], rows.get(name, []))
 
 
-def write(path: Path, table: Table, rows: list[dict[str, Any]]) -> None:
-    """Write rows as one table of the contract."""
+def write(path: Path, table: Table, rows: list[Row]) -> None:
     empty = lacking_text(table)
     write_table(path, table, columns_from_rows(table, [empty | row for row in rows]), NO_SOURCE)
 
@@ -115,15 +114,8 @@ def lacking_text(table: Table) -> dict[str, str]:
 
 def _add_failed(rows: Rows, key: dict[str, str], file: str) -> None:
     message = f"{file}: row 7, column x_mm: 'n/a' is not a number"
-    row = key | {
-        "role": "both",
-        "file": file,
-        "status": "failed",
-        "n_frames": 0,
-        "n_receivers": 0,
-        "message": message,
-    }
-    rows["recordings"].append(row)
+    row = key | {"role": "both", "file": file, "status": "failed", "message": message}
+    rows["recordings"].append(row | {"n_frames": 0, "n_receivers": 0})
     where = {**_who(key), "task": key["task"], "stage": "capture"}
     rows["problems"].append(where | {"severity": "refused", "message": message})
 
@@ -153,7 +145,6 @@ def _add_hand(
 
 
 def _add_judgement(rows: Rows, key: dict[str, str], models: list[SkeletonModel], *, simulated: bool) -> None:
-    """What the stages that judge and advise say of a hand."""
     layout = read_layout("liberty16")
     rows["skeleton_scores"] += score_rows(key, layout, models, simulated=simulated)
     rows["joint_errors"] += joint_error_rows(key, layout, models) if simulated else []
@@ -203,7 +194,7 @@ def _joint_rows(
     key: dict[str, str],
     centres: dict[str, np.ndarray],
     receivers: dict[str, np.ndarray],
-) -> list[dict[str, Any]]:
+) -> list[Row]:
     rows = []
     bases = {name: 0.2 * centres[name.replace("cmc", "mcp")] for name in model.own_cmc if name not in centres}
     for name, centre in (centres | bases).items():
@@ -234,8 +225,8 @@ def _bone_rows(
     model: SkeletonModel,
     key: dict[str, str],
     centres: dict[str, np.ndarray],
-    joints: list[dict[str, Any]],
-) -> list[dict[str, Any]]:
+    joints: list[Row],
+) -> list[Row]:
     rows, by_name = [], {row["joint"]: row for row in joints}
     for digit in layout.digits.values():
         for index, bone in enumerate(digit.segments):
@@ -285,3 +276,161 @@ def _add_digit(
 
 def _who(key: dict[str, str]) -> dict[str, str]:
     return {"subject": key["subject"], "hand": key["hand"]}
+
+
+SCORES = ("replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm")
+TRUE_SCORES = ("metacarpal_deg", "true_tip_mean_mm")
+
+
+def score_rows(
+    key: dict[str, str], layout: Layout, models: list[SkeletonModel], *, simulated: bool
+) -> list[Row]:
+    """Rows of skeleton_scores: in-sample skeletons, with a truth held-out ones too, then references."""
+    rows: list[Row] = []
+    for rank, model in enumerate(models):
+        fitted = model.fitting is not None
+        means = [0.7 + 0.1 * rank, 0.3 if fitted else None, 0.5 if fitted else 0.7 + 0.1 * rank, 0.9]
+        truth = [2.0 if fitted else 9.0, 1.5 if fitted else 10.0]
+        rows += _of_digits(key, layout, (model.name, "opposition", False, False), means, truth, simulated)
+        if simulated:
+            worse = [None if value is None else value + 0.25 for value in means]
+            rows += _of_digits(key, layout, (model.name, "rom", True, False), worse, truth, simulated)
+    prior: list[float | None] = [None, 3.2, 5.6, 1.0]
+    rows += _of_digits(key, layout, ("prior-only", "", True, True), prior, [8.7, 3.9], simulated)
+    nothing: list[float | None] = [0.0, None, None, None]
+    rows += _of_digits(key, layout, ("distal-receiver", "", True, True), nothing, [None, 10.3], simulated)
+    if simulated:
+        true: list[float | None] = [1.17, None, 1.17, 0.9]
+        rows += _of_digits(key, layout, ("true-skeleton", "", True, True), true, [0.0, 0.4], simulated)
+    return rows
+
+
+def _of_digits(
+    key: dict[str, str],
+    layout: Layout,
+    who: tuple[str, str, bool, bool],
+    means: list[float | None],
+    truth: list[float | None],
+    simulated: bool,
+) -> Iterator[Row]:
+    names = (*SCORES, *TRUE_SCORES) if simulated else SCORES
+    for index, digit in enumerate(layout.digits):
+        row = {**key, "digit": digit, "n_frames": 300, "message": ""}
+        row |= dict(zip(("model", "calibrated_on", "held_out", "reference"), who, strict=True))
+        if spoiled(key) and digit == "ring" and not who[3]:
+            yield row | {"n_frames": 0, "message": "joint ring_dip failed"}
+            continue
+        for name, value in zip(names, [*means, *truth], strict=False):
+            row[name] = None if value is None else value * (1 + 0.1 * index)
+        for mean in ("replay", "left_out", "true_tip"):
+            value = row.get(f"{mean}_mean_mm")
+            row[f"{mean}_p95_mm"] = None if value is None else 2 * value
+        yield row
+
+
+def joint_error_rows(key: dict[str, str], layout: Layout, models: list[SkeletonModel]) -> list[Row]:
+    """Rows of joint_errors: each model made from either task, and prior-only, which states no error."""
+    skeletons = [(model.name, tasks) for model in models for tasks in ("opposition", "rom")] + [
+        ("prior-only", "")
+    ]
+    rows: list[Row] = []
+    for name, tasks in skeletons:
+        for index, joint in enumerate(seen_joints(layout)):
+            row = {**_who(key), "model": name, "calibrated_on": tasks, "joint": joint, "bone": ""}
+            error = (0.12 if name == "whole-hand" else 0.6) * (index + 1)
+            if not (spoiled(key) and joint == "ring_dip"):
+                row |= {"error_mm": error, "along_mm": 0.8 * error, "across_mm": -0.6 * error}
+                row |= {"parent_error_mm": error, "bone": joint, "bone_error_percent": -error}
+                row |= {"axis_deg": 2 * error if layout.joints[joint].dof == 1 else None}
+                row |= {} if name == "prior-only" else {"within_95": error < 5, "sd_mm": 1.0}
+            rows.append(row)
+    return rows
+
+
+def receiver_rows(key: dict[str, str], layout: Layout, model: str) -> list[Row]:
+    """Rows of receivers, one loose on the spoiled hand."""
+    rows: list[Row] = []
+    for segment in layout.measured:
+        row = {**_who(key), "model": model, "segment": segment, "status": "ok", "message": ""}
+        row |= {f"{name}_mm": 12.34 for name in ("along", "lateral", "height")}
+        row |= {f"{name}_sd_mm": 0.56 for name in ("along", "lateral", "height")}
+        row |= {"residual_mm": 0.3, "residual_deg": 0.4, "loose_task": "", "loose_kind": ""}
+        if segment.endswith("_distal"):
+            row["soft_tip_sd_mm"] = 2.57
+        if spoiled(key) and segment == "ring_middle":
+            row |= {"loose_from_frame": 123, "loose_task": "opposition", "loose_shift_mm": 3.21}
+            row |= {
+                "loose_kind": "step",
+                "loose_turn_deg": 4.32,
+                "status": "weak",
+                "message": "it came loose",
+            }
+        rows.append(row)
+    return rows
+
+
+def gain_rows(key: dict[str, str], model: str) -> list[Row]:
+    """Rows of gains, best first; the sixth and last must not be told."""
+    quantities = (
+        "middle_proximal.lateral",
+        "ring.touch",
+        "ring_middle.along",
+        "index_distal",
+        "thumb_proximal.height",
+        "little_middle.distal",
+    )
+    rows: list[Row] = []
+    for index, quantity in enumerate(quantities):
+        digit = quantity.replace(".", "_").split("_")[0]
+        joint = {"joint": f"{digit}_mcp", "joint_sd_before_mm": 1.94, "joint_sd_after_mm": 1.03}
+        means = {"mean_sd_before_mm": 1.26, "mean_sd_after_mm": 1.21 + 0.01 * index}
+        rows.append({**_who(key), "model": model, "quantity": quantity, "sd_mm": 0.4, **means, **joint})
+    return rows
+
+
+def seen_joints(layout: Layout) -> list[str]:
+    """Joints between two receivers that are always worn."""
+    return [
+        joint.name
+        for joint in layout.solvable
+        if not layout.segments[joint.parent_receiver].optional and not layout.segments[joint.child].optional
+    ]
+
+
+def spoiled(key: dict[str, str]) -> bool:
+    """Whether it is the hand on which things went wrong."""
+    return key["subject"] == "S01" and key["hand"] == "left"
+
+
+FIRST = "S001"
+SCALED = ("skeleton_scores", "joint_errors", "bone_lengths")
+
+
+def many_subjects(
+    folder: Path, n_subjects: int, models: tuple[str, ...] = FITTED_MODELS, *, simulated: bool = True
+) -> tuple[Path, Path]:
+    """Write a study file, its sheet and its results; return the study file and the results folder."""
+    study, results = make_study(folder, n_frames=20, models=models, subjects=(FIRST,), simulated=simulated)
+    rng = np.random.default_rng(3)
+    names = [f"S{index + 1:03}" for index in range(n_subjects)]
+    header, *lines = (folder / "sheet.tsv").read_text("utf-8").splitlines()
+    sheet = [header, *(line.replace(FIRST, name) for name in names for line in lines)]
+    (folder / "sheet.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
+    factors = {(name, model): rng.lognormal(0.0, 0.2) for name in names for model in models}
+    for table in STUDY_TABLES:
+        path = results / f"{table}.parquet"
+        rows = read_table(path, TABLES[table]).to_pylist()
+        scaled = [
+            column.name
+            for column in TABLES[table].columns
+            if table in SCALED and column.name.endswith("_mm") and pa.types.is_floating(column.type)
+        ]
+        repeated = []
+        for name in names:
+            for row in rows:
+                factor = factors.get((name, row.get("model", "")), 1.0)
+                numbers = {column: factor * row[column] for column in scaled if row[column] is not None}
+                repeated.append(row | {"subject": name} | numbers)
+        write(path, TABLES[table], repeated)
+    compare_study(read_study(study), Results(results))
+    return study, results

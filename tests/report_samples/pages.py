@@ -100,12 +100,10 @@ def of_subject(results: StudyResults, subject: str) -> StudyResults:
 
 
 def subject_page(results: StudyResults, subject: str) -> str:
-    """The page of one subject."""
     return render_subject(of_subject(results, subject))
 
 
 def whole_report(results: StudyResults, study: Study) -> str:
-    """The study's page and every subject's, one after the other."""
     pages = [render_study(results, study), *(subject_page(results, name) for name in results.subjects)]
     return "".join(pages)
 

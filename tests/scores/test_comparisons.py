@@ -53,12 +53,10 @@ def compare(
 
 
 def with_baseline(found: ComparedModels) -> dict[tuple[str, str], dict[str, Any]]:
-    """The comparisons with the baseline, by model and digit."""
     return {(row["model"], row["digit"]): row for row in found.differences if row["baseline"]}
 
 
 def differences(found: ComparedModels, digit: str = ALL_DIGITS) -> dict[str, float]:
-    """The subjects' differences of PAIR."""
     return {
         row["subject"]: row["difference"]
         for row in found.pairs

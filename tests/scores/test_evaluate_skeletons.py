@@ -59,7 +59,6 @@ def results(subject: PlannedSubject, tmp_path_factory: pytest.TempPathFactory) -
 
 
 def of(rows: list[Row], model: str, task: str = "opposition", calibrated_on: str = "rom") -> dict[str, Row]:
-    """A model's rows in one recording, by digit."""
     keys = (model, task, "" if model in REFERENCES else calibrated_on)
     return {row["digit"]: row for row in rows if (row["model"], row["task"], row["calibrated_on"]) == keys}
 

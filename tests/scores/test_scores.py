@@ -129,7 +129,6 @@ FINGERS = ("index", "middle", "ring", "little")
 
 
 def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRecording:
-    """A range of motion of 200 frames, with its truth."""
     made, name = simulate("01", hand, "rom", 4, realism, 200), RecordingName("01", hand, "rom")
     write_truth(folder, made, Provenance())
     truth, poses = read_truth(folder, name), made.poses()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from report_samples.many_subjects import many_subjects
+from report_samples.made_study import many_subjects
 from stage_runs import compare_models as main
 
 from shukotsu.study.results import MODEL_COMPARISONS, Results

@@ -112,7 +112,6 @@ def snakemake(
 
 
 def jobs_in(text: str) -> set[Job]:
-    """Jobs that Snakemake's output names by their messages."""
     return {Job(found[1], found[2]) for found in _JOB.finditer(text)}
 
 
@@ -167,7 +166,6 @@ def hashes(folder: Path) -> dict[str, str]:
 
 
 def leftovers(folder: Path) -> list[Path]:
-    """Temporary files that somebody forgot."""
     return [path for path in _files(folder) if path.name.endswith(".tmp")]
 
 

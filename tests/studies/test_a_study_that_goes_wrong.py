@@ -113,7 +113,6 @@ def study(folder: Path) -> StudyRun:
 
 @pytest.fixture(scope="module")
 def good_alone(folder: Path) -> StudyRun:
-    """A study of the good subject only, run."""
     return _run(folder, "untroubled", GOOD)
 
 

@@ -33,7 +33,6 @@ def write_lab_files(folder: Path) -> None:
 
 
 def make_guide_folder(folder: Path) -> None:
-    """Write the lab's files, and the study `demo`, and run it."""
     write_lab_files(folder)
     rows = []
     for subject in SUBJECTS:
@@ -89,7 +88,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A lab's recordings and sheets."""
     folder = tmp_path_factory.mktemp("lab")
     write_lab_files(folder)
     return folder

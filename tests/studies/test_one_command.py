@@ -14,7 +14,6 @@ pytestmark = pytest.mark.slow
 
 
 def shukotsu(folder: Path, *argv: str) -> subprocess.CompletedProcess[str]:
-    """Run the command in a folder."""
     return subprocess.run(
         [sys.executable, "-P", "-m", "shukotsu", *argv],
         cwd=folder,

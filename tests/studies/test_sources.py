@@ -16,7 +16,6 @@ NEAR_MM, NEAR = 1e-4, 1e-6
 
 
 def poses_of(study: StudyRun, subject: str) -> Poses:
-    """Poses of a subject's one recording."""
     (file,) = (study.results.folder / f"sub-{subject}").rglob("poses.parquet")
     return read_poses(file, read_layout("liberty16").measured)
 

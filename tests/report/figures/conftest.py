@@ -43,5 +43,4 @@ def _of_subject(row: Row, name: str) -> Row:
 
 @pytest.fixture(scope="session")
 def drawings(simulated: StudyResults) -> dict[str, Drawing]:
-    """Its figures by name."""
     return {drawing.name: drawing for drawing in of_study(simulated)}

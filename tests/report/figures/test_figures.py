@@ -33,7 +33,6 @@ MODELS = ("paper-fig4", "whole-hand")
 
 
 def names_of(axes: Axes) -> list[str]:
-    """Return what its rows are called, from the top."""
     return list(axes.yaxis.get_major_formatter().seq)  # type: ignore[attr-defined]
 
 

@@ -28,7 +28,6 @@ TEXT = "{http://www.w3.org/2000/svg}text"
 
 
 def run(*words: str) -> int:
-    """The command line's exit code, in this process."""
     return print_figures(words)
 
 

@@ -162,5 +162,4 @@ def hands(tmp_path_factory: pytest.TempPathFactory) -> MadeHands:
 
 @pytest.fixture(scope="session")
 def page(hands: MadeHands) -> str:
-    """The page of S01's right hand."""
     return recording_page(hands.results())

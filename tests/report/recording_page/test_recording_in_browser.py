@@ -53,7 +53,6 @@ SETTLED = "new Promise((done) => requestAnimationFrame(() => requestAnimationFra
 
 @pytest.fixture(scope="module")
 def path(hands: Any) -> Path:
-    """The page of S01's right hand, where links lead to it."""
     path: Path = hands.paths.recording_page(hands.recording())
     write_text(path, recording_page(hands.results()))
     return path

@@ -148,13 +148,11 @@ def _elsewhere(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 @pytest.fixture(scope="session", params=["right", "left"])
 def known(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
-    """A short recording of either hand."""
     return make_hand(tmp_path_factory.mktemp("known"), request.param, 120)
 
 
 @pytest.fixture(scope="session")
 def right(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
-    """A short recording of a right hand."""
     return make_hand(tmp_path_factory.mktemp("right"), "right", 120)
 
 

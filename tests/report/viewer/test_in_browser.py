@@ -38,7 +38,6 @@ HEARING = """(v) => {
 
 
 def write(path: Path, motion: Any) -> Path:
-    """Write the motion's page."""
     path.write_text(page_of_viewer("Subject 01, right hand, opposition", motion), "utf-8")
     return path
 
@@ -51,7 +50,6 @@ def shown(make_known: Callable[[str, int], Any]) -> Any:
 
 @pytest.fixture(scope="module")
 def file(shown: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Its page."""
     return write(tmp_path_factory.mktemp("page") / "hand.html", shown)
 
 
@@ -68,7 +66,6 @@ def opened(page: WatchedPage, file: Path) -> WatchedPage:
 
 
 def seen(page: WatchedPage) -> dict[str, Any]:
-    """What the picture now holds."""
     picture: dict[str, Any] = page.value(f"({PIXELS})({VIEWER})")
     assert picture["error"] == 0
     return picture
