@@ -1,4 +1,4 @@
-"""Eq. 1-7: known joints come back, both solvers agree, the transmitter does not matter, one pass is enough."""
+"""Eq. 1-7: known joints come back, both solvers agree, the transmitter does not matter, one pass will do."""
 
 from dataclasses import replace
 from functools import cache
