@@ -124,8 +124,8 @@ def chain_layout(chain: Chain) -> Layout:
         path = [leaf]
         while chain.parents[path[0] - 1] > 0:
             path.insert(0, chain.parents[path[0] - 1])
-        chain = tuple(names[index] for index in path)
-        digits[chain[-1]] = Digit(chain[-1], names[0], chain, tuple(f"joint_{name}" for name in chain), False)
+        bones = tuple(names[index] for index in path)
+        digits[bones[-1]] = Digit(bones[-1], names[0], bones, tuple(f"joint_{name}" for name in bones), False)
     return Layout("made-up", "made up", segments, joints, digits, None)
 
 

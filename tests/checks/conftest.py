@@ -8,5 +8,4 @@ from benchmarks.faultless_hands import Planted
 
 @pytest.fixture(scope="session")
 def planted() -> Planted:
-    """A right hand without a fault."""
     return hand_of(7)

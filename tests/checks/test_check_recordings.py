@@ -48,7 +48,6 @@ def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def plan(plan_file: Path) -> SubjectPlan:
-    """The plan, its findings written, as later stages read it."""
     assert main(["--plan", str(plan_file), "--out", str(plan_file.with_name("findings.parquet"))]) == 0
     return plan_of_results(plan_file)
 
@@ -77,7 +76,7 @@ def test_a_hand_alone(plan: SubjectPlan, tmp_path: Path, capsys: pytest.CaptureF
     poses = [plan.folder / "right" / task / "poses.parquet" for task in ("rom", "grip")]
     command = ["--layout", "liberty16", "--poses", *map(str, poses)]
     assert main(command) == 0
-    assert capsys.readouterr().out.startswith("right grip: suspect: units: The positions are 1000 times")
+    assert capsys.readouterr().out.startswith("right grip: suspect: units: The positions seem to be in m")
     assert main([*command[:4], "--out", str(tmp_path / "findings.parquet")]) == 0
     assert capsys.readouterr().out == "no finding\n"
     assert read_table(tmp_path / "findings.parquet", FINDINGS).num_rows == 0

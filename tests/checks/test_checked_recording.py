@@ -54,13 +54,11 @@ def test_a_planted_mistake_is_named_alone(planted: Planted, name: str, drawn_oth
 @pytest.mark.slow
 @pytest.mark.parametrize("hand", ["left", "right"])
 def test_odd_hands_are_no_mistakes(hand: str) -> None:
-    """Of either drawing, however the receiver over the thumb's metacarpal faces."""
     for drawing, name, faultless_hand in faultless(8, hand, np.random.default_rng(8)):
         assert faultless_hand.findings() == [], (drawing, name)
 
 
 def test_a_cure_is_never_what_stands_there_already(planted: Planted) -> None:
-    """The other sense and another unit than the mapping's own."""
     declared = Declared("csv", position_unit="cm", order="xyzw", rotates="transmitter-to-receiver")
     for cure, wrong in (
         ("write `rotates: receiver-to-transmitter`", {"quaternion": conjugate(planted.poses.quaternion)}),

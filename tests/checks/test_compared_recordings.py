@@ -19,14 +19,12 @@ def checked(planted: Planted) -> CheckedRecording:
 
 @pytest.fixture(scope="module")
 def person() -> list[tuple[str, str, CheckedRecording]]:
-    """Two recordings of a right hand, one of the left."""
     tasks = (("right", "rom"), ("right", "opposition"), ("left", "rom"))
     return [(task, hand, checked(hand_of(11, hand, task))) for hand, task in tasks]
 
 
 @pytest.fixture(scope="module")
 def other() -> tuple[str, str, CheckedRecording]:
-    """A recording of somebody else's right hand."""
     return "grip", "right", checked(hand_of(12, task="opposition"))
 
 
@@ -86,7 +84,6 @@ def test_the_same_poses_again(person: list[tuple[str, str, CheckedRecording]]) -
 def test_a_copy_under_the_other_hands_name_accuses_that_hand_alone(
     person: list[tuple[str, str, CheckedRecording]],
 ) -> None:
-    """Also where it is named before the recording that it is a copy of."""
     copied, right = kinds([("rom", "left", checked(replace(hand_of(11), hand="left"))), person[0]])
     assert copied == [("same-file", SUSPECT), ("wrong-hand", SUSPECT)]
     assert right == []

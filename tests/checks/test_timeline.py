@@ -13,7 +13,6 @@ T = np.arange(FRAMES) / 100
 
 
 def moving(receivers: int = 3) -> Timeline:
-    """Receivers that swing some 100 mm and 40 deg, 300 mm from the transmitter, at 100 Hz."""
     phase = 2 * np.pi * (0.5 * T[:, None] + np.arange(receivers) / 7)
     offset = np.array([300.0, 50.0, -80.0])
     position = offset + 50 * np.stack([np.sin(phase), np.cos(phase), np.sin(2 * phase)], -1)

@@ -9,5 +9,4 @@ from coached_hands import archive, calibration
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A right hand's calibration of 5 s, as an archive."""
     return archive(tmp_path_factory.mktemp("recorded"), calibration(5.0))

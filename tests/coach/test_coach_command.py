@@ -26,7 +26,6 @@ COACH = [sys.executable, "-m", "shukotsu", "coach"]
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder to work in."""
     (tmp_path / "empty").mkdir()
     monkeypatch.chdir(tmp_path / "empty")
     return tmp_path / "empty"
@@ -96,7 +95,6 @@ def test_a_file_that_grows_is_followed_to_its_end(recorded: Path, folder: Path) 
 def test_a_page_that_can_be_written_no_more_costs_no_row(
     recorded: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Its folder is gone as the session ends."""
 
     class Recorded(FollowedArchive):
         notes = ("ended",)

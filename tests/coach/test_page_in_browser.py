@@ -15,7 +15,6 @@ from shukotsu.coach.study import hand_alone
 def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
     watched_page: WatchedPage, tmp_path: Path
 ) -> None:
-    """Locators wait over the page's own reloads; its last state loads itself no more."""
     coach, path, page = Coach(hand_alone(None, "right")), tmp_path / "page.html", watched_page.page
     write_page(path, coach, "a recording", "Nothing has come.")
     watched_page.open(path)

@@ -32,7 +32,6 @@ ROWS = (
 
 @pytest.fixture
 def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Two right recordings, of which one is named twice, and both declared as of another's left hand too."""
     monkeypatch.chdir(tmp_path)
     for task in ("rom", "opposition"):
         write_recording(Path(f"{task}.csv"), simulate("P1", "right", task, 3, Realism.full(), 600))
@@ -60,7 +59,6 @@ def of_run(study: Path) -> set[tuple[str, ...]]:
 def test_a_study_s_recordings_have_the_findings_of_its_run(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Those that take a comparison of recordings too; a sentence stands once, and nothing is left behind."""
     before = sorted(Path().rglob("*"))
     assert check([str(study)]) == 0
     out, err = capsys.readouterr()
@@ -90,7 +88,6 @@ def test_a_study_s_recordings_have_the_findings_of_its_run(
 def test_a_study_says_what_its_sheets_do_not_share(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And a recording that is a link to itself is one that cannot be read, no end of the check."""
     monkeypatch.chdir(tmp_path)
     Path("loop.csv").symlink_to("loop.csv")
     Path("recordings.tsv").write_text("subject\thand\ttask\trole\tfile\n01\tright\trom\tboth\tloop.csv\n")

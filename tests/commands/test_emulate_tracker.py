@@ -40,7 +40,6 @@ def test_bad_options_are_refused_in_a_sentence(
 
 
 def test_tcp_serves_one_client_at_a_time() -> None:
-    """A second one is turned away; a later one finds the device as the first left it."""
     with emulator("--stations", "1,3", port=("--tcp", "0")) as running:
         host, port = running.name.removeprefix("socket://").split(":")
         address = (host, int(port))

@@ -85,7 +85,6 @@ FORWARD = {"rotates": "receiver-to-transmitter"}
 
 
 def test_the_guides_page_shows_what_is_printed(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its mapping reads the file that it is shown for."""
     monkeypatch.chdir(run.folder)
     run.write("session3.csv", GUIDE_FILE)
     page = (REPOSITORY / "docs" / "mappings.md").read_text("utf-8")
@@ -128,25 +127,6 @@ def test_receivers_by_the_dozen_have_one_line_and_a_glove_is_refused(run: Run) -
     assert run.inspect(many).count("\nposition") == 1
 
 
-def test_a_long_table(run: Run) -> None:
-    rows = [
-        f"{frame},{sensor},{frame * 8},{frame + 0.5},{sensor},3.25,{frame},{-sensor * frame},{3 * frame},0\n"
-        for frame in range(1, 30)
-        for sensor in (1, 2)
-    ]
-    titles = "sample,sensor,timestamp,p1,p2,p3,azimuth,elevation,roll,button\n"
-    path = run.write("old.csv", titles + "".join(rows))
-    out = run.drafted(path)
-    assert "frame column sample: 1 to 29" in out
-    assert "receiver column sensor: one row a receiver and frame; it has 1, 2" in out
-    assert "degrees, as 87 is more than two pi" in out
-    answers = {"position_unit": "cm", "time_unit": "ms"}
-    samples = run.imported(path, answers | {"CHECK_1": "hand", "CHECK_2": "forearm"})
-    hand = of(samples, "hand")
-    assert hand.sum() == (~hand).sum() == 29
-    np.testing.assert_allclose(samples.numbers[hand, 0], (np.arange(1, 30) + 0.5) * 10)
-
-
 def test_a_tracker_s_own_text_goes_round_its_stations(run: Run) -> None:
     """Rows that are lost, and a last round that is cut short, leave the others in their frames."""
     rows = [
@@ -171,7 +151,6 @@ def test_a_tracker_s_own_text_goes_round_its_stations(run: Run) -> None:
 
 
 def test_the_rigid_clusters_of_a_c3d_file_are_drafted_whatever_its_markers_are_called(run: Run) -> None:
-    """Two segments that turn apart, and a marker that goes its own way; names tell nothing."""
     shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
     motions = (TURNED, 1000 * PLACE), (TURNED[::-1], 300 * PLACE[::-1])
     rigid = [shape @ np.swapaxes(matrix(turn), 1, 2) + mm[:, None] for turn, mm in motions]

@@ -34,7 +34,6 @@ def test_a_new_study_reads_when_a_row_is_written(
 
 
 def sheet(folder: Path) -> list[list[str]]:
-    """The drafted sheet of recordings, its header first."""
     return [row.split("\t") for row in (folder / "recordings.tsv").read_text().splitlines()]
 
 

@@ -79,7 +79,6 @@ class Brought:
 
 
 def tidy(planted: Planted) -> Brought:
-    """Bring a table of the project's own form."""
     poses = planted.poses
     frames, segments = poses.valid.shape
     numbers = np.concatenate([poses.position_mm, poses.quaternion], -1).reshape(-1, 7)
@@ -93,7 +92,6 @@ def tidy(planted: Planted) -> Brought:
 
 
 def with_stations(planted: Planted) -> Brought:
-    """Bring a table of the project's own form that names the tracker's stations."""
     own = tidy(planted)
     station = {name: part["receiver"] for name, part in own.layout["segments"].items() if "receiver" in part}
     table = dict(own.table)

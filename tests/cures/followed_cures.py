@@ -37,7 +37,6 @@ def obeyed(brought: Brought, right: Brought) -> tuple[Result, Result]:
 
 
 def to_do(own: Result) -> list[str]:
-    """Return the sentences that say to do something: a repair says that nothing more has to be."""
     messages = [finding.message for finding in own.findings]
     return [message for message in messages if not re.search("nothing (more )?has to be done", message)]
 
@@ -91,7 +90,6 @@ def _not_in_step(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
 
 
 def exchanged(names: Mapping[str, Any], pairs: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    """Exchange the values under the names of each pair."""
     other = dict(pairs) | {two: one for one, two in pairs}
     return {other.get(name, name): own for name, own in names.items()}
 
@@ -224,7 +222,6 @@ def _other_hand(words: re.Match[str], brought: Brought, right: Brought) -> Broug
 
 
 def _looked_up(_words: re.Match[str], _brought: Brought, right: Brought) -> Brought:
-    """Return the right file, as only its laboratory knows the receivers' columns or can export it anew."""
     return right
 
 

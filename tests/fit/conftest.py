@@ -7,5 +7,4 @@ from shukotsu.study.layout import Layout, read_layout
 
 @pytest.fixture(scope="session")
 def layout() -> Layout:
-    """The hand that ships."""
     return read_layout("liberty16")

@@ -51,24 +51,19 @@ class Person:
     def off_mm(self, tips: Fingertips, part: str) -> Array:
         """Mean distance (5,) of every digit's part to its true place."""
         rows = slice(None, None, 20)
-        found = tips.in_transmitter(self.poses, part)[rows]
-        return np.asarray(np.linalg.norm(found - self.true_mm(rows, part), axis=-1).mean(0))
+        points = tips.in_transmitter(self.poses, part)[rows]
+        return np.asarray(np.linalg.norm(points - self.true_mm(rows, part), axis=-1).mean(0))
 
 
-@pytest.fixture(scope="module")
-def people() -> dict[str, Person]:
-    found = {}
-    for side in ("right", "left"):
-        made, poses = recorded(side, seed=6, field_distortion=0.0)  # it bends point and hand alike
-        fit = fit_hand([poses], read_layout("liberty16"), side, settings=QUICK)
-        found[side] = Person(fingertips(fit), made, poses)
-    return found
+@pytest.fixture(scope="module", params=["right", pytest.param("left", marks=pytest.mark.slow)])
+def person(request: pytest.FixtureRequest) -> Person:
+    made, poses = recorded(request.param, seed=6, field_distortion=0.0)  # it bends point and hand alike
+    fit = fit_hand([poses], read_layout("liberty16"), request.param, settings=QUICK)
+    return Person(fingertips(fit), made, poses)
 
 
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_tips_are_where_the_hand_has_them(people: dict[str, Person], side: str) -> None:
+def test_tips_are_where_the_hand_has_them(person: Person) -> None:
     """Untouched, bone, tip and pad are some mm off, and no more than their covariance allows."""
-    person = people[side]
     assert tuple(person.tips.digits) == DIGITS
     for part, most_mm in ((BONE, 5.0), (TIP, 5.5), (PAD, 5.5)):
         off = person.off_mm(person.tips, part)
@@ -89,9 +84,8 @@ def test_tips_are_where_the_hand_has_them(people: dict[str, Person], side: str) 
     assert sum(squares) < 37.7  # chi-square of 15, 1 in 1000
 
 
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_derivatives_are_those_of_the_points(people: dict[str, Person], side: str) -> None:
-    tips = people[side].tips
+def test_derivatives_are_those_of_the_points(person: Person) -> None:
+    tips = person.tips
     evidence, rng = tips.fit.evidence, np.random.default_rng(0)
     x, offsets = evidence.posterior.x, tips.offsets_mm
     along = rng.normal(size=len(x) + offsets.size)
@@ -105,10 +99,8 @@ def test_derivatives_are_those_of_the_points(people: dict[str, Person], side: st
         np.testing.assert_allclose(derivative @ along, slope, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_one_touch_a_finger_finds_the_tips(people: dict[str, Person], side: str) -> None:
+def test_one_touch_a_finger_finds_the_tips(person: Person) -> None:
     """Soft tips come to the touch's error, bones to that and what is not known of the flesh between."""
-    person = people[side]
     tips = with_touches(person.tips, person.touches(1))
     assert tips.refused == ()
     assert person.off_mm(tips, TIP).mean() < 0.8 < 1.5 < person.off_mm(person.tips, TIP).mean()
@@ -129,9 +121,8 @@ def test_one_touch_a_finger_finds_the_tips(people: dict[str, Person], side: str)
     assert tips.fit.joints["index_dip"].sd_mm < 0.9 * person.tips.fit.joints["index_dip"].sd_mm
 
 
-def test_a_wrong_touch_is_left_out(people: dict[str, Person]) -> None:
+def test_a_wrong_touch_is_left_out(person: Person) -> None:
     """A touch booked on the wrong digit is refused with its reason, and the others stay."""
-    person = people["right"]
     touches = person.touches(6)
     wrong = replace(touches[2], point_mm=touches[2].point_mm + np.array([0.0, 9.0, 9.0]))
     alone = with_touches(person.tips, [wrong])
@@ -144,12 +135,11 @@ def test_a_wrong_touch_is_left_out(people: dict[str, Person]) -> None:
     np.testing.assert_allclose(among.offsets_mm, without.offsets_mm, atol=1e-9)
 
 
-def test_pads_that_meet_are_found_and_count(people: dict[str, Person]) -> None:
+def test_pads_that_meet_are_found_and_count(person: Person) -> None:
     """In opposition every finger's contacts are found; elsewhere hardly one. Pads come closer, if not to the
     true ones: a contact says where two pads are to each other, not where both are.
     """
-    person = people["right"]
-    made, poses = recorded("right", "opposition", seed=5, field_distortion=0.0)
+    made, poses = recorded(person.made.hand, "opposition", seed=6, field_distortion=0.0)
     other = Person(person.tips, made, poses)
     contacts = find_contacts(person.tips, poses)
     fingers = [contact.digits[1] for contact in contacts]
@@ -176,7 +166,6 @@ def test_pads_that_meet_are_found_and_count(people: dict[str, Person]) -> None:
 
 
 def gap_mm(tips: Fingertips, contacts: list[Touch]) -> float:
-    """Mean distance of the pads that are in contact."""
     gaps = []
     for contact in contacts:
         a = contact.receiver_mm[:, 0] + rotate(

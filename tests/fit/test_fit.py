@@ -27,7 +27,6 @@ hand = partial(recorded, seed=3)
 
 @pytest.fixture(scope="module")
 def fitted(layout: Layout) -> HandFit:
-    """The right hand, fitted quickly."""
     return fit_hand([hand()[1]], layout, "right", settings=QUICK)
 
 
@@ -64,7 +63,6 @@ def test_it_beats_the_joint_by_joint_fit(layout: Layout, fitted: HandFit) -> Non
 
 
 def test_the_rest_of_the_summary(fitted: HandFit) -> None:
-    """Wrist, bones, moving palm, axes and gaps are near the truth and say how near."""
     made, _ = hand()
     true = made.truth.joints
     wrist = fitted.summary.fixed["wrist"]
@@ -130,7 +128,6 @@ def free_layout(chain: Chain) -> Layout:
 
 
 def test_joints_without_anatomy() -> None:
-    """An arm-like tree of free joints: centres from the data alone, in trees of any shape."""
     chain = random_chain(2, 6, 300, parents=(0, 0, 1, 2, 0), off_axis_rad=0.3, noise_mm=0.2)
     fit = fit_hand([chain.poses], free_layout(chain), "right")
     assert fit.converged

@@ -25,21 +25,16 @@ from shukotsu.tables.poses import Poses
 SIX = ("hand", *(f"{digit}_distal" for digit in ("thumb", *FINGERS)))
 
 
-def only(poses: Poses, worn: tuple[str, ...]) -> Poses:
-    """The recording with the poses of some receivers alone."""
-    return replace(poses, valid=poses.valid & np.isin(np.array(poses.segments), worn))
-
-
 @pytest.fixture(scope="module", params=["right", pytest.param("left", marks=pytest.mark.slow)])
 def tips(request: pytest.FixtureRequest) -> Fingertips:
     return fingertips(fitted(request.param))
 
 
 def task_of(tips: Fingertips, worn: tuple[str, ...] = ()) -> tuple[Poses, PosedHand]:
-    """Twenty frames of another task, posed."""
     side = "left" if tips.fit.evidence.convention.left else "right"
     poses = recorded(side, "opposition", seed=4, n_frames=1600)[1].take(slice(0, None, 80))
-    poses = only(poses, worn) if worn else poses
+    if worn:
+        poses = replace(poses, valid=poses.valid & np.isin(np.array(poses.segments), worn))
     return poses, pose_hand(tips.fit, poses)
 
 

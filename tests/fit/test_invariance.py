@@ -29,7 +29,6 @@ def with_gaps(poses: Poses) -> Poses:
 
 
 def seen_from(poses: Poses, seed: int) -> Poses:
-    """The same recording with the transmitter elsewhere."""
     rng = np.random.default_rng(seed)
     turn = about_axis(unit(rng.normal(size=3)), rng.uniform(0.5, 3.0))
     return replace(
@@ -61,7 +60,6 @@ def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
 
 
 def test_the_mirrored_recording_is_the_other_hand(layout: Layout) -> None:
-    """A left hand as recorded, with gaps, and its mirror image."""
     poses = with_gaps(recorded("left", "opposition", seed=7, n_frames=1200)[1])
     left = fit_hand([poses], layout, "left", settings=SHORT)
     image = replace(poses, position_mm=poses.position_mm * MIRROR, quaternion=mirrored(poses.quaternion))

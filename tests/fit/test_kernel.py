@@ -30,7 +30,6 @@ CLOSE, STEP = 1e-9, 1e-6
 
 
 def random_operation(rng: np.random.Generator, states: range) -> Operation:
-    """Any amount: constant, by unknowns, by states, by their products."""
 
     def terms(most: int) -> tuple[Term, ...]:
         unknowns = [None, *range(UNKNOWNS)]
@@ -121,7 +120,6 @@ def assert_same(found: Array, expected: Array) -> None:
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("n_frames", [1, 7])
 def test_residuals(seed: int, n_frames: int) -> None:
-    """Against the same in NumPy, receiver by receiver."""
     problem, point = random_problem(seed, n_frames)
     found, rotation = residuals(problem, point), problem.rotation(point.x)
     y_off = (point.y - problem.state_mean) @ problem.state_prior().T
@@ -245,7 +243,6 @@ def dense_step(problem: Problem, point: Point, damping: float) -> tuple[Array, A
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("damping", [0.0, 0.1])
 def test_a_step_of_the_whole_hand(seed: int, damping: float) -> None:
-    """Branch by branch and frame by frame as in one dense matrix of all unknowns."""
     problem, point = random_problem(seed, 7)
     steps = reduce(problem, point, damping)
     matrix, gradient, moved = dense_step(problem, point, damping)
@@ -258,7 +255,6 @@ def test_a_step_of_the_whole_hand(seed: int, damping: float) -> None:
 
 @pytest.mark.parametrize(("seed", "n_frames"), [(0, 1), (1, 7), (2, 2 * BLOCK_FRAMES + 1)])
 def test_every_frame_is_posed_by_itself_as_well_as_can_be(seed: int, n_frames: int) -> None:
-    """As it is alone, never worse than before, and nothing is left to gain."""
     problem, point = random_problem(seed, n_frames)
     found = pose(problem, point)
     before, cost, later = (

@@ -13,11 +13,8 @@ from shukotsu.fit.fit import HandFit, Settings, fit_hand
 from shukotsu.fit.hand_tables import receiver_rows
 from shukotsu.fit.left_out import Unsteady, share_left_out, without_displaced
 from shukotsu.fit.loose_receivers import Displaced, LooseReceiver, Moment
-from shukotsu.hand.rotations import Array
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import RecordingName
-
-ASIDE = np.array([0.0, 1.0, 0.0])
 
 
 def made_loose(segment: str, recording: int, frame: int) -> LooseReceiver:
@@ -66,20 +63,10 @@ def test_the_longer_part_is_kept() -> None:
 
 @pytest.fixture(scope="module")
 def left(layout: Layout) -> HandFit:
-    """A left hand, which is fitted as its mirror image."""
     return fit_hand([recorded("left", seed=5)[1]], layout, "left", settings=Settings(n_frames=40, rounds=0))
 
 
-def near_a_tip(fit: HandFit, mm: float) -> tuple[Field, Array]:
-    """Metal 10 mm beside the little finger's tip in the first frame, and where that is in the room."""
-    poses = recorded("left", seed=5)[1]
-    place = poses.position_mm[0, poses.index("little_distal")]
-    nearest = fit.evidence.convention.world(np.eye(3), place)[1]
-    return Field(nearest + 10.0 * ASIDE, nearest, np.array([mm, 0.0, 0.0, 0.0, 0.0, 0.0])), place
-
-
 def test_rows_say_what_moved_and_what_was_left_out(left: HandFit) -> None:
-    """A slide with its two moments, a step that changes nothing, and a field with its place in the room."""
     tips, names = fingertips(left), [RecordingName("01", "left", "rom", "2")]
     step = np.array([0.0, 8.0, 0.0, 0.1, 0.0, 0.0])
     slid = LooseReceiver("hand", Moment(0, 720, 3.0), Moment(0, 5040, 21.0), step)
@@ -97,11 +84,14 @@ def test_rows_say_what_moved_and_what_was_left_out(left: HandFit) -> None:
     kinds = [rows[name]["loose_kind"] for name in ("hand", "ring_middle", "index_middle")]
     assert kinds == ["slide", "step", ""]
     assert (rows["hand"]["loose_from_frame"], rows["hand"]["loose_until_frame"]) == (720, 5040)
-    field, place = near_a_tip(left, 6.0)
+    poses = recorded("left", seed=5)[1]
+    tip_mm = poses.position_mm[0, poses.index("little_distal")]  # the metal is 10 mm beside it
+    nearest = left.evidence.convention.world(np.eye(3), tip_mm)[1]
+    field = Field(nearest + np.array([0.0, 10.0, 0.0]), nearest, np.array([6.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     near = Unsteady(names, Displaced(field=field), {"little_distal": field.error}, {})
     row = {row["segment"]: row for row in receiver_rows(tips, near)}["little_distal"]
-    np.testing.assert_allclose([row[f"field_{axis}_mm"] for axis in "xyz"], place)
-    where = ", ".join(f"{value:.0f}" for value in place)
+    np.testing.assert_allclose([row[f"field_{axis}_mm"] for axis in "xyz"], tip_mm)
+    where = ", ".join(f"{value:.0f}" for value in tip_mm)
     assert row["message"].startswith(
         f"the field is disturbed near ({where}) mm, as by metal: there it is off by 6.0"
     )

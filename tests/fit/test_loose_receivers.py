@@ -18,8 +18,8 @@ from shukotsu.tables.poses import Poses
 QUICK = Settings(n_frames=60, rounds=1)
 
 
-def hand(side: str = "right", task: str = "rom", seed: int = 5, skin: float = 1.0) -> tuple[Simulated, Poses]:
-    return recorded(side, task, seed=seed, n_frames=3600, artefact=skin)
+def hand(side: str = "right", task: str = "rom", seed: int = 5) -> tuple[Simulated, Poses]:
+    return recorded(side, task, seed=seed, n_frames=3600)
 
 
 def loosened(
@@ -55,7 +55,6 @@ def loose_in(layout: Layout, side: str, *recordings: Poses) -> list[LooseReceive
     ],
 )
 def test_a_loose_receiver_is_named(layout: Layout, segment: str, shift_mm: float, turn_deg: float) -> None:
-    """The receiver, the moment to a tenth of a second, and how far it moved."""
     poses = hand()[1]
     (loose,) = loose_in(layout, "right", loosened(poses, segment, 1500, shift_mm, turn_deg))
     assert (loose.segment, loose.start.recording, loose.slid) == (segment, 0, False)
@@ -116,7 +115,6 @@ def error_mm(fit: HandFit, made: Simulated) -> float:
 
 @pytest.mark.slow
 def test_without_it_the_hand_is_as_good_as_untouched(layout: Layout) -> None:
-    """Centres next to a receiver that came loose, in its own frame as it sat at first."""
     made, poses = hand()
     loose = loosened(poses, "middle_middle", 2000, 8.0, 12.0)
     untouched, spoilt = (fit_hand([p], layout, "right", settings=QUICK) for p in (poses, loose))

@@ -59,7 +59,6 @@ def test_it_is_named_with_mm_deg_and_since_when(
 
 
 def test_what_hangs_on_it_has_no_numbers_and_all_else_has(tmp_path: Path) -> None:
-    """A distal receiver pitched by 25 deg."""
     tips = fingertips(fitted())
     poses = moved("index_distal", Y, 25.0, (0.0, 0.0, 0.0)).take(slice(0, 40))
     path = write_poses(tmp_path / "poses.parquet", poses, "right", "opposition")

@@ -51,7 +51,6 @@ def test_the_prior_moves_nothing(tmp_path: Path) -> None:
 
 
 def test_a_study_does_not_name_it(tmp_path: Path) -> None:
-    """The reference is in every study, so a model of that kind is refused."""
     subject = planned_subject(tmp_path, [("right", "rom", "both")], ["rigid"], n_frames=20)
     study = subject.folder / "study.yaml"
     text = (subject.folder / "quick.yaml").read_text()

@@ -35,7 +35,6 @@ def test_the_fields_turn_is_undone() -> None:
 
 
 def test_the_field_grows_no_farther_than_receivers_were() -> None:
-    """A task elsewhere in the room is not turned by what a slope would come to there."""
     field = RoomField.among(Unknowns(), np.array([[100.0, 0.0, 0.0], [-100.0, 0.0, 0.0]]))
     within, edge, beyond = field.by_unknown(np.array([[50.0, 0, 0], [100.0, 0, 0], [900.0, 0, 0]]))
     np.testing.assert_allclose(beyond, edge)

@@ -21,19 +21,14 @@ SEEDS = (4, 5, 7)
 HANDS = pytest.mark.parametrize(
     "seed", [SEEDS[0], *(pytest.param(s, marks=pytest.mark.slow) for s in SEEDS[1:])]
 )
-SIDES = pytest.mark.parametrize("side", ["right", "left"])
+SIDES = pytest.mark.parametrize("side", ["right", pytest.param("left", marks=pytest.mark.slow)])
 
 
 @cache
 def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
-    """A hand with its receiver on either side of the thumb, fitted quickly."""
     made = simulate("01", side, "rom", seed, Realism.full(), 2400)
     made = facing_the_nail(made) if nail else made
     return made, fit_hand([made.poses()], LAYOUT, side, settings=QUICK)
-
-
-def faces_nail(fit: HandFit) -> bool:
-    return fit.evidence.model.anatomy["thumb"].faces_nail
 
 
 def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
@@ -56,14 +51,14 @@ def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
 @SIDES
 def test_both_facings_give_the_same_thumb(seed: int, side: str) -> None:
     """Told apart by the data; no centre is weak, and they differ as two that are as sure as they say."""
-    one, other = (errors_mm(seed, side, nail=nail) for nail in (False, True))
+    back, front = (errors_mm(seed, side, nail=nail) for nail in (False, True))
     fits = [fitted(seed, side, nail=nail)[1] for nail in (False, True)]
-    assert [faces_nail(fit) for fit in fits] == [False, True]
+    assert [fit.evidence.model.anatomy["thumb"].faces_nail for fit in fits] == [False, True]
     for row, name in enumerate(("thumb_cmc", "thumb_mcp")):
         sd_mm = [fit.joints[name].sd_mm for fit in fits]
         assert sd_mm[1] < 1.15 * sd_mm[0]
         assert not fits[1].joints[name].doubts
-        assert np.linalg.norm(one[row] - other[row], axis=-1).max() < np.hypot(*sd_mm)
+        assert np.linalg.norm(back[row] - front[row], axis=-1).max() < np.hypot(*sd_mm)
 
 
 @SIDES
@@ -75,8 +70,8 @@ def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> 
         poses = made.poses().take(np.arange(0, len(made.frame), 24))
         tables.append(angle_columns(RecordingName("01", side, "rom"), fit, pose_hand(fit, poses), poses))
     back, front = tables
-    own = np.isin(back["joint"].to_pylist(), ["thumb_cmc", "thumb_mcp"])
+    thumb = np.isin(back["joint"].to_pylist(), ["thumb_cmc", "thumb_mcp"])
     for part in ("flexion_deg", "abduction_deg", "rotation_deg"):
-        assert np.abs(back[part] - front[part])[own].mean() < 8.0, part
+        assert np.abs(back[part] - front[part])[thumb].mean() < 8.0, part
     sweep = back["flexion_deg"][np.array(back["joint"].to_pylist()) == "thumb_cmc"]
     assert np.ptp(sweep) > 15.0

@@ -17,7 +17,6 @@ ROW = "0,0,hand,1,2,3,1,0,0,0\n"
 
 
 def outcomes(path: Path, capsys: pytest.CaptureFixture[str]) -> tuple[list[int], list[str]]:
-    """Import and inspect a file; return both exit codes and the sentences in which it was refused."""
     poses = path.with_name("poses.parquet")
     recording = ["--layout=liberty16", "--subject=1", "--hand=right", "--task=rom", f"--out={poses}"]
     codes = [main(["import", f"--in={path}", *recording]), main(["inspect", str(path)])]
@@ -60,7 +59,6 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_a_table_of_nothing_but_repetition(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Some hundred kilobytes, from which 350 MB and more would come."""
     rows = 4_500_000
     columns = {name: np.zeros(rows) for name in HEADER.strip().split(",") if name not in ("frame", "segment")}
     whole = {"frame": np.zeros(rows, int), "segment": pa.repeat(pa.scalar("hand"), rows), **columns}

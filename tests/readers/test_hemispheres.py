@@ -23,10 +23,6 @@ from shukotsu.tables.poses import read_poses
 def recorded(
     seed: int, smear: float = 0.0, *, flipped: bool = True
 ) -> tuple[Samples, np.ndarray, dict[str, str]]:
-    """A chain of four receivers before a transmitter; true poses (T, S, 7); parents.
-
-    Each that leaves x > 0 is reported as its mirror image, through a filter that takes some frames.
-    """
     chain = random_chain(seed, 4, 600, noise_mm=0.5)
     true = np.concatenate([chain.poses.position_mm, chain.poses.quaternion], -1)
     true[..., :3] += np.array([0.0, 400.0, 300.0]) - chain.poses.position_mm.mean((0, 1))
@@ -79,13 +75,7 @@ def test_unasked_they_are_gaps_and_what_is_left_is_on_one_side(seed: int) -> Non
     assert min(off_mm) < 1e-9
 
 
-def mirrored(true: np.ndarray, side: np.ndarray) -> np.ndarray:
-    """Poses (T, S, 7) as reported on those sides."""
-    return np.concatenate([true[..., :3] * side[..., None], true[..., 3:]], -1)
-
-
 def of_hand(position_mm: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Positions (T, S, 3), validity and flags of a hand at these positions, imported with its repair."""
     poses, layout = hand_of(7).poses, read_layout("liberty16")
     count, segments = poses.valid.shape
     samples = Samples(
@@ -108,15 +98,6 @@ def test_a_hand_that_is_on_the_other_side_all_along_is_put_back(side: float) -> 
     assert valid.all()
     assert np.array_equal(position_mm, true_mm)
     assert {*np.unique(flags)} == ({""} if side > 0 else {"hemisphere-repaired"})
-
-
-def test_a_receiver_that_comes_off_is_left_out_from_then_on_and_kept_as_recorded() -> None:
-    position_mm = hand_of(7).poses.position_mm.copy()
-    position_mm[400:, 3] = [150.0, -200.0, -80.0]
-    kept_mm, valid, flags = of_hand(position_mm)
-    assert np.array_equal(kept_mm, position_mm)
-    assert np.array_equal(valid, flags == "")
-    assert np.array_equal(np.argwhere(flags == "broken-off"), [[row, 3] for row in range(400, len(flags))])
 
 
 def test_a_raw_capture_of_the_other_hemisphere_is_named_and_put_back(

@@ -23,7 +23,6 @@ def run(recording: Path, out: Path, *more: str, layout: str = "liberty16") -> in
 
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
-    """A short recording with two receivers."""
     path = tmp_path / "rom.csv"
     path.write_text(HEADER + ROWS)
     return path
@@ -32,7 +31,6 @@ def recording(tmp_path: Path) -> Path:
 def test_metadata_say_whose_hand_it_is_and_what_is_absent(
     recording: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A receiver without any pose is named on stderr and in the file, an optional one is not."""
     recording.write_text(HEADER + ROWS + "0,0.0,index_distal,,,,,,,\n")
     out = recording.with_name("poses.parquet")
     assert run(recording, out, "--trial", "2") == 0
@@ -52,7 +50,6 @@ def test_metadata_say_whose_hand_it_is_and_what_is_absent(
 
 
 def test_the_same_input_gives_the_same_bytes_anywhere(recording: Path, tmp_path: Path) -> None:
-    """Neither the date nor a folder is in the file."""
     elsewhere = tmp_path / "elsewhere" / "rom.csv"
     elsewhere.parent.mkdir()
     elsewhere.write_bytes(recording.read_bytes())

@@ -7,7 +7,6 @@ from shukotsu.readers.jumps import OwnSides, own_sides
 
 
 def swinging(rate_hz: float, seconds: float = 10.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frames, times and positions (N, 3) of a receiver that swings 100 mm, 300 mm from the transmitter."""
     frame = np.arange(int(seconds * rate_hz))
     phase = 2 * np.pi * 0.8 * frame / rate_hz
     place = np.stack([300 + 50 * np.sin(phase), 80 * np.cos(phase), 30 * np.sin(2 * phase)], -1)
@@ -15,7 +14,6 @@ def swinging(rate_hz: float, seconds: float = 10.0) -> tuple[np.ndarray, np.ndar
 
 
 def signs(found: OwnSides, frame: np.ndarray) -> np.ndarray:
-    """Sign (N,) of each frame, that of the first 1."""
     sign = found.sign[found.piece_at(frame)]
     return np.asarray(sign * sign[0])
 

@@ -47,7 +47,6 @@ class Poses:
 
 
 def wave(poses: Poses, named: bool, mark: str) -> Written:
-    """NDI Wave: a constant and the word missing where there is no pose."""
     kinds = ("Id", "Status", "Q0", "Qx", "Qy", "Qz", "X", "Y", "Z")
     titles = [f"Sensor {i} {k}" if named or k in kinds[:2] else k for i in range(poses.tools) for k in kinds]
     gap = [1, "missing", *["-3.697314E28"] * 7]
@@ -57,7 +56,6 @@ def wave(poses: Poses, named: bool, mark: str) -> Written:
 
 
 def aurora(poses: Poses, row_end: str, header_end: str) -> Written:
-    """NDI Aurora: a comma behind each row or behind the header alone."""
     titles = "Frame,Tools,Hour,Minutes,Seconds" + ",Port,State,Q0,Qx,Qy,Qz,Tx,Ty,Tz,Error" * poses.tools
     lead, gap = (lambda t: [5 + t, 3, 10, t // 30, t % 30 * 0.5 + 20]), ["0A", "Missing", *[""] * 8]
     rows = poses.lines(",", lead, gap, lambda pose, mm: ["0A", "OK", *pose, *mm, 0.1])
@@ -66,7 +64,6 @@ def aurora(poses: Poses, row_end: str, header_end: str) -> Written:
 
 
 def sequence(poses: Poses, nrrd: bool, names: tuple[str, ...] = SEGMENTS) -> Written:
-    """PLUS: a header before images."""
     sign, lines = (
         (":=", ["NRRD0004", "type: uchar"]) if nrrd else (" = ", ["ObjectType = Image", "NDims = 3"])
     )

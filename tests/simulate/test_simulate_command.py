@@ -65,7 +65,6 @@ def test_truth_tables_are_tables_of_the_contract(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording as it is without options."""
     out = tmp_path_factory.mktemp("plain") / "plain.parquet"
     assert main(words(out)) == 0
     return out

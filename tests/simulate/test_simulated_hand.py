@@ -45,7 +45,6 @@ def test_people_differ_from_the_hand_that_they_are_drawn_around(anatomy: str) ->
 
 
 def test_receivers_sit_as_far_off_as_in_trials() -> None:
-    """Sd along, across and in height of those over proximal phalanges."""
     segments = tuple(f"{digit}_proximal" for digit in FINGERS)
     off, turn = [], []
     for i in range(100):

@@ -48,7 +48,6 @@ def test_defaults_are_filled_in_on_every_level(tmp_path: Path) -> None:
     ],
 )
 def test_a_mistake_is_named(tmp_path: Path, text: str, message: str) -> None:
-    """One line that begins with the file and names the key, with the nearest one that is known."""
     with pytest.raises(InputError, match=message) as caught:
         read(tmp_path, MODEL + text)
     assert str(caught.value).startswith(f"{tmp_path / 'mine.yaml'}: ")

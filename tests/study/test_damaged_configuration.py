@@ -66,7 +66,6 @@ READERS: Mapping[str, Callable[[Path], object]] = {
 
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with one sound file of each kind."""
     folder = tmp_path_factory.mktemp("sound")
     layout, model = CONFIG_FOLDER / "layouts/liberty16.yaml", CONFIG_FOLDER / "models/whole-hand.yaml"
     files = STUDY | {"mapping.yaml": MAPPING, "layout.yaml": layout.read_text("utf-8")}

@@ -45,7 +45,6 @@ def test_smaller_layouts_are_the_hand_with_fewer_receivers() -> None:
 
 
 def test_liberty16_is_a_hand() -> None:
-    """Sixteen receivers and an optional one, five digits, nineteen joints and the wrist."""
     layout = read_layout("liberty16")
     assert [layout.segments[s].receiver for s in layout.measured] == list(range(1, 18))
     assert [s for s in layout.measured if layout.segments[s].optional] == ["forearm"]

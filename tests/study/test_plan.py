@@ -72,7 +72,6 @@ def test_what_is_written_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_paths_are_relative_to_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """So that a study moved with its results needs nothing anew."""
     texts = []
     for name in ("one", "two"):
         (tmp_path / name).mkdir()

@@ -130,7 +130,6 @@ def test_any_name_without_spaces_and_controls_comes_back(
 
 @pytest.mark.parametrize("column", ["exclude", "accept"])
 def test_a_word_for_no_is_no_reason(tmp_path: Path, column: str) -> None:
-    """Of recordings that are left out, or accepted; what may mean either is refused."""
 
     def reason(word: str) -> str:
         lines = [f"{RECORDING[0]}\t{column}", f"{RECORDING[1]}\t{word}"]

@@ -17,7 +17,6 @@ from shukotsu.tables.subjects import Hand, path_token
 
 
 def study(tmp_path: Path, *rows: str, more: str = "") -> Study:
-    """Read a study whose recordings are the rows, see `write_study`."""
     return read_study(write_study(tmp_path, *rows, more=more))
 
 
@@ -103,7 +102,6 @@ def test_a_contradiction_is_refused(tmp_path: Path, rows: tuple[str, ...], more:
 
 
 def test_corrections_that_cannot_be_applied_are_told_one_by_one(tmp_path: Path) -> None:
-    """No such hand, no such joint, and a joint that has no solution of its own."""
     path = tmp_path / "corrections.tsv"
     joints = "right thumb_ip", "left thumb_ip", "right thumb_pi", "right xyz", "right index_cmc"
     rows = [f"01 {joint} 1 2 3".replace(" ", "\t") for joint in joints]
@@ -123,7 +121,6 @@ SESSIONS = "subject\tsession\thand\ttask\trole\tfile\ttrial\tevents\tpulses"
 
 
 def study_of_sessions(folder: Path, *rows: str, **sheets: str) -> Study:
-    """Read a study with those rows of the columns SESSIONS, and other sheets of that content."""
     (folder / "recordings.tsv").write_text("\n".join([SESSIONS, *rows]).replace(" ", "\t").replace("-", ""))
     named = {name: f"{name}.tsv" for name in ("recordings", *sheets)}
     for name, text in sheets.items():
@@ -173,7 +170,6 @@ def test_events_are_of_one_recording(tmp_path: Path, row: str, message: str) -> 
 
 
 def study_of_factors(tmp_path: Path, factors: str, participants: str = "group") -> Study:
-    """Read a study whose recordings have a condition and whose participants that column."""
     rows = "01 1 right scale both a slow", "01 2 right scale both b fast", "02 1 right scale evaluation c n/a"
     head = "subject session hand task role file condition"
     text = "\n".join([head, *rows]).replace(" ", "\t")

@@ -20,7 +20,6 @@ PART = Part("right", "rigid", "", "01")
 
 
 def poses_file(path: Path) -> Path:
-    """A poses table of two segments that move."""
     numbers = np.random.default_rng(1).normal(size=(len(SEGMENTS), 7, 20))
     names = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
     same = {"frame": range(20), "time_s": np.arange(20) / 240, "valid": [True] * 20, "flags": [""] * 20}
@@ -34,7 +33,6 @@ def poses_file(path: Path) -> Path:
 
 
 def joints_file(path: Path) -> Path:
-    """A subject table of one part with one joint."""
     row = {c.name: "a" if c.type == pa.string() else 2 for c in JOINT_CENTRES.columns if not c.nullable}
     with parts_writer(path, JOINT_CENTRES, Provenance()) as writer:
         writer.rows(PART, [row], gap_rms_mm=1.5)
@@ -42,14 +40,12 @@ def joints_file(path: Path) -> Path:
 
 
 def all_of_poses(path: Path) -> object:
-    """Everything that a stage reads of a poses table."""
     poses: Poses = read_poses(path, SEGMENTS)
     arrays = (poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid)
     return [recording_name(path), read_metadata(path), *(array.tobytes() for array in arrays)]
 
 
 def all_of_joints(path: Path) -> object:
-    """Everything that a stage reads of a subject table."""
     return [list(rows_of(read_part(path, JOINT_CENTRES, PART))), part_metadata(path, JOINT_CENTRES)]
 
 

@@ -66,7 +66,6 @@ def test_parts_come_back_with_their_parameters(short: Path) -> None:
 
 
 def test_a_part_that_the_file_lacks_and_one_that_failed(short: Path) -> None:
-    """Another model, a task that was not left out, or another subject's file."""
     for part in (
         Part("left", "paper-fig4", "", "01"),
         Part("right", "rigid", "", "02"),
@@ -159,7 +158,6 @@ def long(tmp_path: Path) -> Path:
 
 
 def test_one_recordings_numbers(long: Path) -> None:
-    """A row group a recording and digit; a recording without rows gives nothing."""
     found = recording_numbers(long, METACARPALS, WHOLE, "rom", "", "digit", TURNS, 5)
     assert list(found) == ["thumb", "index"]
     for digit, values in found.items():

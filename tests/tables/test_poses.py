@@ -56,14 +56,12 @@ def test_a_segment_that_the_file_lacks_is_never_valid(tmp_path: Path) -> None:
 def test_segments_that_do_not_share_their_frames(
     tmp_path: Path, thumb: list[int], block_frames: int | None
 ) -> None:
-    """A table that no capture wrote is refused and never read out of step."""
     path = write(tmp_path / "p.parquet", {"hand": [1, 2, 3], "thumb": thumb})
     with pytest.raises(InputError, match="does not have the frames of the others; make it again"):
         list(pose_blocks(path, ("hand", "thumb"), block_frames))
 
 
 def moving(path: Path, frames: int, group_frames: int, lost: slice = slice(0)) -> Path:
-    """Write two receivers that move; frames `lost` lack the thumb, each seventh row its time."""
     numbers = np.random.default_rng(frames).normal(size=(2, frames, 7))
     numbers[1, lost] = np.nan
     times_s = np.where(np.arange(2 * frames) % 7 == 0, np.nan, np.tile(np.arange(frames) / 240, 2))

@@ -44,7 +44,6 @@ COLUMNS = {"name": ["a", "b"], "count": [1, 2], "length_mm": [0.5, None]}
 
 
 def values_of(column: Column) -> st.SearchStrategy[Any]:
-    """Any value that a column of the catalogue may hold."""
     numbers = st.floats(allow_nan=False, width=32 if column.type == pa.float32() else 64)
     if pa.types.is_fixed_size_list(column.type):
         size = column.type.list_size
@@ -66,7 +65,6 @@ def values_of(column: Column) -> st.SearchStrategy[Any]:
 def test_every_table_comes_back_as_it_was(
     tmp_path_factory: pytest.TempPathFactory, table: Table, data: st.DataObject
 ) -> None:
-    """Any rows that the declaration allows, nulls and non-ASCII text among them."""
     columns = table.columns
     row = st.fixed_dictionaries({column.name: values_of(column) for column in columns})
     rows = data.draw(st.lists(row, max_size=4))
@@ -92,7 +90,6 @@ def test_units_are_in_names_and_metadata() -> None:
 
 
 def test_nan_becomes_null_from_every_kind_of_array(tmp_path: Path) -> None:
-    """Gaps are nulls in the file, also in lists, and NaN only in NumPy."""
     floats = [0.5, float("nan")]
     for values in (floats, np.array(floats), pa.array(floats), pa.chunked_array([[0.5], [float("nan")]])):
         write_table(tmp_path / "t.parquet", SMALL, COLUMNS | {"length_mm": values}, Provenance())
@@ -146,7 +143,6 @@ def test_a_table_in_parts_has_a_row_group_a_part(tmp_path: Path) -> None:
 
 
 def rewrite(path: Path, table: pa.Table, **metadata: Any) -> None:
-    """Write the table again as another program would, its metadata changed."""
     found = json.loads(table.schema.metadata[METADATA_KEY]) | metadata
     pq.write_table(table.replace_schema_metadata({METADATA_KEY: json.dumps(found)}), path)
 
@@ -170,7 +166,6 @@ def rewrite(path: Path, table: pa.Table, **metadata: Any) -> None:
     ids=["absent", "cut", "text", "folder", "foreign", "other", "version", "column", "type"],
 )
 def test_a_table_that_is_not_the_one_expected(tmp_path: Path, spoil: Any, message: str) -> None:
-    """Every refusal names the file and what was expected, from whichever function opens it."""
     path = tmp_path / "t.parquet"
     write_table(path, SMALL, COLUMNS, Provenance())
     spoil(path, read_table(path, SMALL))

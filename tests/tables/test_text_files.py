@@ -44,9 +44,7 @@ def test_a_text_is_read_however_its_lines_end(tmp_path: Path) -> None:
 def test_paths_that_lead_nowhere(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"a\.tsv: no such file; expected a sheet$"):
         read_text(tmp_path / "a.tsv", "a sheet")
-    with pytest.raises(
-        InputError, match=r"no such file; expected a sheet; folders are separated by / and not by"
-    ):
+    with pytest.raises(InputError, match=r"no such file; expected a sheet; folders are separated by / and"):
         read_text(tmp_path / "data\\a.tsv", "a sheet")
     with pytest.raises(InputError, match=r"cannot be read \(File name too long\)"):
         read_text(tmp_path / ("a" * 300), "a sheet")
@@ -92,7 +90,6 @@ REST = "recordings: r.tsv\nlayout: arm\nmodels: [rigid]\n"
     ],
 )
 def test_small_files_that_ask_for_much(tmp_path: Path, text: str, message: str) -> None:
-    """Refused by one short sentence, in no time and little memory."""
     path = tmp_path / "study.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=message) as caught:
@@ -109,12 +106,7 @@ def test_an_alias_is_a_value_like_any_other(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("keys", "subject", "file", "message"),
     [
-        (
-            "",
-            "s" * 140_000,
-            "a.csv",
-            "row 2, columns subject, session, task, trial: have 140006 bytes",
-        ),
+        ("", "s" * 140_000, "a.csv", "row 2, columns subject, session, task, trial: have 140006 bytes"),
         ("", "s", "f" * 5_000, "row 2, column file: has a part of more than 255 bytes, which no file's"),
         (f"participants: {'p' * 5_000}\n", "s", "a.csv", r"cannot be read \(File name too long\)"),
     ],

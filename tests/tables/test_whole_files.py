@@ -76,7 +76,6 @@ def test_what_a_killed_writer_left_goes_with_the_next_writing(tmp_path: Path) ->
 
 
 def test_hidden_files_are_no_part_of_a_folder(tmp_path: Path) -> None:
-    """Nor of what a table says that it was made from."""
     for name in ("b.csv", "a.csv", ".a.csv.7.tmp", ".b.csv.swp"):
         (tmp_path / name).write_text(name)
     (tmp_path / "folder").mkdir()

@@ -32,7 +32,6 @@ def emulated(tmp_path: Path) -> Iterator[Callable[..., str]]:
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> Callable[..., object]:
-    """Record a stand-in for half a second; gives its records, its settings and the tally."""
 
     def run(device, request: RecordingRequest):
         plan = RecordingPlan(tmp_path / "rom.arrows", request, duration_s=0.5)

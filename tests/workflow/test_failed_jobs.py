@@ -34,7 +34,6 @@ def test_a_log_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: s
 def test_the_sentence_takes_the_place_of_the_command(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also of the jobs of a group, where one that was not begun says nothing."""
     monkeypatch.setattr(logging, "raiseExceptions", True)
     job = SimpleNamespace(message="plan: subject 01")
     dag = SimpleNamespace(jobs=[job], jobid=lambda _: 1)

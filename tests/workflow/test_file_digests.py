@@ -30,7 +30,6 @@ def reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def kept(*paths: str) -> str:
-    """Digest of files, which is kept for the next call."""
     digests = FileDigests(Path("cache.json"))
     digest = digests.of(paths)
     digests.changes("study", {path: digests.sha256(path) for path in paths})

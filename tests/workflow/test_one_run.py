@@ -21,7 +21,6 @@ HOLD = (
 
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[subprocess.Popen[str]]:
-    """A run that holds the study, from the folder that the test is in."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(one_run, "_held", {})
     process = subprocess.Popen(

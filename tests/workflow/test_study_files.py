@@ -10,7 +10,6 @@ import yaml
 from small_study import write_study
 
 from shukotsu.errors import InputError
-from shukotsu.report.figures import style
 from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
 from shukotsu.study.results import FIT_TABLES
 from shukotsu.workflow.study_files import StudyFiles, study_file
@@ -36,7 +35,6 @@ ROM = SimpleNamespace(subject="A%26b", hand="right", recording="rom")
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working directory of a study in a folder of it, of which a model fits each hand by itself."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "study").mkdir()
     config = yaml.safe_load((CONFIG_FOLDER / "models" / "whole-hand.yaml").read_text())
@@ -91,7 +89,6 @@ def test_a_recordings_file_that_is_missing_stops_no_other(folder: Path) -> None:
 
 @pytest.mark.parametrize("name", ["a{1}.csv", "a<b>.csv", "{subject}.csv"])
 def test_a_name_that_snakemake_would_read_as_its_own_is_no_input(folder: Path, name: str) -> None:
-    """A change of it is told by the digest of its content."""
     rows = (f"A&b right rom calibration data/{name}", "A&b right pinch both data/b.csv")
     missing = files(folder, *rows).recording_digest(ROM)
     (folder / "study/data").mkdir()
@@ -134,14 +131,6 @@ def test_a_job_is_run_again_for_what_it_uses(folder: Path, change: str) -> None:
     after = requests(files(folder, *rows, models=models, **sheets))
     changed = {name for name, request in after.items() if request != first[name]}
     assert changed == {name for name, changes in AGAIN.items() if change in changes}
-
-
-def test_a_language_without_a_font_is_refused_before_anything_runs(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(style, "font_of", lambda _: None)
-    with pytest.raises(InputError, match="language: ja: its figures need a font"):
-        files(folder, more="language: ja\n")
 
 
 def test_a_layout_is_part_of_every_request(folder: Path) -> None:

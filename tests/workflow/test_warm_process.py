@@ -41,7 +41,6 @@ def wait_for(true: Callable[[], object]) -> None:
 
 
 def done(folder: Path, *words: object, script: Path = SOLVE, address: str | None = None) -> tuple[int, str]:
-    """Run a stage's script to its end; return its exit code and its log."""
     environment = os.environ | ({} if address is None else {job.ADDRESS: address})
     argv = [sys.executable, script, *map(str, words)]
     ended = subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
@@ -76,14 +75,12 @@ def warm() -> Iterator[psutil.Process]:
 
 
 def forks(warm: psutil.Process) -> list[psutil.Process]:
-    """Jobs that are running."""
     return [fork for fork in warm.children() if fork.status() != psutil.STATUS_ZOMBIE]
 
 
 def test_a_fork_writes_the_same_bytes_into_the_folder_of_its_client(
     warm: psutil.Process, poses: Path, tmp_path: Path
 ) -> None:
-    """It prints nothing, and a refusal or a bug is what it is in a process of its own."""
     addresses = {"warm": None, "cold": str(tmp_path / "nobody")}
     options = ["--poses", poses, "--layout=liberty16", "--out=joints.parquet"]
     for name, address in addresses.items():
@@ -104,7 +101,6 @@ def test_a_fork_writes_the_same_bytes_into_the_folder_of_its_client(
 
 @pytest.fixture
 def waiting(warm: psutil.Process, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
-    """A job that has begun, and waits for the end of its input to end with 7."""
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     with subprocess.Popen([sys.executable, WAITING], cwd=tmp_path, text=True, **pipes) as client:
         assert client.stdout is not None

@@ -71,10 +71,7 @@ NEAR, FAR = {"markers": ["H1", "h2x", "H3"]}, {"markers": ["H1", "wrist", "H3"]}
 @pytest.mark.parametrize(
     ("mapping", "message"),
     [
-        (
-            config(position_unit="m"),
-            "a.c3d: states its unit as 'mm' (POINT:UNITS), but mapping.yaml says 'm'",
-        ),
+        (config(position_unit="m"), "a.c3d: states its unit as 'mm' (POINT:UNITS), but mapping.yaml says"),
         (config(NEAR), "mapping.yaml: receivers.hand.markers: marker 'h2x' is not in .*; did you mean 'H2'"),
         (config(FAR), "a.c3d, which has H1, H2, H3"),
         (config({"rotation": "hand"}), "receivers.hand.rotation: rotation 'hand' is not in "),

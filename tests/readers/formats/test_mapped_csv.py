@@ -184,7 +184,6 @@ def test_what_is_refused(tmp_path: Path, text: str, csv: dict[str, Any], message
 
 
 def test_a_rate_that_the_times_contradict_is_refused(tmp_path: Path) -> None:
-    """4.5 ms are 222 Hz: neither their median nor their mean may be a tenth off."""
     read(tmp_path, HEADER + ROWS, changed(WIDE, rate_hz=240))
     refuse(
         tmp_path,

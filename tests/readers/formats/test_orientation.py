@@ -26,7 +26,6 @@ def translated(kind: str, rotates: str = FORWARD, **keys: str) -> dict[str, Any]
 
 
 def same(first: np.ndarray, second: np.ndarray) -> None:
-    """The same rotations, whatever the signs."""
     assert angle(multiply(conjugate(first), second)).max() < 1e-7
 
 
@@ -67,7 +66,6 @@ def test_a_trakstars_angles_turn_the_first_way_and_its_matrices_the_second() -> 
 def test_every_kind_gives_the_rotation_that_it_was_written_from(
     kind: str, keys: dict[str, str], numbers_of: Callable[[np.ndarray], np.ndarray]
 ) -> None:
-    """Also by the numbers of the inverse; angles, of another program, turn about own axes."""
     q = unit(np.random.default_rng(6).normal(size=(200, 4)))
     same(quaternions(numbers_of(q), translated(kind, FORWARD, **keys), locate), q)
     same(quaternions(numbers_of(conjugate(q)), translated(kind, BACK, **keys), locate), q)
@@ -102,10 +100,7 @@ def test_a_rounded_matrix_gives_the_nearest_rotation() -> None:
     [
         (np.diag([1.0, 1, -1]), "rotation is mirrored (determinant -1)"),
         (np.zeros((3, 3)), "rotation is all zeros; zeros that stand for missing values must be written as"),
-        (
-            1.02 * np.eye(3),
-            "matrix is no rotation: its columns are off unit length and right angles by 0.0404",
-        ),
+        (1.02 * np.eye(3), "matrix is no rotation: its columns are off unit length and right angles by"),
         (np.diag([30.0, -20, 50]), "matrix is no rotation"),
     ],
 )

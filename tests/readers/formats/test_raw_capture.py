@@ -23,7 +23,6 @@ STATIONS = tuple(range(1, 17))
 
 
 def test_the_tracker_is_named(tmp_path: Path) -> None:
-    """In the samples, and in the metadata of the poses table that is made of them."""
     path, out = tmp_path / "rom.arrows", tmp_path / "poses.parquet"
     captures.write(path, map(captures.cycle, range(48)))
     assert joined(read_capture(path, LIBERTY, None)).tracker == "LIBERTY"

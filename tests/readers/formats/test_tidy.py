@@ -1,7 +1,5 @@
 """Reading tidy recordings: what is read, and what is refused with which sentence."""
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -76,7 +74,6 @@ def test_station_numbers_are_mapped_by_the_layout(tmp_path: Path) -> None:
 
 
 def row_with(column: str, text: str) -> str:
-    """Two good lines, a blank one, and in line 5 a row whose one cell is that text."""
     cells = dict(zip(HEADER.strip().split(","), ["9", "1.5", "hand", *"1231000"], strict=True))
     good = HEADER + ROW.format(frame=7, segment="hand") + "\n" + ROW.format(frame=8, segment="hand")
     return good + ",".join((cells | {column: text}).values()) + "\n"
@@ -131,7 +128,6 @@ def test_a_file_that_is_no_tidy_recording(tmp_path: Path, content: str | bytes, 
 
 
 def parquet(tmp_path: Path, **changes: object) -> Path:
-    """Write a two-row Parquet recording, some columns changed; None leaves a column out."""
     columns: dict[str, object] = {
         "frame": [7, 8],
         "time_s": [0.5, None],
@@ -191,7 +187,6 @@ def tidy_table(random: np.random.Generator, rows: int) -> pa.Table:
 
 
 def blocks_of(path: Path) -> list[Samples]:
-    """Read the file a few rows at a time."""
     if path.suffix == ".parquet":
         blocks = parquet_blocks(path, 7)
     else:
@@ -217,29 +212,6 @@ def test_a_file_in_blocks_is_the_file(tmp_path: Path, ending: str) -> None:
     for name in ("segment", "frame", "time_s", "numbers"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
     assert [again.locate(row) for row in range(60)] == [whole.locate(row) for row in range(60)]
-
-
-ABANDONED = """
-import io, sys, time
-from dataclasses import replace
-from pathlib import Path
-from shukotsu.readers.formats.text_table import open_tidy_csv
-
-class Slow(io.FileIO):
-    def read(self, size=-1):
-        time.sleep(0.02)
-        return super().read(size)
-
-blocks = replace(open_tidy_csv(Path(sys.argv[1])), open=lambda: Slow(sys.argv[1])).blocks(["frame"], 1 << 14)
-next(blocks)
-"""
-"""A thread that reads ahead through Python aborts a process that is ending (exit code 134)."""
-
-
-def test_a_process_that_reads_no_further_ends_as_it_should(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("frame,a\n" + "1,2\n" * 200_000)
-    command = [sys.executable, "-c", ABANDONED, str(tmp_path / "a.csv")]
-    assert subprocess.run(command, stderr=subprocess.PIPE, check=True).stderr == b""
 
 
 @pytest.mark.parametrize("end", ["205.871", "205.", "2", ""])

@@ -44,7 +44,6 @@ def refuse(tmp_path: Path, data: bytes, message: str, mapping: dict[str, object]
 
 
 def test_a_header_cannot_declare_what_unfolds(tmp_path: Path) -> None:
-    """Ten entities of ten of the one before are 10 GB of text after nine of them."""
     names = "abcdefghij"
     entities = "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in pairwise(names))
     bomb = f'<!DOCTYPE info [<!ENTITY a "0123456789">{entities}]>'.encode()
@@ -119,33 +118,18 @@ EULER = [*TYPES[:3], "OrientationP", "OrientationH", "OrientationR"]
         (b"", "is no XDF file"),
         (b"PK\x03\x04", "is no XDF file"),
         (xdf_of(), "has no stream of type MoCap; it has no stream at all"),
-        (
-            file_of(xdf_header(["a"], "cap", "EEG"), TIMES, VALUES[:, :7]),
-            r"it has cap \(EEG\)",
-        ),
+        (file_of(xdf_header(["a"], "cap", "EEG"), TIMES, VALUES[:, :7]), r"it has cap \(EEG\)"),
         (file_of(xdf_header(TWO), TIMES[:0], VALUES[:0]), "has no samples"),
-        (
-            file_of(xdf_header(TWO, unit="feet")),
-            "unit: is 'feet'; expected meters",
-        ),
+        (file_of(xdf_header(TWO, unit="feet")), "unit: is 'feet'; expected meters"),
         (file_of(xdf_header(TWO, unit="")), "has no unit; say position_unit"),
         (file_of(xdf_header(["hand"], types=EULER), TIMES, VALUES[:, :6]), "has angles"),
         (
             file_of(xdf_header(["hand"], types=TYPES[:6]), TIMES, VALUES[:, :6]),
             "no channels of type OrientationD",
         ),
-        (
-            file_of(xdf_header(["hand", "hand"])),
-            "has 2 channels of type PositionX",
-        ),
-        (
-            file_of(xdf_header(TWO, number="string")),
-            "holds string; expected numbers",
-        ),
-        (
-            file_of(xdf_header(TWO[:1]).replace(b">7<", b">14<")),
-            "has 14 channels, but its header describes 7",
-        ),
+        (file_of(xdf_header(["hand", "hand"])), "has 2 channels of type PositionX"),
+        (file_of(xdf_header(TWO, number="string")), "holds string; expected numbers"),
+        (file_of(xdf_header(TWO[:1]).replace(b">7<", b">14<")), "has 14 channels, but its header describes"),
         (PLAIN.replace(b"<nominal_srate>240<", b"<nominal_srate>abc<"), "is damaged: pyxdf cannot read it"),
         (PLAIN.replace(b"<info><name>", b"<info><nome>"), "is damaged: pyxdf cannot read it"),
         (PLAIN.replace(b"<channel_count>14<", b"<channel_count>15<"), "stream tracker: is damaged"),
@@ -177,7 +161,6 @@ def test_a_recording_that_was_not_ended_is_read_and_noted(
 
 
 def test_streams_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
-    """The sentence says the numbers."""
     data = xdf_of(*(pose_stream(number, xdf_header(TWO), TIMES + number, VALUES) for number in (4, 7)))
     refuse(
         tmp_path,

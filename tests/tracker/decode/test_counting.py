@@ -14,10 +14,6 @@ from shukotsu.tracker.protocols.records import Records, empty_records
 STATIONS = (1, 2, 5)
 
 
-def settings(rate_hz: float = 240.0) -> StreamSettings:
-    return StreamSettings("liberty", "binary", "cm", rate_hz, STATIONS)
-
-
 def decoded(counters, stations, *, clock: bool = False, offsets=None) -> Records:
     records = empty_records(len(counters))
     records.station[:] = stations
@@ -29,7 +25,7 @@ def decoded(counters, stations, *, clock: bool = False, offsets=None) -> Records
 
 
 def number(pieces: list[Records], rate_hz: float = 240.0):
-    counter = Counter(settings(rate_hz))
+    counter = Counter(StreamSettings("liberty", "binary", "cm", rate_hz, STATIONS))
     frames, odd = [], []
     for index, piece in enumerate(pieces):
         arrivals = np.zeros(len(piece), np.int64)

@@ -52,7 +52,6 @@ class Plugged(EmulatedLiberty):
 
 
 def sent_by(kind: str, out: tuple[int, float, float]) -> list[Sent]:
-    """What a tracker sends; out : a receiver, when its plug is pulled and when it is found again."""
     family, items, count, rate_hz = KINDS[kind]
     stations, sent = range(1, count + 1), []
     if family == "viper":

@@ -50,7 +50,6 @@ DEFAULTS = {
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
-    """Upper or lower case; a station that there is not is refused."""
     tracker, setting = device(), SETTINGS[name]
     text, numbers = DEFAULTS[setting.command]
     station = 7 if setting.per_station else 0
@@ -65,7 +64,6 @@ def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
 
 
 def flat(x_mm: np.ndarray) -> Motion:
-    """One receiver that moves along X."""
     position = np.stack([x_mm, np.full_like(x_mm, 300.0), np.full_like(x_mm, 20.0)], -1)[:, None]
     return Motion((1,), position, np.tile([1.0, 0, 0, 0], (len(x_mm), 1, 1)))
 
@@ -90,7 +88,6 @@ def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
 
 @pytest.mark.parametrize("items", [FULL_LIST, (2, 7)])
 def test_decoders_read_what_is_sent(items: tuple[int, ...]) -> None:
-    """Every record is found, with positions as fine as float32 has them."""
     tracker = device()
     chosen = ",".join(map(str, items)).encode()
     translated(tracker, b"F1\rU1\rO*,%s\rC\r" % chosen)

@@ -31,7 +31,6 @@ def stream(frames: int = 6, stations=range(1, 5), **how) -> list[bytes]:
 
 
 def read(data: bytes, how: StreamSettings | None = None) -> tuple[Records, list[int]]:
-    """Decode a stream; gives the records and the skipped bytes."""
     decoded = decode(BinaryDecoder(how or settings()), data)
     return decoded.records, skipped_bytes(decoded)
 

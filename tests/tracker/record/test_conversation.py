@@ -57,7 +57,6 @@ def test_what_nobody_takes_is_dropped_and_counted() -> None:
 
 @pytest.mark.usefixtures("small_limits")
 def test_no_question_goes_on_for_ever() -> None:
-    """Nor does it search through all that has come again and again."""
     reader, longest = Conversation(FloodedPort()), 0
 
     def answer_in(data: bytes) -> None:

@@ -54,7 +54,6 @@ def test_what_is_no_port_of_a_network_is_not_tried(name: str) -> None:
 
 
 def gone(port: Port) -> str:
-    """How the port's end is told; read until then."""
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         try:
@@ -193,11 +192,3 @@ def test_without_the_package_it_is_asked_for(monkeypatch) -> None:
     with pytest.raises(InputError, match="needs libusb1"):
         open_port("usb:0f44:ff20", 115200)
     assert "--port usb:0f44:ff20" in "\n".join(port_lines([], [(0x0F44, 0xFF20)]))
-
-
-def test_what_takes_nothing_is_gone(monkeypatch) -> None:
-    bus = Bus()
-    monkeypatch.setitem(sys.modules, "usb1", bus.module())
-    monkeypatch.setattr(bus, "bulkWrite", lambda *_: (_ for _ in ()).throw(ERRORS["USBErrorTimeout"]()))
-    with pytest.raises(PortGoneError, match="takes nothing"):
-        open_port("usb:0f44:ff20", 115200).write(b"P")

@@ -8,8 +8,6 @@ import json
 import re
 import resource
 import signal
-import subprocess
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -34,7 +32,6 @@ NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
 
 
 def rows(path: Path) -> list[tuple[int, bytes]]:
-    """Kind and bytes of every row of an archive."""
     return [
         (int(kind), data)
         for piece in open_archive(path).pieces()
@@ -47,7 +44,6 @@ def events(path: Path) -> list[dict[str, object]]:
 
 
 def decoded(path: Path):
-    """Records of an archive in turn, what else is in it, its settings."""
     tally = Tally()
     blocks = list(blocks_of(open_archive(path), tally))
     return concatenated([block.records for block in blocks]), tally, blocks[0].settings
@@ -76,25 +72,9 @@ def assert_whole(path: Path, stations: int) -> None:
 
 
 def error_line(stderr: str) -> str:
-    """The one line that begins with error."""
     (line,) = [line for line in stderr.splitlines() if line.startswith("error: ")]
     assert "Traceback" not in stderr
     return line
-
-
-@pytest.fixture
-def recording(emulated, tmp_path: Path) -> Callable[..., tuple[str, Path, subprocess.CompletedProcess[str]]]:
-    """Record an emulated tracker of those options; gives its port, the archive and the ended recorder."""
-
-    def run(state: Sequence[str], *how: str, returncode: int = 0, tcp: bool = False, left: bytes = b""):
-        port, out = emulated(*state, tcp=tcp), tmp_path / "rom.arrows"
-        if left:
-            leave_in(port, left)
-        done = capture("record", "--port", port, "--out", str(out), *how)
-        assert done.returncode == returncode, done.stderr
-        return port, out, done
-
-    return run
 
 
 def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys) -> None:
@@ -151,7 +131,6 @@ def test_nothing_answers(tmp_path: Path) -> None:
 
 
 def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is heard at the wrong speed is garbage."""
 
     def read(port: SerialPort) -> bytes:
         data = SerialPort.read(port)
@@ -173,7 +152,6 @@ def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 def test_the_tracker_vanishes_in_the_middle_of_a_record(tmp_path: Path) -> None:
-    """All that came is kept, the archive is whole, the exit code is 3."""
     out = tmp_path / "rom.arrows"
     device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3, 4}))
     with at_a_port(Vanishing(device, EVERYTHING_HEARD)) as port:
@@ -210,7 +188,6 @@ def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: P
 
 @pytest.mark.slow
 def test_a_disk_that_is_full(emulated, tmp_path: Path) -> None:
-    """A child that may write so much and no more; what was written before is whole."""
     port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
 
     def limit() -> None:
@@ -229,7 +206,6 @@ def test_a_disk_that_is_full(emulated, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_hosts_clock_is_set_meanwhile(emulated, tmp_path: Path) -> None:
-    """It is reported and kept; the times of the frames do not know of it."""
     out = tmp_path / "rom.arrows"
     calls = 0
 

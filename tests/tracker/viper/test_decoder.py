@@ -151,8 +151,6 @@ def test_a_viper_is_set_up_and_recorded(recorded) -> None:
 
 
 def test_a_viper_that_does_not_take_a_setting_is_told(recorded, tmp_path: Path) -> None:
-    with pytest.raises(
-        InputError, match=r"did not take its units: sent was 0200000002000000, and when asked it says"
-    ):
+    with pytest.raises(InputError, match=r"did not take its units: sent was 0200000002000000, and when"):
         recorded(Viper(deaf_to=(UNITS,)), RecordingRequest("viper"))
     assert not (tmp_path / "rom.arrows").exists()
