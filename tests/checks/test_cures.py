@@ -41,9 +41,6 @@ class Case:
         return f"{self.kind}, {self.door.__name__}: {self.planted}"
 
 
-# --- through which door what comes ------------------------------------------------------------------------
-
-
 def _recorded(name: str) -> Plant:
     return lambda planted, door, rng: door(MISTAKES[name][1](planted, rng))
 
@@ -55,10 +52,10 @@ def _numbers(change: Callable[[Planted], Planted]) -> Plant:
 def _in_mapping(group: str = "", **keys: Any) -> Plant:
 
     def plant(planted: Planted, door: Door, _: np.random.Generator) -> Brought:
-        own = door(planted)
-        mapping = dict(own.mapping or {})
+        brought = door(planted)
+        mapping = dict(brought.mapping or {})
         mapping |= {group: {**mapping.get(group, {}), **keys}} if group else keys
-        return replace(own, mapping=mapping)
+        return replace(brought, mapping=mapping)
 
     return plant
 
@@ -66,9 +63,9 @@ def _in_mapping(group: str = "", **keys: Any) -> Plant:
 def _names(*pairs: tuple[str, str]) -> Plant:
 
     def plant(planted: Planted, door: Door, _: np.random.Generator) -> Brought:
-        own = door(planted)
-        mapping = own.mapping or {}
-        return replace(own, mapping={**mapping, "receivers": exchanged(mapping["receivers"], pairs)})
+        brought = door(planted)
+        mapping = brought.mapping or {}
+        return replace(brought, mapping={**mapping, "receivers": exchanged(mapping["receivers"], pairs)})
 
     return plant
 
@@ -76,9 +73,9 @@ def _names(*pairs: tuple[str, str]) -> Plant:
 def _columns(change: Callable[[dict[str, Any]], dict[str, Any]]) -> Plant:
 
     def plant(planted: Planted, door: Door, _: np.random.Generator) -> Brought:
-        own = door(planted)
-        mapping = own.mapping or {}
-        return replace(own, mapping={**mapping, "receivers": change(mapping["receivers"])})
+        brought = door(planted)
+        mapping = brought.mapping or {}
+        return replace(brought, mapping={**mapping, "receivers": change(mapping["receivers"])})
 
     return plant
 
@@ -87,10 +84,10 @@ def _in_layout(segment: str = "") -> Plant:
     axes = {"receiver_axes": {"distal": [0, 1, 0], "lateral": [-1, 0, 0], "dorsal": [0, 0, 1]}}
 
     def plant(planted: Planted, door: Door, _: np.random.Generator) -> Brought:
-        own = door(planted)
-        segments = own.layout["segments"]
+        brought = door(planted)
+        segments = brought.layout["segments"]
         part = {"segments": {**segments, segment: {**segments[segment], **axes}}} if segment else axes
-        return replace(own, layout={**own.layout, **part})
+        return replace(brought, layout={**brought.layout, **part})
 
     return plant
 
@@ -105,7 +102,7 @@ def _both(first: Plant, second: Plant) -> Plant:
 
 
 def _reversed_columns(receivers: dict[str, Any]) -> dict[str, Any]:
-    return {name: {**own, "orientation": own["orientation"][::-1]} for name, own in receivers.items()}
+    return {name: {**each, "orientation": each["orientation"][::-1]} for name, each in receivers.items()}
 
 
 def _named_twice(receivers: dict[str, Any]) -> dict[str, Any]:
@@ -146,21 +143,21 @@ def _some_off(planted: Planted, door: Door, rng: np.random.Generator) -> Brought
 
 
 def _other_columns(planted: Planted, door: Door, rng: np.random.Generator) -> Brought:
-    own = door(planted)
-    table, receivers = dict(own.table), {}
-    for name in (own.mapping or {})["receivers"]:
+    brought = door(planted)
+    table, receivers = dict(brought.table), {}
+    for name in (brought.mapping or {})["receivers"]:
         titles = [f"{name} channel {number}" for number in range(7)]
-        numbers = rng.normal(0, 20, (len(own.table["t"]), 7))
+        numbers = rng.normal(0, 20, (len(brought.table["t"]), 7))
         numbers[:, 3:] = unit(numbers[:, 3:])
         table |= dict(zip(titles, numbers.T, strict=True))
         receivers[name] = {"position": titles[:3], "orientation": titles[3:]}
-    return replace(own, table=table, mapping={**(own.mapping or {}), "receivers": receivers})
+    return replace(brought, table=table, mapping={**(brought.mapping or {}), "receivers": receivers})
 
 
 def _zeros(planted: Planted, door: Door, rng: np.random.Generator) -> Brought:
     position, quaternion = planted.poses.position_mm.copy(), planted.poses.quaternion.copy()
-    for place in rng.choice(position.shape[1], 2, replace=False):
-        position[200:300, place], quaternion[200:300, place] = 0, [1, 0, 0, 0]
+    for receiver in rng.choice(position.shape[1], 2, replace=False):
+        position[200:300, receiver], quaternion[200:300, receiver] = 0, [1, 0, 0, 0]
     return door(changed(planted, position_mm=position, quaternion=quaternion))
 
 
@@ -168,9 +165,9 @@ def _turned(axis: int, degrees: float) -> Plant:
     """The receiver over the ring finger's middle phalanx, strapped on turned."""
 
     def plant(planted: Planted, door: Door, _: np.random.Generator) -> Brought:
-        quaternion, place = planted.poses.quaternion.copy(), planted.poses.index("ring_middle")
+        quaternion, receiver = planted.poses.quaternion.copy(), planted.poses.index("ring_middle")
         turn = about_axis(np.eye(3)[axis], np.radians(degrees))
-        quaternion[:, place] = multiply(quaternion[:, place], turn)
+        quaternion[:, receiver] = multiply(quaternion[:, receiver], turn)
         return door(changed(planted, quaternion=quaternion))
 
     return plant
@@ -182,8 +179,8 @@ def _inverse_xyzw(planted: Planted) -> Planted:
 
 def _twice(planted: Planted) -> Planted:
     position, quaternion = planted.poses.position_mm.copy(), planted.poses.quaternion.copy()
-    one, other = (planted.poses.index(f"index_{bone}") for bone in ("middle", "distal"))
-    position[:, one], quaternion[:, one] = position[:, other], quaternion[:, other]
+    first, second = (planted.poses.index(f"index_{bone}") for bone in ("middle", "distal"))
+    position[:, first], quaternion[:, first] = position[:, second], quaternion[:, second]
     return changed(planted, position_mm=position, quaternion=quaternion)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shukotsu.checks.timeline import Timeline, away, sides, spikes, stuck, zeros
+from shukotsu.checks.timeline import Timeline, away, sides, spikes, stuck
 from shukotsu.hand.rotations import about_axis
 
 FRAMES = 600
@@ -51,13 +51,3 @@ def test_a_receiver_hangs_only_while_another_moves() -> None:
     assert (stuck(line) == expected).all()
     still = replace(line, position_mm=line.position_mm * 0, quaternion=line.quaternion[:1].repeat(FRAMES, 0))
     assert not stuck(still).any()
-
-
-def test_zeros_are_no_poses_but_of_what_all_is_measured_against() -> None:
-    line = moving()
-    line.position_mm[:, 0], line.quaternion[:, 0] = 0, [1, 0, 0, 0]
-    line.position_mm[100:104, 1:], line.quaternion[100:104, 1:] = 0, [-1, 0, 0, 0]
-    expected = np.zeros((FRAMES, 3), bool)
-    expected[100:104, 1:] = True
-    assert (zeros(line) == expected).all()
-    assert not zeros(moving()).any()

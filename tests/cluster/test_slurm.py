@@ -6,7 +6,6 @@ import importlib.util
 import os
 import secrets
 import shutil
-import signal
 import socket
 import subprocess
 import tempfile
@@ -14,6 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import psutil
 import pytest
 from studies.running import REPOSITORY, StudyRun, hashes, record, write_study
 
@@ -96,11 +96,13 @@ class PrivateSlurm:
 
     def stop(self) -> None:
         """End every job and daemon that `start` started, and remove the link; do it after any failure too."""
-        if self._pid("slurmctld"):
+        if daemons := self._daemons():
             subprocess.run(["scancel", "--user=root"], check=False, capture_output=True)
             self._wait(lambda: not self.states("PENDING,RUNNING,COMPLETING"), "jobs do not end")
-        for daemon in STOPPING:
-            self._end(daemon)
+        for daemon in daemons:
+            daemon.terminate()
+        for daemon in psutil.wait_procs(daemons, 10.0)[1]:
+            daemon.kill()
         if SYSTEM_CONF.is_symlink() and SYSTEM_CONF.readlink() == self._conf:
             SYSTEM_CONF.unlink()
 
@@ -150,25 +152,11 @@ class PrivateSlurm:
                 raise RuntimeError(f"private Slurm: {failure} after {seconds:.0f} s\n{logs}")
             time.sleep(0.2)
 
-    def _pid(self, daemon: str) -> int:
-        """Process number of a daemon of ours that lives; 0 for none."""
-        try:
-            pid = int((self.folder / f"{daemon}.pid").read_text())
-            os.kill(pid, 0)
-        except (FileNotFoundError, ProcessLookupError, ValueError):
-            return 0
-        return pid
-
-    def _end(self, daemon: str) -> None:
-        pid = self._pid(daemon)
-        if not pid:
-            return
-        os.kill(pid, signal.SIGTERM)
-        until = time.monotonic() + 10.0
-        while Path("/proc", str(pid)).exists():
-            if time.monotonic() > until:
-                os.kill(pid, signal.SIGKILL)
-            time.sleep(0.1)
+    def _daemons(self) -> list[psutil.Process]:
+        """Daemons of ours that live."""
+        files = (self.folder / f"{name}.pid" for name in STOPPING)
+        pids = [int(file.read_text() or 0) for file in files if file.is_file()]
+        return [psutil.Process(pid) for pid in pids if pid and psutil.pid_exists(pid)]
 
 
 def _run(*words: str) -> str:

@@ -40,7 +40,7 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def of_run(study: Path) -> set[tuple[str, ...]]:
     """Recording, severity, kind and message of every finding that the stages of a run write."""
-    found = set()
+    findings = set()
     for path in write_plans(study).values():
         plan = read_plan(path)
         for recording in plan.recordings:
@@ -52,8 +52,8 @@ def of_run(study: Path) -> set[tuple[str, ...]]:
         assert check_recordings(["--plan", str(path), "--out", str(plan.table("findings"))]) == 0
         for row in rows_of(read_table(plan.table("findings"), FINDINGS)):
             name = f"{plan.subject} {row['hand']} {row['task']}"
-            found.add((name, *(row[column] for column in ("severity", "kind", "message"))))
-    return found
+            findings.add((name, *(row[column] for column in ("severity", "kind", "message"))))
+    return findings
 
 
 def test_a_study_s_recordings_have_the_findings_of_its_run(
@@ -70,17 +70,17 @@ def test_a_study_s_recordings_have_the_findings_of_its_run(
     assert lost == [
         "P2 left lost, P2 left gone: cannot be read: lost.csv: no such file; expected a recording"
     ]
-    said = {
+    printed = {
         (name, *rest.split(": ", 2))
         for line in lines
         for names, rest in [line.split(": ", 1)]
         for name in names.split(", ")
         if line not in lost
     }
-    assert {kind for _, _, kind, _ in said} >= {"same-file", "wrong-hand"}
+    assert {kind for _, _, kind, _ in printed} >= {"same-file", "wrong-hand"}
     of_stages = of_run(study)
-    assert said >= of_stages
-    of_the_study = {(name, severity, kind) for name, severity, kind, _ in said - of_stages}
+    assert printed >= of_stages
+    of_the_study = {(name, severity, kind) for name, severity, kind, _ in printed - of_stages}
     copies = {("P2 left rom", "suspect", "same-file"), ("P2 left seen", "note", "same-file")}
     assert of_the_study == copies, "as `gather` has them"
 

@@ -42,12 +42,12 @@ def test_a_command_helps_from_another_folder(tmp_path: Path, command: str) -> No
     """The example's command is this one, its options are the parser's, and nothing heavy is imported."""
     done = run(tmp_path, "-c", LIGHT_HELP, command, "--help")
     assert done.returncode == 0, done.stderr
-    known, _, example = done.stdout.partition("example:")
-    assert known.startswith(f"usage: shukotsu {command}")
+    help_text, _, example = done.stdout.partition("example:")
+    assert help_text.startswith(f"usage: shukotsu {command}")
     argv = shlex.split(example.replace("$(", "").replace(")", ""), comments=True)
     assert ["shukotsu", command] in [argv[i : i + 2] for i in range(len(argv))]
-    own = argv[: argv.index("--")] if "--" in argv else argv
-    assert [option for option in own if option.startswith("--") and option not in known] == []
+    arguments = argv[: argv.index("--")] if "--" in argv else argv
+    assert [option for option in arguments if option.startswith("--") and option not in help_text] == []
 
 
 def test_the_help_names_every_command(tmp_path: Path) -> None:

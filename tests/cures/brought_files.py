@@ -49,8 +49,8 @@ class Brought:
         """Titles of the receiver's numbers."""
         if self.mapping is None:
             return [*NUMBERS]
-        own = self.mapping["receivers"][segment]
-        return [*own["position"], *own["orientation"]]
+        receiver = self.mapping["receivers"][segment]
+        return [*receiver["position"], *receiver["orientation"]]
 
     def rows(self, segment: str) -> Any:
         """Which rows are the receiver's."""
@@ -68,9 +68,9 @@ class Brought:
         """Leave the receiver's numbers empty in those of its frames."""
         table = {title: column.copy() for title, column in self.table.items()}
         for title in self.columns(segment):
-            own = table[title][self.rows(segment)]
-            own[frames] = np.nan
-            table[title][self.rows(segment)] = own
+            numbers = table[title][self.rows(segment)]
+            numbers[frames] = np.nan
+            table[title][self.rows(segment)] = numbers
         return replace(self, table=table)
 
     def with_columns(self, **columns: Any) -> Brought:
@@ -92,11 +92,12 @@ def tidy(planted: Planted) -> Brought:
 
 
 def with_stations(planted: Planted) -> Brought:
-    own = tidy(planted)
-    station = {name: part["receiver"] for name, part in own.layout["segments"].items() if "receiver" in part}
-    table = dict(own.table)
+    brought = tidy(planted)
+    segments = brought.layout["segments"].items()
+    station = {name: part["receiver"] for name, part in segments if "receiver" in part}
+    table = dict(brought.table)
     table["receiver"] = np.array([station[name] for name in table.pop("segment")])
-    return replace(own, table=table)
+    return replace(brought, table=table)
 
 
 def wide(planted: Planted) -> Brought:
@@ -162,12 +163,12 @@ class Result:
         quick, segments = Settings(n_frames=40, rounds=0), self.layout.segments
         joints = fit_hand(self.recordings, self.layout, self.hand, settings=quick).joints
         ends = {
-            name: ((own.parent_segment, own.parent_mm), (own.child_segment, own.child_mm))
-            for name, own in joints.items()
+            name: ((joint.parent_segment, joint.parent_mm), (joint.child_segment, joint.child_mm))
+            for name, joint in joints.items()
         }
         return {
-            name: np.array([segments[end].axes.T @ centre for end, centre in own])
-            for name, own in ends.items()
+            name: np.array([segments[end].axes.T @ centre for end, centre in halves])
+            for name, halves in ends.items()
         }
 
 

@@ -36,8 +36,8 @@ def obeyed(brought: Brought, right: Brought) -> tuple[Result, Result]:
     return first, last
 
 
-def to_do(own: Result) -> list[str]:
-    messages = [finding.message for finding in own.findings]
+def to_do(result: Result) -> list[str]:
+    messages = [finding.message for finding in result.findings]
     return [message for message in messages if not re.search("nothing (more )?has to be done", message)]
 
 
@@ -47,9 +47,6 @@ def followed(sentence: str, brought: Brought, right: Brought) -> Brought:
         if words := re.search(pattern, sentence):
             return follow(words, brought, right)
     raise NoSuchCureError(sentence)
-
-
-# --- the mapping ------------------------------------------------------------------------------------------
 
 
 def _written(text: str) -> dict[str, Any]:
@@ -76,7 +73,8 @@ def _key_under(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
 def _fixed_axes(words: re.Match[str], brought: Brought, right: Brought) -> Brought:
     mapping = _key_under(words, brought, right).mapping or {}
     receivers = {
-        name: {**own, "orientation": own["orientation"][::-1]} for name, own in mapping["receivers"].items()
+        name: {**each, "orientation": each["orientation"][::-1]}
+        for name, each in mapping["receivers"].items()
     }
     return _in_mapping(brought, **{**mapping, "receivers": receivers})
 
@@ -90,8 +88,8 @@ def _not_in_step(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
 
 
 def exchanged(names: Mapping[str, Any], pairs: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    other = dict(pairs) | {two: one for one, two in pairs}
-    return {other.get(name, name): own for name, own in names.items()}
+    other = dict(pairs) | {second: first for first, second in pairs}
+    return {other.get(name, name): value for name, value in names.items()}
 
 
 def _names(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
@@ -108,25 +106,22 @@ def _added(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
     return brought.with_columns(time_s=brought.table["time_s"] + late)
 
 
-# --- the file ---------------------------------------------------------------------------------------------
-
-
 def _names_in_file(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
     """In the file's column segment or, where it has stations, in the layout."""
     pairs = _pairs(words)
     if "segment" in brought.table:
-        other = dict(pairs) | {two: one for one, two in pairs}
+        other = dict(pairs) | {second: first for first, second in pairs}
         return brought.with_columns(segment=np.array([other.get(n, n) for n in brought.table["segment"]]))
     segments = {name: dict(part) for name, part in brought.layout["segments"].items()}
-    for one, two in pairs:
-        numbers = segments[one]["receiver"], segments[two]["receiver"]
-        segments[two]["receiver"], segments[one]["receiver"] = numbers
+    for first, second in pairs:
+        numbers = segments[first]["receiver"], segments[second]["receiver"]
+        segments[second]["receiver"], segments[first]["receiver"] = numbers
     return replace(brought, layout={**brought.layout, "segments": segments})
 
 
 def _renamed(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
     old, new = (part.split(", ") for part in (words[1], words[2]))
-    done = brought.with_columns(**{two: brought.table[one] for one, two in zip(old, new, strict=True)})
+    done = brought.with_columns(**{title: brought.table[name] for name, title in zip(old, new, strict=True)})
     return _negated(words[3], done) if words[3] else done
 
 
@@ -157,9 +152,9 @@ def _in_place(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
 def _spiked(words: re.Match[str], brought: Brought, _: Brought) -> Brought:
     """Frames as the file has them, counted from 0 where it has none."""
     for segment, frame in re.findall(r"(\w+) in frame (\d+)", words[1]):
-        own = brought.rows(segment)
-        known = brought.table["frame"][own] if "frame" in brought.table else None
-        row = int(frame) if known is None else int(np.flatnonzero(known == int(frame))[0])
+        row = int(frame)
+        if "frame" in brought.table:
+            row = int(np.flatnonzero(brought.table["frame"][brought.rows(segment)] == row)[0])
         brought = brought.emptied(segment, [row])
     return brought
 
@@ -192,9 +187,6 @@ def _rows_left_out(_words: re.Match[str], brought: Brought, _: Brought) -> Broug
     for segment in _worn(brought):
         kept[brought.rows(segment)] = ~_repeats(brought.numbers(segment))
     return replace(brought, table={title: column[kept] for title, column in brought.table.items()})
-
-
-# --- the layout and the sheet -----------------------------------------------------------------------------
 
 
 def _in_layout(words: re.Match[str], brought: Brought, _: Brought) -> Brought:

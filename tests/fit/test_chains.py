@@ -3,12 +3,15 @@
 from dataclasses import replace
 
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
 from shukotsu.fit.chain import HandModel, hand_model
 from shukotsu.fit.compiled_equations import pose, reduce
 from shukotsu.fit.gauss_newton import solve
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs, states_by_unknowns
 from shukotsu.fit.posterior import Posterior
+from shukotsu.fit.receiver_frames import spread_frames
 from shukotsu.hand.rotations import Array, exp_rotation
 from shukotsu.study.layout import Layout
 
@@ -112,6 +115,25 @@ def test_a_hand_of_its_own_kind_comes_back(layout: Layout) -> None:
     assert np.abs(off_mm[shown]).max() < 0.05
     posterior = Posterior.of(exact, point, reduced, np.full(40, 1 / 40))
     for length in model.length.values():
-        found, sd = posterior.of_amount(length)
+        length_mm, sd = posterior.of_amount(length)
         true = length.constant + sum(c * truth.x[i] for c, i in length.parts)
-        assert abs(found - true) < 0.05 + 2 * sd
+        assert abs(length_mm - true) < 0.05 + 2 * sd
+
+
+@given(st.integers(0, 1000), st.integers(1, 300), st.integers(1, 60))
+def test_frames_are_different_and_stand_for_all(seed: int, n_frames: int, wanted: int) -> None:
+    postures = np.random.default_rng(seed).normal(size=(n_frames, 4))
+    rows, share = spread_frames(postures, wanted)
+    assert len(rows) == len(share) == min(n_frames, wanted)
+    assert (np.diff(rows) > 0).all()
+    assert share.sum() == np.float64(1.0) or abs(share.sum() - 1) < 1e-12
+    assert (share > 0).all()
+
+
+def test_dwelling_counts_once() -> None:
+    """A posture that is held gets one frame and the share of the time that it was held."""
+    postures = np.concatenate([np.zeros((900, 1)), np.linspace(0.1, 1, 100)[:, None]])
+    rows, share = spread_frames(postures, 10)
+    held = rows < 900
+    assert held.sum() == 1
+    assert share[held][0] > 0.89

@@ -26,12 +26,12 @@ class Person:
     """A simulated person: fingertips as fitted, the recording that they were fitted to, and its poses."""
 
     tips: Fingertips
-    made: Simulated
+    drawn: Simulated
     poses: Poses
 
     def true_mm(self, rows: slice | Array, part: str) -> Array:
         """Points (T, 5, 3) of the true hand in the transmitter frame."""
-        truth = self.made.truth
+        truth = self.drawn.truth
         turn, offset = truth.bone_quaternion[rows][:, TIP_BONES], np.zeros((5, 3))
         if part == TIP:
             offset[:, 0] = SOFT_MM
@@ -57,9 +57,9 @@ class Person:
 
 @pytest.fixture(scope="module", params=["right", pytest.param("left", marks=pytest.mark.slow)])
 def person(request: pytest.FixtureRequest) -> Person:
-    made, poses = recorded(request.param, seed=6, field_distortion=0.0)  # it bends point and hand alike
+    drawn, poses = recorded(request.param, seed=6, field_distortion=0.0)  # it bends point and hand alike
     fit = fit_hand([poses], read_layout("liberty16"), request.param, settings=QUICK)
-    return Person(fingertips(fit), made, poses)
+    return Person(fingertips(fit), drawn, poses)
 
 
 def test_tips_are_where_the_hand_has_them(person: Person) -> None:
@@ -139,8 +139,8 @@ def test_pads_that_meet_are_found_and_count(person: Person) -> None:
     """In opposition every finger's contacts are found; elsewhere hardly one. Pads come closer, if not to the
     true ones: a contact says where two pads are to each other, not where both are.
     """
-    made, poses = recorded(person.made.hand, "opposition", seed=6, field_distortion=0.0)
-    other = Person(person.tips, made, poses)
+    drawn, poses = recorded(person.drawn.hand, "opposition", seed=6, field_distortion=0.0)
+    other = Person(person.tips, drawn, poses)
     contacts = find_contacts(person.tips, poses)
     fingers = [contact.digits[1] for contact in contacts]
     assert {contact.digits[0] for contact in contacts} == {"thumb"}

@@ -30,9 +30,9 @@ def fitted(layout: Layout) -> HandFit:
     return fit_hand([hand()[1]], layout, "right", settings=QUICK)
 
 
-def child_errors_mm(fit: HandFit, made: Simulated) -> dict[str, float]:
+def child_errors_mm(fit: HandFit, drawn: Simulated) -> dict[str, float]:
     return {
-        name: float(np.linalg.norm(joint.child_mm - made.truth.joints[name].child_mm))
+        name: float(np.linalg.norm(joint.child_mm - drawn.truth.joints[name].child_mm))
         for name, joint in fit.joints.items()
     }
 
@@ -47,8 +47,8 @@ def without(poses: Poses, *segments: str) -> Poses:
 
 def test_it_beats_the_joint_by_joint_fit(layout: Layout, fitted: HandFit) -> None:
     """Full realism: nothing gross, a median under 2 mm, and better than six unknowns a joint."""
-    made, poses = hand()
-    errors = child_errors_mm(fitted, made)
+    drawn, poses = hand()
+    errors = child_errors_mm(fitted, drawn)
     assert len(errors) == 15
     assert fitted.converged
     assert max(errors.values()) < 5.0
@@ -56,15 +56,15 @@ def test_it_beats_the_joint_by_joint_fit(layout: Layout, fitted: HandFit) -> Non
     moments = JointMoments(len(errors))
     add_block(moments, poses, [layout.joints[name] for name in errors])
     alone = [
-        np.linalg.norm(solve_closed(moments, i, 6).q_mm - made.truth.joints[name].child_mm)
+        np.linalg.norm(solve_closed(moments, i, 6).q_mm - drawn.truth.joints[name].child_mm)
         for i, name in enumerate(errors)
     ]
     assert np.median(list(errors.values())) < 0.7 * np.median(alone)
 
 
 def test_the_rest_of_the_summary(fitted: HandFit) -> None:
-    made, _ = hand()
-    true = made.truth.joints
+    drawn, _ = hand()
+    true = drawn.truth.joints
     wrist = fitted.summary.fixed["wrist"]
     off = wrist.child_mm - true["wrist"].child_mm
     assert off @ np.linalg.solve(wrist.covariance_mm2[3:, 3:], off) < 16
@@ -74,17 +74,17 @@ def test_the_rest_of_the_summary(fitted: HandFit) -> None:
         # the receiver over the thumb's metacarpal stays behind by up to half of the CMC's motion
         near_deg = true[name].range_deg / 2 if name == "thumb_cmc" else 15
         assert abs(joint.range_deg - true[name].range_deg) < near_deg
-        for found, axis in (
+        for fitted_value, axis in (
             (joint.axis_parent, true[name].axis_parent),
             (joint.axis_child, true[name].axis_child),
         ):
-            assert np.degrees(np.arccos(min(1.0, found @ axis))) < 15, name
+            assert np.degrees(np.arccos(min(1.0, fitted_value @ axis))) < 15, name
     assert set(fitted.summary.palm) == {"ring_cmc", "little_cmc"}
     for joint in fitted.summary.palm.values():
         assert np.isnan(joint.child_mm).all()
         assert 5 < joint.range_deg < 30
     for name, bone in fitted.bones.items():
-        assert abs(bone.length_mm - made.truth.hand.length_mm[BONES.index(name)]) < 4 * bone.sd_mm, name
+        assert abs(bone.length_mm - drawn.truth.hand.length_mm[BONES.index(name)]) < 4 * bone.sd_mm, name
 
 
 @pytest.mark.parametrize(
@@ -97,10 +97,10 @@ def test_the_rest_of_the_summary(fitted: HandFit) -> None:
 )
 def test_a_dead_receiver_is_done_without(layout: Layout, dead: str) -> None:
     """Its joints say so, with an sd that covers; the others are hardly worse."""
-    made, poses = hand()
+    drawn, poses = hand()
     fit = fit_hand([without(poses, dead)], layout, "right", settings=QUICK)
     assert fit.converged
-    errors = child_errors_mm(fit, made)
+    errors = child_errors_mm(fit, drawn)
     for name, joint in fit.joints.items():
         touched = dead in (joint.parent_segment, joint.child_segment)
         assert joint.doubts == ({NO_POSE: {"segments": [dead]}} if touched else {}), name
@@ -109,14 +109,14 @@ def test_a_dead_receiver_is_done_without(layout: Layout, dead: str) -> None:
 
 
 def test_a_forearm_receiver_finds_the_wrist(layout: Layout) -> None:
-    made, poses = hand(forearm=True)
+    drawn, poses = hand(forearm=True)
     wrist = fit_hand([poses], layout, "right", settings=QUICK).joints["wrist"]
-    true = made.truth.joints["wrist"]
-    for found, centre, rows in (
+    true = drawn.truth.joints["wrist"]
+    for fitted_value, centre, rows in (
         (wrist.parent_mm, true.parent_mm, slice(0, 3)),
         (wrist.child_mm, true.child_mm, slice(3, 6)),
     ):
-        off = found - centre
+        off = fitted_value - centre
         assert off @ np.linalg.solve(wrist.covariance_mm2[rows, rows], off) < 16
         assert np.linalg.norm(off) < 5
     assert wrist.axis_child @ true.axis_child > 0.97
@@ -132,9 +132,9 @@ def test_joints_without_anatomy() -> None:
     fit = fit_hand([chain.poses], free_layout(chain), "right")
     assert fit.converged
     for index, joint in enumerate(chain.joints):
-        found = fit.joints[joint.name]
-        assert np.linalg.norm(found.child_mm - chain.q_mm[index]) < 0.5
-        assert np.linalg.norm(found.parent_mm - chain.p_mm[index]) < 0.5
+        fitted_value = fit.joints[joint.name]
+        assert np.linalg.norm(fitted_value.child_mm - chain.q_mm[index]) < 0.5
+        assert np.linalg.norm(fitted_value.parent_mm - chain.p_mm[index]) < 0.5
     assert fit.summary.fixed == {}
 
 
@@ -147,15 +147,15 @@ def test_covariance_is_that_of_repeated_recordings() -> None:
     problem = replace(once.evidence.problem, temper=1.0)
     frames, sd = problem.frames, problem.sd[0]
     point = pose(problem, first_guess(problem, once.evidence.model, once.evidence.posterior.x))
-    found = []
+    fitted_value = []
     for _ in range(120):
         turned = frames.rotation @ exp_rotation(sd[1] * rng.normal(size=frames.position_mm.shape))
         placed = frames.position_mm + sd[0] * rng.normal(size=frames.position_mm.shape)
         noisy = replace(problem, frames=replace(frames, rotation=turned, position_mm=placed))
-        found.append(solve(noisy, point, 10).point.x)
+        fitted_value.append(solve(noisy, point, 10).point.x)
     reduced = reduce(problem, point)
     stated = np.linalg.inv(reduced.matrix)
-    sampled = np.cov(np.array(found).T)
+    sampled = np.cov(np.array(fitted_value).T)
     shown = np.diag(stated) < 0.01  # the rest is the prior's, which no noise moves
     assert shown.sum() >= 12
     ratio = np.diag(sampled)[shown] / np.diag(stated)[shown]

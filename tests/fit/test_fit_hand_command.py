@@ -32,8 +32,8 @@ class HandAlone:
         self.folder = folder
         self.model = folder / "quick.yaml"
         self.model.write_text(QUICK.replace("frames: 30", "frames: 40"))
-        made, poses = recorded("right", "rom", seed=6)
-        self.poses = write_poses(folder / "rom.parquet", made, "right", "rom")
+        drawn, poses = recorded("right", "rom", seed=6)
+        self.poses = write_poses(folder / "rom.parquet", drawn, "right", "rom")
         self.short = write_poses(folder / "short.parquet", poses.take(slice(None, None, 40)), "right", "rom")
 
     def fit(self, out: Path, *options: str, poses: Path | None = None) -> int:

@@ -24,7 +24,7 @@ def test_bones_and_tips_of_another_recording(hands: dict[str, tuple[HandFit, Sim
     predicted without the distal receivers' positions within 1 mm of them.
     """
     fit = hands[side][0]
-    made, poses = recorded(side, "opposition", seed=4, n_frames=1600)
+    drawn, poses = recorded(side, "opposition", seed=4, n_frames=1600)
     every = slice(None, None, 16)
     poses = poses.take(every)
     posed = pose_hand(fit, poses)
@@ -32,13 +32,13 @@ def test_bones_and_tips_of_another_recording(hands: dict[str, tuple[HandFit, Sim
     assert np.median(posed.residual_mm) < 1.0
     angles = []
     for index, bone in enumerate(posed.bones):
-        true_mm = made.truth.bone_position_mm[every, BONES.index(bone)]
+        true_mm = drawn.truth.bone_position_mm[every, BONES.index(bone)]
         off = np.linalg.norm(posed.bone_position_mm[:, index] - true_mm, axis=-1)
         assert off.mean() < 8.0, bone
         if bone in ("ring_metacarpal", "little_metacarpal"):
-            true = rotate(made.truth.bone_quaternion[every, BONES.index(bone)], DISTAL)
-            found = rotate(posed.bone_quaternion[:, index], DISTAL)
-            angles.append(np.degrees(np.arccos(np.clip((true * found).sum(-1), -1, 1))).mean())
+            true = rotate(drawn.truth.bone_quaternion[every, BONES.index(bone)], DISTAL)
+            direction = rotate(posed.bone_quaternion[:, index], DISTAL)
+            angles.append(np.degrees(np.arccos(np.clip((true * direction).sum(-1), -1, 1))).mean())
     assert np.mean(angles) < 5.0
     tips = [name for name in posed.receivers if name.endswith("_distal")]
     blind = pose_hand(fit, poses, tips)
@@ -53,15 +53,15 @@ def test_bones_and_tips_of_another_recording(hands: dict[str, tuple[HandFit, Sim
 def test_both_hands_share_their_lengths(hands: dict[str, tuple[HandFit, Simulated]]) -> None:
     """Lengths come together as far as they are known alike, and no joint is less certain than before."""
     right, left = hands["right"][0], hands["left"][0]
-    one, other = share_lengths(right, left)
+    shared_right, shared_left = share_lengths(right, left)
     for name, bone in right.bones.items():
         before = abs(bone.length_mm - left.bones[name].length_mm)
-        after = abs(one.bones[name].length_mm - other.bones[name].length_mm)
+        after = abs(shared_right.bones[name].length_mm - shared_left.bones[name].length_mm)
         assert after < max(before, 5 * SIDE_SD * bone.length_mm)
-        assert one.bones[name].sd_mm < bone.sd_mm
+        assert shared_right.bones[name].sd_mm < bone.sd_mm
         middle = sorted([bone.length_mm, left.bones[name].length_mm])
-        assert middle[0] - 2.0 < one.bones[name].length_mm < middle[1] + 2.0
-    for before_fit, after_fit in ((right, one), (left, other)):
+        assert middle[0] - 2.0 < shared_right.bones[name].length_mm < middle[1] + 2.0
+    for before_fit, after_fit in ((right, shared_right), (left, shared_left)):
         assert np.linalg.eigvalsh(after_fit.evidence.posterior.covariance)[0] > 0
         for name, joint in before_fit.joints.items():
             assert after_fit.joints[name].sd_mm <= joint.sd_mm + 1e-9

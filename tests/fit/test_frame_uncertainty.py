@@ -67,7 +67,7 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
             reached_poses = zip(reached.rotation, reached.position_mm, strict=True)
             places |= dict(zip(branch.marks, reached_poses, strict=True))
         bones = [places[f"bone {name}"] for name in posed.bones]
-        turns = [from_matrix(evidence.convention.world(*own)[0]) for own in bones]
+        turns = [from_matrix(evidence.convention.world(*each)[0]) for each in bones]
         fit = tips.fit.moved_to(x, evidence.posterior.covariance)
         angles = joint_angles_of(fit, replace(posed, bone_quaternion=np.stack(turns, 1)))
         return np.stack([place for _, place in bones], 1), np.stack([*angles.values()], 1)
@@ -75,9 +75,9 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
     ahead, behind = (moved_hand(evidence.posterior.x + sign * step) for sign in (1, -1))
     maps = dict(_angle_errors_deg(postures, spread))
     angle_map = np.stack([maps[joint] for joint in tips.fit.summary.angle_axes], 1)
-    for found, one, other in zip((spread.shift_mm, angle_map), ahead, behind, strict=True):
-        slope = (one - other) / 2e-5
-        np.testing.assert_allclose(found[..., number], slope, atol=0.05 * np.abs(slope).max())
+    for derivative, first, second in zip((spread.shift_mm, angle_map), ahead, behind, strict=True):
+        slope = (first - second) / 2e-5
+        np.testing.assert_allclose(derivative[..., number], slope, atol=0.05 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize("worn", [(), SIX])
@@ -92,7 +92,7 @@ def test_errors_are_as_large_as_stated(tips: Fingertips, worn: tuple[str, ...]) 
     assert np.mean(off_mm < RADIUS_SD * errors.centre_mm) > 0.9
     assert np.sqrt((errors.centre_mm**2).mean()) < 2.5 * np.sqrt((off_mm**2).mean())
     true = replace(posed, bone_quaternion=truth.bone_quaternion[rows][:, places])
-    angles = [joint_angles_of(tips.fit, own) for own in (posed, true)]
+    angles = [joint_angles_of(tips.fit, each) for each in (posed, true)]
     off, sd = (
         np.stack([values[f"{digit}_pip"][:, 0] for digit in FINGERS])
         for values in ({joint: angles[0][joint] - angles[1][joint] for joint in angles[0]}, errors.angles_deg)
@@ -126,6 +126,8 @@ def test_of_the_same_hand_in_another_session_less_is_uncertain(tips: Fingertips)
         assert (errors.session_deg[joint] < sd_deg).all()
         assert (errors.session_changes_deg[joint] < errors.changes_deg[joint]).all()
         assert np.median(errors.session_deg[joint] / sd_deg) > 0.1
-    one = np.zeros(20, int)
-    still = posed_errors(tips, posed_frames(posed, one), tips.fit.evidence.convention.frames(poses.take(one)))
-    assert max(own.max() for own in still.session_changes_deg.values()) < 1e-6
+    still = np.zeros(20, int)
+    errors = posed_errors(
+        tips, posed_frames(posed, still), tips.fit.evidence.convention.frames(poses.take(still))
+    )
+    assert max(each.max() for each in errors.session_changes_deg.values()) < 1e-6

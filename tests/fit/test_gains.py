@@ -53,11 +53,11 @@ def test_it_is_what_a_fit_with_the_measurement_has(gained: dict[str, Row], quant
     """Errors stated before anyone measured, against those of the hand fitted anew with the true value: of the
     joint that gains most, and of all joints.
     """
-    made, poses = recorded(seed=4, n_frames=1600)
+    drawn, poses = recorded(seed=4, n_frames=1600)
     gain = gained[quantity]
     segment, _, part = quantity.partition(".")
-    length_mm = made.truth.hand.length_mm[BONES.index(segment)]
-    place_mm = made.truth.mounts.position_mm[made.segments.index(segment)]
+    length_mm = drawn.truth.hand.length_mm[BONES.index(segment)]
+    place_mm = drawn.truth.mounts.position_mm[drawn.segments.index(segment)]
     value = {"": length_mm, "lateral": place_mm[1], "distal": length_mm - place_mm[0]}[part]
     anew = fit_hand(
         [poses],

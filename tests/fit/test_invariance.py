@@ -38,15 +38,15 @@ def seen_from(poses: Poses, seed: int) -> Poses:
     )
 
 
-def assert_same_centres(one: HandFit, other: HandFit, factor: Array) -> None:
-    assert one.joints.keys() == other.joints.keys()
-    for name, joint in one.joints.items():
-        np.testing.assert_allclose(other.joints[name].child_mm * factor, joint.child_mm, atol=1e-6)
-        np.testing.assert_allclose(other.joints[name].parent_mm * factor, joint.parent_mm, atol=1e-6)
-        axis = other.joints[name].axis_child * np.prod(factor) * factor  # mirrored as a pseudo-vector
+def assert_same_centres(first: HandFit, second: HandFit, factor: Array) -> None:
+    assert first.joints.keys() == second.joints.keys()
+    for name, joint in first.joints.items():
+        np.testing.assert_allclose(second.joints[name].child_mm * factor, joint.child_mm, atol=1e-6)
+        np.testing.assert_allclose(second.joints[name].parent_mm * factor, joint.parent_mm, atol=1e-6)
+        axis = second.joints[name].axis_child * np.prod(factor) * factor  # mirrored as a pseudo-vector
         np.testing.assert_allclose(axis, joint.axis_child, atol=1e-7)
         both = np.outer(np.tile(factor, 2), np.tile(factor, 2))
-        np.testing.assert_allclose(other.joints[name].covariance_mm2 * both, joint.covariance_mm2, atol=1e-6)
+        np.testing.assert_allclose(second.joints[name].covariance_mm2 * both, joint.covariance_mm2, atol=1e-6)
 
 
 def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
@@ -86,11 +86,11 @@ def remounted(
     return replace(poses, position_mm=position, quaternion=quaternion), places
 
 
-def moves_in_sd(fit: HandFit, other: HandFit, places: dict[str, tuple[Array, Array]]) -> Array:
+def moves_in_sd(fit: HandFit, second: HandFit, places: dict[str, tuple[Array, Array]]) -> Array:
     """How far centres moved on their bones, in units of their stated three-dimensional sd."""
     moves = []
     for name, joint in fit.joints.items():
-        again = other.joints[name]
+        again = second.joints[name]
         for before, after, segment, rows in (
             (joint.parent_mm, again.parent_mm, joint.parent_segment, slice(0, 3)),
             (joint.child_mm, again.child_mm, joint.child_segment, slice(3, 6)),
@@ -118,8 +118,8 @@ def test_a_receiver_may_sit_at_another_angle(layout: Layout, segment: str) -> No
     """20 deg and 2 mm elsewhere: no centre moves on its bone by as much as its sd; if all do, by twice."""
     poses = recorded(seed=7)[1]
     moved, places = remounted(poses, [segment] if segment else poses.segments, 20.0, 2.0, 3 if segment else 4)
-    one, other = (fit_hand([p], layout, "right", settings=QUICK) for p in (poses, moved))
-    moves = moves_in_sd(one, other, places)
+    first, second = (fit_hand([p], layout, "right", settings=QUICK) for p in (poses, moved))
+    moves = moves_in_sd(first, second, places)
     assert moves.max() < (1.0 if segment else 2.0)
     assert np.median(moves) < (0.3 if segment else 1.0)
 
@@ -131,11 +131,11 @@ def test_what_motion_shows_comes_out_whatever_is_expected(layout: Layout, anatom
 
     Their palms move by another law than the model's, and their hinges turn off their axes.
     """
-    made, poses = recorded(seed=7, anatomy=anatomy, **CLEAN)
+    drawn, poses = recorded(seed=7, anatomy=anatomy, **CLEAN)
     fit = fit_hand([poses], layout, "right")
     errors = []
     for name, joint in fit.joints.items():
-        true = made.truth.joints[name]
+        true = drawn.truth.joints[name]
         off = joint.child_mm - true.child_mm
         if joint.dof == 1:
             off = off - (off @ true.axis_child) * true.axis_child

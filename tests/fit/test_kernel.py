@@ -62,8 +62,8 @@ def random_problem(seed: int, n_frames: int) -> tuple[Problem, Point]:
     names = [f"receiver {i}" for i in range(RECEIVERS)]
     first = np.cumsum([0, *STATES])
     branches = tuple(
-        Branch(random_steps(rng, range(first[b], first[b + 1]), own, depth=1))
-        for b, own in enumerate((["bone a", *names[:2]], names[2:3], [*names[3:], "bone b"]))
+        Branch(random_steps(rng, range(first[b], first[b + 1]), each, depth=1))
+        for b, each in enumerate((["bone a", *names[:2]], names[2:3], [*names[3:], "bone b"]))
     )
     n_states = first[-1]
     link = np.eye(n_states)
@@ -101,9 +101,9 @@ def measured(
     """Poses of receivers with noise and a few far off, a tenth of them not valid, and in one frame all."""
     n_frames = len(point.y)
     rotation, position = np.empty((n_frames, RECEIVERS, 3, 3)), np.empty((n_frames, RECEIVERS, 3))
-    for branch, own in zip(branches, receivers, strict=True):
+    for branch, each in zip(branches, receivers, strict=True):
         reached = branch.reach(point.x, point.y, point.root, point.root_mm)
-        for mark, s in own:
+        for mark, s in each:
             turn = exp_rotation(0.02 * rng.standard_t(2, size=(n_frames, 3)).clip(-40, 40))
             rotation[:, s] = reached.rotation[mark] @ turn
             position[:, s] = reached.position_mm[mark] + rng.standard_t(2, size=(n_frames, 3))
@@ -112,22 +112,23 @@ def measured(
     return Frames(rotation, position, valid)
 
 
-def assert_same(found: Array, expected: Array) -> None:
-    assert found.shape == expected.shape
-    np.testing.assert_allclose(found, expected, rtol=CLOSE, atol=CLOSE * np.abs(expected).max(initial=1e-300))
+def assert_same(computed: Array, expected: Array) -> None:
+    assert computed.shape == expected.shape
+    largest = np.abs(expected).max(initial=1e-300)
+    np.testing.assert_allclose(computed, expected, rtol=CLOSE, atol=CLOSE * largest)
 
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("n_frames", [1, 7])
 def test_residuals(seed: int, n_frames: int) -> None:
     problem, point = random_problem(seed, n_frames)
-    found, rotation = residuals(problem, point), problem.rotation(point.x)
+    computed, rotation = residuals(problem, point), problem.rotation(point.x)
     y_off = (point.y - problem.state_mean) @ problem.state_prior().T
     frame_cost = problem.temper * (y_off**2).sum(1) / 2
-    for own, branch, receivers in zip(found.branches, problem.branches, problem.receivers, strict=True):
+    for each, branch, receivers in zip(computed.branches, problem.branches, problem.receivers, strict=True):
         reached = branch.reach(point.x, point.y, point.root, point.root_mm)
         for name in ("rotation", "position_mm", "axis", "origin_mm"):
-            assert_same(getattr(own.reached, name), getattr(reached, name))
+            assert_same(getattr(each.reached, name), getattr(reached, name))
         for i, (mark, s) in enumerate(receivers):
             back, off = (
                 rotation[:, s].swapaxes(-1, -2),
@@ -137,14 +138,14 @@ def test_residuals(seed: int, n_frames: int) -> None:
             r = np.concatenate([(back @ off[..., None])[..., 0] / problem.sd[s, 0], turned], -1)
             r *= problem.frames.valid[:, s, None]
             norm = np.linalg.norm(r, axis=-1)
-            assert_same(own.r[i], r)
-            assert_same(own.weight[i], HUBER / np.maximum(norm, HUBER))
+            assert_same(each.r[i], r)
+            assert_same(each.weight[i], HUBER / np.maximum(norm, HUBER))
             robust = np.where(norm > HUBER, HUBER * norm - HUBER**2 / 2, norm**2 / 2)
             frame_cost = frame_cost + problem.temper * robust
-    assert_same(found.frame_cost, frame_cost)
+    assert_same(computed.frame_cost, frame_cost)
     off_rows = problem.observations.rows @ point.x - problem.observations.values
     priors = (problem.precision * point.x**2).sum() + (off_rows**2).sum()
-    assert found.cost == pytest.approx(frame_cost.sum() + priors / 2, rel=CLOSE)
+    assert computed.cost == pytest.approx(frame_cost.sum() + priors / 2, rel=CLOSE)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -154,13 +155,13 @@ def test_derivatives(seed: int) -> None:
     The room's field, which turns what is measured, is so to first order, and its positions are left out.
     """
     problem, point = random_problem(seed, 7)
-    weights = [np.sqrt(problem.temper * own.weight) for own in residuals(problem, point).branches]
+    weights = [np.sqrt(problem.temper * each.weight) for each in residuals(problem, point).branches]
 
     def slopes(nudged: Callable[[float], Point]) -> list[Array]:
         ends = (residuals(problem, nudged(step)).branches for step in (STEP, -STEP))
         return [
-            ((one.r - other.r) * weight[..., None]).swapaxes(0, 1).reshape(7, -1) / (2 * STEP)
-            for one, other, weight in zip(*ends, weights, strict=True)
+            ((ahead.r - behind.r) * weight[..., None]).swapaxes(0, 1).reshape(7, -1) / (2 * STEP)
+            for ahead, behind, weight in zip(*ends, weights, strict=True)
         ]
 
     def by_root(column: int) -> Callable[[float], Point]:
@@ -210,12 +211,12 @@ def dense_step(problem: Problem, point: Point, damping: float) -> tuple[Array, A
     for f in range(n):
         H[np.ix_(states[f], states[f])] += prior
         g[states[f]] += prior @ (point.y[f] - problem.state_mean)
-        for b, own in enumerate(weighted_jacobians(problem, point)):
+        for b, each in enumerate(weighted_jacobians(problem, point)):
             of_x = unknowns[problem.unknowns_of(b)]
             at = np.concatenate([states[f, problem.branches[b].states], roots[f], of_x])
-            J = np.concatenate([own.by_states[f], own.by_root[f], own.by_unknowns[f]], -1)
+            J = np.concatenate([each.by_states[f], each.by_root[f], each.by_unknowns[f]], -1)
             H[np.ix_(at, at)] += J.T @ J
-            g[at] += J.T @ own.r[f]
+            g[at] += J.T @ each.r[f]
     whole, slope = H, g
     eliminated = []
     for inner, least in ((states.ravel(), 0.0), (roots.ravel(), 1e-9)):
@@ -256,16 +257,16 @@ def test_a_step_of_the_whole_hand(seed: int, damping: float) -> None:
 @pytest.mark.parametrize(("seed", "n_frames"), [(0, 1), (1, 7), (2, 2 * BLOCK_FRAMES + 1)])
 def test_every_frame_is_posed_by_itself_as_well_as_can_be(seed: int, n_frames: int) -> None:
     problem, point = random_problem(seed, n_frames)
-    found = pose(problem, point)
+    computed = pose(problem, point)
     before, cost, later = (
-        residuals(problem, at).frame_cost for at in (point, found, pose(problem, found, 60))
+        residuals(problem, at).frame_cost for at in (point, computed, pose(problem, computed, 60))
     )
     assert (cost <= before + CLOSE).all()
     assert (cost - later <= 0.01 * cost + CLOSE).all()
     for row in {0, n_frames // 2, n_frames - 1}:
-        own = slice(row, row + 1)
-        alone = pose(replace(problem, frames=problem.frames.take(own)), point.take(own))
+        each = slice(row, row + 1)
+        alone = pose(replace(problem, frames=problem.frames.take(each)), point.take(each))
         for name in ("y", "root", "root_mm"):
             np.testing.assert_allclose(
-                getattr(found, name)[row], getattr(alone, name)[0], rtol=1e-6, atol=1e-7
+                getattr(computed, name)[row], getattr(alone, name)[0], rtol=1e-6, atol=1e-7
             )

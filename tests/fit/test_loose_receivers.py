@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from simulated_poses import recorded
 
+from shukotsu.fit.displacement_test import courses, most_within
 from shukotsu.fit.fit import HandFit, Settings, fit_hand
 from shukotsu.fit.left_out import is_elsewhere, without_displaced
 from shukotsu.fit.loose_receivers import Displaced, LooseReceiver, displaced_in
@@ -106,23 +107,23 @@ def test_metal_is_named_once_by_its_place(layout: Layout) -> None:
     assert not loose_in(layout, "right", replace(clean, position_mm=flipped))
 
 
-def error_mm(fit: HandFit, made: Simulated) -> float:
+def error_mm(fit: HandFit, drawn: Simulated) -> float:
     """The worse one of the centres next to the middle finger's middle receiver, in that receiver's frame."""
-    pip, dip = ((fit.joints[name], made.truth.joints[name]) for name in ("middle_pip", "middle_dip"))
+    pip, dip = ((fit.joints[name], drawn.truth.joints[name]) for name in ("middle_pip", "middle_dip"))
     off_mm = pip[0].child_mm - pip[1].child_mm, dip[0].parent_mm - dip[1].parent_mm
     return float(np.linalg.norm(off_mm, axis=-1).max())
 
 
 @pytest.mark.slow
 def test_without_it_the_hand_is_as_good_as_untouched(layout: Layout) -> None:
-    made, poses = hand()
+    drawn, poses = hand()
     loose = loosened(poses, "middle_middle", 2000, 8.0, 12.0)
     untouched, spoilt = (fit_hand([p], layout, "right", settings=QUICK) for p in (poses, loose))
     kept = without_displaced(spoilt, [loose], displaced_in(spoilt, [loose]))
     mended = fit_hand(kept, layout, "right", settings=QUICK)
     assert is_elsewhere(spoilt, mended)
     assert not is_elsewhere(untouched, untouched)
-    best, worst, after = (error_mm(fit, made) for fit in (untouched, spoilt, mended))
+    best, worst, after = (error_mm(fit, drawn) for fit in (untouched, spoilt, mended))
     assert after < best + 0.8
     assert worst > after + 0.5
 
@@ -156,3 +157,24 @@ def test_no_false_alarm(layout: Layout, seed: int) -> None:
             poses = simulate("01", side, task, seed, replace(Realism.full(), artefact=skin)).poses()
             fit = fit_hand([poses], layout, side)
             assert displaced_in(fit, [poses]) == Displaced([]), (task, skin)
+
+
+def test_courses() -> None:
+    """Steps sit long enough in both places, slides take a fifth of the recording, what returns ends at 0."""
+    ways = courses(40)
+    steps = (ways.start == ways.end) & ~ways.returns
+    slides = (ways.start < ways.end) & ~ways.returns
+    assert [*ways.start[steps]] == [*range(2, 39)]
+    assert set(np.unique(ways.share[steps])) == {0.0, 1.0}
+    assert (ways.end - ways.start)[slides].min() == 8
+    assert (np.diff(ways.share[slides], axis=1) >= 0.0).all()
+    assert (ways.share[ways.returns][:, [0, -1]] == 0.0).all()
+    assert not len(courses(2).start)
+
+
+def test_most_that_a_normal_displacement_gains() -> None:
+    """All of the gain where the likeliest is normal; at the ellipsoid's edge where it is far outside."""
+    curvature, radii = np.diag([4.0, 1.0, 1.0, 1.0, 1.0, 1.0])[None], np.full((1, 6), 1.0)
+    for step, gain in ((0.5, 0.5), (3.0, 12.0 - 2.0)):
+        slope = -4.0 * np.array([[step, 0.0, 0.0, 0.0, 0.0, 0.0]])
+        np.testing.assert_allclose(most_within(radii, slope, curvature), gain, rtol=1e-6)

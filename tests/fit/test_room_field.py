@@ -54,13 +54,13 @@ def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
     moved_mm = everywhere.apply((poses.position_mm - middle_mm).reshape(-1, 3)).reshape(frames, -1, 3)
     riding = everywhere * Rotation.from_quat(poses.quaternion.reshape(-1, 4), scalar_first=True)
     field = Rotation.from_rotvec(np.radians(TURN_DEG))
-    found = {}
+    turn_deg = {}
     for name, turn in (("none", Rotation.identity()), ("turned", field)):
         quaternion = (turn * riding).as_quat(scalar_first=True).reshape(poses.quaternion.shape)
         noise_mm = rng.normal(0, 0.05, moved_mm.shape)
         held = replace(poses, position_mm=moved_mm + middle_mm + noise_mm, quaternion=quaternion)
         evidence = fit_hand([held], layout, "right").evidence
-        own = np.array(evidence.model.unknowns.groups) == "field turn"
-        found[name] = np.degrees(evidence.posterior.x[own] * prior.FIELD_TURN_SD_RAD)
-    assert np.abs(found["none"]).max() < 0.25
-    assert found["turned"] - found["none"] == pytest.approx(TURN_DEG, abs=0.35)
+        of_field = np.array(evidence.model.unknowns.groups) == "field turn"
+        turn_deg[name] = np.degrees(evidence.posterior.x[of_field] * prior.FIELD_TURN_SD_RAD)
+    assert np.abs(turn_deg["none"]).max() < 0.25
+    assert turn_deg["turned"] - turn_deg["none"] == pytest.approx(TURN_DEG, abs=0.35)

@@ -26,24 +26,24 @@ SIDES = pytest.mark.parametrize("side", ["right", pytest.param("left", marks=pyt
 
 @cache
 def fitted(seed: int, side: str, *, nail: bool) -> tuple[Simulated, HandFit]:
-    made = simulate("01", side, "rom", seed, Realism.full(), 2400)
-    made = facing_the_nail(made) if nail else made
-    return made, fit_hand([made.poses()], LAYOUT, side, settings=QUICK)
+    drawn = simulate("01", side, "rom", seed, Realism.full(), 2400)
+    drawn = facing_the_nail(drawn) if nail else drawn
+    return drawn, fit_hand([drawn.poses()], LAYOUT, side, settings=QUICK)
 
 
 def errors_mm(seed: int, side: str, *, nail: bool) -> Array:
     """Errors (2, 2, 3) of the CMC and the MCP joint, parent's and child's half, in the bones' directions."""
-    made, fit = fitted(seed, side, nail=nail)
+    drawn, fit = fitted(seed, side, nail=nail)
     errors = np.array(
         [
             (joint.parent_mm - true.parent_mm, joint.child_mm - true.child_mm)
             for joint, true in (
-                (fit.joints[name], made.truth.joints[name]) for name in ("thumb_cmc", "thumb_mcp")
+                (fit.joints[name], drawn.truth.joints[name]) for name in ("thumb_cmc", "thumb_mcp")
             )
         ]
     )
     if nail:  # as the receiver on the back of the hand sees them
-        errors[[0, 1], [1, 0]] = rotate(nail_turn(made), errors[[0, 1], [1, 0]])
+        errors[[0, 1], [1, 0]] = rotate(nail_turn(drawn), errors[[0, 1], [1, 0]])
     return errors
 
 
@@ -66,8 +66,8 @@ def test_the_table_of_angles_does_not_know_how_the_receiver_faces(side: str) -> 
     """Angles of the same motion, seen by a receiver on the back of the hand's side and on the nail's."""
     tables = []
     for nail in (False, True):
-        made, fit = fitted(4, side, nail=nail)
-        poses = made.poses().take(np.arange(0, len(made.frame), 24))
+        drawn, fit = fitted(4, side, nail=nail)
+        poses = drawn.poses().take(np.arange(0, len(drawn.frame), 24))
         tables.append(angle_columns(RecordingName("01", side, "rom"), fit, pose_hand(fit, poses), poses))
     back, front = tables
     thumb = np.isin(back["joint"].to_pylist(), ["thumb_cmc", "thumb_mcp"])

@@ -25,10 +25,10 @@ def fallen(poses: Poses, *segments: str, since: int = SINCE, fall: int = 1) -> t
     position_mm, quaternion = poses.position_mm.copy(), poses.quaternion.copy()
     count = len(position_mm) - since
     share = np.clip((np.arange(count) + 1) / fall, 0, 1)[:, None] ** 2
-    for place in map(poses.index, segments):
-        end_mm = np.array([150.0, -200.0, -80.0]) + np.random.default_rng(place).normal(0, 0.1, (count, 3))
-        position_mm[since:, place] = (1 - share) * position_mm[since, place] + share * end_mm
-        quaternion[since:, place] = quaternion[since, place]
+    for column in map(poses.index, segments):
+        end_mm = np.array([150.0, -200.0, -80.0]) + np.random.default_rng(column).normal(0, 0.1, (count, 3))
+        position_mm[since:, column] = (1 - share) * position_mm[since, column] + share * end_mm
+        quaternion[since:, column] = quaternion[since, column]
     return position_mm, quaternion
 
 
@@ -38,21 +38,21 @@ def fallen(poses: Poses, *segments: str, since: int = SINCE, fall: int = 1) -> t
 @pytest.mark.parametrize("fall", [1, 60])
 def test_a_receiver_that_falls_off_is_named(segment: str, fall: int) -> None:
     poses = hand_of(7).poses
-    (one,) = broken(poses, *fallen(poses, segment, fall=fall))
-    assert (one.segments, one.until) == ((segment,), False)
-    assert 0 <= one.frame - poses.frame[SINCE] <= (0 if fall == 1 else fall)
+    (event,) = broken(poses, *fallen(poses, segment, fall=fall))
+    assert (event.segments, event.until) == ((segment,), False)
+    assert 0 <= event.frame - poses.frame[SINCE] <= (0 if fall == 1 else fall)
 
 
 def test_two_that_fall_one_after_the_other_and_two_of_one_finger() -> None:
     poses = hand_of(7).poses
     position_mm, quaternion = fallen(poses, "index_distal", since=300)
     later_mm, later = fallen(poses, "ring_middle", since=600)
-    place = poses.index("ring_middle")
-    position_mm[:, place], quaternion[:, place] = later_mm[:, place], later[:, place]
-    found = [(one.segments, one.frame) for one in broken(poses, position_mm, quaternion)]
-    assert found == [(("index_distal",), poses.frame[300]), (("ring_middle",), poses.frame[600])]
+    column = poses.index("ring_middle")
+    position_mm[:, column], quaternion[:, column] = later_mm[:, column], later[:, column]
+    named = [(event.segments, event.frame) for event in broken(poses, position_mm, quaternion)]
+    assert named == [(("index_distal",), poses.frame[300]), (("ring_middle",), poses.frame[600])]
     together = broken(poses, *fallen(poses, "index_middle", "index_distal"))
-    assert {name for one in together for name in one.segments} == {"index_middle", "index_distal"}
+    assert {name for event in together for name in event.segments} == {"index_middle", "index_distal"}
 
 
 @pytest.mark.parametrize("factor", [0.001, 1 / 25.4, 0.1, 10.0])
@@ -60,17 +60,17 @@ def test_a_unit_that_changes_is_of_all_receivers(factor: float) -> None:
     poses = hand_of(7).poses
     position_mm = poses.position_mm.copy()
     position_mm[SINCE:] *= factor
-    (one,) = broken(poses, position_mm, poses.quaternion)
-    assert (one.segments, one.frame, one.until) == (poses.segments, poses.frame[SINCE], False)
-    assert one.grown == pytest.approx(factor, rel=0.1)
+    (event,) = broken(poses, position_mm, poses.quaternion)
+    assert (event.segments, event.frame, event.until) == (poses.segments, poses.frame[SINCE], False)
+    assert event.grown == pytest.approx(factor, rel=0.1)
 
 
 def test_what_slips_or_jumps_for_a_while_is_no_break() -> None:
     poses = recorded(seed=7, n_frames=900)[1]
-    place = poses.index("index_distal")
+    column = poses.index("index_distal")
     slipped, away = poses.position_mm.copy(), poses.position_mm.copy()
-    slipped[SINCE:, place] += 5.0
-    away[SINCE : SINCE + 60, place] += 60.0
+    slipped[SINCE:, column] += 5.0
+    away[SINCE : SINCE + 60, column] += 60.0
     for position_mm in (poses.position_mm, slipped, away, -poses.position_mm):
         assert broken(poses, position_mm, poses.quaternion) == []
     assert broken(poses, poses.position_mm, poses.quaternion[..., [1, 2, 3, 0]]) == []

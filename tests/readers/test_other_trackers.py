@@ -17,7 +17,7 @@ from shukotsu.commands.inspect_file import describe
 
 FRAMES = 60
 SEGMENTS = ("upper_arm", "forearm", "hand")
-TOLD = {"rotates": "receiver-to-transmitter"}
+ROTATES = {"rotates": "receiver-to-transmitter"}
 CALLED = {f"CHECK_{tool}": segment for tool, segment in enumerate(SEGMENTS, 1)}
 Written = tuple[str, list[str], dict[str, str]]
 """A file's name and lines, and what the draft is told for each CHECK."""
@@ -51,16 +51,16 @@ def wave(poses: Poses, named: bool, mark: str) -> Written:
     titles = [f"Sensor {i} {k}" if named or k in kinds[:2] else k for i in range(poses.tools) for k in kinds]
     gap = [1, "missing", *["-3.697314E28"] * 7]
     rows = poses.lines(mark, lambda t: [poses.time_s[t]], gap, lambda pose, mm: [1, "ok", *pose, *mm])
-    told = {"position_unit": "mm", "time_unit": "s", **TOLD, **CALLED}
-    return "wave.tsv", [mark.join(["Time", *titles]), *rows], told
+    answers = {"position_unit": "mm", "time_unit": "s", **ROTATES, **CALLED}
+    return "wave.tsv", [mark.join(["Time", *titles]), *rows], answers
 
 
 def aurora(poses: Poses, row_end: str, header_end: str) -> Written:
     titles = "Frame,Tools,Hour,Minutes,Seconds" + ",Port,State,Q0,Qx,Qy,Qz,Tx,Ty,Tz,Error" * poses.tools
     lead, gap = (lambda t: [5 + t, 3, 10, t // 30, t % 30 * 0.5 + 20]), ["0A", "Missing", *[""] * 8]
     rows = poses.lines(",", lead, gap, lambda pose, mm: ["0A", "OK", *pose, *mm, 0.1])
-    told = {"position_unit": "mm", "rate_hz": "100", **TOLD, **CALLED}
-    return "aurora.csv", [titles + header_end, *(row + row_end for row in rows)], told
+    answers = {"position_unit": "mm", "rate_hz": "100", **ROTATES, **CALLED}
+    return "aurora.csv", [titles + header_end, *(row + row_end for row in rows)], answers
 
 
 def sequence(poses: Poses, nrrd: bool, names: tuple[str, ...] = SEGMENTS) -> Written:
@@ -93,7 +93,7 @@ GUIDE = {"Q0 #1": (wave, (False, "\t")), "sequence": (sequence, (False, ("Hand",
 @pytest.mark.parametrize("tools", [2, 3])
 @pytest.mark.parametrize(
     ("write", "dress", "guide"),
-    [*((*form, "") for form in FORMS), *((*form, found) for found, form in GUIDE.items())],
+    [*((*form, "") for form in FORMS), *((*form, page) for page, form in GUIDE.items())],
 )
 def test_what_is_read_is_what_was_written(
     tmp_path: Path, write: Callable[..., Written], dress: tuple[Any, ...], guide: str, tools: int

@@ -139,11 +139,11 @@ def test_a_station_is_no_coordinate(unit_mm: float) -> None:
 def test_time_is_kept_as_it_is_and_flagged() -> None:
     times = [0.1, 0.2, NAN, 0.2, 0.15, 0.3, float("inf")]
     rows = [("thumb", frame, time, GOOD) for frame, time in enumerate(times)]
-    found = table_rows(table_of(samples_of(("hand", 9, 9.0, GOOD), *rows)))[8:15]
-    assert [row["time_s"] for row in found] == [0.1, 0.2, None, 0.2, 0.15, 0.3, None]
+    rows_read = table_rows(table_of(samples_of(("hand", 9, 9.0, GOOD), *rows)))[8:15]
+    assert [row["time_s"] for row in rows_read] == [0.1, 0.2, None, 0.2, 0.15, 0.3, None]
     late, missing = "time-not-increasing", "time-missing"
-    assert [row["flags"] for row in found] == ["", "", missing, late, late, "", missing]
-    assert all(row["valid"] for row in found)
+    assert [row["flags"] for row in rows_read] == ["", "", missing, late, late, "", missing]
+    assert all(row["valid"] for row in rows_read)
 
 
 @pytest.mark.parametrize(
@@ -162,9 +162,9 @@ def test_a_receiver_that_never_moves_while_its_parent_does(frames: int, still: s
         for segment in ("hand", "thumb")
     ]
     table = table_of(samples_of(*rows, ("hand", frames, 9.0, (NAN,) * 7)))
-    found = [row for row in table_rows(table) if row["segment"] == "thumb"]
-    assert {row["valid"] for row in found[:-1]} == {not frozen}
-    assert {row["flags"] for row in found[:-1]} == ({"frozen"} if frozen else {""})
+    rows_read = [row for row in table_rows(table) if row["segment"] == "thumb"]
+    assert {row["valid"] for row in rows_read[:-1]} == {not frozen}
+    assert {row["flags"] for row in rows_read[:-1]} == ({"frozen"} if frozen else {""})
     assert table.frozen == (("thumb",) if frozen else ())
 
 

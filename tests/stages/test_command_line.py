@@ -198,15 +198,15 @@ def test_a_part_that_fails_is_recorded_in_every_table(
     paths = [tmp_path / "one.parquet", tmp_path / "two.parquet"]
     arguments = any_parser().parse_args(["--record-failure"])
     with (
-        parts_writer(paths[0], JOINT_CENTRES, Provenance()) as one,
-        parts_writer(paths[1], GAINS, Provenance()) as two,
+        parts_writer(paths[0], JOINT_CENTRES, Provenance()) as first,
+        parts_writer(paths[1], GAINS, Provenance()) as second,
     ):
         for part in (RIGHT, LEFT):
-            with subject_stage.recording_failure(arguments, part, one, two):
-                one.rows(part, [ROW])
+            with subject_stage.recording_failure(arguments, part, first, second):
+                first.rows(part, [ROW])
                 if part == RIGHT:
                     raise error
-                two.rows(part, [])
+                second.rows(part, [])
     for path, table in zip(paths, (JOINT_CENTRES, GAINS), strict=True):
         assert part_metadata(path, table) == {RIGHT: {"failure": message}, LEFT: {}}
     assert read_part(paths[0], JOINT_CENTRES, LEFT).num_rows == 1
@@ -256,8 +256,8 @@ def test_libraries_take_one_thread_whatever_the_environment_says() -> None:
     """A sum of a million numbers ends otherwise in its last digits where two threads have added them up."""
     work = "import numpy as np; x = np.random.default_rng(1).normal(size=10**6); print((x @ x).hex())"
     threads = [dict.fromkeys(command_line.ONE_THREAD, number) for number in "12"]
-    one, two = (ended(work, stdout=subprocess.PIPE, env=os.environ | each).stdout for each in threads)
-    assert one == two != ""
+    first, second = (ended(work, stdout=subprocess.PIPE, env=os.environ | each).stdout for each in threads)
+    assert first == second != ""
 
 
 def test_who_reads_only_the_beginning_breaks_nothing() -> None:

@@ -121,13 +121,7 @@ def test_a_sentence_says_what_is_seen_how_much_it_matters_and_what_to_write() ->
         "1.3 mm, and 5 of 16 centres move by more than 2 mm); exchange these names in `receivers` of the "
         "mapping: index_middle with index_distal."
     )
-    many = Finding("hemisphere", SUSPECT, "left-out", EXAMPLES["hemisphere", "left-out"][1])
-    assert "are left out (hand: 40, index_distal: 3): the tracker" in many.message
     turned = Finding("receiver-turned", SUSPECT, "one", EXAMPLES["receiver-turned", "one"][0])
     assert "by -90 deg about its y axis" in turned.message
-    written = "`receiver_axes: {distal: [0, 1, 0], lateral: [-1, 0, 0], dorsal: [0, 0, 1]}`"
-    assert f"write {written} under the segment hand in the layout" in turned.message
-    values = EXAMPLES["quaternion-order", "inverse-too"][0]
-    inverse = Finding("quaternion-order", SUSPECT, "inverse-too", values)
-    keys = "`order: xyzw` and `rotates: transmitter-to-receiver`"
-    assert inverse.message.endswith(f"; write {keys} under `orientation` in the mapping.")
+    axes = "`receiver_axes: {distal: [0, 1, 0], lateral: [-1, 0, 0], dorsal: [0, 0, 1]}`"
+    assert f"write {axes} under the segment hand in the layout" in turned.message

@@ -13,7 +13,7 @@ from pipeline import recording_numbers
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.tables.catalogue import METACARPALS
-from shukotsu.tables.parts import PARTS_KEY, Part, part_metadata, parts_writer, read_part
+from shukotsu.tables.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.tables.typed_table import Column, Provenance, Table, read_table, rows_of
 
 KEYS = ("subject", "hand", "model", "made_without")
@@ -50,9 +50,9 @@ def short(tmp_path: Path) -> Path:
 
 
 def test_parts_come_back_with_their_parameters(short: Path) -> None:
-    found = read_part(short, SHORT, WHOLE)
-    assert [(row["bone"], row["length_mm"]) for row in rows_of(found)] == [("a", 1.0), ("b", None)]
-    assert found.column("hand").to_pylist() == ["right"] * 2
+    read_back = read_part(short, SHORT, WHOLE)
+    assert [(row["bone"], row["length_mm"]) for row in rows_of(read_back)] == [("a", 1.0), ("b", None)]
+    assert read_back.column("hand").to_pylist() == ["right"] * 2
     assert read_part(short, SHORT, LEFT, ["length_mm"]).to_pydict() == {"length_mm": [3.0]}
     assert read_part(short, SHORT, Part("left", "rigid", "rom", "01")).num_rows == 0
     assert part_metadata(short, SHORT) == {
@@ -76,20 +76,6 @@ def test_a_part_that_the_file_lacks_and_one_that_failed(short: Path) -> None:
     with pytest.raises(InputError, match=r"^no recording calibrates$") as caught:
         read_part(short, SHORT, WITHOUT)
     assert not isinstance(caught.value, TableError)
-
-
-@pytest.mark.parametrize(
-    "listed", [None, b"", b"[1]", b'[{"hand": "right"}]'], ids=["none", "no-json", "number", "keys"]
-)
-def test_a_damaged_list_of_parts(short: Path, listed: bytes | None) -> None:
-    table = pq.read_table(short)
-    metadata = dict(table.schema.metadata)
-    metadata.pop(PARTS_KEY.encode(), None)
-    if listed is not None:
-        metadata[PARTS_KEY.encode()] = listed
-    pq.write_table(table.replace_schema_metadata(metadata), short)
-    with pytest.raises(TableError, match=r"short.parquet: does not list its parts"):
-        read_part(short, SHORT, WHOLE)
 
 
 names = st.text("ab%é ", max_size=3)
@@ -158,13 +144,13 @@ def long(tmp_path: Path) -> Path:
 
 
 def test_one_recordings_numbers(long: Path) -> None:
-    found = recording_numbers(long, METACARPALS, WHOLE, "rom", "", "digit", TURNS, 5)
-    assert list(found) == ["thumb", "index"]
-    for digit, values in found.items():
+    read_back = recording_numbers(long, METACARPALS, WHOLE, "rom", "", "digit", TURNS, 5)
+    assert list(read_back) == ["thumb", "index"]
+    for digit, values in read_back.items():
         np.testing.assert_array_equal(values, LONG[WHOLE, "rom", "", digit])
     for part, task, trial, digit in LONG:
-        own = recording_numbers(long, METACARPALS, part, task, trial, "digit", ["qy"])[digit]
-        np.testing.assert_array_equal(own[:, 0], LONG[part, task, trial, digit][:, 2])
+        other = recording_numbers(long, METACARPALS, part, task, trial, "digit", ["qy"])[digit]
+        np.testing.assert_array_equal(other[:, 0], LONG[part, task, trial, digit][:, 2])
     assert recording_numbers(long, METACARPALS, LEFT, "opposition", "", "digit", TURNS, 3) == {}
     metadata = pq.ParquetFile(long).metadata
     assert [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)] == [5, 5, 4, 3, 5, 6]

@@ -97,12 +97,6 @@ def test_small_files_that_ask_for_much(tmp_path: Path, text: str, message: str) 
     assert len(str(caught.value)) <= MOST_LETTERS
 
 
-def test_an_alias_is_a_value_like_any_other(tmp_path: Path) -> None:
-    path = tmp_path / "study.yaml"
-    path.write_text("study: a\nrecordings: &r r.tsv\nlayout: arm\nmodels: [rigid]\nparticipants: *r\n")
-    assert read_config(path, "study")["participants"] == "r.tsv"
-
-
 @pytest.mark.parametrize(
     ("keys", "subject", "file", "message"),
     [

@@ -1,7 +1,7 @@
 """Setting up a LIBERTY that does not do as it is told: whatever it does not take is found."""
 
 import pytest
-from stubborn_trackers import EVERYTHING_HEARD, StubbornTracker, set_up
+from tracker_processes import EVERYTHING_HEARD, StubbornTracker, set_up
 
 from shukotsu.errors import InputError
 from shukotsu.tracker.emulate.device import EmulatedLiberty, built_in_motion

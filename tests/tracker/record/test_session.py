@@ -13,8 +13,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from stubborn_trackers import EVERYTHING_HEARD, StubbornTracker
-from tracker_processes import PATIENCE_S, VanishedError, at_a_port, capture, leave_in, started, until_lines
+from tracker_processes import (
+    EVERYTHING_HEARD,
+    PATIENCE_S,
+    StubbornTracker,
+    VanishedError,
+    at_a_port,
+    capture,
+    leave_in,
+    started,
+    until_lines,
+)
 
 from shukotsu.commands import record_tracker
 from shukotsu.tables.line_printer import LinePrinter

@@ -1,4 +1,4 @@
-"""Null studies: as many false positives as there should be."""
+"""Null studies have as many false positives as there should be; a drawn hand is held against its truth."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from benchmarks import two_drawings
 from benchmarks.null_studies import any_shown, numbers
+from benchmarks.two_drawings import OTHER, OWN, errors_table, one_hand
 from shukotsu.scores.paired_statistics import group_difference, sign_flip_p
 
 STUDIES = 600
@@ -23,3 +25,15 @@ def test_few_studies_in_which_nothing_differs_show_something(n: int, m: int, rat
         shown[0] += any_shown([group_difference(*pair).p for pair in zip(first.T, other.T, strict=True)])
         shown[1] += any_shown([sign_flip_p(d) for d in numbers("normal", rng, (8, 8)).T])
     assert (shown <= binom.ppf(0.99, STUDIES, 0.07)).all()
+
+
+@pytest.mark.parametrize("drawing", [OWN, OTHER])
+def test_a_hand_is_held_against_its_truth(drawing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(two_drawings, "DURATION_S", 8.0)  # a third of the time
+    joints, lengths = one_hand(drawing, 3)
+    assert len(joints) == 15
+    assert {kind for _, kind, *_ in lengths} == {"metacarpal", "proximal", "middle"}
+    assert 0.3 < np.median([joint.child_mm for joint in joints]) < 2.0
+    (row,) = errors_table(joints, lengths).rows
+    assert row[10] == pytest.approx(100 * sum(joint.believed for joint in joints) / 15)
+    assert row[10] > 40
