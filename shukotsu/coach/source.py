@@ -12,22 +12,10 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Protocol
 
 from shukotsu.tracker.archive import FollowedArchive, Piece, open_archive
 
 ENDS_WITHIN_S = 20.0
-
-
-class Source(Protocol):
-    """Pieces of an archive, as they come. ended : whether no more will come."""
-
-    @property
-    def ended(self) -> bool:
-        """Whether no more will come."""
-
-    def read(self) -> list[Piece]:
-        """Return what came since the last call."""
 
 
 class Replayed:
@@ -103,3 +91,7 @@ class Recorder:
                 break
         self._listener.join(ENDS_WITHIN_S)
         return code
+
+
+Source = Replayed | Recorder | FollowedArchive
+"""What is read for the pieces of an archive, as they come."""

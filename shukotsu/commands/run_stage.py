@@ -13,15 +13,10 @@ STAGES = ROOT / "stages"
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the stage's name; every stage parses its own options."""
     names = sorted(path.stem for path in STAGES.glob("*.py"))
-    parser = argparse.ArgumentParser(
-        prog="shukotsu stage",
-        usage="shukotsu stage [-h] NAME ...",
-        description="Run one stage of the pipeline alone, on typed tables.\n\nstages:\n"
-        + "\n".join(f"  {name}" for name in names),
-        epilog="example:\n  shukotsu stage solve_joints --help",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
+    stages = "".join(f"\n  {name}" for name in names)
+    what = f"Run one stage of the pipeline alone, on typed tables.\n\nstages:{stages}"
+    parser = command_line.parser("shukotsu stage", what, "shukotsu stage solve_joints --help")
+    parser.usage = "shukotsu stage [-h] NAME ..."
     parser.add_argument("name", choices=names, metavar="NAME", help=argparse.SUPPRESS)
     return parser
 

@@ -14,7 +14,7 @@ from snakemake.logging import logger
 from snakemake.settings.types import Quietness
 
 from shukotsu.errors import InputError
-from shukotsu.workflow import failed_jobs, made_from, warm_process
+from shukotsu.workflow import made_from, one_run, warm_process
 from shukotsu.workflow.file_digests import program_digest
 from shukotsu.workflow.study_files import StudyFiles, study_file
 
@@ -53,10 +53,10 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     _note(*notes)
     workflow.global_wildcard_constraints(**WILDCARDS)
     if workflow.is_main_process and Quietness.RULES in (workflow.output_settings.quiet or ()):
-        logger.addFilter(failed_jobs.FailedJobs(workflow, study.results.folder))  # as `shukotsu run` asks
+        logger.addFilter(one_run.FailedJobs(workflow, study.results.folder))  # as `shukotsu run` asks
 
     def start(_: Any) -> None:
-        failed_jobs.refuse(workflow, study.results.folder)
+        one_run.refuse(workflow, study.results.folder)
         _note(study.what_changed(), study.remove_former())
         study.write_changed_plans()
         warm_process.start()

@@ -63,7 +63,15 @@ def gather_study(study: Study, results: Results) -> None:
         columns = {column.name: rows.column(column.name) for column in TABLES[name].columns}
         provenance = Provenance.of(files, results.folder)
         write_table(results.study_table(name), TABLES[name], columns, provenance)
-    _write_resolved(study, results)
+    # write the study with its layouts and models, every default filled in, as one YAML file
+    layouts = dict.fromkeys(recording.layout for recording in study.recordings)
+    whole = {
+        "program": f"{PROGRAM} {VERSION}",
+        "study": study.config,
+        "layouts": [read_config(path, "layout") for path in layouts],
+        "models": [read_config(path, "model") for path in study.models.values()],
+    }
+    write_text(results.resolved, yaml_text(whole))
     provenance = Provenance.of(list(study.sheets.values()))
     unique = list({tuple(row[key] for key in _UNIQUE): row for row in reversed(problems)}.values())[::-1]
     for table, table_rows in ((_with_further_columns(study, recordings), recordings), (PROBLEMS, unique)):
@@ -122,15 +130,3 @@ def _correction_rows(study: Study) -> list[Row]:
     layout = read_layout(study.layout.absolute())
     messages = correction_problems(read_sheet(path, CORRECTIONS), path, study.hands, layout)
     return [problem_row("project_planes", worded("correction", REFUSED, text)) for text in messages]
-
-
-def _write_resolved(study: Study, results: Results) -> None:
-    """Write the study with its layouts and models, every default filled in, as one YAML file."""
-    layouts = dict.fromkeys(recording.layout for recording in study.recordings)
-    whole = {
-        "program": f"{PROGRAM} {VERSION}",
-        "study": study.config,
-        "layouts": [read_config(path, "layout") for path in layouts],
-        "models": [read_config(path, "model") for path in study.models.values()],
-    }
-    write_text(results.resolved, yaml_text(whole))

@@ -110,7 +110,20 @@ def _run_job(connection: socket.socket) -> None:
 
 def _status_of_job(connection: socket.socket) -> int:
     try:
-        argv = _become_the_client(connection)
+        # take over its standard streams, folder and environment
+        header, streams, _, _ = socket.recv_fds(connection, job.LENGTH_BYTES, 3)
+        with connection.makefile("rb") as stream:
+            request = json.loads(stream.read(int.from_bytes(header, "little")))
+        for number, descriptor in enumerate(streams):
+            os.dup2(descriptor, number)
+            os.close(descriptor)
+        # opened anew: the old ones take what is a pipe now for the file that was there
+        sys.stdout = open(1, "w", encoding=sys.stdout.encoding, closefd=False)  # noqa: SIM115
+        sys.stderr = open(2, "w", 1, sys.stderr.encoding, "backslashreplace", closefd=False)  # noqa: SIM115
+        os.chdir(request["folder"])
+        os.environ.clear()
+        os.environ.update(request["environment"])
+        argv: list[str] = request["argv"]
         connection.sendall(job.STARTED)
         threading.Thread(target=_end_with, args=(connection,), daemon=True).start()
         return command_line.run_script(argv[0], argv[1:])
@@ -119,24 +132,6 @@ def _status_of_job(connection: socket.socket) -> int:
     except BaseException:  # as Python itself ends: a traceback in the job's log, and exit code 1
         traceback.print_exc()
         return 1
-
-
-def _become_the_client(connection: socket.socket) -> list[str]:
-    """Take over its standard streams, folder and environment; give its arguments."""
-    header, streams, _, _ = socket.recv_fds(connection, job.LENGTH_BYTES, 3)
-    with connection.makefile("rb") as stream:
-        request = json.loads(stream.read(int.from_bytes(header, "little")))
-    for number, descriptor in enumerate(streams):
-        os.dup2(descriptor, number)
-        os.close(descriptor)
-    # opened anew: the old ones take what is a pipe now for the file that was there
-    sys.stdout = open(1, "w", encoding=sys.stdout.encoding, closefd=False)  # noqa: SIM115
-    sys.stderr = open(2, "w", 1, sys.stderr.encoding, "backslashreplace", closefd=False)  # noqa: SIM115
-    os.chdir(request["folder"])
-    os.environ.clear()
-    os.environ.update(request["environment"])
-    argv: list[str] = request["argv"]
-    return argv
 
 
 def _end_with(connection: socket.socket) -> None:

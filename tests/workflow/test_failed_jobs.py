@@ -11,7 +11,7 @@ import pytest
 
 from shukotsu.errors import InputError
 from shukotsu.workflow import one_run
-from shukotsu.workflow.failed_jobs import COMMAND_FAILED, FailedJobs, reason
+from shukotsu.workflow.one_run import COMMAND_FAILED, FailedJobs, reason
 
 Usage = namedtuple("Usage", ("total", "used", "free"))
 

@@ -139,7 +139,17 @@ def cluster_poses(markers_mm: Array, what: str) -> ClusterPoses:
     them, where a marker cannot be placed beside the others, or where the cluster is a line.
     """
     seen: Bools = np.asarray(np.isfinite(markers_mm).all(-1))
-    shape = _local(_mean_shape(np.where(seen[..., None], markers_mm, 0.0), seen, what), what)
+    # the shape in its own frame: first marker the origin, second on x, third in the plane of x and y
+    shape = _mean_shape(np.where(seen[..., None], markers_mm, 0.0), seen, what)
+    along, across = shape[1] - shape[0], shape[2] - shape[0]
+    if _width(shape[:3]) < THINNEST:
+        raise InputError(
+            f"{what}: its first three markers are on a line, but they span its frame; name others first"
+        )
+    x = along / np.linalg.norm(along)
+    z = np.cross(x, across)
+    z /= np.linalg.norm(z)
+    shape = np.asarray((shape - shape[0]) @ np.stack([x, np.cross(z, x), z], 1))
     fits = seen & _spread_out(shape, seen)[:, None]
     points = np.where(fits[..., None], markers_mm, 0.0)
     rotation, position = _fit(shape, points, fits.astype(float))
@@ -211,19 +221,6 @@ def _width(points: Array) -> float:
     """Width over length of points (M, 3): 0 where they are on a line."""
     length, width = np.linalg.svd(points - points.mean(0), compute_uv=False)[:2]
     return float(width / length) if length > 0 else 0.0
-
-
-def _local(shape: Array, what: str) -> Array:
-    """The shape in its own frame: first marker the origin, second on x, third in the plane of x and y."""
-    along, across = shape[1] - shape[0], shape[2] - shape[0]
-    if _width(shape[:3]) < THINNEST:
-        raise InputError(
-            f"{what}: its first three markers are on a line, but they span its frame; name others first"
-        )
-    x = along / np.linalg.norm(along)
-    z = np.cross(x, across)
-    z /= np.linalg.norm(z)
-    return np.asarray((shape - shape[0]) @ np.stack([x, np.cross(z, x), z], 1))
 
 
 def open_c3d(path: Path) -> C3dFile:

@@ -23,7 +23,6 @@ from shukotsu.readers.inspection.column_roles import (
     STATED,
     Roles,
     Unit,
-    Units,
     angle_unit_by_size,
     by_azimuth,
     by_scalar,
@@ -210,7 +209,16 @@ def describe_table(path: Path, layout: Layout) -> Description:
         lines.append("no orientations were found, which receivers need")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
     drafted = _receivers(roles, receivers, text.titles, layout)
-    config = _config(roles, units, drafted, asynchronous, layout)
+    # the mapping but for its `csv` group
+    config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
+    if asynchronous:
+        config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
+    elif roles.time is None:
+        config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
+    if roles.orientations[1] or not roles.positions:
+        config["orientation"] = _orientation(roles, units.angle)
+    named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
+    config["receivers"] = (drafted or {CHECK: {}}, named)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in of_day:
         config["csv"]["time_unit"] = TIME_OF_DAY
@@ -275,22 +283,6 @@ def _repeats(roles: Roles, numbers: Mapping[str, Array], lines: list[str]) -> fl
         if zeros := int((rows == 0).all(-1).sum()):
             lines.append(f"{name}: {zeros} rows are all zeros; zeros may stand for 'no value'")
     return worst
-
-
-def _config(
-    roles: Roles, units: Units, receivers: Mapping[str, Any], asynchronous: bool, layout: Layout
-) -> dict[str, Any]:
-    """Return the mapping but for its `csv` group."""
-    config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
-    if asynchronous:
-        config["rate_hz"] = (CHECK, "the tracker's own rate: the grid that new values are put on")
-    elif roles.time is None:
-        config["rate_hz"] = (CHECK, "frames a second; leave the line out where nobody knows")
-    if roles.orientations[1] or not roles.positions:
-        config["orientation"] = _orientation(roles, units.angle)
-    named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
-    config["receivers"] = (receivers or {CHECK: {}}, named)
-    return config
 
 
 def _orientation(roles: Roles, angle: Unit) -> dict[str, Any]:

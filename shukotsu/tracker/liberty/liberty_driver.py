@@ -94,7 +94,15 @@ class LibertyDriver(TrackerDriver):
         came, _ = self._conversation.drain(0.1)
         self._complaints = [ERRORS[r.error] for r in replies.binary_answers(came) if r.error in ERRORS]
         after = self._ask_all()
-        stations = self._active(after["stations"], stations)
+        # those that can send; InputError where none can, or not just those of --stations
+        halves = after["stations"]
+        usable = None if halves is None else replies.stations_of(halves[0] & halves[1])
+        active = tuple(station for station in stations if station in (usable or ()))
+        if self._request.stations is not None or not active:
+            self._require("active receivers", usable, stations)
+        if off := [station for station in stations if station not in active]:
+            self.warnings.append(f"receiver {', '.join(map(str, off))}: cannot be switched on; not recorded")
+        stations = active
         if after["echo"] is not None:
             wanted["echo"] = 0
         self._compare(after, wanted, stations)
@@ -202,16 +210,6 @@ class LibertyDriver(TrackerDriver):
             return tuple(sorted(connected))
         self._switches = {station: station in wanted for station in range(1, self._ports + 1)}
         return wanted
-
-    def _active(self, halves: tuple[int, ...] | None, stations: tuple[int, ...]) -> tuple[int, ...]:
-        """Return those that can send; InputError where none can, or not just those of --stations."""
-        usable = None if halves is None else replies.stations_of(halves[0] & halves[1])
-        active = tuple(station for station in stations if station in (usable or ()))
-        if self._request.stations is not None or not active:
-            self._require("active receivers", usable, stations)
-        if off := [station for station in stations if station not in active]:
-            self.warnings.append(f"receiver {', '.join(map(str, off))}: cannot be switched on; not recorded")
-        return active
 
     def _wanted(self, *, echo: bool) -> dict[str, Any]:
         """Return the settings that a recording needs, in the order in which they are sent."""
