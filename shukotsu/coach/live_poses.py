@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +25,9 @@ MOST_FRAMES = 6000
 LATE_FRAMES = 2
 """A frame is whole once one that is so much later has begun."""
 
+_RECORD = np.dtype([("frame", "i8"), ("segment", "i8"), ("numbers", "f8", 7)])
+"""A record that waits for the rest of its frame; segment : in the layout."""
+
 
 class LivePoses:
     """Turns the pieces of an archive, in order, into poses. where : the archive's name, for messages."""
@@ -37,7 +39,7 @@ class LivePoses:
         self._stations: set[int] = set()
         self._first: int | None = None
         self._rate_hz = 0.0
-        self._waiting = _Samples.none()
+        self._waiting = np.zeros(0, _RECORD)
         self._mirrored = np.ones(len(layout.measured))
         self._before = np.full((len(layout.measured), 3), np.nan)
 
@@ -64,19 +66,21 @@ class LivePoses:
             self._segment[list(seats)] = list(seats.values())
         numbers = np.concatenate([records.position_mm, records.quaternion], -1)
         numbers[np.isin(records.error, list(SOURCE_FAILURES))] = np.nan
-        samples = _Samples(records.frame, self._segment[records.station], numbers)
-        self._waiting = self._waiting.then(samples)
+        rows = np.zeros(len(numbers), _RECORD)
+        rows["frame"], rows["segment"] = records.frame, self._segment[records.station]
+        rows["numbers"] = numbers
+        self._waiting = np.concatenate([self._waiting, rows])
         return self._whole()
 
     def _whole(self) -> Poses | None:
-        last = int(self._waiting.frame.max(initial=0))
-        whole = self._waiting.frame <= (last if self.ended else last - LATE_FRAMES)
-        ready, self._waiting = self._waiting.take(whole), self._waiting.take(~whole)
-        if not len(ready.frame):
+        last = int(self._waiting["frame"].max(initial=0))
+        whole = self._waiting["frame"] <= (last if self.ended else last - LATE_FRAMES)
+        ready, self._waiting = self._waiting[whole], self._waiting[~whole]
+        if not len(ready):
             return None
-        frame, row = np.unique(ready.frame, return_inverse=True)
-        numbers, worn = np.full((len(frame), len(self._layout.measured), 7), np.nan), ready.segment >= 0
-        numbers[row[worn], ready.segment[worn]] = ready.numbers[worn]
+        frame, row = np.unique(ready["frame"], return_inverse=True)
+        numbers, worn = np.full((len(frame), len(self._layout.measured), 7), np.nan), ready["segment"] >= 0
+        numbers[row[worn], ready["segment"][worn]] = ready["numbers"][worn]
         if self._first is None:
             self._first = int(frame[0])
         time_s = np.asarray((frame - self._first) / self._rate_hz, float)
@@ -111,27 +115,6 @@ class LivePoses:
 
 MIRROR_STEP_MM, MIRROR_SHARE = 60.0, 0.3
 """No hand goes so far between two frames, and lands so near to the mirror image of where it was."""
-
-
-@dataclass(frozen=True)
-class _Samples:
-    """Records that wait for the rest of their frame: frame and segment in the layout (N,), numbers (N, 7)."""
-
-    frame: npt.NDArray[np.int64]
-    segment: npt.NDArray[np.int64]
-    numbers: Array
-
-    @classmethod
-    def none(cls) -> _Samples:
-        empty = np.zeros(0, np.int64)
-        return cls(empty, empty, np.zeros((0, 7)))
-
-    def take(self, rows: npt.NDArray[np.bool_]) -> _Samples:
-        return _Samples(self.frame[rows], self.segment[rows], self.numbers[rows])
-
-    def then(self, other: _Samples) -> _Samples:
-        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return _Samples(*(np.concatenate(pair) for pair in pairs))
 
 
 class EvenFrames:
