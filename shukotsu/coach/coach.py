@@ -98,23 +98,17 @@ def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
 STEP_S = 1.5
 CHECKED_S = 4.0
 """The newest frames that are checked together as a recording is, and how often."""
-
 LOOSE_S = 15.0
 """How often receivers that came loose are looked for, which takes as long as an estimate."""
-
 LISTEN_S, PATIENCE = 1.0, 1.3
 """Seconds to read a request; so many times as long as a movement takes is waited until it counts as tried."""
-
 WORTH, MOST_VAIN = 0.1, 2
 """A movement that lowers a joint's error by no more than this share was in vain for it; after so many no
 movement is asked for its sake."""
-
 AGAIN = 1.1
 """After it was enough, a joint's error must be so many times what is wanted for more to be asked for."""
-
 LATE_S = 2.0
 """Frames that wait are so much later where an estimate is left out, of a machine that is slow."""
-
 CHECKING, CALIBRATING, ENOUGH, ENDED = "checking", "calibrating", "enough", "ended"
 
 

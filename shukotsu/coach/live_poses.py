@@ -21,10 +21,8 @@ from shukotsu.tracker.decode.survey import SOURCE_FAILURES
 MOST_FRAMES = 6000
 """Kept of a recording: of a longer one every second, every fourth frame. Who chooses frames to fit looks at
 1500."""
-
 LATE_FRAMES = 2
 """A frame is whole once one that is so much later has begun."""
-
 _RECORD = np.dtype([("frame", "i8"), ("segment", "i8"), ("numbers", "f8", 7)])
 """A record that waits for the rest of its frame; segment : in the layout."""
 

@@ -21,10 +21,8 @@ from shukotsu.tables.whole_files import write_text
 
 EVERY_S = 1.0
 """How often it is written, and loads itself again."""
-
 MOST_LINES = 8
 """Lines of the log, the newest."""
-
 _TEMPLATE = jinja2.Environment(
     loader=jinja2.FileSystemLoader(Path(__file__).parent),
     autoescape=True,

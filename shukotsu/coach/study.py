@@ -25,7 +25,6 @@ from shukotsu.tables.whole_files import replacing
 
 CAPTURES = "captures"
 """Folder of archives, beside the study file or in the working folder."""
-
 USUAL_LAYOUT, USUAL_MODEL, TASK = "liberty16", "whole-hand", "rom"
 _BOM = b"\xef\xbb\xbf"
 

@@ -20,10 +20,8 @@ HANDS = {
     **dict.fromkeys(("l", "lh", "left", "li", "links"), "left"),
 }
 """What names of files call a hand, in lower case."""
-
 CALIBRATIONS = ("cal", "calib", "calibration", "rom", "kalibrierung")
 """What names of files call a recording in which every joint moves through its range, in lower case."""
-
 _KEYS = {
     "subject": "sub|subj|subject|participant",
     "session": "ses|sess|session|day|visit",
@@ -39,11 +37,9 @@ _KEYED = re.compile(
     re.I,
 )
 """A word and what it names: sub-03, Session 2, trial01."""
-
 _DATE = re.compile(r"(?<!\d)(19|20)\d\d[-_.]?\d\d[-_.]?\d\d([T_ -]?\d\d[-_.:h]?\d\d([-_.:m]?\d\d)?)?(?!\d)")
 _APART = re.compile(r"\b(P|S|VP)[- ](?=\d)", re.I)
 """A subject's name of which the number stands apart: P 01."""
-
 _WITH_HAND = re.compile(r"(\w*\d)([LR])")
 """A subject's name with its hand's letter: P01L."""
 

@@ -17,10 +17,8 @@ STUDY = {"en": "study.yaml", "ja": "study.ja.yaml"}
 COLUMNS = ("subject", "hand", "task", "role", "file")
 MORE_COLUMNS = ("session", "trial", "mapping")
 """Columns that a drafted sheet has where a recording gives them something to hold."""
-
 RECORDINGS = {".csv", ".tsv", ".parquet", ".arrows", ".c3d", ".xdf", ".mha", ".nrrd"}
 """Endings of files that may be recordings."""
-
 BESIDE = ("_channels.tsv", "_events.tsv", "_scans.tsv", "participants.tsv")
 """How tables end that stand beside recordings of Motion-BIDS."""
 

@@ -20,7 +20,6 @@ from shukotsu.hand.rotations import Array, matrix
 Integers = npt.NDArray[np.int64]
 ReceiverPoses = tuple[Integers, Array]
 """Frames (N,), ascending, and numbers (N, 7) of a receiver's usable poses."""
-
 OPEN_MM, OPEN_SHARE = 4.0, 0.12
 """Gap of a joint from which on it is open, and its share of the distance between the joint's receivers."""
 CLOSED = 0.35

@@ -27,24 +27,18 @@ Integers = npt.NDArray[np.int64]
 
 LEVER_MM = 200.0
 """Distance of a joint's centre from a receiver at which to be so far costs as much as 1 mm of gap."""
-
 LONGEST_LEVER_MM = 600.0
 SAMPLED, TRIED, FRAMES_A_TRIAL = 300, 80, 4
 """Frames by which a centre is judged, centres that are tried, and frames that each is computed from."""
-
 LARGEST_GAP_MM, SKIN_MM = 30.0, 8.0
 """Gaps of a joint's receivers about its centre in most frames: the largest, and one that tells nothing."""
-
 CLOSING, NEARNESS, ANATOMY, SHARE, START = 12.0, 4.0, 3.0, 4.0, 0.6
 """Weights in log odds: a joint that closes, its centre's distance, its place by anatomy, the share of poses
 that are right, and that the first is. Anatomy never outweighs receivers that stay on a side all along."""
-
 FEWEST_JOINTS = 3
 """By which anatomy may say that a whole recording is on the other side."""
-
 DECIDED = 1.0
 """Log of the odds from which on a receiver's side is known."""
-
 CERTAIN = 5.0
 """Log of the odds from which on a joint overrules what a receiver's own positions let guess."""
 

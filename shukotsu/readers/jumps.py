@@ -24,7 +24,6 @@ SURE = 8.0
 """Log of the odds from which on two neighbouring poses are known to be on the same side, or on two."""
 SMEARED_FRAMES = 12
 """After a jump, and before it, the filter's tail takes at most so many more frames."""
-
 _BLOCK_ROWS = 1 << 15
 """Steps that are looked at at a time."""
 

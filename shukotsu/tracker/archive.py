@@ -32,7 +32,6 @@ from shukotsu.tables.whole_files import sync_folder
 SCHEMA_NAME, SCHEMA_VERSION = "capture", 2
 FIRST_VERSION = 1
 """Its rows end with crc32: times and kinds are unprotected, and a row that is missing is not noticed."""
-
 RECEIVED, SENT, SETTINGS, EVENT, END = range(5)
 KINDS = {
     RECEIVED: "bytes that came from the tracker",

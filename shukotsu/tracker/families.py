@@ -78,7 +78,6 @@ def check_family(name: str, where: str) -> None:
 
 STATIONS = frozenset(range(256))
 """Numbers that a station's byte can have; no tracker has as many."""
-
 MM_PER_UNIT = {"cm": 10.0, "inch": 25.4, "m": 1000.0, "foot": 304.8, "mm": 1.0}
 
 

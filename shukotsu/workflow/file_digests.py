@@ -17,7 +17,6 @@ CACHE = Path(".snakemake", "shukotsu-files.json")
 
 STAMP = ".snakemake_timestamp"
 """Snakemake's file in a folder that is an output: its time is the folder's."""
-
 SETTLED_NS = 60 * 10**9
 """A file that changed less than this before it was read is read again: where a file system counts in
 seconds, or by another computer's clock, one more change may leave its times as they are."""

@@ -101,7 +101,6 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
 
 THINNEST = 0.05
 """Markers whose width is less than this share of their length are on a line: the turn about it is noise."""
-
 _ROUNDS = 100
 _SETTLED_MM = 1e-5
 

@@ -17,7 +17,6 @@ from shukotsu.errors import InputError, shortened
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
 """What people and programs write for "no value"."""
-
 DAY_S = 86_400.0
 _JITTER_S = 3600.0
 _TIME_OF_DAY = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-5]?[0-9]):(?P<s>[0-5]?[0-9](?:[.,][0-9]*)?)$"

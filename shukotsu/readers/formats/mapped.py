@@ -21,10 +21,8 @@ Integers = npt.NDArray[np.int64]
 
 _RATE_OFF = 0.1
 """As a share: how far times may be off the rate that a mapping gives."""
-
 LARGEST = 1e20
 """Beyond what any device measures, whatever the unit."""
-
 IDENTITY_POSE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 

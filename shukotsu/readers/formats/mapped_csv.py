@@ -31,7 +31,6 @@ TIME_OF_DAY = "hh:mm:ss"
 
 _MOST_FRAMES = 2.0**40
 """From the middle of a recording; a hundred years at 240 Hz, and frames are still told apart."""
-
 _MOST_STEPS = 2.0**30
 """Steps from the middle, of rows that times put into frames: 50 days at 240 Hz, a millionth still counts."""
 

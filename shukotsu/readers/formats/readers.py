@@ -44,7 +44,6 @@ FORMATS = {
     "sequence": Format((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),
 }
 """Formats that say themselves what their numbers are."""
-
 MAPPED = {
     "csv": Format((".csv", ".txt", ".tsv"), f"{_FORMATS}.mapped_csv", "read_mapped_csv"),
     "c3d": Format((".c3d",), f"{_FORMATS}.c3d", "read_c3d"),
@@ -53,7 +52,6 @@ MAPPED = {
     "sequence": FORMATS["sequence"],
 }
 """Formats that are read by a mapping; the mapping says which."""
-
 AUTO = "auto"
 
 

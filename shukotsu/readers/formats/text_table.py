@@ -29,7 +29,6 @@ from shukotsu.tables.text_files import decoded, open_text, reading, refuse_other
 
 READ_BYTES = 8 << 20
 """How much text is parsed at a time: some ten thousand rows, and more than the longest line."""
-
 _SEPARATOR = {",": ",", ";": ";", "tab": "\t", "space": "\t"}
 """Runs of blanks are made one tab before anything else reads them."""
 

@@ -22,12 +22,10 @@ from shukotsu.tables.parquet_files import naming_damage, open_parquet
 SEGMENT, RECEIVER = "segment", "receiver"
 REQUIRED = ("frame", "time_s", *NUMBERS)
 """Beside these one of `segment` and `receiver`; any other column is left alone."""
-
 BLOCK_ROWS = 1 << 16
 
 _READ_BYTES = 1 << 20
 """How much of a Parquet column is read at a time: one row group may hold the whole recording."""
-
 _COMMENTS = ("#", "%", "//")
 """What the first line of a table with comments starts with."""
 

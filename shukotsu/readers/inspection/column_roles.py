@@ -30,7 +30,6 @@ _UNITS = {
     **{word: unit for units in (_ANGLES, _TIMES) for unit, words in units.items() for word in words},
 }
 """What titles write of a unit, in lower case, and the mapping's name for it."""
-
 _WORDS = "|".join(sorted(map(re.escape, _UNITS), key=len, reverse=True))
 _STATED = re.compile(
     rf"[\W_]*[(\[]\s*(?P<bracketed>{_WORDS})\s*[)\]]|(?<=[^\W_])[\W_]+(?P<last>{_WORDS})(?=[\W_]*\d*[\W_]*$)",
@@ -82,7 +81,6 @@ _AXIS = re.compile(
     re.I,
 )
 """A title's axis, and what the titles of the same receiver share before and after it."""
-
 _NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
 
 

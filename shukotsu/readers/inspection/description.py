@@ -15,7 +15,6 @@ from shukotsu.tables.units import MM_PER_UNIT, SECONDS_PER_UNIT
 
 CHECK = "CHECK"
 """Stands in a drafted mapping for what a file cannot say; no key accepts it."""
-
 NOTHING, TOO_FAR = "nothing", "too far for a tracker"
 _EXTENTS = (
     (2, NOTHING),
@@ -26,7 +25,6 @@ _EXTENTS = (
     (np.inf, TOO_FAR),
 )
 """Up to how many mm a motion spans what."""
-
 IMPOSSIBLE_EXTENTS = (NOTHING, TOO_FAR)
 
 

@@ -149,7 +149,6 @@ FORWARD, BACKWARD = "receiver-to-transmitter", "transmitter-to-receiver"
 
 MOST_LINES = 16
 """Receivers beyond whose number positions, and angles, are said in one line."""
-
 REPEATED_SHARE = 0.2
 """More rows than this that repeat the one before, and receivers are not in step with the rows."""
 

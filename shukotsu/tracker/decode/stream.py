@@ -31,7 +31,6 @@ from shukotsu.tracker.viper.decoder import ViperDecoder
 
 LONGEST_GAP_S = 86_400.0
 """A count or clock that jumps by more than a day was not running: it was set anew."""
-
 BLOCK_BYTES = 4 << 20
 DECODERS = {"liberty": BinaryDecoder, "patriot": BinaryDecoder, "viper": ViperDecoder}
 
@@ -281,13 +280,10 @@ def _signed(difference: Wholes) -> Wholes:
 
 ABSENT_S = 1.0
 """A receiver that others outlive by more was unplugged (it takes about a second to be found again)."""
-
 JITTER_S = 0.1
 """Arrivals are so much apart though nothing is lost."""
-
 STOP_FRAMES = 2
 """A stop cuts the cycle in which it comes, and some trackers answer it with a last frame so much later."""
-
 NOTHING, NO_ROWS = np.empty(0, np.int64), np.empty((3, 0), np.int64)
 
 

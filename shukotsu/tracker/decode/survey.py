@@ -23,10 +23,8 @@ from shukotsu.tracker.protocols.records import Array, Bools, Records, Wholes
 
 SHORTEST_FIT_S = 30.0
 """Below this the delays' scatter moves the slope by more than a crystal is off (about 1e-4)."""
-
 LARGEST_DRIFT = 2e-3
 """A device whose rate is farther from the nominal one than this does not run at that rate."""
-
 FLAGS = {
     "doubtful": "framed as a record should be, but its numbers cannot be right",
     "out-of-order": "its frame or station does not fit between its neighbours'",
@@ -35,12 +33,10 @@ FLAGS = {
     "distorted": "the tracker saw its field distorted by metal",
 }
 """What a record's flags say; bit i of the number stands for the i-th."""
-
 BIT = {flag: np.uint16(1 << bit) for bit, flag in enumerate(FLAGS)}
 
 UNUSABLE = ("doubtful", "out-of-order")
 """Records of which not even the station and frame can be believed."""
-
 SOURCE_FAILURES = b"abcdefgABCDEFG"
 
 

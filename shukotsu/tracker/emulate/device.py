@@ -110,10 +110,8 @@ def recorded_motion(
 WRAP, BLOCK_CYCLES = 1 << 32, 120
 FOLLOWING = (0.0, 0.0, 0.0)
 """The hemisphere that stands for "keep track of the receiver": no position flips."""
-
 RATES_HZ = {3: 120, 4: 240}
 """Value of the rate command -> frames a second."""
-
 UNKNOWN_COMMAND, INVALID_STATION, INVALID = 1, 2, 3
 Arguments = Sequence[str]
 

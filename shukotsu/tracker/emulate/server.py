@@ -24,7 +24,6 @@ from shukotsu.tracker.liberty.replies import FULL_LIST
 SECOND_NS, READ_BYTES = 1_000_000_000, 4096
 MOST_WAITING_BYTES = 8 << 20
 """What is kept for a client that reads late; beyond it whole cycles are left out."""
-
 _IDLE_S = 0.02
 """How long to wait for a client at most while nothing is streamed."""
 
@@ -201,7 +200,6 @@ def serve(emulator: Emulator, port: TcpPort | PtyPort, stopped: Callable[[], boo
 
 BEGINNING_NS = 3_360_000_000
 """The made-up clock's reading when the recorder starts the stream."""
-
 PIECE_NS, MOST_JITTER_NS, _MOST_HELD_BACK_BYTES = 10_000_000, 1_000_000, 80
 
 

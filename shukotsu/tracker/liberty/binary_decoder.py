@@ -21,7 +21,6 @@ from shukotsu.tracker.protocols.records import Bools, Bytes, Decoded, Records, W
 _IS_RECORD = np.isin(np.arange(256), [liberty.STREAMED, liberty.SINGLE])
 _IS_LETTER = np.isin(np.arange(256), list(b"\x00 abcdefgABCDEFGIu"))
 """Error letters of pose records: none, source failure by axes, BIT errors, outside the mapped area."""
-
 NO, UNKNOWN, YES = 0, 1, 2
 
 _MOST = {"frame": None, "device_ms": None, "button": 1, "distortion": 2, "sync": 1}

@@ -28,7 +28,6 @@ from shukotsu.tracker.record.request import TRACK, RecordingRequest
 
 State = dict[str, Any]
 """Name of a setting -> its value, or station -> value; None where the tracker did not say."""
-
 FILTER_OFF = (0.0, 1.0, 0.0, 0.0)
 FRAMES = {
     "boresight": (is_zero, "a boresight turns its orientations"),
@@ -36,20 +35,16 @@ FRAMES = {
     "tip_offset": (is_zero, "a tip offset moves its positions"),
 }
 """Setting that an earlier program may have left -> whether a value is none, what it does."""
-
 POLL = b"P"
 """Ends a stream and asks for one record of each station; the only command that ends without CR."""
-
 STREAM = b"C\r"
 BINARY = b"F1\r"
 RESET_COUNTERS = b"Q0\r"
 WHOAMI = b"\x16\r"
 WHOAMI_NUMBERS = 3
 """Bytes before its text: ports, type, 0."""
-
 RATES = {120: 3, 240: 4}
 """Frames a second -> the number that stands for it."""
-
 SETTINGS = {
     "units": Setting(b"U"),
     "rate": Setting(b"R"),
@@ -69,7 +64,6 @@ SETTINGS = {
     "tip_offset": Setting(b"N", "<f4", 3, per_station=True),
 }
 """What is asked for before and after a set-up, in that order."""
-
 CENTIMETRES, ANSWER_S = 1, 1.0
 
 

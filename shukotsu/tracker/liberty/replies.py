@@ -17,13 +17,10 @@ from shukotsu.tracker.protocols.records import Reply
 
 TAGS = {"liberty": b"LY", "patriot": b"PA"}
 """First two bytes of a binary record or reply."""
-
 MAX_BODY_BYTES = 2800
 """The longest reply (a stored configuration) has 2384 bytes; a longer one is none."""
-
 STREAMED, SINGLE = ord("C"), ord("P")
 """The command byte of a record: while streaming, and in answer to a single poll."""
-
 STATIONS = range(1, 17)
 HEADER = (
     ("tag", "V2"), ("station", "u1"), ("command", "u1"), ("error", "u1"), ("reserved", "u1"), ("size", "<i2"),
@@ -46,7 +43,6 @@ ITEMS: dict[int, tuple[tuple[str, ...], str]] = {
     12: (("sync",), "i4"),
 }
 """Item -> what its numbers are, in turn, and their NumPy letter in binary."""
-
 MOST_ITEMS = 20
 DEFAULT_LIST = (2, 4, 1)
 FULL_LIST = (8, 9, 11, 10, 12, 3, 7)

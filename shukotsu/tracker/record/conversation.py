@@ -26,13 +26,10 @@ Answer = TypeVar("Answer")
 
 SILENCE_S = 0.3
 """A tracker that sends nothing for so long does not stream."""
-
 MOST_WAITING_BYTES = 16 << 20
 """What comes while so much waits to be kept is dropped and counted: half a minute of the fastest tracker."""
-
 MOST_BEFORE_FRAMES_BYTES = 32 << 20
 """No tracker sends so much while it is set up, not even one that was left streaming."""
-
 ANSWER_BYTES = 1 << 16
 """No answer is longer."""
 

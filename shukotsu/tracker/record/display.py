@@ -141,7 +141,6 @@ def _number(value: float | None) -> float | None:
 
 BITS_PER_BYTE = 10
 """8N1: a start bit, eight data bits, a stop bit."""
-
 VIPER_HEAD_BYTES, VIPER_RECORD_BYTES = 28, 32
 MUCH_MISSING_PERCENT = 20.0
 
@@ -206,10 +205,8 @@ def what_fits(settings: StreamSettings, baud: int) -> str:
 
 NEAR_EDGE = 0.1
 """A receiver whose direction is closer to the edge of its half of space may be taken for its mirror image."""
-
 AT_THE_EDGE = 0.05
 """A receiver whose direction came so close to the edge of its half of space may have been beyond it."""
-
 MOST_STRETCHES = 3
 
 

@@ -25,12 +25,10 @@ from shukotsu.tracker.families import POLHEMUS, READY, USB_TRACKERS, WANTS_FIRMW
 
 WAIT_S = 0.1
 """Longest time that a read waits for a first byte."""
-
 _READ_BYTES, _QUANTUM_S, _EMPTY_READS = 65536, 0.005, 3
 
 PortEntry = tuple[str, int | None, int | None, str]
 """A serial port: its name, USB vendor, USB product, description."""
-
 WITHOUT_FIRMWARE = "its firmware is loaded with fxload; then it comes back under another number"
 HINT = (
     "A tracker on USB is no serial port by itself; on Linux, once it has its firmware, this makes it one:\n"

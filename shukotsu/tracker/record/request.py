@@ -16,7 +16,6 @@ from shukotsu.tracker.liberty.replies import FULL_LIST, SHORT_LIST
 LARGEST_STATION = 16
 TRACK = (0.0, 0.0, 0.0)
 """Hemisphere of a tracker that follows the receiver."""
-
 STOP_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 IGNORED_SIGNALS = ("SIGTSTP", "SIGTTOU")
 """Ctrl-Z would leave the tracker's bytes to a buffer that is soon full."""

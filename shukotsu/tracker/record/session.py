@@ -33,7 +33,6 @@ TICK_S, FLUSH_S, LOOK_S = 0.05, 0.25, 1.0
 LAST_BYTES_S, SILENCE_S, CLOCK_JUMP_S = 0.5, 0.3, 0.1
 MOST_WAITING_BYTES = 8 << 20
 """More is written and decoded before its time, so that memory has a bound whatever comes."""
-
 PORT_GONE, DISK_FULL = "the port is gone", "the disk takes no more"
 
 

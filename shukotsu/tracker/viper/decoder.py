@@ -21,7 +21,6 @@ LEADER_BYTES, POSE_HEADER_BYTES, COMMAND_HEADER_BYTES, CRC_BYTES = 8, 24, 28, 4
 SENSORS = 16
 MAX_FRAME_BYTES = 4096
 """Longer than any reply; a count beyond it is a damaged one."""
-
 SET, GET, RESET, ACKNOWLEDGED, REFUSED, WARNED = range(6)
 """What a command asks for, or how it was answered."""
 SINGLE, CONTINUOUS = 18, 19
