@@ -25,7 +25,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def compare(arguments: argparse.Namespace) -> None:
     """Read the study's scores and errors, write the tables of comparisons."""
-    from shukotsu.scores.study_comparison import compare_study
+    from shukotsu.scores.comparisons import compare_study
     from shukotsu.study.results import Results
     from shukotsu.study.study import read_study
 

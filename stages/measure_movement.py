@@ -36,7 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def measure(arguments: argparse.Namespace) -> None:
     """Measure every recording under every whole skeleton, write the tables."""
-    from shukotsu.movement.measured_hand import measure_hand
+    from shukotsu.movement.movement_rows import measure_hand
 
     plan = subject_stage.plan_of(arguments)
     made_of = [plan.table(name) for name in SKELETON]

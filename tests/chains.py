@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from shukotsu.hand.rotations import Array, matrix
 from shukotsu.paper.moments import JointMoments
-from shukotsu.paper.solve import add_block
+from shukotsu.paper.part_solutions import add_block
 from shukotsu.study.layout import Digit, Joint, Layout, Plane, Segment
 from shukotsu.tables.poses import Poses, PosesReader
 

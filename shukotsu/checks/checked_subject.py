@@ -3,16 +3,41 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections import Counter
 from dataclasses import replace
+from pathlib import Path
+
+import pyarrow.compute as pc
 
 from shukotsu import command_line
-from shukotsu.checks.checked_poses import checked_poses
-from shukotsu.checks.checked_recording import CheckedRecording
+from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_recording
 from shukotsu.checks.compared_recordings import compared
+from shukotsu.checks.declared import Declared
 from shukotsu.study.findings import unchecked
+from shukotsu.study.layout import Layout
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
-from shukotsu.tables.poses import usable_poses
+from shukotsu.tables.catalogue import POSES
+from shukotsu.tables.poses import read_poses, recording_name, usable_poses
+from shukotsu.tables.typed_table import read_metadata, read_row_groups
+
+
+def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> CheckedRecording:
+    """Check what was declared about a poses file's recording; hand : in place of its own."""
+    parameters = read_metadata(path)["parameters"]
+    declared = Declared.of(parameters.get("mapping"), parameters.get("orientation", ""))
+    side = hand or recording_name(path).hand
+    poses, broken = read_poses(path, layout.measured), parameters.get("breaks", ())
+    return check_recording(poses, layout, side, declared, _left_out(path), broken)
+
+
+def _left_out(path: Path) -> dict[str, Counter[str]]:
+    """Return how many poses have each flag in LEFT_OUT that there is, by segment."""
+    flagged: dict[str, Counter[str]] = {flag: Counter() for flag in LEFT_OUT}
+    for rows in read_row_groups(path, POSES, ["segment", "flags"]):
+        for flag, counts in flagged.items():
+            counts.update(rows.filter(pc.match_substring(rows["flags"], flag))["segment"].to_pylist())
+    return {flag: counts for flag, counts in flagged.items() if counts}
 
 
 def check_subject(plan: SubjectPlan, arguments: Namespace) -> list[tuple[Recording, CheckedRecording]]:

@@ -55,7 +55,7 @@ def check(arguments: argparse.Namespace) -> None:
 
 def check_recording(arguments: argparse.Namespace) -> None:
     """Import a recording for the moment; print its findings, or else what would improve its hand."""
-    from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.checks.checked_subject import checked_poses
     from shukotsu.readers import import_recording
     from shukotsu.study.findings import SUSPECT, in_quotes
     from shukotsu.study.layout import read_layout

@@ -11,7 +11,7 @@ from shukotsu.readers.import_recording import build_parser, import_recording, re
 
 def import_and_check(arguments: argparse.Namespace) -> None:
     """Import the recording; but in a study, where a rule checks, print what cannot be as declared."""
-    from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.checks.checked_subject import checked_poses
     from shukotsu.study.findings import in_quotes
     from shukotsu.study.layout import read_layout
     from shukotsu.tables.poses import BYTES_A_POSE, KEPT_BYTES, frame_count

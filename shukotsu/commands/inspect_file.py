@@ -78,7 +78,7 @@ def finding_lines(arguments: argparse.Namespace) -> list[str]:
     from contextlib import redirect_stderr
     from tempfile import TemporaryDirectory
 
-    from shukotsu.checks.checked_poses import checked_poses
+    from shukotsu.checks.checked_subject import checked_poses
     from shukotsu.readers.import_recording import build_parser, import_recording
     from shukotsu.study.findings import in_quotes
     from shukotsu.study.layout import read_layout

@@ -32,9 +32,41 @@ from shukotsu.scores.paired_statistics import (
 from shukotsu.scores.reliability_statistics import FEWEST_REPEATED, reliability
 from shukotsu.study.results import Results
 from shukotsu.study.study import OWN_FACTORS
-from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, PROBLEMS
-from shukotsu.tables.quantities import QUANTITIES, Quantity
+from shukotsu.tables.catalogue import (
+    FINGERTIP_PATHS,
+    MOVEMENT_DIFFERENCES,
+    MOVEMENT_RELIABILITY,
+    PROBLEMS,
+    RANGES_OF_MOTION,
+)
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A column of a table that is compared. of : the columns that say whose it is."""
+
+    table: Table
+    name: str
+    of: tuple[str, ...]
+
+    @property
+    def unit(self) -> str:
+        """Unit of its values."""
+        return self.table.column(self.name).unit
+
+
+QUANTITIES = (
+    *(
+        Quantity(RANGES_OF_MOTION, name, ("joint", "angle"))
+        for name in ("range_deg", "full_range_deg", "median_deg", "speed_median_deg_s", "speed_p95_deg_s")
+    ),
+    *(
+        Quantity(FINGERTIP_PATHS, name, ("digit",))
+        for name in ("path_length_mm", "speed_median_mm_s", "speed_p95_mm_s")
+    ),
+)
+
 
 if TYPE_CHECKING:
     import pandas as pd

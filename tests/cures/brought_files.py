@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from benchmarks.faultless_hands import Planted
-from shukotsu.checks.checked_poses import checked_poses
+from shukotsu.checks.checked_subject import checked_poses
 from shukotsu.fit.fit import Settings, fit_hand
 from shukotsu.hand.rotations import Array, conjugate, matrix
 from shukotsu.readers import import_recording

@@ -14,7 +14,7 @@ from shukotsu.fit.gauss_newton import first_guess, solve
 from shukotsu.hand.rotations import exp_rotation
 from shukotsu.paper.closed import solve_closed
 from shukotsu.paper.moments import JointMoments
-from shukotsu.paper.solve import add_block
+from shukotsu.paper.part_solutions import add_block
 from shukotsu.simulate.random_hand import BONES
 from shukotsu.simulate.simulation import Simulated
 from shukotsu.study.layout import Layout

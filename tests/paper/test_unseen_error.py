@@ -10,8 +10,8 @@ from chains import chain_layout, moments_of, random_chain
 from shukotsu.hand.average_hand import UNKNOWN_SLIDE_SD_MM
 from shukotsu.hand.rotations import rotate
 from shukotsu.paper.closed import solve_closed
+from shukotsu.paper.place import NEIGHBOUR_RANGE_DEG, unseen_covariance
 from shukotsu.paper.plane import Projection, centre_sd_mm
-from shukotsu.paper.unseen_error import NEIGHBOUR_RANGE_DEG, unseen_covariance
 from shukotsu.study.layout import read_layout
 
 HAND = read_layout("liberty16")

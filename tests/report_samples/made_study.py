@@ -17,7 +17,7 @@ import pyarrow as pa
 from simulated_poses import write_poses
 
 from shukotsu.paper.hand import is_whole
-from shukotsu.scores.study_comparison import compare_study
+from shukotsu.scores.comparisons import compare_study
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.results import MODEL_COMPARISONS, STUDY_TABLES, Results
