@@ -15,9 +15,9 @@ from shukotsu.tables.whole_files import replacing
 def build_parser() -> argparse.ArgumentParser:
     """Return the argument parser."""
     parser = command_line.parser(
-        "shukotsu stage export.collect",
+        "shukotsu stage collect_exports",
         "Link every file of some folders, and of the folders in them, into one folder.",
-        "shukotsu stage export.collect --folders results/demo/sub-*/exports --out results/demo/exports",
+        "shukotsu stage collect_exports --folders results/demo/sub-*/exports --out results/demo/exports",
         records_failure=False,
     )
     parser.add_argument("--folders", type=Path, nargs="*", required=True, help="folders that hold exports")

@@ -99,7 +99,7 @@ def _draw(
         axes.text(middle, -1.0, words, ha="center", va="top", color=SOFT, fontsize=SMALL_PT)
     bar = size[0] - _BAR_MM * scale - 1.0, size[0] - 1.0
     axes.plot(bar, [-6.5, -6.5], marker="|", color=SOFT, linewidth=0.8, markersize=4.0)
-    words = tr("{BAR_MM:g} mm", BAR_MM=_BAR_MM)
+    words = f"{_BAR_MM:g} mm"
     axes.text(bar[0] - 1.0, -6.5, words, ha="right", va="center", color=SOFT, fontsize=SMALL_PT)
     if lines:
         axes.text(0.0, -_FOOT_MM, "\n".join(lines), ha="left", va="top", color=SOFT, fontsize=SMALL_PT)

@@ -65,9 +65,9 @@ def find_recording(results: StudyResults, subject: str, hand: str, name: str) ->
         if name in (recording.name, plain):
             return recording
     if of_hand:
-        choices = tr("this hand has ") + ", ".join(recording.name for recording in of_hand)
+        choices = "this hand has " + ", ".join(recording.name for recording in of_hand)
     else:
-        choices = tr("hands are ") + ", ".join(f"{h.who.token} {h.hand}" for h in results.hands[:12])
+        choices = "hands are " + ", ".join(f"{h.who.token} {h.hand}" for h in results.hands[:12])
     raise InputError(f"--recording {subject} {hand} {name}: no such recording; {choices}")
 
 

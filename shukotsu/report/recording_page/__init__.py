@@ -34,7 +34,7 @@ def recording_page(results: RecordingResults) -> str:
     if row["n_frames"]:
         facts.append(ngettext("{n} frame", "{n} frames", row["n_frames"]))
     if row.get("duration_s") is not None:
-        facts.append(tr("{duration_s} s", duration_s=number(row["duration_s"])))
+        facts.append(f"{number(row['duration_s'])} s")
     if row.get("valid_percent") is not None:
         facts.append(tr("{valid} % of the poses may be used", valid=number(row["valid_percent"], 1)))
     blocks = [Block(f"angles{i}", ANGLE_STEP_DEG, each.angle_deg) for i, each in enumerate(angles)]
