@@ -35,10 +35,22 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def write_pages(arguments: argparse.Namespace) -> None:
+    """Write the pages that the arguments ask for."""
+    from shukotsu.report import subject_page  # not at start-up: --help needs no NumPy
+
+    subject_page.write_pages(arguments)
+
+
+def record_failure(arguments: argparse.Namespace, message: str) -> None:
+    """Write why no page could be made."""
+    from shukotsu.report import subject_page
+
+    subject_page.record_failure(arguments, message)
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run the stage on the arguments of a command line; return its exit code."""
-    from shukotsu.report.subject_page import record_failure, write_pages
-
     return command_line.run(build_parser, argv, write_pages, record_failure)
 
 

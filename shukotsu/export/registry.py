@@ -15,6 +15,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from shukotsu.study.config_files import read_constants
+
 if TYPE_CHECKING:
     from shukotsu.hand.posing import PosedRecording
     from shukotsu.hand.rotations import Array
@@ -183,55 +185,8 @@ class Format:
 
 
 FORMATS: Mapping[str, Format] = {
-    "bvh": Format(
-        "animation programs: skeleton and motion",
-        "shukotsu.export.bvh",
-        (".bvh",),
-        "y",
-        "device times, frame numbers, receivers, joint axes",
-    ),
-    "glb": Format(
-        "web pages, XR, game engines, Blender: a body of bones that moves",
-        "shukotsu.export.glb",
-        (".glb",),
-        "y",
-        "frame numbers but the first, receivers",
-    ),
-    "osim": Format(
-        "OpenSim: model, motion, markers, inverse kinematics",
-        "shukotsu.export.opensim",
-        (".osim", ".mot", ".trc", "_ik.osim", "_ik_setup.xml"),
-        "y",
-        "frame numbers, muscles, forces",
-        holds_receivers=True,
-    ),
-    "c3d": Format(
-        "motion-capture programs: joints and receivers, points and poses",
-        "shukotsu.export.c3d_file",
-        (".c3d",),
-        "z",
-        "device times, joint axes, joint angles",
-        holds_gaps=True,
-        holds_receivers=True,
-    ),
-    "bids": Format(
-        "Motion-BIDS: a dataset of all recordings",
-        "shukotsu.export.motion_bids",
-        ("_motion.tsv", "_motion.json", "_channels.tsv", "_channels.json"),
-        "",
-        "joint axes",
-        holds_gaps=True,
-        shared="bids/dataset_description.json",
-        holds_receivers=True,
-    ),
-    "csv": Format(
-        "anything that reads tables: a row a frame and joint, and angles",
-        "shukotsu.export.tidy_csv",
-        (".csv", "_angles.csv", ".json"),
-        "",
-        "receivers",
-        holds_gaps=True,
-    ),
+    name: Format(**keys)
+    for name, keys in read_constants(Path(__file__).with_name("formats.yaml"))["formats"].items()
 }
 
 DESCRIPTION = "Write a person's skeletons and their motion for other programs.\n\nformats:" + "".join(

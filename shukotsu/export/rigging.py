@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from shukotsu.errors import InputError
 from shukotsu.export.motion import RECEIVER_TIP, SKIN_TIP
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
 from shukotsu.hand.rotations import Array, multiply, rotate
+from shukotsu.study.config_files import read_constants
 
 FINGERS = ("index", "middle", "ring", "little")
 _FINGER = ("cmc", "mcp", "pip", "dip", "tip")
@@ -30,7 +32,7 @@ class Rig:
     root, thumb (4), finger (5) : of the root and of the joints from a digit's base to its tip; empty where
     the rig has no such joint. In them {side} is right or left, {s} its first letter, {digit} a finger, or
     {pinky} where the little one is called so; {Side}, {Digit}, {Pinky} in such letters. Finger metacarpals
-    that it lacks are folded into the bones after them (`stages.export.rigging`). skin_tips : whether its tips
+    that it lacks are folded into the bones after them (`folded`). skin_tips : whether its tips
     are on the skin; else they are the ends of the last bones.
     """
 
@@ -43,14 +45,9 @@ class Rig:
     def names(self, hand: str) -> dict[str, str]:
         """Names of a right or left hand's joints by joint, the root's by ""."""
         patterns = {"": ("", self.root)}
-        patterns |= {
-            f"thumb_{part}": ("thumb", pattern) for part, pattern in zip(_THUMB, self.thumb, strict=True)
-        }
-        for digit in FINGERS:
-            patterns |= {
-                f"{digit}_{part}": (digit, pattern)
-                for part, pattern in zip(_FINGER, self.finger, strict=True)
-            }
+        for digit in ("thumb", *FINGERS):
+            parts, texts = (_THUMB, self.thumb) if digit == "thumb" else (_FINGER, self.finger)
+            patterns |= {f"{digit}_{p}": (digit, text) for p, text in zip(parts, texts, strict=True)}
         side = {"side": hand, "Side": hand.capitalize(), "s": hand[0]}
         names = {}
         for joint, (digit, text) in patterns.items():
@@ -61,44 +58,9 @@ class Rig:
         return names
 
 
-_WEB_FINGER = ("metacarpal", "phalanx-proximal", "phalanx-intermediate", "phalanx-distal", "tip")
-_VRM_THUMB = ("Metacarpal", "Proximal", "Distal", "Distal_end")
-_PHALANGES = ("Proximal", "Intermediate", "Distal", "Distal_end")
-_UNREAL = ("01_{s}", "02_{s}", "03_{s}", "03_{s}_end")
-_MIXAMO = "mixamorig:{Side}Hand"
-
 RIGS: Mapping[str, Rig] = {
-    "webxr": Rig(
-        "WebXR Hand Input, 25 joints",
-        "wrist",
-        ("thumb-metacarpal", "thumb-phalanx-proximal", "thumb-phalanx-distal", "thumb-tip"),
-        [f"{{pinky}}-finger-{bone}" for bone in _WEB_FINGER],
-        skin_tips=True,
-    ),
-    "vrm": Rig(
-        "VRM 1.0 humanoid, no finger metacarpals",
-        "{side}Hand",
-        [f"{{side}}Thumb{bone}" for bone in _VRM_THUMB],
-        ["", *(f"{{side}}{{Digit}}{bone}" for bone in _PHALANGES)],
-    ),
-    "unity": Rig(
-        "Unity HumanBodyBones, no finger metacarpals",
-        "{Side}Hand",
-        [f"{{Side}}Thumb{bone}" for bone in _PHALANGES],
-        ["", *(f"{{Side}}{{Digit}}{bone}" for bone in _PHALANGES)],
-    ),
-    "unreal": Rig(
-        "Unreal Engine 5 mannequin",
-        "hand_{s}",
-        [f"thumb_{bone}" for bone in _UNREAL],
-        ["{pinky}_metacarpal_{s}", *(f"{{pinky}}_{bone}" for bone in _UNREAL)],
-    ),
-    "mixamo": Rig(
-        "Mixamo, no finger metacarpals",
-        _MIXAMO,
-        [f"{_MIXAMO}Thumb{number}" for number in (1, 2, 3, 4)],
-        ["", *(f"{_MIXAMO}{{Pinky}}{number}" for number in (1, 2, 3, 4))],
-    ),
+    name: Rig(**keys)
+    for name, keys in read_constants(Path(__file__).with_name("formats.yaml"))["rigs"].items()
 }
 
 

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from shukotsu.hand.rotations import Array, unit
-from shukotsu.study.config_files import read_numbers
+from shukotsu.study.config_files import read_constants
 
 Vector = tuple[float, float, float]
 
 BONE_KINDS = ("metacarpal", "proximal", "middle", "distal")
 
-_NUMBERS = read_numbers(Path(__file__).with_suffix(".yaml"))
+_NUMBERS = read_constants(Path(__file__).with_suffix(".yaml"))
 
 MOUNT_SHARE: float = _NUMBERS["MOUNT_SHARE"]
 NAIL_SHARE: float = _NUMBERS["NAIL_SHARE"]

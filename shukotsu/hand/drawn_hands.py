@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.hand.rotations import Array, unit
-from shukotsu.study.config_files import read_numbers
+from shukotsu.study.config_files import read_constants
 
 Vector = tuple[float, float, float]
 
-_NUMBERS = read_numbers(Path(__file__).with_suffix(".yaml"))
+_NUMBERS = read_constants(Path(__file__).with_suffix(".yaml"))
 
 LENGTH_SD_MM: Mapping[str, tuple[float, ...]] = _NUMBERS["LENGTH_SD_MM"]
 SOFT_TIP_MM: Mapping[str, float] = _NUMBERS["SOFT_TIP_MM"]

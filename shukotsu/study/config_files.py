@@ -117,8 +117,8 @@ def loaded_yaml(text: str, where: str) -> Any:
         raise InputError(f"{where}: not valid YAML: {error}") from error
 
 
-def read_numbers(path: Path) -> dict[str, Any]:
-    """Read a YAML file of the program's constants; lists are tuples."""
+def read_constants(path: Path) -> dict[str, Any]:
+    """Read a YAML file of what the program takes for granted; lists are tuples."""
 
     def fixed(value: Any) -> Any:
         if isinstance(value, dict):
