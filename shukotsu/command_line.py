@@ -204,7 +204,7 @@ def _refuse_outputs_over_inputs(arguments: argparse.Namespace) -> None:
                 raise InputError(
                     f"{option}: {path}: is the file that is read, which would be lost; give another name"
                 )
-        if any(other.startswith("out") and _same_file(path, own) for other, own in named[:at]):
+        if any(other.startswith("out") and _same_file(path, former) for other, former in named[:at]):
             raise InputError(f"{option}: {path}: is to hold another output too; give each a name of its own")
 
 
