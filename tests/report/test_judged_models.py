@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_samples.compared import compared
-from report_samples.made_study import many_subjects
+from report_samples.made_study import compared, many_subjects
 
 from shukotsu.report.judged_models import judged_models, model_to_take
 from shukotsu.report.study_results import StudyResults, read_results

@@ -9,21 +9,32 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 from simulated_poses import write_poses
 
 from shukotsu.paper.hand import is_whole
-from shukotsu.scores.comparisons import compare_study
+from shukotsu.report.study_results import StudyResults
+from shukotsu.scores.comparisons import ComparedModels, compare_models, compare_study
+from shukotsu.scores.observations import ScoredStudy
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.results import MODEL_COMPARISONS, STUDY_TABLES, Results
 from shukotsu.study.study import read_study
 from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, noted
-from shukotsu.tables.catalogue import BONE_TIP, DISTAL_RECEIVER, TABLES
+from shukotsu.tables.catalogue import (
+    BONE_TIP,
+    DISTAL_RECEIVER,
+    JOINT_ERRORS,
+    RECORDINGS,
+    SKELETON_SCORES,
+    TABLES,
+)
 from shukotsu.tables.poses import Poses
 from shukotsu.tables.subjects import path_token
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
@@ -434,3 +445,30 @@ def many_subjects(
         write(path, TABLES[table], repeated)
     compare_study(read_study(study), Results(results))
     return study, results
+
+
+def scored_study(results: StudyResults) -> ScoredStudy:
+    """What the stage reads of these results."""
+    return ScoredStudy(
+        subjects=tuple(results.subjects),
+        models=results.models,
+        layouts=results.layouts,
+        scores=_frame(SKELETON_SCORES, results.counted(results.scores)),
+        errors=_frame(JOINT_ERRORS, results.counted(results.joint_errors)),
+        recordings=_frame(RECORDINGS, results.recording_rows),
+    )
+
+
+def compared(results: StudyResults) -> StudyResults:
+    return with_comparisons(results, compare_models(scored_study(results)))
+
+
+def with_comparisons(results: StudyResults, models: ComparedModels) -> StudyResults:
+    """The results with these comparisons, every column as the tables have it."""
+    empty = dict.fromkeys(("interval_95_low", "interval_95_high", "effect_size", "p"))
+    differences = [empty | row for row in models.differences]
+    return replace(results, model_values=models.values, model_differences=differences)
+
+
+def _frame(table: Table, rows: list[Row]) -> pd.DataFrame:
+    return pd.DataFrame.from_records(rows, columns=[column.name for column in table.columns])

@@ -6,8 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from report_samples.compared import compared
-from report_samples.made_study import FITTED_MODELS, make_study
+from report_samples.made_study import FITTED_MODELS, compared, make_study
 
 from shukotsu.report.figures.study_figures import Drawing, of_study
 from shukotsu.report.study_results import Row, StudyResults, read_results

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.container import BarContainer
-from report_samples.compared import compared
 from report_samples.hand_tables import part_of, write_parts
+from report_samples.made_study import compared
 from report_samples.pages import rows_where
 
 from shukotsu.report.figures.panels import page_figure
