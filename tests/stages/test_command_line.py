@@ -154,7 +154,7 @@ INTERNAL = "internal error in stages.any (ZeroDivisionError: oh); please report 
 
 
 def any_parser() -> argparse.ArgumentParser:
-    return command_line.parser("stages.any", "Any.", "any --record-failure")
+    return command_line.parser("stages.any", "Any.", "any --record-failure", records_failure=True)
 
 
 @pytest.mark.parametrize(
