@@ -12,9 +12,9 @@ from shukotsu import command_line, job
 def build_parser() -> argparse.ArgumentParser:
     """Return the argument parser."""
     parser = command_line.parser(
-        "python -m shukotsu.workflow.write_plan",
+        "shukotsu stage plan",
         "Write what the stages need to know of the study about one subject, everything resolved.",
-        "python -m shukotsu.workflow.write_plan --study config/demo.yaml --subject 01 --results results/demo "
+        "shukotsu stage plan --study config/demo.yaml --subject 01 --results results/demo "
         "--out results/demo/sub-01/plan.json",
         records_failure=False,
     )

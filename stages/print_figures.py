@@ -12,10 +12,10 @@ from shukotsu import command_line, job
 def build_parser() -> argparse.ArgumentParser:
     """Return the stage's argument parser."""
     parser = command_line.parser(
-        "shukotsu stage report.figures",
+        "shukotsu stage print_figures",
         "Draw a study's figures, or with --recording one recording's, for print: NAME.svg, NAME.pdf and the "
         "caption NAME.txt of each.",
-        "shukotsu stage report.figures --study config/demo.yaml --results results/demo "
+        "shukotsu stage print_figures --study config/demo.yaml --results results/demo "
         "--out results/demo/figures",
     )
     parser.add_argument("--study", type=Path, required=True, metavar="YAML", help="the study file")

@@ -87,7 +87,7 @@ def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> di
         usual = min(judging, key=lambda index: (differ[index], index))
         for index, sizes in measured.items():
             if _worn_elsewhere(sizes, measured[usual]):
-                first = {"subject": "", "hand": hand, "task": recordings[usual][0]}
+                first = {"subject": "", "session": "", "hand": hand, "task": recordings[usual][0]}
                 same, others = np.array(
                     [sd for sd in (*PHALANX_MM, *KNUCKLE_MM) for _ in FINGERS] + [SCALE]
                 ).T

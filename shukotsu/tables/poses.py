@@ -116,7 +116,7 @@ def recording_name(path: Path) -> RecordingName:
     names["session"] = parameters.get("session", "")  # a recording without one does not name it
     for name, text in names.items():
         if not isinstance(text, str):
-            raise TableError(f"{path}: its metadata lacks {name!r}; make it with shukotsu.readers")
+            raise TableError(f"{path}: its metadata lacks {name!r}; make it with `shukotsu import`")
     return RecordingName(**names)
 
 

@@ -150,11 +150,11 @@ def test_memory_that_runs_out_is_said(capsys: pytest.CaptureFixture[str]) -> Non
 
 # --- failing ----------------------------------------------------------------------------------------------
 
-INTERNAL = "internal error in stages.any (ZeroDivisionError: oh); please report it with the log"
+INTERNAL = "internal error in any (ZeroDivisionError: oh); please report it with the log"
 
 
 def any_parser() -> argparse.ArgumentParser:
-    return command_line.parser("stages.any", "Any.", "any --record-failure", records_failure=True)
+    return command_line.parser("shukotsu stage any", "Any.", "any")
 
 
 @pytest.mark.parametrize(
