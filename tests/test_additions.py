@@ -129,10 +129,10 @@ def test_an_export(program: Path, tmp_path: Path) -> None:
         "    return ()\n"
     )
     edit(
-        export / "registry.py",
-        '    "csv": Format(\n',
-        '    "frames": Format("frame numbers", "shukotsu.export.frame_list", (".frames",), "", "all else"),\n'
-        '    "csv": Format(\n',
+        export / "formats.yaml",
+        "formats:\n",
+        "formats:\n  frames:\n    what: frame numbers\n    module: shukotsu.export.frame_list\n"
+        '    extensions: [.frames]\n    up: ""\n    drops: all else\n',
     )
     known = make_hand(tmp_path, "right")
     words = ("--plan", known.plan_path, "--model", FITTED, "--formats", "frames", "--out", tmp_path / "out")

@@ -14,7 +14,7 @@ from shukotsu.__main__ import main
 from shukotsu.commands import COMMANDS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "yaml", "matplotlib", "snakemake")
+HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "jsonschema", "jinja2", "matplotlib", "snakemake")
 LIGHT_HELP = f"""
 import sys
 from shukotsu.__main__ import main
