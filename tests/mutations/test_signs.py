@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from studies.running import copy_of_the_program
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 STACKED, MOMENTS, CLOSED = (f"shukotsu/paper/{name}.py" for name in ("stacked", "moments", "closed"))
@@ -76,9 +77,7 @@ GUARDS = {
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the code and of the tests that guard the equations."""
-    folder = tmp_path_factory.mktemp("mutated")
-    leave = shutil.ignore_patterns("__pycache__", "recordings")
-    shutil.copytree(REPOSITORY / "shukotsu", folder / "shukotsu", ignore=leave)
+    folder = copy_of_the_program(tmp_path_factory.mktemp("mutated") / "copy")
     for name in (
         "pyproject.toml",
         *(f"tests/{name}" for name in ("conftest.py", "chains.py", *GUARDS.values())),
