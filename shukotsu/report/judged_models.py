@@ -155,9 +155,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     hands = hands_counted(results, len({hand_of(row) for row in rows}))
     believed = sum(row["verdict"] == verdict.BELIEVE for row in rows)
     sds = [row["sd_mm"] for row in rows if row["sd_mm"] is not None]
-    typical = tr(
-        "is how far off the model expects a joint to be: the median of all joints, 1 sigma of the distance in 3-D"
-    )
+    typical = tr("is how far off the model expects a joint to be: the median of all joints, 1 sigma in 3-D")
     for judged in judged_models(results):
         if judged.metric == TRUTH and model in judged.values:
             values = list(judged.values[model].values())
