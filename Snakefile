@@ -22,7 +22,7 @@ SKELETON = ("joint_centres", "bone_lengths", "metacarpals")
 fit = f"{subject}/fits/{{hand}}/{{model}}"
 
 
-report: "shukotsu/report/captions/workflow.rst"  # the first page of `snakemake --report`
+report: f"{study_rules.CAPTIONS}/workflow.rst"  # the first page of `snakemake --report`
 
 
 container: "shukotsu.sif"  # of container/Dockerfile: for a whole run (docs/studies.md), no job needs it

@@ -14,9 +14,13 @@ from snakemake.logging import logger
 from snakemake.settings.types import Quietness
 
 from shukotsu.errors import InputError
+from shukotsu.resources import PACKAGE
 from shukotsu.workflow import made_from, one_run, warm_process
 from shukotsu.workflow.file_digests import program_digest
 from shukotsu.workflow.study_files import StudyFiles, study_file
+
+CAPTIONS = PACKAGE / "report" / "captions"
+"""Folder of what `snakemake --report` says of each result."""
 
 PYTHON = shlex.quote(sys.executable)
 """The Python that a workflow runs its scripts by."""
@@ -108,7 +112,7 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
 def report_page(study: StudyFiles) -> Any:
     """Return the study's page, as a result of `snakemake --report`."""
     page, labels = str(study.results.report), {"page": study.study.name}
-    caption = "shukotsu/report/captions/report.rst"
+    caption = f"{CAPTIONS}/report.rst"
     return report(page, caption=caption, category="Study", labels=labels)
 
 
@@ -116,7 +120,7 @@ def report_figures(study: StudyFiles) -> list[Any]:
     """Return the study's figures for print, the drawings as results of `snakemake --report`."""
     figures: list[Any] = []
     for path in map(Path, study.figures):
-        options = {"caption": f"captions/{path.stem}.rst", "labels": {"figure": path.stem}}
+        options = {"caption": f"{CAPTIONS}/{path.stem}.rst", "labels": {"figure": path.stem}}
         is_drawing = path.suffix == ".svg"
         figures.append(report(str(path), category="Figures", **options) if is_drawing else str(path))
     return figures

@@ -187,3 +187,10 @@ def test_what_no_run_left_so_is_made_anew(study: StudyRun) -> None:
     assert study.planned() == set()
     shutil.rmtree(study.folder / ".snakemake")
     assert {"capture", "solve_joints", "report"} <= _rules(study.planned()), "nothing says what made them"
+
+
+def test_report_of_the_workflow(unchanged: StudyRun, tmp_path: Path) -> None:
+    """With what `make demo` installs: the report's own dependencies are in the lock."""
+    done = unchanged.snakemake("--report", str(tmp_path / "workflow.html"))
+    assert done.returncode == 0, done.stderr
+    assert "solve_joints" in (tmp_path / "workflow.html").read_text("utf-8")
