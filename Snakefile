@@ -12,11 +12,8 @@ from shukotsu.study.results import FIT_TABLES, MEASURED_TABLES
 from shukotsu.workflow import study_rules
 
 study = study_rules.begin(workflow, config, top)
-python, stages, results = (
-    study_rules.PYTHON,
-    top / "stages",
-    study.results.folder.as_posix(),
-)
+python, stages = study_rules.PYTHON, study_rules.STAGES
+results = study.results.folder.as_posix()
 subject = f"{results}/sub-{{subject}}"
 SKELETON = ("joint_centres", "bone_lengths", "metacarpals")
 fit = f"{subject}/fits/{{hand}}/{{model}}"

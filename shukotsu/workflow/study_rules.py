@@ -14,7 +14,7 @@ from snakemake.logging import logger
 from snakemake.settings.types import Quietness
 
 from shukotsu.errors import InputError
-from shukotsu.resources import PACKAGE
+from shukotsu.resources import PACKAGE, ROOT
 from shukotsu.workflow import made_from, one_run, warm_process
 from shukotsu.workflow.file_digests import program_digest
 from shukotsu.workflow.study_files import StudyFiles, study_file
@@ -24,6 +24,10 @@ CAPTIONS = PACKAGE / "report" / "captions"
 
 PYTHON = shlex.quote(sys.executable)
 """The Python that a workflow runs its scripts by."""
+
+STAGES = shlex.quote(str(ROOT / "stages"))
+"""Folder of the scripts."""
+
 WILDCARDS = {
     "subject": "[^/]+",
     "hand": "right|left",
