@@ -12,6 +12,7 @@ from shukotsu.study import subject_stage
 
 if TYPE_CHECKING:
     from shukotsu.movement.recording_events import RecordingEvents
+    from shukotsu.study.plan import SubjectPlan
     from shukotsu.tables.parts import Part
 
 WRITES = {"out": "events", "out_clocks": "clocks"}
@@ -43,27 +44,32 @@ def align(arguments: argparse.Namespace) -> None:
     from shukotsu.movement.recording_events import aligned_rows
     from shukotsu.tables.typed_table import Provenance
 
-    by_part, folder = recordings_of(arguments)
+    by_part, plan = recordings_of(arguments)
+    if plan is not None:
+        subject_stage.poses_files(plan)  # which are those of the plan
     recordings = [recording for named in by_part.values() for recording in named]
     with_events = [recording for recording in recordings if recording.file is not None or recording.rows]
     files = [path for recording in with_events for path in (recording.poses, recording.file) if path]
-    with subject_stage.writing(arguments, WRITES, Provenance.of(files, folder)) as tables:
+    with subject_stage.writing(
+        arguments, WRITES, Provenance.of(files, None if plan is None else plan.folder)
+    ) as tables:
         for part, named in by_part.items():
             rows = [aligned_rows(arguments, recording) for recording in named]
             tables["events"].rows(part, [row for events, _ in rows for row in events])
             tables["clocks"].rows(part, [row for _, clocks in rows for row in clocks])
 
 
-def recordings_of(arguments: argparse.Namespace) -> tuple[dict[Part, list[RecordingEvents]], Path | None]:
-    """Return the recordings that hold poses, by the part of the hand, and the folder of a plan."""
+def recordings_of(
+    arguments: argparse.Namespace,
+) -> tuple[dict[Part, list[RecordingEvents]], SubjectPlan | None]:
+    """Return the recordings that hold poses, by the part of the hand, and the plan where one is named."""
     from shukotsu.errors import InputError
     from shukotsu.movement.recording_events import of_plan, recording_alone
     from shukotsu.study.plan import read_plan
 
     if arguments.plan is not None:
         plan = read_plan(arguments.plan).naming(arguments.poses, {})
-        subject_stage.poses_files(plan)  # which are those of the plan
-        return of_plan(plan), plan.folder
+        return of_plan(plan), plan
     if len(arguments.poses) != 1 or arguments.events is None:
         raise InputError(
             "--plan, or --poses and --events: give the subject's plan, or a recording's two files"

@@ -25,7 +25,7 @@ STAGES: dict[str, Sequence[str]] = {
     **dict.fromkeys(("evaluate_tips", "evaluate_skeletons"), ()),
     "measure_movement": ("--events={}/events.parquet",),
     "export": ("--formats=csv", "--out={}/exports"),
-    "report.subject": (),
+    "subject_pages": (),
 }
 IN_A_PART = {
     "check_recordings": "shukotsu.checks.checked_subject.checked_poses",
@@ -38,13 +38,13 @@ IN_A_PART = {
     "evaluate_skeletons": "shukotsu.scores.evaluation.evaluate_hand",
     "measure_movement": "shukotsu.hand.recorded_movement.RecordedMovement.joints",
     "export": "shukotsu.export.exported_plans.write_format",
-    "report.subject": "shukotsu.report.recording_page.recording_page",
+    "subject_pages": "shukotsu.report.recording_page.recording_page",
 }
 OUTSIDE = {
     **dict.fromkeys(STAGES, "shukotsu.study.subject_stage.poses_files"),
     "project_planes": "shukotsu.study.subject_stage.provenance_of",
     "export": "shukotsu.export.exported_plans.chosen_recordings",
-    "report.subject": "shukotsu.report.study_results.read_subject",
+    "subject_pages": "shukotsu.report.study_results.read_subject",
 }
 
 
@@ -58,7 +58,7 @@ def run(subject: PlannedSubject, stage: str) -> None:
             for model in ("quick", REFERENCE):
                 out = f"--out={subject.fit_folder(hand, model)}"
                 assert stage_runs.fit_hand([*own, f"--hand={hand}", f"--model={model}", out]) == 0
-    elif stage == "report.subject":
+    elif stage == "subject_pages":
         assert subject_pages([*own, f"--out={Results(folder.parent).subject_pages('01')}"]) == 0
     else:
         assert getattr(stage_runs, stage)([*own, *(outputs(stage, folder) if stage != "export" else [])]) == 0
@@ -102,7 +102,7 @@ def test_the_study_ends_with_a_report_that_names_it(
         return
     page = results.report.read_text("utf-8")
     assert sentence in page
-    if stage != "report.subject":
+    if stage != "subject_pages":
         problems = [
             row
             for row in rows_of(read_table(results.study_table("problems"), PROBLEMS))
