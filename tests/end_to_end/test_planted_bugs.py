@@ -38,13 +38,13 @@ IN_A_PART = {
     "evaluate_skeletons": "shukotsu.scores.evaluation.evaluate_hand",
     "measure_movement": "shukotsu.hand.recorded_movement.RecordedMovement.joints",
     "export": "shukotsu.export.exported_plans.write_format",
-    "subject_pages": "shukotsu.report.recording_page.recording_page",
+    "subject_pages": "shukotsu.report.subject_page.recording_page",
 }
 OUTSIDE = {
     **dict.fromkeys(STAGES, "shukotsu.study.subject_stage.poses_files"),
     "project_planes": "shukotsu.study.subject_stage.provenance_of",
     "export": "shukotsu.export.exported_plans.chosen_recordings",
-    "subject_pages": "shukotsu.report.study_results.read_subject",
+    "subject_pages": "shukotsu.report.subject_page.read_subject",
 }
 
 
