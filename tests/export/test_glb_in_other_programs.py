@@ -112,7 +112,7 @@ def test_three_has_every_joint_and_the_validator_no_word(
     motion, file = known.ready(model), tmp_path / "hand.glb"
     write(motion, file)
     found = read_in_node(export_tool, file)
-    hand = f"{motion.origin.hand}-hand"
+    hand = f"{motion.origin.recording.hand}-hand"
     clip = found["clips"][f"{hand} opposition"]
     np.testing.assert_allclose(clip["times"], motion.time_s - motion.time_s[0], atol=1e-5)
     assert_joints(clip["joints"][hand], motion, NEAR_M)
@@ -138,7 +138,7 @@ def test_blender_has_every_joint_and_the_body(
 ) -> None:
     motion, file = known.ready(model), tmp_path / "hand.glb"
     write(motion, file)
-    hand = f"{motion.origin.hand}-hand"
+    hand = f"{motion.origin.recording.hand}-hand"
     found = read_in_blender(export_tool, file, motion.rate_hz)
     assert_joints(found["joints"][hand], motion, NEAR_M)
     body, expected = np.array(found["bodies"][hand]), last_body(motion)
@@ -151,7 +151,7 @@ def test_fbx_by_blender_has_every_joint(known: KnownHand, tmp_path: Path, export
     motion, glb, fbx = known.ready(FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
     write(motion, glb)
     to_fbx(export_tool, glb, fbx)
-    hand = f"{motion.origin.hand}-hand"
+    hand = f"{motion.origin.recording.hand}-hand"
     assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][hand], motion, 1e-4)
 
 
