@@ -12,7 +12,6 @@ from shukotsu.study.results import FIT_TABLES, MEASURED_TABLES
 from shukotsu.workflow import study_rules
 
 study = study_rules.begin(workflow, config, top)
-python, stages = study_rules.PYTHON, study_rules.STAGES
 results = study.results.folder.as_posix()
 subject = f"{results}/sub-{{subject}}"
 SKELETON = ("joint_centres", "bone_lengths", "metacarpals")
@@ -36,7 +35,7 @@ rule plan:  # what the stages need to know of the study about a subject
     params:  # a function of `output` is no reason to run again: changed plans are written when a run begins
         options=lambda wildcards, output: f"{study.options} {study.subject_options(wildcards)}",
     shell:
-        "{python} {stages}/plan.py {params.options} --out {output} 2> {log}"
+        '"$PYTHON" "$STAGES"/plan.py {params.options} --out {output} 2> {log}'
 
 
 rule simulate:  # only for a study with `simulation`: recordings, and the truth beside them
@@ -47,7 +46,7 @@ rule simulate:  # only for a study with `simulation`: recordings, and the truth 
         subject=study.subject_options,
         seed=study.seed,
     shell:
-        "{python} {stages}/simulate.py {params.subject} --hand {wildcards.hand} --task {wildcards.task:q}"
+        '"$PYTHON" "$STAGES"/simulate.py {params.subject} --hand {wildcards.hand} --task {wildcards.task:q}'
         " --seed {params.seed} --out {output.recording:q} 2> {log}"
 
 
@@ -60,7 +59,7 @@ rule stream:  # the simulated tracker's end of the line: recordings -> raw captu
     params:
         layout=study.layout_digest,
     shell:
-        "{python} {stages}/stream.py --recording {input.recording:q} --layout {input.layout:q}"
+        '"$PYTHON" "$STAGES"/stream.py --recording {input.recording:q} --layout {input.layout:q}'
         " --out {output:q} 2> {log}"
 
 
@@ -77,7 +76,7 @@ rule capture:  # section 2: a recording -> its poses
         options=study.import_options,
         files=study.recording_digest,
     shell:
-        "{python} {stages}/capture.py --record-failure {params.options} --out {output} > /dev/null 2> {log}"
+        '"$PYTHON" "$STAGES"/capture.py --record-failure {params.options} --out {output} > /dev/null 2> {log}'
 
 
 rule check_recordings:  # not in the paper: what was declared, against what the poses say
@@ -90,7 +89,7 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
     params:
         plan=study.recordings_plan,
     shell:
-        "{python} {stages}/check_recordings.py --record-failure --plan {input.plan} --poses {input.poses}"
+        '"$PYTHON" "$STAGES"/check_recordings.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --out {output} > /dev/null 2> {log}"
 
 
@@ -106,7 +105,7 @@ rule align_events:  # not in the paper: notes, markers and pulses, on each recor
         files=study.event_digest,
         plan=study.recordings_plan,
     shell:
-        "{python} {stages}/align_events.py --record-failure --plan {input.plan} --poses {input.poses}"
+        '"$PYTHON" "$STAGES"/align_events.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --out {output.events} --out-clocks {output.clocks} 2> {log}"
 
 
@@ -118,7 +117,7 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     resources:
         **study.resources(1, 5),
     shell:
-        "{python} {stages}/solve_joints.py --record-failure --plan {input.plan} --poses {input.poses}"
+        '"$PYTHON" "$STAGES"/solve_joints.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --out {output} 2> {log}"
 
 
@@ -128,7 +127,7 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
     output:
         f"{subject}/projected_joints.parquet",
     shell:
-        "{python} {stages}/project_planes.py --record-failure --plan {input.plan} --findings {input.findings}"
+        '"$PYTHON" "$STAGES"/project_planes.py --record-failure --plan {input.plan} --findings {input.findings}'
         " --joint-solutions {input.joint_solutions} --out {output} 2> {log}"
 
 
@@ -145,7 +144,7 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
         model=study.model,
         out=f"--out={fit}",
     shell:
-        "{python} {stages}/fit_hand.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}"
+        '"$PYTHON" "$STAGES"/fit_hand.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}'
         " --hand {wildcards.hand} --model {params.model:q} {params.out:q} 2> {log}"
 
 
@@ -160,7 +159,7 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
     resources:
         **study.resources(1, 10),
     shell:
-        "{python} {stages}/estimate_metacarpals.py --record-failure --plan {input.plan} --poses {input.poses}"
+        '"$PYTHON" "$STAGES"/estimate_metacarpals.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --projected-joints {input.projected_joints}"
         " --fitted-joints {input.fitted_joints} --fitted-bones {input.fitted_bones} --bone-poses {input.bone_poses}"
         " --out-joints {output.joints} --out-bones {output.bones} --out {output.metacarpals} 2> {log}"
@@ -175,7 +174,7 @@ rule evaluate_tips:  # section 6: replay and tip errors
     resources:
         **study.resources(1, 10),
     shell:
-        "{python} {stages}/evaluate_tips.py --record-failure --plan {input.plan} --poses {input.poses}"
+        '"$PYTHON" "$STAGES"/evaluate_tips.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths}"
         " --metacarpals {input.metacarpals} --out {output.tips} --out-errors {output.errors} 2> {log}"
 
@@ -192,7 +191,7 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
     resources:
         **study.resources(2, 10, 2200),
     shell:
-        "{python} {stages}/evaluate_skeletons.py --record-failure --plan {input.plan} --poses {input.poses}"
+        '"$PYTHON" "$STAGES"/evaluate_skeletons.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths}"
         " --metacarpals {input.metacarpals} --tips {input.tips} --tip-errors {input.tip_errors}"
         " --posed-tips {input.posed_tips} --bone-poses {input.bone_poses} --fitted-joints {input.fitted_joints}"
@@ -210,7 +209,7 @@ rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the 
     params:
         out=f"--out={subject}",
     shell:
-        "{python} {stages}/measure_movement.py --record-failure --plan {input.plan} --poses {input.poses}"
+        '"$PYTHON" "$STAGES"/measure_movement.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths}"
         " --metacarpals {input.metacarpals} --events {input.events} --clocks {input.clocks}"
         " --joint-angles {input.joint_angles} --posed-tips {input.posed_tips} --bone-poses {input.bone_poses}"
@@ -227,7 +226,7 @@ rule gather:  # the study's short tables, and what went wrong
         study.study_tables,
         f"{results}/resolved.yaml",
     shell:
-        "{python} {stages}/gather.py {params.study} 2> {log}"
+        '"$PYTHON" "$STAGES"/gather.py {params.study} 2> {log}'
 
 
 rule compare_models:  # not in the paper: how the skeleton models differ over the subjects
@@ -237,7 +236,7 @@ rule compare_models:  # not in the paper: how the skeleton models differ over th
     output:
         study.model_comparisons,
     shell:
-        "{python} {stages}/compare_models.py {params.study} 2> {log}"
+        '"$PYTHON" "$STAGES"/compare_models.py {params.study} 2> {log}'
 
 
 rule compare_movement:  # not in the paper: how subjects, sessions and tasks differ, and how well it repeats
@@ -247,7 +246,7 @@ rule compare_movement:  # not in the paper: how subjects, sessions and tasks dif
     output:
         study.movement_comparisons,
     shell:
-        "{python} {stages}/compare_movement.py {params.study} 2> {log}"
+        '"$PYTHON" "$STAGES"/compare_movement.py {params.study} 2> {log}'
 
 
 rule export:  # skeletons and their motion for other programs
@@ -262,7 +261,7 @@ rule export:  # skeletons and their motion for other programs
         formats=",".join(study.export_formats),
         options=study.export_options,
     shell:
-        "{python} {stages}/export.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}"
+        '"$PYTHON" "$STAGES"/export.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}'
         " --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths} --metacarpals {input.metacarpals}"
         " --joint-angles {input.joint_angles} --posed-tips {input.posed_tips} --bone-poses {input.bone_poses}"
         " --moved-receivers {input.moved_receivers} --formats {params.formats} {params.options} --out {output}"
@@ -280,7 +279,7 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
         options=study.export_options,
         participants=study.participants,
     shell:
-        "{python} {stages}/export.py --record-failure --plan {input.plans} --formats bids {params.options} {params.participants}"
+        '"$PYTHON" "$STAGES"/export.py --record-failure --plan {input.plans} --formats bids {params.options} {params.participants}'
         " --out {output} > /dev/null 2> {log}"
 
 
@@ -290,7 +289,7 @@ rule export_tables:  # the study's tables for R and others, with a data dictiona
     output:
         directory(f"{results}/tidy"),
     shell:
-        "{python} {stages}/export_tables.py --tables {input} --study {study.study.name} --out {output} 2> {log}"
+        '"$PYTHON" "$STAGES"/export_tables.py --tables {input} --study {study.study.name} --out {output} 2> {log}'
 
 
 rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice
@@ -299,7 +298,7 @@ rule collect_exports:  # of all subjects in one flat folder, by links: they take
     output:
         directory(f"{results}/exports"),
     shell:
-        "{python} {stages}/collect_exports.py --folders {input} --out {output} 2> {log}"
+        '"$PYTHON" "$STAGES"/collect_exports.py --folders {input} --out {output} 2> {log}'
 
 
 rule report:  # it names the pages that could not be made
@@ -312,7 +311,7 @@ rule report:  # it names the pages that could not be made
     output:
         study_rules.report_page(study),
     shell:
-        "{python} {stages}/report.py {params.study} --out {output} 2> {log}"
+        '"$PYTHON" "$STAGES"/report.py {params.study} --out {output} 2> {log}'
 
 
 rule subject_pages:  # the report's pages of a subject and of each of its recordings
@@ -326,7 +325,7 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
     params:
         language=study.study.language,
     shell:
-        "{python} {stages}/subject_pages.py --record-failure --plan {input.plan} --out {output}"
+        '"$PYTHON" "$STAGES"/subject_pages.py --record-failure --plan {input.plan} --out {output}'
         " --language {params.language} 2> {log}"
 
 
@@ -339,7 +338,7 @@ rule print_figures:  # the study's figures for print; each is written, if only t
     output:
         study_rules.report_figures(study),
     shell:
-        "{python} {stages}/print_figures.py --record-failure {params.study} --out {results}/figures 2> {log}"
+        '"$PYTHON" "$STAGES"/print_figures.py --record-failure {params.study} --out {results}/figures 2> {log}'
 
 
 study_rules.complete(workflow, study, workflow.snakefile)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shlex
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,12 +20,6 @@ from shukotsu.workflow.study_files import StudyFiles, study_file
 
 CAPTIONS = PACKAGE / "report" / "captions"
 """Folder of what `snakemake --report` says of each result."""
-
-PYTHON = shlex.quote(sys.executable)
-"""The Python that a workflow runs its scripts by."""
-
-STAGES = shlex.quote(str(ROOT / "stages"))
-"""Folder of the scripts."""
 
 WILDCARDS = {
     "subject": "[^/]+",
@@ -52,6 +45,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     is_module = Path(workflow.main_snakefile).resolve() not in files  # of another Snakefile
     if not is_module:  # nothing is imported from the folder that this runs in
         os.environ.update(PYTHONSAFEPATH="1")
+    os.environ.update(PYTHON=sys.executable, STAGES=str(ROOT / "stages"))  # for the rules' commands
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []
