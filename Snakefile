@@ -288,8 +288,10 @@ rule export_tables:  # the study's tables for R and others, with a data dictiona
         study.whole_tables,
     output:
         directory(f"{results}/tidy"),
+    params:
+        name=study.study.name,
     shell:
-        '"$PYTHON" "$STAGES"/export_tables.py --tables {input} --study {study.study.name} --out {output} 2> {log}'
+        '"$PYTHON" "$STAGES"/export_tables.py --tables {input} --study {params.name:q} --out {output} 2> {log}'
 
 
 rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice
@@ -337,8 +339,10 @@ rule print_figures:  # the study's figures for print; each is written, if only t
         configuration=ancient(study.configuration),
     output:
         study_rules.report_figures(study),
+    params:
+        out=f"--out={results}/figures",
     shell:
-        '"$PYTHON" "$STAGES"/print_figures.py --record-failure {params.study} --out {results}/figures 2> {log}'
+        '"$PYTHON" "$STAGES"/print_figures.py --record-failure {params.study} {params.out:q} 2> {log}'
 
 
 study_rules.complete(workflow, study, workflow.snakefile)
