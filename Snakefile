@@ -35,7 +35,7 @@ rule plan:  # what the stages need to know of the study about a subject
     params:  # a function of `output` is no reason to run again: changed plans are written when a run begins
         options=lambda wildcards, output: f"{study.options} {study.subject_options(wildcards)}",
     shell:
-        '"$PYTHON" "$STAGES"/plan.py {params.options} --out {output} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/plan.py {params.options} --out {output} 2> {log}'
 
 
 rule simulate:  # only for a study with `simulation`: recordings, and the truth beside them
@@ -46,7 +46,7 @@ rule simulate:  # only for a study with `simulation`: recordings, and the truth 
         subject=study.subject_options,
         seed=study.seed,
     shell:
-        '"$PYTHON" "$STAGES"/simulate.py {params.subject} --hand {wildcards.hand} --task {wildcards.task:q}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/simulate.py {params.subject} --hand {wildcards.hand} --task {wildcards.task:q}'
         " --seed {params.seed} --out {output.recording:q} 2> {log}"
 
 
@@ -59,7 +59,7 @@ rule stream:  # the simulated tracker's end of the line: recordings -> raw captu
     params:
         layout=study.layout_digest,
     shell:
-        '"$PYTHON" "$STAGES"/stream.py --recording {input.recording:q} --layout {input.layout:q}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/stream.py --recording {input.recording:q} --layout {input.layout:q}'
         " --out {output:q} 2> {log}"
 
 
@@ -76,7 +76,7 @@ rule capture:  # section 2: a recording -> its poses
         options=study.import_options,
         files=study.recording_digest,
     shell:
-        '"$PYTHON" "$STAGES"/capture.py --record-failure {params.options} --out {output} > /dev/null 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/capture.py --record-failure {params.options} --out {output} > /dev/null 2> {log}'
 
 
 rule check_recordings:  # not in the paper: what was declared, against what the poses say
@@ -89,7 +89,7 @@ rule check_recordings:  # not in the paper: what was declared, against what the 
     params:
         plan=study.recordings_plan,
     shell:
-        '"$PYTHON" "$STAGES"/check_recordings.py --record-failure --plan {input.plan} --poses {input.poses}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/check_recordings.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --out {output} > /dev/null 2> {log}"
 
 
@@ -105,7 +105,7 @@ rule align_events:  # not in the paper: notes, markers and pulses, on each recor
         files=study.event_digest,
         plan=study.recordings_plan,
     shell:
-        '"$PYTHON" "$STAGES"/align_events.py --record-failure --plan {input.plan} --poses {input.poses}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/align_events.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --out {output.events} --out-clocks {output.clocks} 2> {log}"
 
 
@@ -117,7 +117,7 @@ rule solve_joints:  # section 4, Eq. 1-7: poses -> joint centres and axes
     resources:
         **study.resources(1, 5),
     shell:
-        '"$PYTHON" "$STAGES"/solve_joints.py --record-failure --plan {input.plan} --poses {input.poses}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/solve_joints.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --out {output} 2> {log}"
 
 
@@ -127,7 +127,7 @@ rule project_planes:  # end of section 4: the plane that cuts each axis; manual 
     output:
         f"{subject}/projected_joints.parquet",
     shell:
-        '"$PYTHON" "$STAGES"/project_planes.py --record-failure --plan {input.plan} --findings {input.findings}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/project_planes.py --record-failure --plan {input.plan} --findings {input.findings}'
         " --joint-solutions {input.joint_solutions} --out {output} 2> {log}"
 
 
@@ -144,7 +144,7 @@ rule fit_hand:  # not in the paper: a whole hand at once, and its recordings pos
         model=study.model,
         out=f"--out={fit}",
     shell:
-        '"$PYTHON" "$STAGES"/fit_hand.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/fit_hand.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}'
         " --hand {wildcards.hand} --model {params.model:q} {params.out:q} 2> {log}"
 
 
@@ -159,7 +159,7 @@ rule estimate_metacarpals:  # section 5, Eq. 8-11: wrist point, bone lengths, me
     resources:
         **study.resources(1, 10),
     shell:
-        '"$PYTHON" "$STAGES"/estimate_metacarpals.py --record-failure --plan {input.plan} --poses {input.poses}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/estimate_metacarpals.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --projected-joints {input.projected_joints}"
         " --fitted-joints {input.fitted_joints} --fitted-bones {input.fitted_bones} --bone-poses {input.bone_poses}"
         " --out-joints {output.joints} --out-bones {output.bones} --out {output.metacarpals} 2> {log}"
@@ -174,7 +174,7 @@ rule evaluate_tips:  # section 6: replay and tip errors
     resources:
         **study.resources(1, 10),
     shell:
-        '"$PYTHON" "$STAGES"/evaluate_tips.py --record-failure --plan {input.plan} --poses {input.poses}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/evaluate_tips.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths}"
         " --metacarpals {input.metacarpals} --out {output.tips} --out-errors {output.errors} 2> {log}"
 
@@ -191,7 +191,7 @@ rule evaluate_skeletons:  # not in the paper: all models of a hand, on data that
     resources:
         **study.resources(2, 10, 2200),
     shell:
-        '"$PYTHON" "$STAGES"/evaluate_skeletons.py --record-failure --plan {input.plan} --poses {input.poses}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/evaluate_skeletons.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths}"
         " --metacarpals {input.metacarpals} --tips {input.tips} --tip-errors {input.tip_errors}"
         " --posed-tips {input.posed_tips} --bone-poses {input.bone_poses} --fitted-joints {input.fitted_joints}"
@@ -209,7 +209,7 @@ rule measure_movement:  # not in the paper: ranges, speeds, cycles, ways of the 
     params:
         out=f"--out={subject}",
     shell:
-        '"$PYTHON" "$STAGES"/measure_movement.py --record-failure --plan {input.plan} --poses {input.poses}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/measure_movement.py --record-failure --plan {input.plan} --poses {input.poses}'
         " --findings {input.findings} --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths}"
         " --metacarpals {input.metacarpals} --events {input.events} --clocks {input.clocks}"
         " --joint-angles {input.joint_angles} --posed-tips {input.posed_tips} --bone-poses {input.bone_poses}"
@@ -226,7 +226,7 @@ rule gather:  # the study's short tables, and what went wrong
         study.study_tables,
         f"{results}/resolved.yaml",
     shell:
-        '"$PYTHON" "$STAGES"/gather.py {params.study} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/gather.py {params.study} 2> {log}'
 
 
 rule compare_models:  # not in the paper: how the skeleton models differ over the subjects
@@ -236,7 +236,7 @@ rule compare_models:  # not in the paper: how the skeleton models differ over th
     output:
         study.model_comparisons,
     shell:
-        '"$PYTHON" "$STAGES"/compare_models.py {params.study} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/compare_models.py {params.study} 2> {log}'
 
 
 rule compare_movement:  # not in the paper: how subjects, sessions and tasks differ, and how well it repeats
@@ -246,7 +246,7 @@ rule compare_movement:  # not in the paper: how subjects, sessions and tasks dif
     output:
         study.movement_comparisons,
     shell:
-        '"$PYTHON" "$STAGES"/compare_movement.py {params.study} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/compare_movement.py {params.study} 2> {log}'
 
 
 rule export:  # skeletons and their motion for other programs
@@ -261,7 +261,7 @@ rule export:  # skeletons and their motion for other programs
         formats=",".join(study.export_formats),
         options=study.export_options,
     shell:
-        '"$PYTHON" "$STAGES"/export.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/export.py --record-failure --plan {input.plan} --poses {input.poses} --findings {input.findings}'
         " --joint-centres {input.joint_centres} --bone-lengths {input.bone_lengths} --metacarpals {input.metacarpals}"
         " --joint-angles {input.joint_angles} --posed-tips {input.posed_tips} --bone-poses {input.bone_poses}"
         " --moved-receivers {input.moved_receivers} --formats {params.formats} {params.options} --out {output}"
@@ -279,7 +279,7 @@ rule export_dataset:  # all recordings as one Motion-BIDS dataset
         options=study.export_options,
         participants=study.participants,
     shell:
-        '"$PYTHON" "$STAGES"/export.py --record-failure --plan {input.plans} --formats bids {params.options} {params.participants}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/export.py --record-failure --plan {input.plans} --formats bids {params.options} {params.participants}'
         " --out {output} > /dev/null 2> {log}"
 
 
@@ -291,7 +291,7 @@ rule export_tables:  # the study's tables for R and others, with a data dictiona
     params:
         name=study.study.name,
     shell:
-        '"$PYTHON" "$STAGES"/export_tables.py --tables {input} --study {params.name:q} --out {output} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/export_tables.py --tables {input} --study {params.name:q} --out {output} 2> {log}'
 
 
 rule collect_exports:  # of all subjects in one flat folder, by links: they take no room twice
@@ -300,7 +300,7 @@ rule collect_exports:  # of all subjects in one flat folder, by links: they take
     output:
         directory(f"{results}/exports"),
     shell:
-        '"$PYTHON" "$STAGES"/collect_exports.py --folders {input} --out {output} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/collect_exports.py --folders {input} --out {output} 2> {log}'
 
 
 rule report:  # it names the pages that could not be made
@@ -313,7 +313,7 @@ rule report:  # it names the pages that could not be made
     output:
         study_rules.report_page(study),
     shell:
-        '"$PYTHON" "$STAGES"/report.py {params.study} --out {output} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/report.py {params.study} --out {output} 2> {log}'
 
 
 rule subject_pages:  # the report's pages of a subject and of each of its recordings
@@ -327,7 +327,7 @@ rule subject_pages:  # the report's pages of a subject and of each of its record
     params:
         language=study.study.language,
     shell:
-        '"$PYTHON" "$STAGES"/subject_pages.py --record-failure --plan {input.plan} --out {output}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/subject_pages.py --record-failure --plan {input.plan} --out {output}'
         " --language {params.language} 2> {log}"
 
 
@@ -342,7 +342,7 @@ rule print_figures:  # the study's figures for print; each is written, if only t
     params:
         out=f"--out={results}/figures",
     shell:
-        '"$PYTHON" "$STAGES"/print_figures.py --record-failure {params.study} {params.out:q} 2> {log}'
+        '"$SHUKOTSU_PYTHON" "$SHUKOTSU_STAGES"/print_figures.py --record-failure {params.study} {params.out:q} 2> {log}'
 
 
 study_rules.complete(workflow, study, workflow.snakefile)

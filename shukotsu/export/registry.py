@@ -3,7 +3,7 @@
 The module of a format has `write(motion, path)`, which gets the motion ready (by `prepared`: gaps,
 rate, rig, world upright) and the path of its main file; files beside it have the same stem. It returns
 sentences on what the file does not hold. It raises InputError where a motion cannot be written, and writes
-files whole or not at all (`files.whole_files`).
+files whole or not at all (`tables.whole_files`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
 class Settings:
     """The words of the command line.
 
-    transmitter_up : axis of the transmitter's frame that points up. gaps, max_gap_s : `stages.export.gaps`.
+    transmitter_up : axis of the transmitter's frame that points up. gaps, max_gap_s : `export.gaps`.
     rig : empty for the layout's names. stiff : bones kept at their length, rotations only. fps : None as
     recorded.
     """

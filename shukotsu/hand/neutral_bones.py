@@ -1,6 +1,6 @@
 """Derive bones' neutral poses from their names: which way a thumb faces, where angles are zero.
 
-A bone frame's +Y is the back of the bone, and a thumb's metacarpal has two (`skeleton.thumb_facing`). In
+A bone frame's +Y is the back of the bone, and a thumb's metacarpal has two (`hand.thumb_facing`). In
 our tables it faces as the receiver over it does. A rig that is driven by these frames wants one answer: the
 nail's side, as its phalanges do.
 """

@@ -101,7 +101,7 @@ class PosedRecording:
     a joint of one degree of freedom; NaN where there is none.
     left_out : digits that are not among the bones, and why. root_failure : why the root has no position.
     rest : (B, 4) each bone against its parent, on average over time; neutral : (B, 4) where its joint angles
-    are zero (docs/movement.md), NaN where no anatomy says; both from `anatomy.neutral_bones.at_rest` on.
+    are zero (docs/movement.md), NaN where no anatomy says; both from `hand.neutral_bones.at_rest` on.
     origin : whose motion it is. rate_hz : frames a second, NaN where the times do not tell. notes :
     sentences, in order, on what is left out and what was done to the motion since it was read.
     """

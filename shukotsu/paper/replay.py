@@ -3,7 +3,7 @@
 Two bindings (how the bones are fixed to what turns them):
 first-frame, the paper's: bones are the vectors between the joints in the first frame, so that the tip is
 exact in that frame; least-squares: bones are constant in their receivers and no frame is special
-(`skeleton.posing`). The error of either is a sum of joint gaps (docs/method.md, "what the tip error says").
+(`hand.posing`). The error of either is a sum of joint gaps (docs/method.md, "what the tip error says").
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Move receivers on their bones by skin, of sizes as in `anatomy.drawn_hands`.
+"""Move receivers on their bones by skin, of sizes as in `hand.drawn_hands`.
 
 The law is outside of what any estimator of this project assumes: none is judged by its own assumptions.
 """

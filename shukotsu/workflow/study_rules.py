@@ -45,7 +45,8 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     is_module = Path(workflow.main_snakefile).resolve() not in files  # of another Snakefile
     if not is_module:  # nothing is imported from the folder that this runs in
         os.environ.update(PYTHONSAFEPATH="1")
-    os.environ.update(PYTHON=sys.executable, STAGES=str(ROOT / "stages"))  # for the rules' commands
+    # what the rules' commands begin with; by the environment, or a checkout that moved would run all again
+    os.environ.update(SHUKOTSU_PYTHON=sys.executable, SHUKOTSU_STAGES=str(ROOT / "stages"))
     try:
         study = StudyFiles(study_file(workflow.configfiles, config, is_module))
         notes = [row.message for row in study.study.unusable] if workflow.is_main_process else []

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from shukotsu.export.motion import continuous
 from shukotsu.hand.posing import Origin, PosedRecording, SkeletonJoint
@@ -73,13 +72,6 @@ def moving_fingers(
 def timed(motion: PosedRecording, **times: Any) -> PosedRecording:
     """The motion with other frame numbers (frame) or device times (time_s)."""
     return replace(motion, receivers=replace(motion.receivers, **times))
-
-
-def random_fingers(n_frames: int, seed: int, slip_mm: float) -> PosedRecording:
-    """The same joints, every bone turned anyhow in every frame."""
-    turn = Rotation.random(n_frames * len(JOINTS), random_state=seed).as_quat(scalar_first=True)
-    motion = moving_fingers(n_frames, seed=seed % 1000, slip_mm=slip_mm)
-    return replace(motion, quaternion=turn.reshape(motion.quaternion.shape))
 
 
 def blanked(motion: PosedRecording, joints: Any = None, receivers: Any = None) -> PosedRecording:

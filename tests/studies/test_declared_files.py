@@ -123,7 +123,7 @@ def declared(study: StudyRun) -> dict[Command, tuple[str, set[Path]]]:
     assert done.returncode == 0, done.stderr
     jobs = {}
     for block in re.split(r"\n\n(?=\[)", done.stdout + done.stderr):
-        command = re.search(r'"\$STAGES"/(\w+\.py .*)$', block, re.MULTILINE)
+        command = re.search(r'"\$SHUKOTSU_STAGES"/(\w+\.py .*)$', block, re.MULTILINE)
         rule = re.search(r"^(?:local)?rule (\w+):", block, re.MULTILINE)
         if command is None or rule is None:
             continue
