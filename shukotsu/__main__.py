@@ -11,7 +11,7 @@ from shukotsu.left import instead
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Hand the arguments after the first to the command that the first one names; give its exit code."""
+    """Hand the arguments after the first to the command that the first one names; return its exit code."""
     return command_line.ended(lambda: _command(sys.argv[1:] if argv is None else argv))
 
 

@@ -103,7 +103,7 @@ def run(
 
 
 def ended(command: Callable[[], int | None]) -> int:
-    """Do a command, the one that another one hands over to too, and give its exit code.
+    """Do a command, the one that another one hands over to too, and return its exit code.
 
     0 or what the command gives; 2, and one sentence on stderr, where it is the input, the configuration or
     the machine; 130 after Ctrl-C, 141 where nobody reads on; anything else is a bug, whose traceback stays.

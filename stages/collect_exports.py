@@ -44,7 +44,7 @@ def link_or_copy(source: Path, target: Path) -> None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the command; give its exit code."""
+    """Run the command; return its exit code."""
     return command_line.run(build_parser, argv, collect)
 
 

@@ -69,7 +69,7 @@ def _language(study: Path) -> str:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run the stage; give its exit code."""
+    """Run the stage; return its exit code."""
     return command_line.run(build_parser, argv, report, record_failure)
 
 

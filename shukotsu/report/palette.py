@@ -48,7 +48,7 @@ DIGIT_HUES = ("vermilion", "blue", "green", "pink", "sky")
 MODEL_HUES = ("umber", "indigo", "moss", "rose", "violet", "ink", "forest")
 """None of them is a digit's, so that a colour never means both."""
 AXIS_HUES = ("vermilion", "green", "blue")
-"""Of a receiver's x, y and z."""
+"""Colours of a receiver's x, y and z."""
 
 MARK_PATHS = {
     "o": "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z",
