@@ -37,7 +37,7 @@ choice)."""
 
 PAD_DEPTH_MM: Mapping[str, float] = {"thumb": 7.5}
 OTHER_PAD_DEPTH_MM = 6.5
-"""Depth in mm of the pad's skin under the bone's long axis: half of a finger's end, which is 10 to 16 mm thick."""
+"""Depth of the pad's skin under the bone's long axis: half of a finger's end, which is 10 to 16 mm thick."""
 
 PAD_SHARE = 0.25
 """Share of the last bone's length beyond the pad: pulps meet under the bone's broad end (our choice)."""

@@ -15,8 +15,8 @@ from shukotsu.report.palette import INK, PAPER, SOFT, Mark, digit_looks
 from shukotsu.translation import listed, tr, word
 
 _GUTTER_MM, _BAR_MM, _PAD_MM, _NEAR_MM = 14.0, 20.0, 10.0, 45.0
-"""Lengths in mm round the hand: between the views, the scale's bar, round the hand, and from the box round the receivers to a
-joint: one that is farther is a gross failure, which must not shrink the rest.
+"""Lengths in mm: between the views, the scale's bar, round the hand, and from the box round the receivers to
+a joint: one that is farther is a gross failure, which must not shrink the rest.
 """
 _HIGHEST_MM, _FOOT_MM, _LINE_MM = 92.0, 10.0, 3.2
 """Sizes of the picture in mm: the views at most, words below them, a line."""
