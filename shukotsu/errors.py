@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 MOST_LETTERS = 400
-"""Letters of a message; what it names stands at its start and what to do at its end: the middle is left out."""
+"""Letters of a message; what it names stands first and what to do last, so the middle is left out."""
 
 INTERNAL = "internal error in"
 """How the reason begins why a part cannot be had that a bug ended; the stage follows."""
