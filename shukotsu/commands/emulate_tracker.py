@@ -46,7 +46,6 @@ def main(argv: list[str]) -> int:
 
 def emulate(options: argparse.Namespace) -> None:
     """Check the options; then serve a port, or write an archive."""
-    from shukotsu.readers.played_recording import read_played_recording
     from shukotsu.tracker.emulate.device import EmulatedLiberty, built_in_motion
     from shukotsu.tracker.emulate.server import Emulator, PtyPort, TcpPort, serve, write_archive
     from shukotsu.tracker.record.request import parse_stations
@@ -59,7 +58,9 @@ def emulate(options: argparse.Namespace) -> None:
         if options.loop:
             raise InputError("--loop: needs a port; leave it out with --archive")
     motion = built_in_motion()
-    if options.recording is not None:
+    if options.recording is not None:  # the recorder alone has not what reads one
+        from shukotsu.readers.played_recording import read_played_recording
+
         motion = read_played_recording(options.recording, options.layout, loop=options.loop)
         for note in motion.notes:
             print(f"note: {options.recording}: {note}", file=sys.stderr)
