@@ -13,12 +13,13 @@ import pytest
 from finding_examples import EVIDENCE
 from hypothesis import given
 from hypothesis import strategies as st
+from report_samples.made_study import make_study
 from report_samples.pages import read_page, rows_where, table_called
 
 from shukotsu.report.judged_models import WIDTH, big_numbers, outcome_text
 from shukotsu.report.links import anchor, link
 from shukotsu.report.study_page import render_study
-from shukotsu.report.study_results import StudyResults
+from shukotsu.report.study_results import StudyResults, read_results
 from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, problem_row, worded
 from shukotsu.study.results import Results
 from shukotsu.study.study import Study, read_study
@@ -159,3 +160,13 @@ def test_a_picture_that_fails_is_a_problem_of_the_page(
     page = render_study(replace(fitted, problems=[*fitted.problems]), file)
     assert "Not drawn: internal error in report" in page
     assert "KeyError" in page.partition('id="problems"')[2].partition("</section>")[0]
+
+
+@pytest.mark.slow
+def test_a_hundred_subjects_weigh_less_than_two_megabytes(tmp_path: Path) -> None:
+    subjects, models = tuple(f"S{n:03}" for n in range(100)), ("paper-fig4", "whole-hand")
+    study, folder = make_study(tmp_path, n_frames=60, models=models, subjects=subjects)
+    page = render_study(read_results(read_study(study), folder), read_study(study))
+    assert len(page.encode()) < 2_000_000
+    table = table_called(page, "Joints of every hand, whole-hand")
+    assert len(table.rows) == 3 + 200  # the heads, the median, and every hand
