@@ -89,6 +89,7 @@ class HandMotion:
     recorded frames there are to one kept here. receiver_mm : (T, R, 3), receiver_quaternion : (T, R, 4) unit
     (w, x, y, z), receiver to transmitter frame, both NaN where not valid. base : the receiver that the view
     hangs on; distal, dorsal : unit vectors in its frame. paper : the paper's skeleton, if it is among these.
+    begins_s : time of the first frame here, from the recording's first.
     """
 
     hand: str
@@ -104,6 +105,7 @@ class HandMotion:
     dorsal: Vector
     skeletons: tuple[ShownSkeleton, ...]
     paper: str = ""
+    begins_s: float = 0.0
 
 
 def hand_motion(

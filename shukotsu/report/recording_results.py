@@ -5,7 +5,7 @@ model.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -154,9 +154,10 @@ def read_stretch(results: StudyResults, recording: Recording, model: str) -> Han
     moved = np.nan_to_num(np.linalg.norm(np.diff(apart, axis=0), axis=-1)).sum(1)
     length = min(len(poses.frame), round(STRETCH_S * STRETCH_HZ))
     start = int(np.argmax(np.convolve(moved, np.ones(max(1, length - 1)), "valid"))) if len(moved) else 0
+    begins_s = np.nan_to_num(poses.time_s[start] - poses.time_s[0])
     poses = poses.take(slice(start, start + length))
-    skeleton = _skeleton(results, reader, poses)
-    return hand_motion(recording.hand.hand, layout, poses, [skeleton], every=step)
+    motion = hand_motion(recording.hand.hand, layout, poses, [_skeleton(results, reader, poses)], every=step)
+    return replace(motion, begins_s=float(begins_s))
 
 
 def read_angles(results: StudyResults, recording: Recording, model: str) -> dict[str, Callable[[], Array]]:

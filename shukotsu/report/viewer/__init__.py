@@ -163,7 +163,7 @@ def playing_times_s(time_s: Array) -> Array:
 
 def _blocks(motion: HandMotion) -> list[Block]:
     blocks = [
-        Block("time", TIME_STEP_S, playing_times_s(motion.time_s)[:, None, None]),
+        Block("time", TIME_STEP_S, motion.begins_s + playing_times_s(motion.time_s)[:, None, None]),
         Block("frame", 1.0, motion.frame.astype(float)[:, None, None]),
         Block("receivers", POSITION_STEP_MM, _near(motion.receiver_mm)),
         Block("rotations", ROTATION_STEP, _steady_signs(motion.receiver_quaternion)),

@@ -497,11 +497,11 @@ class HandViewer {
     this.asleep = true;
     if (this.playing) {
       this.since ??= {now, time: this.times[this.index]};
-      const end = this.times[this.last], passed = (now - this.since.now) / 1000 * this.part.speed.value;
+      const begin = this.times[0], end = this.times[this.last], passed = (now - this.since.now) / 1000 * this.part.speed.value;
       const time = this.since.time + passed;
       if (time < end) this.show(this.upTo(time));
-      else if (this.part.loop.checked && end > 0) {
-        this.since = {now, time: (time - end) % end};
+      else if (this.part.loop.checked && end > begin) {
+        this.since = {now, time: begin + (time - end) % (end - begin)};
         this.show(this.upTo(this.since.time));
       } else {
         this.show(this.last);
