@@ -135,6 +135,7 @@ def test_a_wrong_touch_is_left_out(person: Person) -> None:
     np.testing.assert_allclose(among.offsets_mm, without.offsets_mm, atol=1e-9)
 
 
+@pytest.mark.parametrize("person", ["right"], indirect=True)
 def test_pads_that_meet_are_found_and_count(person: Person) -> None:
     """In opposition every finger's contacts are found; elsewhere hardly one. Pads come closer, if not to the
     true ones: a contact says where two pads are to each other, not where both are.
@@ -163,6 +164,46 @@ def test_pads_that_meet_are_found_and_count(person: Person) -> None:
     assert len(among.refused) == 1
     assert "contact 1 (thumb and ring)" in among.refused[0]
     np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
+    apart = touch_in(person.tips, poses, np.arange(3), ("thumb", "ring"), CONTACT_SD_MM, PAD)
+    among = with_touches(person.tips, [apart, *contacts])
+    assert len(among.refused) == 1
+    assert "contact 1 (thumb and ring)" in among.refused[0]
+    np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
+
+
+def acted(tips: Fingertips, pads_mm: Array) -> Poses:
+    """Receivers that never turn, with pads (T, 5, 3) where a script wants them."""
+    position = pads_mm - np.array([tip.pad_mm for tip in tips.digits.values()])
+    time, still = np.arange(len(pads_mm)), np.tile([1.0, 0.0, 0.0, 0.0], (*position.shape[:2], 1))
+    receivers = tuple(tip.receiver for tip in tips.digits.values())
+    return Poses(receivers, time, time / 240, position, still, np.ones(position.shape[:2], bool))
+
+
+def test_a_contact_is_near_nearest_and_held(person: Person) -> None:
+    """A script: the index is held on the thumb, twice, with the middle finger close by; the ring passes."""
+    tips = person.tips
+    pads = np.zeros((1000, 5, 3))
+    pads[:, :, 0] = [0.0, 60.0, 60.0, 60.0, 60.0]
+    first, second, between = slice(100, 200), slice(400, 500), slice(200, 400)
+    away = 60 * np.ones(1000)
+    for held in (first, second):
+        away[held] = np.abs(np.linspace(-60, 60, 100)).clip(12) - 9.0
+    pads[:, 1, 0] = away
+    pads[:, 2, 0] = away + 3.0
+    pads[between, 3, 0] = np.linspace(-80, 80, 200)
+    contacts = find_contacts(tips, acted(tips, pads))
+    assert [contact.digits[1] for contact in contacts] == ["index", "index"]
+    for contact in contacts:
+        apart = (
+            contact.receiver_mm[:, 1]
+            + tips["index"].pad_mm
+            - contact.receiver_mm[:, 0]
+            - tips["thumb"].pad_mm
+        )
+        np.testing.assert_allclose(apart[:, 0], 3.0, atol=1.0)
+        assert contact.sd_mm == pytest.approx(CONTACT_SD_MM * 2**0.5)
+        assert 5 <= len(apart) < 30
+    assert find_contacts(tips, acted(tips, pads[:5])) == []
 
 
 def gap_mm(tips: Fingertips, contacts: list[Touch]) -> float:

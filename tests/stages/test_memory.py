@@ -42,7 +42,7 @@ def test_joints_metacarpals_and_tips_of_an_hour(tmp_path: Path) -> None:
         tmp_path / f"{name}.parquet"
         for name in ("solved", "placed", "joints", "bones", "turns", "tips", "errors")
     )
-    assert peak_bytes("solve_joints", "--poses", hour, "--out", solved) < MOST_BYTES / 2
+    assert peak_bytes("solve_joints", "--poses", hour, "--out", solved) < MOST_BYTES
     peak_bytes("project_planes", "--joint-solutions", solved, "--out", placed)
     recordings = ["--calibration", hour, "--poses", hour]
     built = ["--out-joints", joints, "--out-bones", bones, "--out", metacarpals]
@@ -50,3 +50,13 @@ def test_joints_metacarpals_and_tips_of_an_hour(tmp_path: Path) -> None:
     read = ["--joint-centres", joints, "--bone-lengths", bones, "--metacarpals", metacarpals]
     written = ["--out", tips, "--out-errors", errors]
     assert peak_bytes("evaluate_tips", *read, *recordings, *written) < MOST_BYTES
+
+
+@pytest.mark.slow
+def test_what_joints_take_does_not_grow_with_the_recording(tmp_path: Path) -> None:
+    """From where batches are as many as they get and a row group is full: nine minutes."""
+    peaks = []
+    for minutes in (10, 40):
+        poses = long_poses(tmp_path / f"{minutes}.parquet", minutes * HOUR // 60)
+        peaks.append(peak_bytes("solve_joints", "--poses", poses, "--out", tmp_path / "solved.parquet"))
+    assert peaks[1] - peaks[0] < 50e6

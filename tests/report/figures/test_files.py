@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import pytest
 from matplotlib.figure import Figure
 from report_samples.hand_tables import write_tips
-from report_samples.made_study import make_study
+from report_samples.made_study import FITTED_MODELS, make_study
 from stage_runs import print_figures
 
 from shukotsu.report.figures.panels import Panel, Row, Scale, draw_rows, print_figure
@@ -40,16 +40,22 @@ def texts(svg: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_two_processes_write_the_same_bytes(
-    simulated_files: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_processes_write_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One of them with other hashes, in another time zone and later."""
     first, second = tmp_path / "first", tmp_path / "second"
-    assert run(*words_of(simulated_files, first)) == 0
+    files = make_study(
+        tmp_path,
+        n_frames=12,
+        models=FITTED_MODELS,
+        subjects=("S1", "S2", "S3"),
+        simulated=True,
+        compared=True,
+    )
+    assert run(*words_of(files, first)) == 0
     (line,) = capsys.readouterr().err.splitlines()
     assert STUDY_FIGURES[-1] in line, "no movement here"
-    module = "shukotsu.report.figures"
-    command = [sys.executable, "-W", "error", "-m", module, *words_of(simulated_files, second)]
+    script = str(REPOSITORY / "stages" / "print_figures.py")
+    command = [sys.executable, "-W", "error", script, *words_of(files, second)]
     environment = {**os.environ, "PYTHONHASHSEED": "7", "TZ": "Asia/Tokyo"}
     subprocess.run(command, cwd=REPOSITORY, env=environment, capture_output=True, check=True)
     assert sorted(path.name for path in first.iterdir()) == NAMES
