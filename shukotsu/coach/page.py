@@ -13,8 +13,7 @@ from markupsafe import Markup
 from shukotsu.coach.coach import ENDED, Coach, first_reason
 from shukotsu.errors import InputError
 from shukotsu.report.belief import belief
-from shukotsu.report.figures.hand import hand_panel
-from shukotsu.report.figures.panels import page_picture
+from shukotsu.report.figures.panels import hand_panel, page_picture
 from shukotsu.report.hand_motion import hand_motion, receiver_skeleton
 from shukotsu.report.palette import css
 from shukotsu.tables.whole_files import write_text

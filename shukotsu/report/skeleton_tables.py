@@ -6,7 +6,6 @@ from collections import Counter
 
 from shukotsu.errors import InputError
 from shukotsu.report.belief import BELIEVED, NO_JOINT, belief
-from shukotsu.report.links import anchor, link
 from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.table_cells import (
     DASH,
@@ -14,8 +13,10 @@ from shukotsu.report.table_cells import (
     Column,
     DataTable,
     Folded,
+    anchor,
     error_column,
     heading,
+    link,
     number,
     quantity_column,
     table_of,

@@ -15,25 +15,24 @@ from shukotsu import command_line
 from shukotsu.errors import InputError
 from shukotsu.report import provenance
 from shukotsu.report.belief import believed_counts, gain_lines, joint_table
-from shukotsu.report.figures.hand import hand_panel
-from shukotsu.report.figures.panels import page_picture, taken_failures
+from shukotsu.report.figures.panels import hand_panel, page_picture, taken_failures
 from shukotsu.report.figures.study_figures import lengths_panel
 from shukotsu.report.judged_models import opening, used_text
-from shukotsu.report.links import link, recording_links
-from shukotsu.report.paper_tables import (
+from shukotsu.report.recording_page import failure_page, recording_links, recording_page, recording_title
+from shukotsu.report.recording_results import read_recording, read_still
+from shukotsu.report.score_tables import (
     is_the_papers_hand,
     least_squares_table,
     printed_table,
+    score_table,
     study_table,
     table_title,
+    truth_table,
 )
-from shukotsu.report.recording_page import failure_page, recording_page, recording_title
-from shukotsu.report.recording_results import read_recording, read_still
-from shukotsu.report.score_tables import score_table, truth_table
 from shukotsu.report.skeleton_tables import bone_table, measured_ranges, measured_table, receiver_tables
 from shukotsu.report.study_page import render_failure
 from shukotsu.report.study_results import StudyResults, Trial, read_subject
-from shukotsu.report.table_cells import Folded
+from shukotsu.report.table_cells import Folded, link
 from shukotsu.report.templates import check_language, languages, render, speaking
 from shukotsu.study.plan import plan_of_results
 from shukotsu.study.results import FAILED_PAGES

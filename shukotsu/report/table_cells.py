@@ -1,10 +1,18 @@
-"""A table as the page and the terminal show it: text cells, ready to be laid out."""
+"""Tables as the page and the terminal show them, text cells ready to be laid out, and links between pages.
+
+The pages stand in one folder and may be copied with it anywhere.
+"""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
+from urllib.parse import quote
+
+from markupsafe import Markup
 
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.translation import N_, tr, translated, word
@@ -195,3 +203,20 @@ def capital(text: str) -> str:
 def title(name: str) -> str:
     """The name of a digit or a hand as a heading."""
     return capital(word(name).replace("_", " "))
+
+
+class Link(NamedTuple):
+    """Words and where they lead, relative to the page that they stand on."""
+
+    words: str
+    href: str
+
+
+def link(words: str, page: Path, target: Path) -> Link:
+    """Return a link on a page to another page of the report."""
+    return Link(words, quote(Path(os.path.relpath(target, page.parent)).as_posix()))
+
+
+def anchor(to: Link) -> Markup:
+    """Return the link as HTML, its words escaped."""
+    return Markup('<a href="{}">{}</a>').format(to.href, to.words)

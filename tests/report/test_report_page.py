@@ -12,7 +12,7 @@ from report_samples.made_study import HOSTILE, MODELS, make_study, write, write_
 from report_samples.pages import read_page, rows_where, table_called, whole_report
 from stage_runs import report
 
-from shukotsu.report.paper_tables import printed_table, study_table
+from shukotsu.report.score_tables import printed_table, study_table
 from shukotsu.report.study_results import StudyResults, read_results
 from shukotsu.study.layout import FINGER_MM
 from shukotsu.study.model import read_model

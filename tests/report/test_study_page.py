@@ -17,9 +17,9 @@ from report_samples.made_study import make_study
 from report_samples.pages import read_page, rows_where, table_called
 
 from shukotsu.report.judged_models import WIDTH, big_numbers, outcome_text
-from shukotsu.report.links import anchor, link
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.report.table_cells import anchor, link
 from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, problem_row, worded
 from shukotsu.study.results import Results
 from shukotsu.study.study import Study, read_study

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from pathlib import Path
+
 from shukotsu.report.belief import belief, believed_counts
-from shukotsu.report.links import navigation
 from shukotsu.report.palette import MARK_PATHS
 from shukotsu.report.recording_results import ModelResults, RecordingResults, angles_of
 from shukotsu.report.skeleton_tables import measured_ranges, measured_table
-from shukotsu.report.study_results import recording_key, row_key
+from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.report.table_cells import (
     Column,
     Folded,
+    Link,
     capital,
+    link,
     number,
     number_column,
     quantity_column,
     table_of,
     text_column,
+    title,
 )
 from shukotsu.report.templates import render
 from shukotsu.report.viewer import Block, view_of
 from shukotsu.study.study import Recording
+from shukotsu.tables.subjects import SubjectSession
 from shukotsu.translation import ngettext, tr, translated, word
 
 ANGLE_STEP_DEG = 0.1
@@ -116,3 +122,44 @@ def _evidence(model: ModelResults) -> Folded:
     caption = tr("What the calibration says of each joint, {name}.", name=model.name)
     summary = f"{model.name}: {joints}; {believed_counts(model.joints)}"
     return Folded(summary, table_of(caption, columns, rows))
+
+
+def recording_links(results: StudyResults, page: Path, who: SubjectSession) -> list[Link]:
+    """Return links to the pages of a subject's recordings."""
+    links = []
+    for recording in results.shown:
+        if recording.hand.who == who:
+            trial = tr("trial {trial}", trial=recording.trial) if recording.trial else ""
+            hand = tr("{hand} hand", hand=recording.hand.hand)
+            words = ", ".join(filter(None, (recording.task, trial, hand)))
+            links.append(link(words, page, results.paths.recording_page(recording)))
+    return links
+
+
+@dataclass(frozen=True)
+class Navigation:
+    """Links of a recording's page; other_hand is None where that hand has no page of the task."""
+
+    study: Link
+    subject: Link
+    other_hand: Link | None
+    others: tuple[Link, ...]
+
+
+def navigation(results: StudyResults, recording: Recording) -> Navigation:
+    """Return the links of a recording's page, to pages of evaluated recordings alone."""
+    paths, hand = results.paths, recording.hand
+    page = paths.recording_page(recording)
+    other_hand = replace(hand, hand="left" if hand.hand == "right" else "right")
+    same_task = [each for each in results.shown if (each.hand, each.task) == (other_hand, recording.task)]
+    same_trial = [each for each in same_task if each.trial == recording.trial]
+    other = next(iter([*same_trial, *same_task]), None)
+    words = tr("{hand} hand", hand=title(other_hand.hand))
+    links = recording_links(results, page, hand.who)
+    mine = link("", page, page).href
+    return Navigation(
+        study=link(tr("Study %(study)s") % {"study": results.name}, page, paths.report),
+        subject=link(tr("Subject %(name)s") % {"name": hand.who.label}, page, paths.subject_page(*hand.who)),
+        other_hand=None if other is None else link(words, page, paths.recording_page(other)),
+        others=tuple(to for to in links if to.href != mine),
+    )

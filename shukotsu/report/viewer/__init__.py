@@ -21,8 +21,7 @@ from markupsafe import Markup
 
 from shukotsu.hand.posing import ReceiverPoint
 from shukotsu.report.belief import BELIEFS
-from shukotsu.report.figures.hand import hand_panel
-from shukotsu.report.figures.panels import page_picture
+from shukotsu.report.figures.panels import hand_panel, page_picture
 from shukotsu.report.hand_motion import (
     Array,
     HandMotion,

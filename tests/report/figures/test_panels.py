@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from report_samples.made_study import HOSTILE
 
 from shukotsu.report.belief import BELIEVED, CARE, NOT
-from shukotsu.report.figures.hand import hand_panel
 from shukotsu.report.figures.panels import (
     Panel,
     Row,
     Scale,
     draw_rows,
+    hand_panel,
     locator,
     page_figure,
     page_picture,
