@@ -14,7 +14,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TypeVar
 
-from shukotsu.tables.marked_text import replaced_between
+from shukotsu.tables.text_files import replaced_between
 from shukotsu.tables.whole_files import write_text
 
 T = TypeVar("T")

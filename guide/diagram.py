@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
-from shukotsu.tables.marked_text import replaced_between
+from shukotsu.tables.text_files import replaced_between
 from shukotsu.tables.whole_files import write_text
 
 ROOT = Path(__file__).resolve().parents[1]

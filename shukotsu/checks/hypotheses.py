@@ -17,7 +17,7 @@ from shukotsu.hand.rotations import Array, from_matrix, matrix
 from shukotsu.hand.sampled_motion import MIRROR, Motion
 from shukotsu.study.findings import Values
 from shukotsu.study.layout import Layout
-from shukotsu.tables.units import MM_PER_UNIT
+from shukotsu.tables.limits import MM_PER_UNIT
 
 
 @dataclass(frozen=True)

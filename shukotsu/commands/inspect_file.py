@@ -133,7 +133,7 @@ def describe(path: Path, layout: Layout | str) -> Description:
 
         return describe_c3d(path, layout)
     if name.endswith((".parquet", ".pq")):
-        from shukotsu.readers.inspection.own_tables import describe_parquet
+        from shukotsu.readers.inspection.text_tables import describe_parquet
 
         return describe_parquet(path, layout)
     if name.endswith((".xdf", ".xdfz", ".mha", ".nrrd")):
@@ -141,7 +141,6 @@ def describe(path: Path, layout: Layout | str) -> Description:
             f"{path}: inspect reads text, C3D and this project's files; import it as it is, and "
             "where its names are no segments, write a mapping (docs/mappings.md)"
         )
-    from shukotsu.readers.inspection.own_tables import describe_tidy_csv, is_tidy
-    from shukotsu.readers.inspection.text_tables import describe_table
+    from shukotsu.readers.inspection.text_tables import describe_table, describe_tidy_csv, is_tidy
 
     return (describe_tidy_csv if is_tidy(path) else describe_table)(path, layout)

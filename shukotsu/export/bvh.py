@@ -23,9 +23,15 @@ from pathlib import Path
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.export.file_facts import facts_text
 from shukotsu.export.gaps import largest_time_error_s
-from shukotsu.export.motion import MOVES_MM, continuous_angles, local_motion, require_whole, rest_pose
+from shukotsu.export.motion import (
+    MOVES_MM,
+    continuous_angles,
+    facts_text,
+    local_motion,
+    require_whole,
+    rest_pose,
+)
 from shukotsu.export.registry import FORMATS
 from shukotsu.export.rigging import ascii_name
 from shukotsu.hand.posing import PosedRecording

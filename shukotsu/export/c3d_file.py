@@ -16,8 +16,7 @@ from textwrap import wrap
 import numpy as np
 
 from shukotsu.errors import InputError
-from shukotsu.export.file_facts import facts_text
-from shukotsu.export.motion import with_seen_receivers
+from shukotsu.export.motion import facts_text, with_seen_receivers
 from shukotsu.export.rigging import ascii_name
 from shukotsu.hand.posing import Index, PosedRecording
 from shukotsu.hand.rotations import Array, matrix

@@ -28,8 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError
-from shukotsu.export.file_facts import facts
-from shukotsu.export.motion import local_motion, require_times, require_whole, rest_pose
+from shukotsu.export.motion import facts, local_motion, require_times, require_whole, rest_pose
 from shukotsu.export.rigging import with_webxr_names
 from shukotsu.hand.posing import Index, PosedRecording
 from shukotsu.hand.rotations import Array, conjugate, matrix, rotate, unit

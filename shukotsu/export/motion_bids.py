@@ -21,8 +21,7 @@ import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from shukotsu.errors import InputError
-from shukotsu.export.file_facts import BONE_FRAME, facts
-from shukotsu.export.motion import RECEIVER_TIP, SKIN_TIP, blocks, with_seen_receivers
+from shukotsu.export.motion import BONE_FRAME, RECEIVER_TIP, SKIN_TIP, blocks, facts, with_seen_receivers
 from shukotsu.export.tidy_csv import bone_angles_deg
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array

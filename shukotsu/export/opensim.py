@@ -27,7 +27,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from shukotsu.export.file_facts import facts_text
 from shukotsu.export.kinematic_tree import (
     Body,
     JointForm,
@@ -37,7 +36,7 @@ from shukotsu.export.kinematic_tree import (
     joint_forms,
     shortest_turn,
 )
-from shukotsu.export.motion import BLOCK_FRAMES, carrier, require_times, require_whole
+from shukotsu.export.motion import BLOCK_FRAMES, carrier, facts_text, require_times, require_whole
 from shukotsu.export.rigging import plain_names
 from shukotsu.hand.posing import Bools, Origin, PosedRecording, known_points
 from shukotsu.hand.rotations import Array, conjugate, matrix, mean_rotation, multiply, rotate

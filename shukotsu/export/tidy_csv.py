@@ -14,8 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
-from shukotsu.export.file_facts import facts
-from shukotsu.export.motion import BONE_TO_WEBXR, blocks
+from shukotsu.export.motion import BONE_TO_WEBXR, blocks, facts
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.neutral_bones import angle_axes
 from shukotsu.hand.posing import PosedRecording

@@ -20,9 +20,8 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from shukotsu.errors import InputError
-from shukotsu.readers.breaks import breaks
 from shukotsu.readers.hemispheres import sides
-from shukotsu.readers.jumps import OwnSides, own_sides, spikes
+from shukotsu.readers.jumps import OwnSides, breaks, own_sides, spikes
 from shukotsu.readers.samples import NUMBERS, Samples
 from shukotsu.tables.limits import FARTHEST_MM
 

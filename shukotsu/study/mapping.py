@@ -10,7 +10,7 @@ from typing import Any
 
 from shukotsu.errors import InputError, listed
 from shukotsu.study.config_files import check_config, read_yaml
-from shukotsu.tables.units import MM_PER_UNIT
+from shukotsu.tables.limits import MM_PER_UNIT
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Limit what a file may be before it is read: every limit that guards a reader stands here.
+"""Limit what a file may be before it is read: every limit that guards a reader; units of lengths and times.
 
 A study comes from anywhere, and a few bytes can ask for any amount of memory or time. A reader takes regular
 files, refuses one that grows too far when it is unpacked, and then works within WORKING_MEMORY. What a file
@@ -46,6 +46,21 @@ HAND_SIZES_MM = {"hand_length_mm": (50.0, 400.0), "hand_breadth_mm": (30.0, 200.
 
 RATES_HZ = (0.001, 1e6)
 """Frames a second: times in s of any number of frames stay numbers."""
+
+MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
+"""Millimetres of every unit that a position may come in."""
+
+SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Seconds of every unit that times may come in."""
+
+UNIT_NAMES = {
+    **{unit: unit for unit in MM_PER_UNIT},
+    **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), "mm"),
+    **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), "cm"),
+    **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
+    **dict.fromkeys(("in", "inches"), "inch"),
+}
+"""What programs write of a unit, in lower case, and the mapping's name for it."""
 
 _KINDS = {
     stat.S_IFIFO: "a pipe",

@@ -86,3 +86,12 @@ def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iter
 def slash_hint(path: str) -> str:
     """Return what is wrong with a path that another system writes so; empty for any other."""
     return "; folders are separated by / and not by \\" if "\\" in path else ""
+
+
+def replaced_between(page: str, start: str, end: str, text: str) -> str:
+    """The page with what is between its marks replaced; InputError where it lacks a mark."""
+    before, opened, rest = page.partition(start)
+    _, closed, after = rest.partition(end)
+    if not (opened and closed):
+        raise InputError(f"the page lacks {start} or {end}; put the marks where the text is to be")
+    return f"{before}{start}\n\n{text}\n\n{end}{after}"

@@ -24,8 +24,8 @@ from shukotsu.simulate.simulation import LAYOUT
 from shukotsu.study.config_files import config_path, read_config, yaml_text
 from shukotsu.study.findings import Finding
 from shukotsu.study.layout import Layout, read_layout
+from shukotsu.tables.limits import MM_PER_UNIT
 from shukotsu.tables.poses import Poses, read_poses
-from shukotsu.tables.units import MM_PER_UNIT
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 PARTS = {"quaternion": ("1", "2", "3", "4"), "euler": ("az", "el", "ro")}

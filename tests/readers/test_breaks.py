@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulated_poses import hand_of, recorded
 
-from shukotsu.readers.breaks import Break, breaks
+from shukotsu.readers.jumps import Break, breaks
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import Poses
 

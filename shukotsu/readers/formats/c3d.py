@@ -25,9 +25,8 @@ from shukotsu.readers.formats.mapped import (
 from shukotsu.readers.samples import Samples, did_you_mean
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
-from shukotsu.tables.limits import RATES_HZ, check_regular
+from shukotsu.tables.limits import RATES_HZ, UNIT_NAMES, check_regular
 from shukotsu.tables.text_files import reading
-from shukotsu.tables.units import UNIT_NAMES
 
 _BLOCK = 512
 _MOST_FRAMES = 65535

@@ -25,7 +25,7 @@ from shukotsu.readers.formats.text_table import TextTable, open_table_text
 from shukotsu.readers.samples import Samples, did_you_mean
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
-from shukotsu.tables.units import SECONDS_PER_UNIT
+from shukotsu.tables.limits import SECONDS_PER_UNIT
 
 TIME_OF_DAY = "hh:mm:ss"
 

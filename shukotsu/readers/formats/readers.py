@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from shukotsu.readers.samples import Samples
     from shukotsu.study.layout import Layout
     from shukotsu.study.mapping import FileMapping
+    from shukotsu.tracker.emulate.device import Motion
 
     Reader = Callable[[Path, Layout, FileMapping | None], Samples]
     PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
@@ -86,3 +87,32 @@ def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Re
 
     read = find_parts_reader(path, name, mapping)
     return lambda path, layout, mapping: joined(read(path, layout, mapping))
+
+
+def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -> Motion:
+    """Read a recording in any format that needs no mapping; each segment plays on its receiver's station.
+
+    Segments without a station are left out and noted. Raises InputError where the file is no recording, or
+    where none of its segments has a station.
+    """
+    import numpy as np
+
+    from shukotsu.study.layout import read_layout
+    from shukotsu.tracker.emulate.device import MAX_STATION, recorded_motion
+
+    layout = read_layout(layout_name)
+    samples = find_reader(path, AUTO)(path, layout, None)
+    receivers = np.array([layout.segments[name].receiver or 0 for name in samples.segments])
+    receivers[receivers > MAX_STATION] = 0
+    station = receivers[samples.segment]
+    if not station.any():
+        raise InputError(
+            f"{path}: none of its segments has a station from 1 to {MAX_STATION} in layout {layout.name}; "
+            "give the layout's segments such `receiver:` numbers"
+        )
+    notes = [
+        f"segment {samples.segments[index]} has no station from 1 to {MAX_STATION}; not played"
+        for index in np.unique(samples.segment[station == 0])
+    ]
+    poses = samples.numbers
+    return recorded_motion(samples.frame, station, poses[:, :3], poses[:, 3:], loop=loop, notes=notes)

@@ -17,7 +17,7 @@ from shukotsu.readers.formats.mapped import (
 from shukotsu.readers.samples import Samples, did_you_mean
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
-from shukotsu.tables.units import MM_PER_UNIT, UNIT_NAMES
+from shukotsu.tables.limits import MM_PER_UNIT, UNIT_NAMES
 from shukotsu.tables.xdf_streams import (
     NUMBERS,
     Channel,

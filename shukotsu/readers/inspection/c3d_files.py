@@ -14,7 +14,7 @@ from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.c3d import open_c3d
 from shukotsu.readers.inspection.description import CHECK, Description, draft, extent_line
 from shukotsu.study.layout import Layout
-from shukotsu.tables.units import MM_PER_UNIT
+from shukotsu.tables.limits import MM_PER_UNIT
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers without an end are said as such

@@ -12,7 +12,7 @@ import numpy as np
 from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.mapped import snake_case
 from shukotsu.readers.inspection.description import CHECK, IMPOSSIBLE_EXTENTS, extent, median_step, rate_line
-from shukotsu.tables.units import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES
+from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT, UNIT_NAMES
 
 POSITION_UNITS = frozenset(UNIT_NAMES.values())
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from shukotsu.hand.rotations import Array
-from shukotsu.tables.units import MM_PER_UNIT, SECONDS_PER_UNIT
+from shukotsu.tables.limits import MM_PER_UNIT, SECONDS_PER_UNIT
 
 CHECK = "CHECK"
 """Stands in a drafted mapping for what a file cannot say; no key accepts it."""
