@@ -10,9 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import correlate1d
+from scipy.signal import savgol_coeffs
 
 from shukotsu.hand.rotations import Array
 from shukotsu.tables.device_clock import device_clock
@@ -101,10 +104,9 @@ _MOST_HALF_WIDTH = 1000
 _MAD_TO_SD = 1.4826
 
 
+@cache
 def half_width(step_s: float) -> int:
     """Frames on either side of the window's middle; 1 at rates too low for the cut-off."""
-    from scipy.signal import savgol_coeffs
-
     width, left = 1, 1.0
     while left >= np.sqrt(0.5) and width < _MOST_HALF_WIDTH:
         width += 1  # what is left of a sine of CUTOFF_HZ where a parabola's value replaces it
@@ -115,8 +117,6 @@ def half_width(step_s: float) -> int:
 
 def velocity(values: Array, step_s: float) -> Array:
     """Rate of change (T, C) per second of series (T, C) on an even grid; NaN beside gaps and at the ends."""
-    from scipy.ndimage import correlate1d
-
     width = half_width(step_s)
     if len(values) <= 2 * width:
         return np.full(values.shape, np.nan)
