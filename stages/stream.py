@@ -27,8 +27,8 @@ def build_parser() -> argparse.ArgumentParser:
 def stream(arguments: argparse.Namespace) -> None:
     """Play the recording by the emulated tracker, straight into the capture."""
     from shukotsu.readers.formats.readers import read_played_recording
-    from shukotsu.tracker.emulate.device import EmulatedLiberty
-    from shukotsu.tracker.emulate.server import write_archive
+    from shukotsu.tracker.emulated_device import EmulatedLiberty
+    from shukotsu.tracker.emulator import write_archive
 
     motion = read_played_recording(arguments.recording, arguments.layout)
     for note in motion.notes:

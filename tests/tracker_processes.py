@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shukotsu.tracker.emulate.device import EmulatedLiberty
+from shukotsu.tracker.conversation import Conversation
+from shukotsu.tracker.emulated_device import EmulatedLiberty
 from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.record.conversation import Conversation
-from shukotsu.tracker.record.port import open_port
-from shukotsu.tracker.record.request import RecordingRequest
-from shukotsu.tracker.record.session import DRIVERS
+from shukotsu.tracker.port import open_port
+from shukotsu.tracker.request import RecordingRequest
+from shukotsu.tracker.session import DRIVERS
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 CAPTURE = [sys.executable, "-m", "shukotsu"]

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.liberty.replies import TAGS
-from shukotsu.tracker.protocols.records import Decoded, PiecewiseDecoder, Reply, concatenated
+from shukotsu.tracker.liberty_replies import TAGS
+from shukotsu.tracker.records import Decoded, PiecewiseDecoder, Reply, concatenated
 
 Numbers = tuple[float, ...]
 

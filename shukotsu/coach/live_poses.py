@@ -15,8 +15,8 @@ from shukotsu.readers.poses_table import NORM_TOLERANCE
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 from shukotsu.tracker.archive import Piece
-from shukotsu.tracker.decode.stream import PieceReader, Tally
-from shukotsu.tracker.decode.survey import SOURCE_FAILURES
+from shukotsu.tracker.stream import PieceReader, Tally
+from shukotsu.tracker.survey import SOURCE_FAILURES
 
 MOST_FRAMES = 6000
 """Kept of a recording: of a longer one every second, every fourth frame. Who chooses frames to fit looks at

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from shukotsu.coach.coach import Coach, CoachedHand
     from shukotsu.coach.source import Source
     from shukotsu.tracker.archive import Piece
-    from shukotsu.tracker.record.request import StopRequest
+    from shukotsu.tracker.request import StopRequest
 
 USUAL = Path("study.yaml")
 PUT_RIGHT = "receivers were put right in it"
@@ -72,7 +72,7 @@ def coach(arguments: argparse.Namespace) -> None:
     if arguments.follow is not None and not arguments.follow.is_file():
         raise InputError(f"{arguments.follow}: no such file; start `shukotsu record --out` first")
     from shukotsu.coach.study import hand_alone, hand_of
-    from shukotsu.tracker.record.request import StopRequest, stop_on_signals
+    from shukotsu.tracker.request import StopRequest, stop_on_signals
 
     if arguments.port is not None and arguments.study is None and USUAL.is_file():
         arguments.study = USUAL

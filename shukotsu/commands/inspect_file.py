@@ -122,7 +122,7 @@ def describe(path: Path, layout: Layout | str) -> Description:
     name = path.name.lower()
     if name.endswith(".arrows"):
         from shukotsu.readers.inspection.description import Description
-        from shukotsu.tracker.decode.survey import describe as describe_capture
+        from shukotsu.tracker.survey import describe as describe_capture
 
         return Description(tuple(describe_capture(path)))
     from shukotsu.study.layout import read_layout

@@ -57,10 +57,10 @@ def record_tracker(options: argparse.Namespace) -> None:
 
     Raises SystemExit where the recording was cut short.
     """
-    from shukotsu.tracker.record import display, session
-    from shukotsu.tracker.record import request as requests
-    from shukotsu.tracker.record.port import open_port, port_lines, serial_ports, usb_devices
-    from shukotsu.tracker.record.session import check
+    from shukotsu.tracker import display, session
+    from shukotsu.tracker import request as requests
+    from shukotsu.tracker.port import open_port, port_lines, serial_ports, usb_devices
+    from shukotsu.tracker.session import check
 
     if options.devices:
         print("\n".join(port_lines(serial_ports(), usb_devices())))

@@ -16,7 +16,7 @@ from shukotsu.tables.limits import check_regular
 from shukotsu.tables.text_files import reading
 from shukotsu.tables.xdf_streams import NUMBERS, TEXT, Floats, load_stream, read_streams
 from shukotsu.tracker.archive import open_archive
-from shukotsu.tracker.decode.survey import UNUSABLE, flagged_records, survey_archive
+from shukotsu.tracker.survey import UNUSABLE, flagged_records, survey_archive
 
 Array = npt.NDArray[np.float64]
 

@@ -10,11 +10,11 @@ from tracker_processes import at_a_port, emulator
 
 from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker.archive import open_archive
-from shukotsu.tracker.decode.stream import Tally, blocks_of
-from shukotsu.tracker.protocols.records import concatenated
-from shukotsu.tracker.record.port import open_port
-from shukotsu.tracker.record.request import RecordingRequest, StopRequest
-from shukotsu.tracker.record.session import RecordingPlan, record
+from shukotsu.tracker.port import open_port
+from shukotsu.tracker.records import concatenated
+from shukotsu.tracker.request import RecordingRequest, StopRequest
+from shukotsu.tracker.session import RecordingPlan, record
+from shukotsu.tracker.stream import Tally, blocks_of
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from shukotsu.readers.samples import Samples
     from shukotsu.study.layout import Layout
     from shukotsu.study.mapping import FileMapping
-    from shukotsu.tracker.emulate.device import Motion
+    from shukotsu.tracker.emulated_device import Motion
 
     Reader = Callable[[Path, Layout, FileMapping | None], Samples]
     PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
@@ -98,7 +98,7 @@ def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -
     import numpy as np
 
     from shukotsu.study.layout import read_layout
-    from shukotsu.tracker.emulate.device import MAX_STATION, recorded_motion
+    from shukotsu.tracker.emulated_device import MAX_STATION, recorded_motion
 
     layout = read_layout(layout_name)
     samples = find_reader(path, AUTO)(path, layout, None)

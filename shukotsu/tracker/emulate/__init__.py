@@ -1,1 +1,0 @@
-"""The emulator: a Polhemus LIBERTY or PATRIOT made of software, on a pseudo-terminal or TCP port."""

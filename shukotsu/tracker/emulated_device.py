@@ -1,0 +1,400 @@
+"""An emulated LIBERTY or PATRIOT: its settings, its commands, and what it measures. No I/O.
+
+The device lives in cycles: `cycle` is the number of the next one since power-up; time is what its caller
+makes of them. An argument that is left out keeps its value; a command that sets something answers nothing.
+Source: LIBERTY User Manual URM03PH156, chapter of commands and reply framing. What no manual says is invented
+and listed in docs/recording.md.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from shukotsu.hand import rotations
+from shukotsu.tracker import liberty_replies as liberty
+from shukotsu.tracker.families import MM_PER_UNIT
+from shukotsu.tracker.liberty_replies import ITEMS, MOST_ITEMS, TAGS
+from shukotsu.tracker.records import Array, Bools, Wholes
+
+MAX_STATION = 16
+PERIOD_CYCLES = 960
+"""The built-in motion repeats after so many cycles: 4 s at 240 Hz."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Poses of receivers, a frame a cycle.
+
+    position_mm, quaternion : (T, S, 3) and (T, S, 4), NaN where the recording has no pose. loop : begin
+    again after the last frame; otherwise no receiver has a pose from there on. notes : what of the file
+    cannot be played, a sentence each.
+    """
+
+    stations: tuple[int, ...]
+    position_mm: Array
+    quaternion: Array
+    loop: bool = False
+    notes: tuple[str, ...] = ()
+
+    def poses(self, count: Wholes, stations: Sequence[int]) -> tuple[Array, Array]:
+        """Return positions in mm (T, S, 3) and quaternions (T, S, 4) of cycles numbered from 0, shape (T,).
+
+        Both are NaN where there is no pose.
+        """
+        position = np.full((len(count), len(stations), 3), np.nan)
+        quaternion = np.full((len(count), len(stations), 4), np.nan)
+        rows = count % len(self.position_mm) if self.loop else count
+        inside = (rows >= 0) & (rows < len(self.position_mm))
+        for target, station in enumerate(stations):
+            if station in self.stations:
+                column = self.stations.index(station)
+                position[inside, target] = self.position_mm[rows[inside], column]
+                quaternion[inside, target] = self.quaternion[rows[inside], column]
+        return position, quaternion
+
+
+def built_in_motion() -> Motion:
+    """Return sixteen receivers that sway and bend smoothly, 0.15-0.45 m before the transmitter, in a loop."""
+    phase = 2 * np.pi * np.arange(PERIOD_CYCLES)[:, None] / PERIOD_CYCLES
+    index = np.arange(MAX_STATION)
+    finger, bone = index // 4, index % 4
+    bend = np.sin(phase + 0.4 * finger) * (0.35 + 0.15 * bone)  # farther out it bends more
+    x = 250 + 30 * bone + 40 * np.sin(phase)
+    y = -45 + 30 * finger + 15 * np.cos(phase)
+    position = np.stack([x, y, -120 + 25 * bend + 20 * np.sin(2 * phase)], -1)
+    about_y = rotations.about_axis(np.array([0.0, 1.0, 0.0]), bend)
+    about_z = rotations.about_axis(np.array([0.0, 0.0, 1.0]), 0.5 * np.cos(phase) + 0.1 * finger)
+    return Motion(tuple(range(1, MAX_STATION + 1)), position, rotations.multiply(about_z, about_y), loop=True)
+
+
+def recorded_motion(
+    frame: Wholes,
+    station: Wholes,
+    position_mm: Array,
+    quaternion: Array,
+    *,
+    loop: bool = False,
+    notes: Sequence[str] = (),
+) -> Motion:
+    """Return the motion of N poses: frame, station (N,), position_mm (N, 3), quaternion (N, 4).
+
+    A pose of station 0 is not played, but its frame counts. Frame numbers are divided by their usual step and
+    counted from the first; numbers that are left out stay gaps.
+    """
+    numbers, rows = np.unique(frame, return_inverse=True)
+    remark: list[str] = []
+    if len(numbers) > 1:
+        step = max(1, int(np.median(np.diff(numbers))))
+        counted = np.rint((numbers - numbers[0]) / step).astype(np.int64)
+        if counted[-1] >= 10 * len(numbers) or (np.diff(counted) == 0).any():
+            remark = ["its frame numbers are no count; its frames are played one after the other"]
+        else:
+            rows = counted[rows]
+    played = station > 0
+    stations = sorted(set(station[played].tolist()))
+    position = np.full((int(rows.max()) + 1, len(stations), 3), np.nan)
+    turned = np.full((len(position), len(stations), 4), np.nan)
+    columns = np.searchsorted(stations, station[played])
+    position[rows[played], columns] = position_mm[played]
+    turned[rows[played], columns] = quaternion[played]
+    return Motion(tuple(stations), position, turned, loop, (*remark, *notes))
+
+
+WRAP, BLOCK_CYCLES = 1 << 32, 120
+FOLLOWING = (0.0, 0.0, 0.0)
+"""The hemisphere that stands for "keep track of the receiver": no position flips."""
+RATES_HZ = {3: 120, 4: 240}
+"""Value of the rate command -> frames a second."""
+UNKNOWN_COMMAND, INVALID_STATION, INVALID = 1, 2, 3
+Arguments = Sequence[str]
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_FLAG, ECHO = (0, 1), b"\x05"
+_CR, _LF, _P = b"\r"[0], b"\n"[0], b"P"[0]
+_CONSTANTS = {"blank": ord(" "), "cr": _CR, "lf": _LF, "button": 0, "distortion": 0, "sync": 0}
+
+
+class RefusedError(Exception):
+    """The device does not do it; the argument is the manual's error number."""
+
+
+class EmulatedLiberty:
+    """LIBERTY with up to 16 connectors, or PATRIOT with 2.
+
+    motion : where the receivers truly are. plugged : the stations that have one. rate_hz : at power-up.
+    numbers : of the settings, by letter and station (0: of none); only format, unit, rate, output list and
+    hemisphere change what is sent. enabled : which stations are switched on. counted_from : the cycle in
+    which the counters and the motion began at 0.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        plugged: frozenset[int],
+        *,
+        family: str = "liberty",
+        ports: int = 16,
+        rate_hz: int = 240,
+    ) -> None:
+        self.motion, self.plugged = motion, plugged
+        self.family, self.ports = family, ports
+        self.stations = tuple(range(1, ports + 1))
+        self.enabled = dict.fromkeys(self.stations, True)
+        self.numbers = {
+            (code, station): setting.default
+            for code, setting in SETTINGS.items()
+            for station in (self.stations if setting.per_station else (0,))
+        }
+        if rate_hz == RATES_HZ[3]:
+            self.numbers[b"R", 0] = (3,)
+        self.cycle = self.counted_from = 0
+        self.streaming = False
+        self._typed = bytearray()
+        self._ahead: tuple[int, list[bytes]] = (0, [])  # the first of the cycles encoded ahead, and these
+
+    @property
+    def rate(self) -> Fraction:
+        """Cycles a second; a PATRIOT does not heed the rate command."""
+        return Fraction(60 if self.family == "patriot" else RATES_HZ[int(self.numbers[b"R", 0][0])])
+
+    @property
+    def _is_binary(self) -> bool:
+        return self.numbers[b"F", 0] == (1,)
+
+    @property
+    def whoami(self) -> str:
+        """What it says of itself."""
+        size = "" if self.family == "patriot" else f" 240/{16 if self.ports > 8 else 8}"
+        return f"{self.family.upper()}{size} (emulated), {self.ports} ports, firmware EMU-1, serial EMU0001"
+
+    def next_cycle(self) -> bytes:
+        """Let one cycle pass; return what it sent."""
+        first, ahead = self._ahead
+        if self.streaming and not 0 <= self.cycle - first < len(ahead):
+            cycles = self.cycle + np.arange(BLOCK_CYCLES)
+            first, ahead = self._ahead = (self.cycle, self._encoded(cycles, liberty.STREAMED))
+        self.cycle += 1
+        return ahead[self.cycle - 1 - first] if self.streaming else b""
+
+    def active(self) -> tuple[int, ...]:
+        """Return stations that are plugged in now and switched on."""
+        return tuple(station for station in self.detected() if self.enabled[station])
+
+    def detected(self) -> tuple[int, ...]:
+        """Return stations that are plugged in now."""
+        plugged = self.present(np.array([self.cycle]))[0]
+        return tuple(s for s, there in zip(self.stations, plugged.tolist(), strict=True) if there)
+
+    def present(self, cycles: Wholes) -> Bools:
+        """Whether each station of the device is plugged in, (T, S)."""
+        return np.tile(np.isin(list(self.stations), list(self.plugged)), (len(cycles), 1))
+
+    def _encoded(self, cycles: Wholes, command: int) -> list[bytes]:
+        """Measure cycles; return the bytes of each. command : what they answer."""
+        present = self.present(cycles) & list(self.enabled.values())
+        passed = cycles - self.counted_from
+        records: list[tuple[Bools, list[bytes]]] = []
+        for column, station in enumerate(self.stations):
+            if not present[:, column].any():
+                continue
+            position_mm, quaternion = (numbers[:, 0] for numbers in self.motion.poses(passed, (station,)))
+            measured = np.isfinite(position_mm).all(-1) & np.isfinite(quaternion).all(-1)
+            numbers = self._numbers(station, passed, np.nan_to_num(position_mm), np.nan_to_num(quaternion))
+            encoded = self._binary if self._is_binary else self._text
+            records.append((present[:, column] & measured, encoded(station, numbers, command)))
+        return [
+            b"".join(data[cycle] for there, data in records if there[cycle]) for cycle in range(len(cycles))
+        ]
+
+    def _numbers(
+        self, station: int, passed: Wholes, position_mm: Array, quaternion: Array
+    ) -> dict[str, Array | Wholes]:
+        """Return numbers of a station's records by the names of fields, each (T,)."""
+        hemisphere = self.numbers[b"H", station]
+        if hemisphere != FOLLOWING:  # outside its half of space a receiver is reported opposite
+            position_mm = position_mm * np.where(position_mm @ np.array(hemisphere) < 0, -1.0, 1.0)[:, None]
+        position = position_mm / MM_PER_UNIT["cm" if self.numbers[b"U", 0][0] else "inch"]
+        cosines = rotations.matrix(quaternion)
+        return {
+            **{axis: position[:, i] for i, axis in enumerate("xyz")},
+            **{f"q{part}": quaternion[:, i] for i, part in enumerate("wxyz")},
+            "azimuth": np.degrees(np.arctan2(cosines[:, 1, 0], cosines[:, 0, 0])),
+            "elevation": np.degrees(np.arcsin(np.clip(-cosines[:, 2, 0], -1, 1))),
+            "roll": np.degrees(np.arctan2(cosines[:, 2, 1], cosines[:, 2, 2])),
+            "frame": passed % WRAP,
+            "device_ms": passed * 1000 * self.rate.denominator // self.rate.numerator % WRAP,
+            **{name: np.full(len(passed), number) for name, number in _CONSTANTS.items()},
+        }
+
+    def _binary(self, station: int, numbers: dict[str, Array | Wholes], command: int) -> list[bytes]:
+        items = [int(item) for item in self.numbers[b"O", station]]
+        kind = liberty.record_type(items)
+        rows = np.zeros(len(numbers["frame"]), kind)
+        rows["tag"], rows["station"], rows["command"] = TAGS[self.family], station, command
+        rows["size"] = kind.itemsize - liberty.HEADER_BYTES
+        fields = [field for item in items for field in ITEMS[item][0]]
+        for name, field in zip((kind.names or ())[len(liberty.HEADER) :], fields, strict=True):
+            rows[name] = numbers[field]
+        data, size = rows.tobytes(), kind.itemsize
+        return [data[at : at + size] for at in range(0, len(data), size)]
+
+    def _text(self, station: int, numbers: dict[str, Array | Wholes], _command: int) -> list[bytes]:
+        """Records in text have the list of power-up, whatever was asked for."""
+        columns = [numbers[name] for name in ("x", "y", "z", "azimuth", "elevation", "roll")]
+        pattern = f"{station:02d}  " + "%8.3f " * 6 + "\r\n"
+        return [(pattern % row).encode() for row in zip(*columns, strict=True)]
+
+    def receive(self, data: bytes) -> bytes:
+        """Take bytes of the client; return the answers, echo among them where that is on."""
+        out = bytearray()
+        for byte in data:
+            if self.numbers[ECHO, 0][0]:
+                out.append(byte)
+            out += self._take(byte)
+        return bytes(out)
+
+    def reply(self, command: int, text: str, binary: bytes = b"", station: int = 0) -> bytes:
+        """Frame an answer: in binary 8 bytes and the body, in ASCII station, letter, error, blank, text."""
+        if self._is_binary:
+            return self._header(station, command, 0, len(binary)) + binary
+        letter = chr(command + 0x60) if command < 0x20 else chr(command)
+        return f"{station:02d}{letter}  {text}\r\n".encode("latin-1")
+
+    def _header(self, station: int, command: int, error: int, size: int) -> bytes:
+        return TAGS[self.family] + struct.pack("<BBBBh", station, command, error, 0, size)
+
+    def _take(self, byte: int) -> bytes:
+        """Take one byte: P acts at once, CR ends a command, LF is nothing."""
+        if byte == _LF:
+            return b""
+        if not self._typed and byte in (_P, _P + 32):
+            self.streaming = False
+            return self._encoded(np.array([self.cycle]), liberty.SINGLE)[0]
+        if byte != _CR:
+            self._typed.append(byte)
+            return b""
+        typed = bytes(self._typed)
+        self._typed.clear()
+        code = typed[:1].upper()
+        if typed[:2].upper() == b"@B":
+            code, typed = b"@", typed[1:]
+        self._ahead = (0, [])
+        arguments = [part.strip() for part in typed[1:].decode("latin-1").split(",")]
+        try:
+            arguments = [] if arguments == [""] else arguments
+            if code in SETTINGS:
+                return SETTINGS[code].obey(self, code, arguments)
+            if code not in COMMANDS:
+                raise RefusedError(UNKNOWN_COMMAND)
+            return _obey(self, code, arguments)
+        except RefusedError as refused:
+            text = f"{liberty.ERRORS[refused.args[0]].title()}\r\n".encode()
+            header = self._header(0, code[0] if code else _CR, refused.args[0], len(text))
+            return header + text if self._is_binary else text
+
+
+def _whole(text: str, allowed: Container[int]) -> int:
+    if not text.isdecimal() or int(text) not in allowed:
+        raise RefusedError(INVALID)
+    return int(text)
+
+
+def _count(arguments: Arguments, least: int, most: int) -> None:
+    if not least <= len(arguments) <= most:
+        raise RefusedError(INVALID)
+
+
+def _stations(device: EmulatedLiberty, arguments: Arguments) -> list[int]:
+    if arguments[:1] == ["*"]:
+        return list(device.stations)
+    if not arguments or not arguments[0].isdecimal() or int(arguments[0]) not in device.stations:
+        raise RefusedError(INVALID_STATION)
+    return [int(arguments[0])]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting that can be made and asked for. default : its numbers. text : how these are written, all or
+    one group after the other. allowed : what they can be, where they are whole; otherwise they are floats.
+    """
+
+    default: tuple[float, ...]
+    text: str = "%d"
+    allowed: Container[int] | None = None
+    per_station: bool = False
+
+    def obey(self, device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
+        """Set it, or answer what it is."""
+        values = arguments[1:] if self.per_station else arguments
+        answer = b""
+        for station in _stations(device, arguments) if self.per_station else [0]:
+            numbers = device.numbers[code, station]
+            _count(values, 0, MOST_ITEMS if code == b"O" else len(numbers))
+            if not values:
+                end = (-1,) if code == b"O" and len(numbers) < MOST_ITEMS else ()
+                body = np.asarray((*numbers, *end), "<f4" if self.allowed is None else "<i4").tobytes()
+                text = self.text * (len(numbers) // self.text.count("%")) % numbers
+                answer += device.reply(code[0], text.rstrip() if code == b"O" else text, body, station)
+            elif self.allowed is None:  # one that is left out keeps its present value
+                are_numbers = all(not text or _NUMBER.fullmatch(text) for text in values)
+                read = [
+                    float(text or was) if are_numbers else math.nan
+                    for text, was in zip(values, numbers, strict=False)
+                ]
+                if not all(map(math.isfinite, read)):
+                    raise RefusedError(INVALID)
+                device.numbers[code, station] = (*read, *numbers[len(read) :])
+            else:
+                device.numbers[code, station] = tuple(_whole(text, self.allowed) for text in values)
+        return answer
+
+
+def _obey(device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
+    """Do what a command letter, or control character, beside settings asks for; answer it."""
+    if code == b"\x15" and arguments == ["0"]:
+        halves = [sum(1 << (s - 1) for s in numbers) for numbers in (device.active(), device.detected())]
+        return device.reply(0x15, f"{halves[1]:04x}{halves[0]:04x}", struct.pack("<HH", *halves))
+    stations = _stations(device, arguments) if code == b"\x15" else []
+    _count(arguments, *(2 * [{b"\x15": 2, b"Q": 1}.get(code, 0)]))
+    if code == b"\x14":  # faults that its built-in test has found
+        words = 18 if device.ports > 8 else 9
+        return device.reply(0x14, " ".join(["0x00000000"] * words), bytes(4 * words))
+    if code == b"\x16":  # who it is
+        text = device.whoami
+        return device.reply(0x16, text, bytes((device.ports, device.family == "patriot", 0)) + text.encode())
+    if code == b"Q":
+        _whole(arguments[0], (0,))
+        device.counted_from = device.cycle
+    elif code == b"C":
+        device.streaming = True
+    for number in stations:
+        device.enabled[number] = bool(_whole(arguments[1], _FLAG))
+    return b""
+
+
+SETTINGS = {
+    b"A": Setting((0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0), "%7.2f%7.2f%7.2f\r\n", per_station=True),
+    b"B": Setting((0.0, 0.0, 0.0), "%7.2f ", per_station=True),
+    b"F": Setting((0,), allowed=_FLAG),
+    b"G": Setting((0.0, 0.0, 0.0), "%8.3f "),
+    b"H": Setting((1.0, 0.0, 0.0), "%7.3f", per_station=True),
+    b"L": Setting((0,), allowed=_FLAG, per_station=True),
+    b"N": Setting((0.0, 0.0, 0.0), "%6.3f ", per_station=True),
+    b"O": Setting(liberty.DEFAULT_LIST, "%d ", ITEMS, per_station=True),
+    b"R": Setting((4,), allowed=RATES_HZ),
+    b"U": Setting((0,), allowed=_FLAG),
+    b"X": Setting((0.2, 0.2, 0.8, 0.95), "%6.3f "),
+    b"Y": Setting((0.2, 0.2, 0.8, 0.95), "%6.3f "),
+    b"Z": Setting((0,), allowed=_FLAG),
+    ECHO: Setting((0,), allowed=_FLAG),
+    b"@": Setting((1,), allowed=_FLAG),
+}
+COMMANDS = (b"C", b"Q", b"\x14", b"\x15", b"\x16")
+"""Letters, and control characters, of other commands. P is not here: it acts without an end."""

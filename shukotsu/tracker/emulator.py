@@ -1,0 +1,258 @@
+"""The emulator on a line, in real time: a pseudo-terminal, or a TCP port of this machine; none ever waits."""
+
+from __future__ import annotations
+
+import errno
+import os
+import random
+import select
+import socket
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.tracker.archive import ArchiveWriter
+from shukotsu.tracker.emulated_device import FOLLOWING, EmulatedLiberty, Motion
+from shukotsu.tracker.families import StreamSettings
+from shukotsu.tracker.liberty_replies import FULL_LIST
+
+SECOND_NS, READ_BYTES = 1_000_000_000, 4096
+MOST_WAITING_BYTES = 8 << 20
+"""What is kept for a client that reads late; beyond it whole cycles are left out."""
+_IDLE_S = 0.02
+"""How long to wait for a client at most while nothing is streamed."""
+
+
+class Emulator:
+    """Device and clock. Time is the caller's, in ns from any beginning, and never goes back.
+
+    write : takes bytes towards the client and returns how many were taken; waiting : that were not yet.
+    """
+
+    def __init__(self, device: EmulatedLiberty, write: Callable[[bytes], int], now_ns: int) -> None:
+        self.device = device
+        self._write = write
+        self._rate = device.rate
+        self._from_cycle, self._from_ns = device.cycle, now_ns
+        self.waiting = bytearray()
+
+    @property
+    def due_ns(self) -> int:
+        """Return when the next cycle is to be measured."""
+        passed = self.device.cycle - self._from_cycle
+        return self._from_ns + passed * SECOND_NS * self._rate.denominator // self._rate.numerator
+
+    def receive(self, data: bytes, now_ns: int) -> None:
+        """Hand the client's bytes to the device and its answer to the line."""
+        if not data:
+            return
+        self.run(now_ns)
+        self.waiting += self.device.receive(data)
+        if self.device.rate != self._rate:
+            self._from_ns, self._from_cycle = self.due_ns, self.device.cycle
+            self._rate = self.device.rate
+        self._send()
+
+    def run(self, now_ns: int) -> None:
+        """Let every cycle pass that is due."""
+        while self.due_ns <= now_ns:
+            data = self.device.next_cycle()
+            if len(self.waiting) < MOST_WAITING_BYTES:
+                self.waiting += data
+        self._send()
+
+    def _send(self) -> None:
+        if self.waiting:
+            taken = self._write(bytes(self.waiting))
+            del self.waiting[:taken]
+
+
+class TcpPort:
+    """A TCP port of this machine for a client at a time; without one, bytes are lost.
+
+    name : what a client is to open. readable : descriptors that are so when there is something to do.
+    Raises InputError where the port is taken.
+    """
+
+    def __init__(self, host: str, number: int) -> None:
+        try:
+            self._listener = socket.create_server((host, number))
+        except OSError as error:
+            raise InputError(f"--tcp: {host}:{number} cannot be listened on ({error.strerror})") from error
+        self._listener.setblocking(False)
+        self._client: socket.socket | None = None
+        self.name = f"socket://{host}:{self._listener.getsockname()[1]}"
+        self.readable = [self._listener.fileno()]
+
+    def read(self) -> bytes:
+        """Read what the client has sent; a second client is turned away."""
+        with suppress(OSError):
+            client, _ = self._listener.accept()
+            if self._client is not None:
+                client.close()
+            else:
+                client.setblocking(False)
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._client = client
+                self.readable.append(client.fileno())
+        if self._client is None:
+            return b""
+        try:
+            data = self._client.recv(READ_BYTES)
+        except BlockingIOError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._hang_up()
+        return data
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to the client."""
+        if self._client is None:
+            return len(data)
+        try:
+            return self._client.send(data)
+        except BlockingIOError:
+            return 0
+        except OSError:
+            self._hang_up()
+            return len(data)
+
+    def close(self) -> None:
+        """Close the connection and the port."""
+        self._hang_up()
+        self._listener.close()
+
+    def _hang_up(self) -> None:
+        if self._client is not None:
+            self.readable.pop()
+            self._client.close()
+            self._client = None
+
+
+class PtyPort:
+    """A pseudo-terminal; bytes stay in it while nobody reads, until it is full.
+
+    name, readable : as of `TcpPort`. link : where to put a symbolic link to it. Raises InputError where the
+    link cannot be made, or the system has no pseudo-terminals.
+    """
+
+    def __init__(self, link: Path | None = None) -> None:
+        if not hasattr(os, "openpty"):
+            raise InputError("--pty: this system has no pseudo-terminals; give --tcp 4001")
+        import tty
+
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.name, self.readable = os.ttyname(self._slave), [self._master]
+        self._link = link
+        if link is not None:
+            try:
+                if link.is_symlink():
+                    link.unlink()
+                link.symlink_to(self.name)
+            except OSError as error:
+                why = error.strerror
+                raise InputError(f"{link}: cannot be made a link to {self.name} ({why})") from error
+
+    def read(self) -> bytes:
+        """Read what the client has sent."""
+        try:
+            return os.read(self._master, READ_BYTES)
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EIO):
+                return b""
+            raise
+
+    def write(self, data: bytes) -> int:
+        """Hand bytes to the client; none where it does not read."""
+        try:
+            return os.write(self._master, data)
+        except BlockingIOError:
+            return 0
+
+    def close(self) -> None:
+        """Hang up, and take the link away."""
+        os.close(self._master)
+        os.close(self._slave)
+        if self._link is not None and self._link.is_symlink():
+            self._link.unlink()
+
+
+def serve(emulator: Emulator, port: TcpPort | PtyPort, stopped: Callable[[], bool]) -> None:
+    """Run until `stopped` says so. Pace comes from the monotonic clock."""
+    while not stopped():
+        emulator.run(time.perf_counter_ns())
+        wait_s = max(0.0, (emulator.due_ns - time.perf_counter_ns()) / SECOND_NS)
+        if not (emulator.device.streaming or emulator.waiting):
+            wait_s = max(wait_s, _IDLE_S)
+        readable, _, _ = select.select(port.readable, [], [], wait_s)
+        if readable:
+            emulator.receive(port.read(), time.perf_counter_ns())
+
+
+BEGINNING_NS = 3_360_000_000
+"""The made-up clock's reading when the recorder starts the stream."""
+PIECE_NS, MOST_JITTER_NS, _MOST_HELD_BACK_BYTES = 10_000_000, 1_000_000, 80
+
+
+def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) -> None:
+    """Record the device from the first to the last frame of its motion.
+
+    Positions pass through float32 centimetres: they come back within 1e-4 mm up to 1 m from the transmitter.
+    about : kept with the recording. The hemisphere is one that no receiver leaves, or following. Raises
+    InputError where `out` exists.
+    """
+    archive = ArchiveWriter(out, {"emulated": True, **about}, utc_offset_ns=lambda: 0)
+    vector, items = home_hemisphere(device.motion), ",".join(map(str, FULL_LIST))
+    begin = b"F1\rU1\rO*,%s\rH*,%g,%g,%g\rQ0\rC\r" % (items.encode(), *vector)
+    settings = StreamSettings(
+        device.family,
+        "binary",
+        "cm",
+        float(device.rate),
+        device.active(),
+        dict.fromkeys(device.stations, FULL_LIST),
+        dict.fromkeys(device.stations, vector),
+        {"whoami": device.whoami},
+    )
+    archive.settings(settings.to_json(), BEGINNING_NS)
+    archive.sent(begin, BEGINNING_NS)
+    emulator = Emulator(device, lambda _: 0, BEGINNING_NS)  # what it sends waits until a piece takes it
+    device.receive(begin)
+    begun_ns = emulator.due_ns
+    end_ns = begun_ns + len(device.motion.position_mm) * SECOND_NS // int(device.rate) - 1
+    ticks_ns = [*range(begun_ns + PIECE_NS, end_ns, PIECE_NS), end_ns]
+    for pieces, due_ns in enumerate(ticks_ns, 1):
+        emulator.run(due_ns)
+        draw = random.Random(pieces)
+        now_ns = due_ns + draw.randrange(MOST_JITTER_NS)
+        held_back = 0 if due_ns == end_ns else draw.randrange(_MOST_HELD_BACK_BYTES)
+        count = len(emulator.waiting) - held_back  # the others come with the next piece
+        if count > 0:
+            archive.received(bytes(emulator.waiting[:count]), now_ns)
+            del emulator.waiting[:count]
+        if pieces % (SECOND_NS // PIECE_NS) == 0:
+            archive.flush()
+    archive.sent(b"P", now_ns)
+    archive.received(device.receive(b"P"), now_ns)
+    archive.close({"reason": "duration", "duration_s": (end_ns + 1 - begun_ns) / SECOND_NS}, now_ns)
+
+
+def home_hemisphere(motion: Motion) -> tuple[float, float, float]:
+    """Return the axis on whose side all receivers stay, nearest to where they are; FOLLOWING: none."""
+    positions = motion.position_mm.reshape(-1, 3)
+    positions = positions[np.isfinite(positions).all(-1)]
+    mean = positions.mean(0) if len(positions) else np.zeros(3)
+    axis = int(np.argmax(np.abs(mean)))
+    if not (positions[:, axis] * np.sign(mean[axis]) > 0).all():
+        return FOLLOWING
+    x, y, z = np.where(np.arange(3) == axis, np.sign(mean), 0.0).tolist()
+    return (x, y, z)

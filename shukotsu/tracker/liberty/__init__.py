@@ -1,1 +1,0 @@
-"""Polhemus LIBERTY and PATRIOT: items, records, commands and replies, and the set-up."""

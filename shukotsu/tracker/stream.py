@@ -1,0 +1,397 @@
+"""The archive as blocks of records, counters unwrapped, arrivals stamped; the one count of what is lost."""
+
+from __future__ import annotations
+
+import json
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.errors import InputError
+from shukotsu.tracker.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
+from shukotsu.tracker.families import StreamSettings, settings_from_json
+from shukotsu.tracker.liberty_decoder import BinaryDecoder
+from shukotsu.tracker.records import (
+    NONE,
+    Bools,
+    PiecewiseDecoder,
+    Records,
+    Skipped,
+    Wholes,
+    concatenated,
+    empty_records,
+)
+from shukotsu.tracker.viper_decoder import ViperDecoder
+
+LONGEST_GAP_S = 86_400.0
+"""A count or clock that jumps by more than a day was not running: it was set anew."""
+BLOCK_BYTES = 4 << 20
+DECODERS = {"liberty": BinaryDecoder, "patriot": BinaryDecoder, "viper": ViperDecoder}
+
+
+@dataclass(frozen=True)
+class Block:
+    """Records of one stretch of the stream.
+
+    records : offsets count from the first byte that came after the settings; frames are unwrapped.
+    host_ns : (N,) when the record's last byte had come.
+    out_of_order : (N,) its station or frame does not fit between its neighbours'.
+    """
+
+    settings: StreamSettings
+    records: Records
+    host_ns: Wholes
+    out_of_order: npt.NDArray[np.bool_]
+    skipped: tuple[Skipped, ...]
+
+    @property
+    def good(self) -> npt.NDArray[np.bool_]:
+        """Whether a record's frame, station and numbers can be right, shape (N,)."""
+        return np.asarray(~(self.records.doubtful | self.out_of_order))
+
+
+@dataclass
+class Tally:
+    """What an archive holds beside records; filled while its blocks are read.
+
+    started_ns, ended_ns : when the stream was started and stopped, by the host's clock.
+    """
+
+    events: list[Mapping[str, Any]] = field(default_factory=list)
+    summary: Mapping[str, Any] | None = None
+    spoilt_bytes: int = 0
+    unreadable_bytes: int = 0
+    missing_rows: int = 0
+    received_bytes: int = 0
+    started_ns: int = 0
+    ended_ns: int = 0
+    first_utc_offset_ns: int | None = None
+    utc_offset_range_ns: int = 0
+
+
+class PieceReader:
+    """Reads the rows of an archive in turn: what came after the settings is decoded, the rest is tallied.
+
+    decoder : None before the settings. Raises InputError where these stand twice, or cannot be read.
+    """
+
+    def __init__(self, path: Path, tally: Tally) -> None:
+        self.path, self.tally = path, tally
+        self.decoder: ChunkDecoder | None = None
+
+    def add(self, piece: Piece) -> None:
+        """Take the next piece."""
+        tally = self.tally
+        tally.spoilt_bytes += piece.spoilt_bytes
+        tally.unreadable_bytes += piece.unreadable_bytes
+        tally.missing_rows += piece.missing_rows
+        if len(piece.kind):
+            if tally.first_utc_offset_ns is None:
+                tally.first_utc_offset_ns = int(piece.utc_offset_ns[0])
+            moved_ns = int(np.abs(piece.utc_offset_ns - tally.first_utc_offset_ns).max())
+            tally.utc_offset_range_ns = max(tally.utc_offset_range_ns, moved_ns)
+        for kind, data, host_ns in zip(piece.kind.tolist(), piece.data, piece.host_ns.tolist(), strict=True):
+            if kind == SETTINGS:
+                if self.decoder is not None:
+                    raise InputError(
+                        f"{self.path}: holds the tracker's settings twice; expected one recording"
+                    )
+                self.decoder = ChunkDecoder(settings_from_json(self._entry(data), str(self.path)))
+                tally.started_ns = host_ns
+            elif kind == EVENT:
+                tally.events.append({**self._entry(data), "host_ns": host_ns})
+                if tally.events[-1].get("event") == "started":
+                    tally.started_ns = host_ns
+                elif tally.events[-1].get("event") == "stopped":
+                    tally.ended_ns = host_ns
+            elif kind == END:
+                tally.summary = self._entry(data)
+                tally.ended_ns = tally.ended_ns or host_ns
+            elif kind == RECEIVED:
+                tally.received_bytes += len(data)
+                if self.decoder is not None:
+                    self.decoder.add(data, host_ns)
+
+    def _entry(self, data: bytes) -> dict[str, Any]:
+        """Read an entry of the recorder; InputError where it is no JSON object."""
+        try:
+            loaded = json.loads(data)
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{self.path}: an entry of the recorder in it is no JSON ({error})") from error
+        if not isinstance(loaded, dict):
+            raise InputError(f"{self.path}: an entry of the recorder in it is {loaded!r}; expected an object")
+        return loaded
+
+
+def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) -> Iterator[Block]:
+    """Decode an archive block by block; `tally` is filled on the way.
+
+    Raises InputError where the archive has no settings before its records, has them twice, or has ones that
+    cannot be read.
+    """
+    reader = PieceReader(archive.path, tally)
+    for piece in archive.pieces():
+        reader.add(piece)
+        if reader.decoder is not None and reader.decoder.waiting_bytes >= block_bytes:
+            yield reader.decoder.decode(final=False)
+    if reader.decoder is None:
+        raise InputError(
+            f"{archive.path}: ends before the tracker was set up, so it holds no pose; record again"
+        )
+    yield reader.decoder.decode(final=True)
+
+
+class ChunkDecoder:
+    """Decodes the chunks of bytes that came after the settings."""
+
+    def __init__(self, settings: StreamSettings) -> None:
+        self.settings = settings
+        self.waiting_bytes = 0
+        self._decoder: PiecewiseDecoder = DECODERS[settings.family](settings)
+        self._counter = Counter(settings)
+        self._waiting: list[bytes] = []
+        self._length = 0
+        self._ends: list[int] = []
+        self._arrivals: list[int] = []
+
+    def add(self, data: bytes, host_ns: int) -> None:
+        """Take a chunk and the host's time [ns] at which it had come."""
+        self._waiting.append(data)
+        self.waiting_bytes += len(data)
+        self._length += len(data)
+        self._ends.append(self._length)
+        self._arrivals.append(host_ns)
+
+    def decode(self, *, final: bool) -> Block:
+        """Decode the chunks that wait; `final` says that none follow, so that the rest is decided too."""
+        decoded = self._decoder.feed(b"".join(self._waiting), final=final)
+        self._waiting, self.waiting_bytes = [], 0
+        records = decoded.records
+        host_ns = np.empty(0, np.int64)
+        if len(records):
+            arrival = np.searchsorted(self._ends, records.offset + records.size)
+            host_ns = np.array(self._arrivals, np.int64)[arrival]
+        skipped_to = decoded.skipped[-1].offset + decoded.skipped[-1].size if decoded.skipped else 0
+        decided = max(skipped_to, int((records.offset + records.size).max(initial=0)))
+        first = bisect_left(self._ends, decided)
+        del self._ends[:first], self._arrivals[:first]
+        records, host_ns, out_of_order = self._counter.number(records, host_ns, final=final)
+        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped)
+
+
+class Counter:
+    """Numbers the records of one stream, piece by piece, and holds back those that later ones decide."""
+
+    def __init__(self, settings: StreamSettings) -> None:
+        self._settings = settings
+        self._rank = np.full(256, 0, np.int64)
+        self._rank[list(settings.stations)] = np.arange(len(settings.stations))
+        self._active = np.isin(np.arange(256), settings.stations)
+        self._limit = int(LONGEST_GAP_S * settings.rate_hz)
+        self._held = empty_records()
+        self._held_host_ns = np.empty(0, np.int64)
+        self._last: tuple[int, int, int] | None = None  # counter, frame, station of the last good one
+
+    def number(self, records: Records, host_ns: Wholes, *, final: bool) -> tuple[Records, Wholes, Bools]:
+        """Return the records that can be numbered, their arrivals, and which do not fit their neighbours."""
+        records = concatenated([self._held, records])
+        host_ns = np.concatenate([self._held_host_ns, host_ns])
+        odd = np.zeros(len(records), bool)
+        count = len(records) if final else max(0, len(records) - 2)
+        frame = self._counted(records, odd, count) if count else records.frame
+        self._held, self._held_host_ns = records.take(slice(count, None)), host_ns[count:]
+        return replace(records.take(slice(count)), frame=frame[:count]), host_ns[:count], odd[:count]
+
+    def _counted(self, records: Records, odd: Bools, count: int) -> Wholes:
+        """Unwrap what the tracker counts, its frames or its clock; mark records that do not fit as odd.
+
+        count : of the first records, those that are decided.
+        """
+        counter = records.frame & 0xFFFFFFFF
+        if not (records.frame != NONE).any():
+            # Its clock is floor(frame * 1000 / rate) [ms], so the frame is the next whole one.
+            ticks = np.ceil((records.device_ms & 0xFFFFFFFF) * (self._settings.rate_hz / 1000) - 1e-6)
+            counter = ticks.astype(np.int64) & 0xFFFFFFFF
+        station, earlier = records.station, int(self._last is not None)
+        if self._last is not None:
+            counter, station = np.append(self._last[0], counter), np.append(self._last[2], station)
+        odd |= self._misfits(counter, station, earlier)[earlier:]
+        good = np.flatnonzero(~odd[:count]) + earlier
+        frame = np.full(len(counter), 0 if self._last is None else self._last[1])
+        if len(good):
+            step = _signed(np.diff(counter[good], prepend=counter[0 if earlier else good[0]]))
+            step[(step < 0) | (step > self._limit)] = 1
+            frame[good] = (frame[0] if earlier else counter[good[0]]) + np.cumsum(step)
+            last = good[-1]
+            self._last = (int(counter[last]), int(frame[last]), int(station[last]))
+        # A count that is damaged takes that of the record before, for something must stand there.
+        return np.asarray(np.maximum.accumulate(frame)[earlier:])
+
+    def _misfits(self, counter: Wholes, station: Wholes, earlier: int) -> Bools:
+        """Return which records do not fit between their neighbours, (N,); the first `earlier` are good.
+
+        Where a record cannot follow the one before, that of the two is wrong without which all fit. Where all
+        fit without either, the first is right if it was due; where without neither, the tracker counts anew.
+        The good one before a record and the two behind it decide, and nothing else.
+        """
+        wrong, before, end = np.zeros(len(counter), bool), -1, len(counter) - 1
+        breaks = np.flatnonzero(~self._follows(counter, station, np.arange(end), np.arange(end) + 1))
+        for first in breaks.tolist():
+            if wrong[first]:
+                continue
+            if not first or not wrong[first - 1]:
+                before = first - 1
+            second_fits = before < 0 or self._follows(counter, station, before, first + 1)
+            first_fits = first + 1 == end or self._follows(counter, station, first, first + 2)
+            first_is_right = first < earlier or (
+                first_fits and self._was_due(counter, station, before, first)
+            )
+            if second_fits and not first_is_right:
+                wrong[first] = True
+            elif first_fits:
+                wrong[first + 1], before = True, first
+        return wrong
+
+    def _follows(self, counter: Wholes, station: Wholes, first: Wholes | int, second: Wholes | int) -> Bools:
+        """Whether records can come after others: of a later frame, or a later station of the same."""
+        step = _signed(counter[second] - counter[first])
+        later = (step > 0) | ((step == 0) & (station[second] > station[first]))
+        return np.asarray(later & (step <= self._limit))
+
+    def _was_due(self, counter: Wholes, station: Wholes, before: int, row: int) -> bool:
+        """Whether a record is the very next after another (-1: the first of a frame), none left out."""
+        passed = int(self._rank[station[row]])
+        if before >= 0:
+            frames = _signed(counter[row] - counter[before])
+            passed += frames * len(self._settings.stations) - self._rank[station[before]] - 1
+        return bool(passed == 0 and self._active[station[row]])
+
+
+def _signed(difference: Wholes) -> Wholes:
+    """Return differences of 32-bit counts, the short way round."""
+    return (difference + 0x80000000 & 0xFFFFFFFF) - 0x80000000
+
+
+ABSENT_S = 1.0
+"""A receiver that others outlive by more was unplugged (it takes about a second to be found again)."""
+JITTER_S = 0.1
+"""Arrivals are so much apart though nothing is lost."""
+STOP_FRAMES = 2
+"""A stop cuts the cycle in which it comes, and some trackers answer it with a last frame so much later."""
+NOTHING, NO_ROWS = np.empty(0, np.int64), np.empty((3, 0), np.int64)
+
+
+@dataclass
+class Heard:
+    """One receiver so far, or all: its newest record and in which cycle; its good and its lost records."""
+
+    frame: int
+    cycle: int
+    host_ns: int
+    records: int = 0
+    lost: int = 0
+
+
+class Losses:
+    """Counts a stream's good records and what lies between them, however it is cut into pieces.
+
+    Frames are lost of which nothing came, from the first to the last one that did. A record is lost where its
+    receiver lacks frames; but where others have ABSENT_S of these, it was absent. A cycle is partial that
+    lacks a lost record. The newest cycle waits for the next one.
+    """
+
+    def __init__(self, settings: StreamSettings) -> None:
+        self.stations: dict[int, Heard] = {}
+        self.all = Heard(-1, -1, 0)
+        self.cycles = self.first_frame = self.first_ns = 0
+        self._limit = max(1, round(ABSENT_S * settings.rate_hz))
+        self._newest = NO_ROWS
+        self._recent = NOTHING  # frames of the last cycles, which may still turn out to be partial
+        self._lacking = np.empty(0, bool)  # which of these are so by now
+        self._partial_cycles = 0
+
+    @property
+    def partial_cycles(self) -> int:
+        """Return how many cycles lack a lost record."""
+        return self._partial_cycles + int(np.count_nonzero(self._lacking))
+
+    def closed(self) -> tuple[Losses, Wholes, Wholes]:
+        """Return the count if nothing follows, and what that finds (see `add`)."""
+        losses = deepcopy(self)
+        return losses, *losses._add(NO_ROWS, final=True)
+
+    def silent_ends_s(self, start_ns: int, end_ns: int) -> tuple[float, float]:
+        """Return how long [s] nothing came after the start and before the end; 0: less than ABSENT_S."""
+        first_ns, last_ns = (self.first_ns, self.all.host_ns) if self.cycles else (end_ns, end_ns)
+        before_s, after_s = (first_ns - start_ns) * 1e-9, (end_ns - last_ns) * 1e-9
+        return before_s * (before_s > ABSENT_S), after_s * (after_s > ABSENT_S)
+
+    @property
+    def newest_frame(self) -> int:
+        """Return the newest good frame; 0 where there is none."""
+        return int(self._newest[0, -1]) if self._newest.size else 0
+
+    def add(self, block: Block) -> tuple[Wholes, Wholes]:
+        """Count a block's good records.
+
+        Return the gaps that have ended, (G, 6): station (0: of none at all), first and last frame without a
+        good record of it, when [ns] those around had come, whether it was absent; and the partial frames.
+        """
+        rows = np.stack([block.records.frame, block.records.station, block.host_ns])
+        return self._add(rows[:, block.good], final=False)
+
+    def _add(self, rows: Wholes, *, final: bool) -> tuple[Wholes, Wholes]:
+        """Count records in turn, (3, N); `final` says that none follow."""
+        rows = np.concatenate([self._newest, rows], 1)
+        newest = int(np.searchsorted(rows[0], rows[0, -1])) if rows.shape[1] else 0
+        taken = rows.shape[1] if final else newest
+        rows, self._newest = rows[:, :taken].copy(), rows[:, taken:]
+        frame, station, host_ns = rows
+        if not taken:
+            return np.empty((0, 6), np.int64), NOTHING
+        if not self.cycles:
+            self.first_frame, self.first_ns = int(frame[0]), int(host_ns[0])
+            self.all = Heard(self.first_frame - 1, -1, self.first_ns)
+        before, last = int(frame[newest - 1]) if newest else self.all.frame, int(frame[-1])
+        if final and last - before - 1 <= STOP_FRAMES:
+            frame[newest:] = before + 1
+        self._recent = np.append(self._recent, np.unique(frame))
+        new = len(self._recent) - len(self._lacking)
+        self._lacking = np.append(self._lacking, np.zeros(new, bool))
+        self.cycles += new
+        gaps = [self._gaps(0, self.all, rows)]
+        end = rows[:, -1:] if final else NO_ROWS  # a cycle that is cut lacks nothing
+        for number in sorted({*station.tolist(), *(self.stations if final else ())}):
+            heard = self.stations.setdefault(number, Heard(self.first_frame - 1, -1, self.first_ns))
+            gaps.append(self._gaps(number, heard, rows[:, station == number], end))
+        self.all.frame = last
+        old = max(0, len(self._recent) - (0 if final else self._limit))
+        partial = self._recent[:old][self._lacking[:old]]
+        self._partial_cycles += len(partial)
+        self._recent, self._lacking = self._recent[old:], self._lacking[old:]
+        return np.concatenate(gaps), partial
+
+    def _gaps(self, station: int, heard: Heard, rows: Wholes, end: Wholes = NO_ROWS) -> Wholes:
+        """Return the gaps of a station up to its records and the end; count what came and what is lost."""
+        count = rows.shape[1]
+        heard.records += count
+        frame, _, host_ns = np.concatenate([[[heard.frame], [0], [heard.host_ns]], rows, end], 1)
+        first_cycle = self.cycles - len(self._recent)
+        cycle = np.append(heard.cycle, first_cycle + np.searchsorted(self._recent, frame[1:]))
+        at = np.flatnonzero(np.diff(frame) > 1)
+        absent = cycle[at + 1] - cycle[at] - 1 >= self._limit
+        lost = at[~absent]
+        heard.lost += int((frame[lost + 1] - frame[lost] - 1).sum())
+        changes = np.zeros(len(self._recent) + 1, np.int64)
+        np.add.at(changes, cycle[lost] + 1 - first_cycle, 1)
+        np.add.at(changes, cycle[lost + 1] - first_cycle, -1)
+        self._lacking |= np.cumsum(changes)[:-1] > 0
+        heard.frame, heard.cycle, heard.host_ns = (int(each[count]) for each in (frame, cycle, host_ns))
+        ends = (frame[at] + 1, frame[at + 1] - 1, host_ns[at], host_ns[at + 1])
+        return np.stack([np.full(len(at), station), *ends, absent], -1).astype(np.int64)

@@ -1,1 +1,0 @@
-"""Polhemus VIPER: frames with a checksum, and the set-up of the tracker."""

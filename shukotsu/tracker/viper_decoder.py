@@ -1,0 +1,188 @@
+"""Polhemus VIPER: frames of all sensors at once, with a checksum; and the frames of commands.
+
+A frame is a preamble, the count of the bytes that follow, a body and a CRC field whose low 16 bits are the
+CRC-16/ARC of all before it; all little-endian. Source: Polhemus VIPER interface header; VIPER User Manual
+URM18PH392.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.tracker import records as protocol
+from shukotsu.tracker.families import MM_PER_UNIT
+from shukotsu.tracker.records import Bools, Bytes, Decoded, Records, Reply, Wholes, doubtful_poses
+
+COMMAND_PREAMBLE, POSE_PREAMBLE = b"VPRC", b"VPRP"
+LEADER_BYTES, POSE_HEADER_BYTES, COMMAND_HEADER_BYTES, CRC_BYTES = 8, 24, 28, 4
+SENSORS = 16
+MAX_FRAME_BYTES = 4096
+"""Longer than any reply; a count beyond it is a damaged one."""
+SET, GET, RESET, ACKNOWLEDGED, REFUSED, WARNED = range(6)
+"""What a command asks for, or how it was answered."""
+SINGLE, CONTINUOUS = 18, 19
+ANY = 0xFFFFFFFF
+
+_MM = np.array([MM_PER_UNIT[unit] for unit in ("inch", "foot", "cm", "m")])
+_QUATERNION, _WITH_ACCELERATION, _FULL_SCALE = 2, 1, 32768
+_SENSOR = np.dtype([("info", "<u4"), ("position", "<f4", (3,)), ("orientation", "<f4", (4,))])
+_COUNT_AT = 20
+
+_REGISTERS = np.arange(256, dtype=np.uint16)
+for _ in range(8):
+    _REGISTERS = (_REGISTERS >> np.uint16(1)) ^ (_REGISTERS & np.uint16(1)) * np.uint16(0xA001)
+
+
+def crc16_arc(rows: Bytes) -> npt.NDArray[np.uint16]:
+    """CRC-16/ARC (polynomial 0x8005, reflected, start 0) of N byte strings of one length, (N, L) -> (N,)."""
+    register = np.zeros(len(rows), np.uint16)
+    for column in np.ascontiguousarray(rows.T):
+        register = (register >> 8) ^ _REGISTERS[(register ^ column) & 0xFF]
+    return register
+
+
+def command_frame(
+    command: int, action: int, sensor: int = ANY, argument: int = 0, payload: bytes = b""
+) -> bytes:
+    """Return the bytes of a command.
+
+    command : its number (0 hemisphere ... 30 source select); action : SET, GET or RESET; sensor : from 0,
+    ANY for all; argument : the command's second.
+    """
+    body = struct.pack("<5I", ANY, command, action, sensor, argument) + payload
+    frame = COMMAND_PREAMBLE + struct.pack("<I", len(body) + CRC_BYTES) + body
+    return frame + struct.pack("<I", int(crc16_arc(np.frombuffer(frame, np.uint8)[None])[0]))
+
+
+class ViperDecoder(protocol.PiecewiseDecoder):
+    """Decoder of a VIPER stream.
+
+    The bytes before a frame's first sensor count as that sensor's record, the CRC field as the last one's.
+    Units travel in every record, so nothing of the settings is needed. A pose frame without sensors is a
+    reply of CONTINUOUS. Station is sensor + 1; virtual sensors have stations beyond 128 and are doubted.
+    """
+
+    def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
+        at, end, is_pose = _possible_frames(b)
+        good = _sound(b, at, end)
+        waiting = (end > len(b)) & (not final)
+        kept = _disjoint(at, end, good, waiting)
+        at, end, is_pose, waiting = at[kept], end[kept], is_pose[kept], waiting[kept]
+        decided = len(b)
+        if not final:  # up to the first leader, behind all frames, that is cut off by the end
+            first = max(int(end[~waiting].max(initial=0)), len(b) - POSE_HEADER_BYTES + 1)
+            leaders = (
+                (start, b[start : start + len(POSE_PREAMBLE)].tobytes()) for start in range(first, len(b))
+            )
+            preambles = POSE_PREAMBLE, COMMAND_PREAMBLE
+            cut_off = (start for start, leader in leaders if any(p.startswith(leader) for p in preambles))
+            decided = next(cut_off, len(b))
+        if waiting.any():
+            decided = int(at[waiting][0])
+            at, end, is_pose = at[~waiting], end[~waiting], is_pose[~waiting]
+        is_pose = is_pose & (end - at > POSE_HEADER_BYTES + CRC_BYTES)
+        pose_at, sizes = at[is_pose], (end - at)[is_pose]
+        of_size = [(pose_at[sizes == size], int(size)) for size in np.unique(sizes)]
+        parts = [_records_of_size(protocol.rows_at(b, first, size), first) for first, size in of_size]
+        records = protocol.concatenated(parts)
+        records = records if len(parts) < 2 else records.take(np.argsort(records.offset))
+        replies = tuple(_reply(b, int(at[row]), int(end[row])) for row in np.flatnonzero(~is_pose))
+        return Decoded(records, protocol.gaps(at, end, decided), replies), decided
+
+
+def _disjoint(at: Wholes, end: Wholes, good: Bools, waiting: Bools) -> Wholes:
+    """Return indices of the good frames up to the first that still waits for bytes, that one included.
+
+    What stands in a frame's body is no frame.
+    """
+    candidates = np.flatnonzero(good | waiting)
+    if not waiting.any() and (end[candidates][:-1] <= at[candidates][1:]).all():
+        return candidates
+    kept, position = [], 0
+    for index in candidates:
+        if at[index] >= position:
+            kept.append(index)
+            position = end[index]
+            if waiting[index]:
+                break
+    return np.array(kept, np.int64)
+
+
+def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, Bools]:
+    """Return leaders that can be ones: first byte, first byte after, and whether they are of poses."""
+    at = np.flatnonzero(b[: max(0, len(b) - POSE_HEADER_BYTES + 1)] == COMMAND_PREAMBLE[0])
+    for index in (1, 2):
+        at = at[b[at + index] == COMMAND_PREAMBLE[index]]
+    kind = b[at + 3]
+    is_pose = kind == POSE_PREAMBLE[3]
+    either = is_pose | (kind == COMMAND_PREAMBLE[3])
+    at, is_pose = at[either], is_pose[either]
+    size = _unsigned(b, at + 4) + LEADER_BYTES
+    sensors = _unsigned(b, at + _COUNT_AT)
+    of_poses = size == POSE_HEADER_BYTES + _SENSOR.itemsize * sensors + CRC_BYTES
+    of_command = (size >= COMMAND_HEADER_BYTES + CRC_BYTES) & (size <= MAX_FRAME_BYTES)
+    possible = np.where(is_pose, of_poses & (sensors <= 2 * SENSORS), of_command)
+    return at[possible], (at + size)[possible], is_pose[possible]
+
+
+def _unsigned(b: Bytes, at: Wholes) -> Wholes:
+    """Return numbers of 4 bytes at `at`."""
+    return sum(((b[at + index].astype(np.int64) << 8 * index) for index in range(4)), np.zeros_like(at))
+
+
+def _sound(b: Bytes, at: Wholes, end: Wholes) -> Bools:
+    """Whether frames are there as a whole with the right checksum."""
+    good = np.zeros(len(at), bool)
+    whole = end <= len(b)
+    for size in np.unique((end - at)[whole]):
+        mine = np.flatnonzero(whole & (end - at == size))
+        for some in np.array_split(mine, 1 + len(mine) * int(size) // (1 << 22)):
+            rows = protocol.rows_at(b, at[some], int(size))
+            sent = _unsigned(b, end[some] - CRC_BYTES) & 0xFFFF
+            good[some] = crc16_arc(rows[:, :-CRC_BYTES]) == sent
+    return good
+
+
+def _reply(b: Bytes, at: int, end: int) -> Reply:
+    """Read a command frame, or a pose frame without sensors; its body is all from the unit's id on."""
+    body = b[at + LEADER_BYTES : end - CRC_BYTES].tobytes()
+    if b[at + 3] == POSE_PREAMBLE[3]:
+        return Reply(at, 0, CONTINUOUS, 0, body)
+    _, command, action, sensor, _ = struct.unpack_from("<5I", body)
+    station = sensor + 1 if sensor < SENSORS else 0
+    return Reply(at, station, command, action if action in (REFUSED, WARNED) else 0, body)
+
+
+def _records_of_size(rows: Bytes, at: Wholes) -> Records:
+    """Read M frames of one size, rows (M, size), that start at bytes `at`."""
+    body = np.ascontiguousarray(rows[:, POSE_HEADER_BYTES:-CRC_BYTES])
+    sensors = body.view(_SENSOR)
+    per_frame = sensors.shape[1]
+    header = np.ascontiguousarray(rows[:, LEADER_BYTES:POSE_HEADER_BYTES]).view("<u4")
+    info = sensors["info"].ravel()
+    records = protocol.empty_records(sensors.size)
+    starts = np.arange(per_frame) * _SENSOR.itemsize + POSE_HEADER_BYTES
+    starts[0] = 0
+    records.offset[:] = (at[:, None] + starts).ravel()
+    records.size[:] = np.tile(np.diff(starts, append=rows.shape[1]), len(rows))
+    records.station[:] = (info & 0xFF) + 1
+    records.frame[:] = np.repeat(header[:, 1], per_frame)
+    records.distortion[:] = info >> 14 & 0xFF
+    records.button[:] = info >> 12 & 3
+    mm = _MM[info >> 8 & 3]
+    with np.errstate(invalid="ignore", over="ignore"):
+        sent = sensors["position"].reshape(-1, 3)
+        records.position_mm[:] = sent.astype(float) * mm[:, None]
+        accelerated = np.repeat(header[:, 2] & 0xF == _WITH_ACCELERATION, per_frame)
+        orientation = sensors["orientation"].reshape(-1, 4)
+        quaternion = orientation.astype(float)
+        if accelerated.any():  # four whole numbers of orientation, then four of acceleration
+            wholes = np.ascontiguousarray(orientation[accelerated]).view("<i2")[:, :4]
+            quaternion[accelerated] = wholes / _FULL_SCALE
+        quaternion[info >> 10 & 3 != _QUATERNION] = np.nan  # angles, which no recorder asks for
+        records.quaternion[:] = quaternion
+        records.doubtful[:] = doubtful_poses(records) | (records.station > SENSORS)
+    return records

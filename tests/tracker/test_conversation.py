@@ -1,0 +1,73 @@
+"""Whatever comes, and however fast: memory has a bound, questions have an end, and no empty file is left."""
+
+import time
+
+import pytest
+from tracker_processes import PATIENCE_S
+
+from shukotsu.errors import InputError
+from shukotsu.tracker import conversation
+from shukotsu.tracker.conversation import Conversation
+from shukotsu.tracker.port import Port
+from shukotsu.tracker.request import StopRequest
+
+PIECE = b"\xc3junk\r\n" * 1000
+
+
+class FloodedPort(Port):
+    """A port that always has more, faster than anybody can take it; it takes what is sent."""
+
+    def __init__(self) -> None:
+        super().__init__("flood")
+        self.stop: StopRequest | None = None
+
+    def read(self) -> bytes:
+        """Return junk at once."""
+        return PIECE
+
+    def write(self, data: bytes) -> None:
+        """Take a command; somebody may ask for the end just then."""
+        del data
+        if self.stop is not None:
+            self.stop.ask("SIGTERM")
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+@pytest.fixture
+def small_limits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(conversation, "MOST_WAITING_BYTES", 10 * len(PIECE))
+    monkeypatch.setattr(conversation, "MOST_BEFORE_FRAMES_BYTES", 100 * len(PIECE))
+
+
+@pytest.mark.usefixtures("small_limits")
+def test_what_nobody_takes_is_dropped_and_counted() -> None:
+    reader = Conversation(FloodedPort())
+    end = time.monotonic() + PATIENCE_S
+    while not reader.dropped_bytes and time.monotonic() < end:
+        time.sleep(0.01)
+    assert reader.dropped_bytes % len(PIECE) == 0 < reader.dropped_bytes
+    reader.close()
+    dropped = reader.dropped_bytes
+    assert len(reader.keep()) == 11
+    assert not reader.keep(), "all that was not dropped has been given"
+    assert reader.dropped_bytes == dropped
+
+
+@pytest.mark.usefixtures("small_limits")
+def test_no_question_goes_on_for_ever() -> None:
+    reader, longest = Conversation(FloodedPort()), 0
+
+    def answer_in(data: bytes) -> None:
+        nonlocal longest
+        longest = max(longest, len(data))
+
+    try:
+        with pytest.raises(InputError, match=r"^flood: what answers is no tracker: it sent \d+ MB before it"):
+            reader.ask(b"?", answer_in, PATIENCE_S)
+        assert longest <= conversation.ANSWER_BYTES + 11 * len(PIECE)
+        reader.frames_began = True
+        assert reader.receive(PATIENCE_S), "frames may be as many as they are"
+    finally:
+        reader.close()

@@ -1,0 +1,69 @@
+"""What people read of a recording: its state, its summary, what its line carries, what `--ask` says."""
+
+from __future__ import annotations
+
+import pytest
+
+from shukotsu.errors import InputError
+from shukotsu.tracker import display
+from shukotsu.tracker.display import Statistics
+from shukotsu.tracker.families import StreamSettings
+from shukotsu.tracker.liberty_replies import FULL_LIST
+
+
+def test_the_line_says_what_there_is_to_see() -> None:
+    """Rates and losses since the line before, what is wrong with receivers, and which are absent."""
+    stations = (1, 2, 3, 4, 5)
+    statistics = Statistics(StreamSettings("liberty", "binary", "cm", 240.0, stations), 0)
+    before = statistics.totals(0)
+    now = {"seconds": 2.0, "skipped_bytes": 7, "received_bytes": 2_660_000}
+    now["receivers"] = {str(s): {"records": 480 - s, "lost_frames": s} for s in stations}
+    for station, receiver in statistics.receivers.items():
+        receiver.last_host_ns = 0 if station == 5 else 2_000_000_000
+    statistics.receivers[2].error, statistics.receivers[3].distortion = ord("b"), 2
+    statistics.receivers[3].margin, statistics.receivers[4].margin = 0.04, -0.5
+    assert display.state_line(statistics, now, before) == (
+        "2.0 s  4 of 5 receivers  238.0 Hz  missing 0.8 %  skipped 7 B  2.66 MB  absent 5  "
+        "2 error b  3 near the edge  3 distortion 2  4 in the other half"
+    )
+
+
+def test_the_summary() -> None:
+    well = {"records": 14_400, "lost_frames": 0, "records_with_error": 0, "worst_distortion": 0}
+    absent_s = [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0], [50.0, None]]
+    receivers = {
+        "1": {**well, "least_hemisphere_margin": 0.82, "absent_s": []},
+        "16": {**well, "least_hemisphere_margin": None, "absent_s": absent_s},
+    }
+    totals = {"seconds": 60.04, "records": 28_800, "lost_frames": 3, "lost_cycles": 2, "cycles": 14_400}
+    totals |= {"partial_cycles": 2, "skipped_bytes": 7, "received_bytes": 1_612_807}
+    totals |= {"silent_s": [[10.0, 12.5]], "receivers": receivers}
+    lines = display.summary("rom.arrows", "--duration 60", totals, ("the host's clock was set by +3600.0 s",))
+    assert lines[0] == "rom.arrows: ended after 60.0 s (--duration 60)"
+    assert lines[1] == "28800 records in 14400 cycles; 2 frames lost (3 records), 2 cycles partial"
+    assert lines[2] == "1612807 bytes, 7 of them in no record"
+    assert lines[4].split() == ["1", "14400", "0", "0", "0", "+0.82", "-"]
+    assert lines[5].endswith("1.0 s to 2.0 s, 3.0 s to 4.0 s, 50.0 s to the end and 1 more")
+    assert lines[6:] == ["no record at all: 10.0 s to 12.5 s", "note: the host's clock was set by +3600.0 s"]
+
+
+def test_a_line_that_is_too_slow_is_refused_with_the_arithmetic_and_what_fits() -> None:
+    """48 bytes 240 times a second are all of 11520, which 115200 baud carry."""
+
+    def check(count: int, items: tuple[int, ...]) -> None:
+        stations = tuple(range(1, count + 1))
+        lists = dict.fromkeys(stations, items)
+        settings = StreamSettings("liberty", "binary", "cm", 240.0, stations, lists)
+        display.check_line(settings, 115200, "/dev/ttyUSB0")
+
+    check(1, (8, 9, 11, 3, 7))
+    with pytest.raises(InputError):
+        check(1, (8, 9, 11, 3, 7, 0))
+    slow = (
+        r"^/dev/ttyUSB0: the line is too slow: 16 receivers x 56 bytes x 240 Hz = 215040.*115200 baud carries"
+    )
+    fitting = (
+        ".*1 receiver at 120 Hz with this list, 1 receiver at 240 Hz or 2 receivers at 120 Hz with --items"
+    )
+    with pytest.raises(InputError, match=slow + fitting):
+        check(16, FULL_LIST)

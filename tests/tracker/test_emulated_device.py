@@ -1,0 +1,107 @@
+"""The emulated LIBERTY without any port: commands, answers, counters and what is measured."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from shukotsu.tracker import liberty_replies as replies
+from shukotsu.tracker.emulated_device import EmulatedLiberty, Motion, built_in_motion
+from shukotsu.tracker.families import StreamSettings
+from shukotsu.tracker.liberty_decoder import BinaryDecoder
+from shukotsu.tracker.liberty_driver import SETTINGS
+from shukotsu.tracker.liberty_replies import FULL_LIST
+
+ALL = frozenset(range(1, 17))
+
+
+def device(stations: frozenset[int] = ALL) -> EmulatedLiberty:
+    return EmulatedLiberty(built_in_motion(), stations)
+
+
+def translated(tracker: EmulatedLiberty, *commands: bytes) -> bytes:
+    return b"".join(tracker.receive(command) for command in commands)
+
+
+def cycles(tracker: EmulatedLiberty, count: int) -> bytes:
+    return b"".join(tracker.next_cycle() for _ in range(count))
+
+
+def records(data: bytes, size: int) -> list[bytes]:
+    assert len(data) % size == 0
+    return [data[at : at + size] for at in range(0, len(data), size)]
+
+
+DEFAULTS = {
+    # query: what is answered in text, and in binary, of a device as the factory leaves it
+    b"U": (b"0", 0), b"R": (b"4", 4), b"Z": (b"0", 0), b"\x05": (b"0", 0), b"@B": (b"1", 1),
+    b"G": (b"   0.000    0.000    0.000 ", (0, 0, 0)),
+    b"X": (b" 0.200  0.200  0.800  0.950 ", (0.2, 0.2, 0.8, 0.95)),
+    b"Y": (b" 0.200  0.200  0.800  0.950 ", (0.2, 0.2, 0.8, 0.95)),
+    b"\x14": (b" ".join([b"0x00000000"] * 18), (0,) * 18), b"\x15": (b"ffffffff", (0xFFFF, 0xFFFF)),
+    b"A": (
+        b"   0.00   0.00   0.00\r\n   1.00   0.00   0.00\r\n   0.00   1.00   0.00\r\n",
+        (0, 0, 0, 1, 0, 0, 0, 1, 0),
+    ),
+    b"B": (b"   0.00    0.00    0.00 ", (0, 0, 0)), b"H": (b"  1.000  0.000  0.000", (1, 0, 0)),
+    b"L": (b"0", 0), b"N": (b" 0.000  0.000  0.000 ", (0, 0, 0)), b"O": (b"2 4 1", (2, 4, 1)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
+    tracker, setting = device(), SETTINGS[name]
+    text, numbers = DEFAULTS[setting.command]
+    station = 7 if setting.per_station else 0
+    letter = chr(setting.command[0] + 0x60 * (setting.command[0] < 0x20)).encode()
+    assert translated(tracker, setting.question(station)) == b"%02d%s  %s\r\n" % (station, letter, text)
+    translated(tracker, b"F1\r")
+    (reply,) = replies.binary_answers(translated(tracker, setting.question(station).lower()))
+    assert replies.answers(reply, setting, station)
+    assert replies.binary_value(setting, reply) == pytest.approx(numbers)
+    if setting.per_station:
+        assert translated(tracker, setting.question(17))[4] == 2, "Invalid Station"
+
+
+def flat(x_mm: np.ndarray) -> Motion:
+    position = np.stack([x_mm, np.full_like(x_mm, 300.0), np.full_like(x_mm, 20.0)], -1)[:, None]
+    return Motion((1,), position, np.tile([1.0, 0, 0, 0], (len(x_mm), 1, 1)))
+
+
+def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:
+    translated(tracker, b"F1\rU1\rO1,2,7\rC\r")
+    return np.array([struct.unpack_from("<7f", r, 8) for r in records(cycles(tracker, count), 36)])
+
+
+def test_a_receiver_that_leaves_the_hemisphere_is_reported_opposite() -> None:
+    """The orientation goes on; no flip while the hemisphere follows the receiver."""
+    motion = flat(np.linspace(100, -100, 200))
+    true = motion.position_mm[:, 0] / 10
+    seen = measured_cm(EmulatedLiberty(motion, frozenset({1})), 200)
+    assert seen[:100, :3] == pytest.approx(true[:100], abs=1e-5)
+    assert seen[100:, :3] == pytest.approx(-true[100:], abs=1e-5)
+    assert (seen[:, 3:] == [1, 0, 0, 0]).all()
+    follows = EmulatedLiberty(motion, frozenset({1}))
+    translated(follows, b"H*,0,0,0\r")
+    assert measured_cm(follows, 200)[:, :3] == pytest.approx(true, abs=1e-5)
+
+
+@pytest.mark.parametrize("items", [FULL_LIST, (2, 7)])
+def test_decoders_read_what_is_sent(items: tuple[int, ...]) -> None:
+    tracker = device()
+    chosen = ",".join(map(str, items)).encode()
+    translated(tracker, b"F1\rU1\rO*,%s\rC\r" % chosen)
+    stations = tuple(range(1, 17))
+    settings = StreamSettings("liberty", "binary", "cm", 240.0, stations, dict.fromkeys(stations, items))
+    got = BinaryDecoder(settings).feed(cycles(tracker, 200), final=True)
+    assert not got.skipped
+    assert len(got.records) == 16 * 200
+    position, quaternion = built_in_motion().poses(np.arange(200), stations)
+    cosine = np.einsum("ij,ij->i", got.records.quaternion, quaternion.reshape(-1, 4))
+    assert np.abs(np.abs(cosine) - 1).max() < 1e-4
+    assert np.abs(got.records.position_mm - position.reshape(-1, 3)).max() < 1e-4
+    if 9 in items:
+        frame = np.repeat(np.arange(200), 16)
+        assert (got.records.frame == frame).all()
+        assert (got.records.device_ms == frame * 1000 // 240).all()
+        assert not (got.records.button | got.records.distortion | got.records.sync).any()

@@ -1,0 +1,238 @@
+"""A recording from end to end, through a real line, from every state of the tracker, and all that goes wrong.
+
+What a test asserts never depends on how fast the host is; it waits for what it asserts.
+"""
+
+import io
+import json
+import re
+import resource
+import signal
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from tracker_processes import (
+    EVERYTHING_HEARD,
+    PATIENCE_S,
+    StubbornTracker,
+    VanishedError,
+    at_a_port,
+    capture,
+    leave_in,
+    started,
+    until_lines,
+)
+
+from shukotsu.commands import record_tracker
+from shukotsu.tables.line_printer import LinePrinter
+from shukotsu.tracker.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_archive
+from shukotsu.tracker.conversation import Conversation
+from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
+from shukotsu.tracker.port import SerialPort, open_port
+from shukotsu.tracker.records import Records, concatenated
+from shukotsu.tracker.request import RecordingRequest, StopRequest
+from shukotsu.tracker.session import DRIVERS, RecordingPlan, record
+from shukotsu.tracker.stream import Tally, blocks_of
+
+NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
+"""What stays after the recorder has gone: re-initialise, start-up settings, save, name, line settings."""
+
+
+def rows(path: Path) -> list[tuple[int, bytes]]:
+    return [
+        (int(kind), data)
+        for piece in open_archive(path).pieces()
+        for kind, data in zip(piece.kind, piece.data, strict=True)
+    ]
+
+
+def events(path: Path) -> list[dict[str, object]]:
+    return [json.loads(data) for kind, data in rows(path) if kind == EVENT]
+
+
+def decoded(path: Path):
+    tally = Tally()
+    blocks = list(blocks_of(open_archive(path), tally))
+    return concatenated([block.records for block in blocks]), tally, blocks[0].settings
+
+
+def frames_of(records: Records, station: int = 1) -> np.ndarray:
+    return records.frame[records.station == station]
+
+
+def assert_gapless(frames: np.ndarray) -> None:
+    assert len(frames) > 24
+    assert np.diff(frames).tolist() == [1] * (len(frames) - 1)
+
+
+def assert_whole(path: Path, stations: int) -> None:
+    """Every receiver has every frame from the first to the last."""
+    records, tally, _ = decoded(path)
+    frames = np.unique(records.frame)
+    assert_gapless(frames)
+    for station in range(1, stations + 1):
+        mine = frames_of(records, station)
+        assert len(np.unique(mine)) >= len(frames) - 1, "the last cycle may be cut by the stop"
+    assert tally.summary is not None
+    assert tally.summary["skipped_bytes"] == 0
+    assert tally.summary["records"] == len(records), "what came after the stop is counted too"
+
+
+def error_line(stderr: str) -> str:
+    (line,) = [line for line in stderr.splitlines() if line.startswith("error: ")]
+    assert "Traceback" not in stderr
+    return line
+
+
+def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys) -> None:
+    """Nothing is lost; the archive says all that is needed to read it alone."""
+    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
+    leave_in(port, b"F1\rU1\rO*,2,4,9,1\rC\r")
+    argv = ["--port", port, "--out", str(out), "--duration", "1.2", "--note", "first", "--note", "second"]
+    assert record_tracker.main(argv) == 0
+    printed = capsys.readouterr()
+    assert re.search(rf"{out}: ended after \d+\.\d s \(--duration 1\.2\)", printed.out)
+    assert "4 of 4 receivers" in printed.err
+    assert_whole(out, 4)
+    _, _, settings = decoded(out)
+    assert settings.unit == "cm"
+    assert settings.items[16] == (8, 9, 11, 10, 12, 3, 7)
+    assert settings.options["before"]["output_list"]["1"] != settings.options["after"]["output_list"]["1"]
+    assert "LIBERTY" in settings.options["whoami"]
+    assert open_archive(out).about["notes"] == ["first", "second"]
+    assert [e["text"] for e in events(out) if e["event"] == "note"] == ["first", "second"]
+    kinds = [kind for kind, _ in rows(out)]
+    assert kinds.index(RECEIVED) < kinds.index(SETTINGS), "the talk before the first frame is kept too"
+    assert kinds[-1] == END
+    sent = b"".join(data for kind, data in rows(out) if kind == SENT)
+    assert not any(byte in sent for byte in NEVER_SENT)
+    assert sent.endswith(b"Q0\rC\rP")
+
+
+# --- what goes wrong: what is kept of it, and what the user is told ----------------------------------------
+
+
+class Vanishing(StubbornTracker):
+    """A LIBERTY with four receivers that vanishes in the middle of a record, after 600 frames."""
+
+    left = 600
+
+    def cycle(self) -> bytes:
+        """Return what it sends in one cycle; half a record, and it is gone."""
+        data = super().cycle()
+        self.left -= self.device.streaming
+        if self.left < 0:
+            raise VanishedError(data[:20])
+        return data
+
+
+@pytest.mark.slow
+def test_nothing_answers(tmp_path: Path) -> None:
+    out = tmp_path / "rom.arrows"
+    with at_a_port(SimpleNamespace(streaming=False, take=lambda _: b"")) as port:
+        done = capture("record", "--port", port, "--out", str(out))
+    assert done.returncode == 2
+    assert f"error: {port}: nothing answers" in error_line(done.stderr)
+    assert "(just switched on? it takes 10 s)" in done.stderr
+    assert not out.exists(), "the name is free for the next attempt"
+
+
+def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPatch) -> None:
+
+    def read(port: SerialPort) -> bytes:
+        data = SerialPort.read(port)
+        return data if port.baud == 38400 else bytes(255 - byte for byte in data)
+
+    device = EmulatedLiberty(built_in_motion(), frozenset({1}))
+    with at_a_port(StubbornTracker(device, EVERYTHING_HEARD)) as name:
+        port = open_port(name, 115200)
+        assert isinstance(port, SerialPort)
+        port.line_baud = 115200
+        monkeypatch.setattr(port, "read", lambda: read(port))
+        conversation = Conversation(port)
+        driver = DRIVERS["liberty"](conversation, RecordingRequest("liberty"))
+        driver.set_up()
+        conversation.close()
+        port.close()
+    assert driver.warnings == ["it answered at 38400 baud and not at 115200; 38400 is used"]
+
+
+@pytest.mark.slow
+def test_the_tracker_vanishes_in_the_middle_of_a_record(tmp_path: Path) -> None:
+    out = tmp_path / "rom.arrows"
+    device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3, 4}))
+    with at_a_port(Vanishing(device, EVERYTHING_HEARD)) as port:
+        done = capture("record", "--port", port, "--out", str(out))
+    assert done.returncode == 3, done.stderr
+    message = error_line(done.stderr)
+    assert message.startswith(f"error: {port}: the port is gone (")
+    after_s, kept_s = re.findall(r"(\d+\.\d) s", message)
+    assert message.endswith(f" after {after_s} s; {out} keeps the first {kept_s} s")
+    assert after_s == kept_s
+    records, tally, _ = decoded(out)
+    assert_gapless(frames_of(records))
+    assert tally.summary is not None
+    assert tally.summary["reason"].startswith("the port is gone")
+    assert "failed" in [event["event"] for event in tally.events]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: Path) -> None:
+    port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
+    with started("record", "--port", port, "--out", str(out)) as recorder:
+        until_lines(recorder, 2)
+        recorder.send_signal(number)
+        printed, _ = recorder.communicate(timeout=PATIENCE_S)
+        assert recorder.returncode == 0
+    assert f"({number.name})" in printed
+    assert_whole(out, 4)
+    _, tally, _ = decoded(out)
+    assert tally.summary is not None
+    assert tally.summary["reason"] == number.name
+    assert tally.unreadable_bytes == 0
+
+
+@pytest.mark.slow
+def test_a_disk_that_is_full(emulated, tmp_path: Path) -> None:
+    port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))
+
+    with started("record", "--port", port, "--out", str(out), preexec_fn=limit) as recorder:
+        _, stderr = recorder.communicate(timeout=PATIENCE_S)
+        assert recorder.returncode == 3
+    assert f"error: {port}: the disk takes no more (File too large) after" in error_line(stderr)
+    assert f"{out} keeps the first " in stderr
+    records, tally, _ = decoded(out)
+    assert out.stat().st_size <= 500_000
+    assert tally.unreadable_bytes == 0
+    assert_gapless(frames_of(records))
+
+
+@pytest.mark.slow
+def test_the_hosts_clock_is_set_meanwhile(emulated, tmp_path: Path) -> None:
+    out = tmp_path / "rom.arrows"
+    calls = 0
+
+    def utc_offset_ns() -> int:  # an hour less from the hundredth time on that it is asked for
+        nonlocal calls
+        calls += 1
+        return 10**18 - (3600 * 10**9 if calls > 1000 else 0)
+
+    port = open_port(emulated("--stations", "1"), 115200)
+    plan = RecordingPlan(out, RecordingRequest("liberty"), duration_s=6.0)
+    ending = record(plan, port, LinePrinter(io.StringIO()), StopRequest(), {}, utc_offset_ns)
+    port.close()
+    assert not ending.failed
+    assert ending.notices == ("the host's clock was set by -3600.0 s; times of frames are not concerned",)
+    records, tally, _ = decoded(out)
+    (jump,) = [event for event in tally.events if event["event"] == "clock-jumped"]
+    assert jump["seconds"] == pytest.approx(-3600.0)
+    assert tally.utc_offset_range_ns == pytest.approx(3600e9)
+    host_ns = np.concatenate([piece.host_ns[piece.kind == RECEIVED] for piece in open_archive(out).pieces()])
+    assert (np.diff(host_ns) >= 0).all()
+    assert_gapless(frames_of(records))
