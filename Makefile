@@ -81,8 +81,7 @@ format: $(developers) ## put style right
 	@.venv/bin/snakefmt Snakefile
 
 docs: $(developers) ## write what is generated of the guide: pages from the schemas, the diagram from the rules
-	@$(python) -m guide.reference_pages docs
-	@$(python) -m guide.diagram
+	@$(python) docs/make_pages.py
 
 site: $(developers) ## make the guide a site of pages, site/index.html, that needs no server and no network
 	@NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --quiet

@@ -1,23 +1,33 @@
-"""The reference pages of the guide, made from the schemas: docs/tables.md,
-docs/configuration.md and docs/mistakes.md.
+"""Write what is made of the guide: tables.md, configuration.md and mistakes.md from the schemas, and the
+data flow in architecture.md (Mermaid) from the rules of the demo study.
 """
 
 from __future__ import annotations
 
-import argparse
+import html
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass
 from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
 
 from shukotsu.study.config_files import json_schema, shipped
 from shukotsu.study.findings import kinds
-from shukotsu.study.sheets import SHEETS, Cell
+from shukotsu.study.sheets import SHEETS
 from shukotsu.tables.catalogue import HAND_KEY, RECORDING_KEY, TABLES, shared_columns
-from shukotsu.tables.typed_table import Column, Table
+from shukotsu.tables.text_files import replaced_between
+from shukotsu.tables.typed_table import Column
+from shukotsu.tables.whole_files import write_text
 
+DOCS = Path(__file__).resolve().parent
+PAGE = DOCS / "architecture.md"
+START, END = "<!-- diagram: start -->", "<!-- diagram: end -->"
 NOTE = "<!-- Made by `make docs` from the schemas; change those, not this page. -->"
 
 
@@ -59,7 +69,11 @@ def tables_page() -> str:
         *_rows(shared.values()),
     ]
     for table in TABLES.values():
-        lines += ["", *_table(table, shared)]
+        unshared = [column for column in table.columns if column != shared.get(column.name)]
+        more = [f"`{c.name}`" for c in table.columns if c not in unshared and c.name not in table.key]
+        key = f" Key: {_key(table.key)}." if table.key else ""
+        also = f" Also: {', '.join(more)}." if more else ""
+        lines += ["", f"## {table.name}", "", f"A row: {table.row}.{key}{also}", "", *_rows(unshared)]
     return "\n".join(lines) + "\n"
 
 
@@ -88,7 +102,10 @@ def configuration_page() -> str:
     for sheet in SHEETS.values():
         more = " Further columns are kept." if sheet.more_columns else ""
         lines += ["", f"### {sheet.name}", "", f"A row is one {', '.join(sheet.key)}.{more}", ""]
-        lines += [f"- `{cell.name}`{_need(cell)}: {_linked(cell.description)}" for cell in sheet.cells]
+        for cell in sheet.cells:
+            unless = f" unless `{cell.unless}` is there" if cell.unless else ""
+            need = f" **needed**{unless}" if cell.required else ""
+            lines.append(f"- `{cell.name}`{need}: {_linked(cell.description)}")
     return "\n".join(lines) + "\n"
 
 
@@ -133,25 +150,8 @@ def mistakes_page() -> str:
     return "\n".join(lines[:-1]) + "\n"
 
 
-def _need(cell: Cell) -> str:
-    unless = f" unless `{cell.unless}` is there" if cell.unless else ""
-    return f" **needed**{unless}" if cell.required else ""
-
-
-def _table(table: Table, shared: Mapping[str, Column]) -> Iterator[str]:
-    unshared = [column for column in table.columns if column != shared.get(column.name)]
-    more = [f"`{c.name}`" for c in table.columns if c not in unshared and c.name not in table.key]
-    yield f"## {table.name}"
-    yield ""
-    key = f" Key: {_key(table.key)}." if table.key else ""
-    also = f" Also: {', '.join(more)}." if more else ""
-    yield f"A row: {table.row}.{key}{also}"
-    yield ""
-    yield from _rows(unshared)
-
-
 def _key(names: tuple[str, ...]) -> str:
-    """Names of a key, with a word for those that a hand or a recording has."""
+    """Format the names of a key, with a word for those that a hand or a recording has."""
     listed = ", ".join(f"`{name}`" for name in names)
     for word, key in (("recording", RECORDING_KEY), ("hand", HAND_KEY)):
         listed = listed.replace(", ".join(f"`{name}`" for name in key), f"*{word}*")
@@ -159,25 +159,24 @@ def _key(names: tuple[str, ...]) -> str:
 
 
 def _rows(columns: Iterable[Column]) -> Iterator[str]:
-    """A line a column; neighbours that are parts of one vector, quaternion or matrix share one."""
-    for (meaning, kind), parts in groupby(columns, key=lambda column: (_whole(column), _type(column))):
+    """Format a line a column; neighbours that are parts of a vector, quaternion or matrix share a line."""
+
+    def whole(column: Column) -> tuple[str, str]:
+        return re.sub(r", (row \w column )?[wxyz]$", "", column.description), _type(column)
+
+    for (meaning, kind), parts in groupby(columns, key=whole):
         yield f"- `{_joined([part.name for part in parts])}`{kind}: {_linked(meaning)}"
 
 
 def _linked(text: str) -> str:
-    """A meaning as Markdown: pages of the guide are links, and what would be a mark stands as it is."""
+    """Format a meaning as Markdown: pages of the guide are links, and would-be marks stand as they are."""
     parts = text.split("`")
     parts[::2] = [part.replace("<", "&lt;").replace("*", "\\*") for part in parts[::2]]
     return re.sub(r"docs/([\w-]+)\.md", r"[\1](\1.md)", "`".join(parts))
 
 
-def _whole(column: Column) -> str:
-    """Meaning of the vector, quaternion or matrix that a column is a part of; its own where it is of none."""
-    return re.sub(r", (row \w column )?[wxyz]$", "", column.description)
-
-
 def _joined(names: list[str]) -> str:
-    """Names that differ in one part, as one: x_mm, y_mm, z_mm are {x,y,z}_mm."""
+    """Format names that differ in a part as a single name: x_mm, y_mm, z_mm are {x,y,z}_mm."""
     if len(names) == 1:
         return names[0]
     start, end = _alike(names), _alike([name[::-1] for name in names])
@@ -191,7 +190,7 @@ def _alike(names: list[str]) -> int:
 
 
 def _type(column: Column) -> str:
-    """Write a column's type where it is not the usual one, and a question mark where it may be null."""
+    """Return a column's type where it is not the usual one, and a question mark where it may be null."""
     listed = re.fullmatch(r"fixed_size_list<item: double>\[(\d+)\]", str(column.type))
     kind = f"{listed[1]} doubles" if listed else str(column.type).replace("string", "text")
     return f"{'' if kind == 'double' else f' {kind}'}{'?' if column.nullable else ''}"
@@ -209,7 +208,12 @@ def _keys(schema: dict[str, Any], prefix: str) -> Iterator[str]:
 
 
 def _key_row(path: str, part: dict[str, Any], required: bool) -> str:
-    kind = _kind(part)
+    """Format a key's line: what it holds, what it is where it is left out, its meaning."""
+    words = {"string": "text", "object": "group", "array": "list", "boolean": "true, false"}
+    kinds = part.get("type", "string")
+    kind = " or ".join(words.get(kind, kind) for kind in ([kinds] if isinstance(kinds, str) else kinds))
+    reference = part.get("$ref", "").rsplit("/", 1)[-1]
+    kind = {"vector": "vector", "column": "text or integer"}.get(reference, kind)
     if "enum" in part:
         kind = ", ".join(str(word) or "empty" for word in part["enum"])
     default = (
@@ -218,23 +222,103 @@ def _key_row(path: str, part: dict[str, Any], required: bool) -> str:
     return f"- `{path}` ({kind}{default}): {_linked(part['description'])}"
 
 
-def _kind(part: dict[str, Any]) -> str:
-    reference = part.get("$ref", "").rsplit("/", 1)[-1]
-    if reference in ("vector", "column"):
-        return {"vector": "vector", "column": "text or integer"}[reference]
-    words = {"string": "text", "object": "group", "array": "list", "boolean": "true, false"}
-    kinds = part.get("type", "string")
-    return " or ".join(words.get(kind, kind) for kind in ([kinds] if isinstance(kinds, str) else kinds))
+_NODE = re.compile(r"^(\d+) \[.*?label=<(.*?)</table>>\]$", re.MULTILINE | re.DOTALL)
+_EDGE = re.compile(r"^\s*(\d+) -> (\d+)$", re.MULTILINE)
+_RULE = re.compile(r'<b><font point-size="18">(.*?)</font></b>')
+_FILE = re.compile(r'<font face="monospace">(.*?)</font>')
 
 
-def main() -> None:
-    """Write the pages into a folder."""
-    parser = argparse.ArgumentParser(description="Write the guide's reference pages from the schemas.")
-    parser.add_argument("folder", type=Path, help="where the pages go, e.g. docs")
-    folder = parser.parse_args().folder
-    for name, text in pages().items():
-        (folder / name).write_text(text, "utf-8")
+@dataclass(frozen=True)
+class RuleGraph:
+    """Rules of a workflow with the names of the files that each writes; edges : from writer to reader."""
+
+    outputs: Mapping[str, Sequence[str]]
+    edges: Sequence[tuple[str, str]]
+
+
+def read_filegraph(dot: str) -> RuleGraph:
+    """Read what `snakemake --filegraph` prints; the rule `all` is left out."""
+    rules: dict[str, str] = {}
+    outputs: dict[str, list[str]] = {}
+    for number, label in _NODE.findall(dot):
+        rule = rules[number] = _RULE.findall(label)[0]
+        names = [
+            file_name(html.unescape(file)) for file in _FILE.findall(label.partition("output &rarr;")[2])
+        ]
+        outputs[rule] = list(dict.fromkeys(names))
+    del outputs["all"]
+    read_by: dict[str, set[str]] = {rule: set() for rule in outputs}
+    for writer, reader in _EDGE.findall(dot):
+        if rules[reader] != "all":
+            read_by[rules[writer]].add(rules[reader])
+    return RuleGraph(outputs, direct_edges(read_by))
+
+
+def direct_edges(read_by: Mapping[str, Set[str]]) -> list[tuple[str, str]]:
+    """Return edges without those that a longer way implies (the transitive reduction), sorted."""
+
+    def after(rule: str) -> set[str]:
+        return {later for reader in read_by[rule] for later in (reader, *after(reader))}
+
+    return [
+        (writer, reader)
+        for writer, readers in sorted(read_by.items())
+        for reader in sorted(readers)
+        if not any(reader in after(other) for other in readers)
+    ]
+
+
+def file_name(path: str) -> str:
+    """Return a table's name, a file's last part, a folder with its parent; wildcards are capitals."""
+    plain = re.sub(r"\{(\w)[^{}]*\}", lambda wildcard: wildcard[1].upper(), path)
+    *_, folder, name = plain.split("/")
+    if folder.endswith("_truth"):
+        return "truth"
+    if "." not in name:
+        return f"{folder}/{name}"
+    return name if name.startswith("sub-") else name.removesuffix(".parquet")
+
+
+def mermaid(graph: RuleGraph) -> str:
+    """Format the graph as a Mermaid flowchart, a rule a node with the files that it writes."""
+    lines = ["flowchart TB"]
+    for rule, files in sorted(graph.outputs.items()):
+        endings: dict[str, list[str]] = {}  # files that differ in their endings alone are a single name
+        for file in files:
+            stem, _, ending = file.partition(".")
+            endings.setdefault(stem, []).append(ending)
+        names = [
+            f"{stem} ({', '.join(parts)})" if len(parts) > 1 else ".".join(filter(None, (stem, *parts)))
+            for stem, parts in endings.items()
+        ]
+        lines.append(f'    {rule}["<b>{rule}</b><br/>{"<br/>".join(names)}"]')
+    lines += [f"    {writer} --> {reader}" for writer, reader in graph.edges]
+    return "\n".join(lines)
+
+
+def page_with_diagram(page: str) -> str:
+    """Return the page with the diagram of the rules of the demo study with exports between its marks."""
+    with tempfile.TemporaryDirectory() as folder:
+        for part in ("data", "config"):
+            shutil.copytree(
+                DOCS.parent / part, Path(folder, part), ignore=shutil.ignore_patterns("recordings")
+            )
+        study = Path(folder, "config", "demo.yaml")
+        study.write_text(f"{study.read_text('utf-8')}\nexports: [bvh, bids]\n", "utf-8")
+        command = [
+            sys.executable,
+            "-m",
+            "snakemake",
+            "--snakefile",
+            str(DOCS.parent / "Snakefile"),
+            "--forceall",
+        ]
+        command += ["--directory", folder, "--configfile", str(study), "--cores", "1", "--filegraph"]
+        dot = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder).stdout
+    return replaced_between(page, START, END, f"```mermaid\n{mermaid(read_filegraph(dot))}\n```")
 
 
 if __name__ == "__main__":
-    main()
+    for page_name, page_text in pages().items():
+        write_text(DOCS / page_name, page_text)
+    write_text(PAGE, page_with_diagram(PAGE.read_text("utf-8")))

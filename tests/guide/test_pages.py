@@ -1,0 +1,127 @@
+"""Pages of the guide: what is made is in step, charts are tables on the site, pictures say what they show."""
+
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from make_pages import DOCS, PAGE, RuleGraph, direct_edges, mermaid, page_with_diagram, pages, read_filegraph
+from mkdocs.config.defaults import MkDocsConfig
+from site_hook import CHART, HEAD, MARK, as_table, cells_as_markdown, on_page_markdown
+
+GENERATED = pages()
+"""The pages that `make docs` writes, of today's schemas, by name."""
+NODE = """{number} [ shape=none, margin=0, label=<<table border="2">
+<b><font point-size="18">{rule}</font></b>
+<tr><td align="left"> <b><font point-size="14">&#8618; input</font></b> </td></tr>
+<td align="left"><font face="monospace">ignored.parquet</font></td>
+<tr><td align="right"> <b><font point-size="14">output &rarr;</font></b> </td> </tr>
+{files}
+</table>>]
+"""
+
+
+def node(number: int, rule: str, *files: str) -> str:
+    cells = "\n".join(f'<td align="left"><font face="monospace">{file}</font></td></tr>' for file in files)
+    return NODE.format(number=number, rule=rule, files=cells)
+
+
+def test_rules_their_files_and_who_reads_them_are_read() -> None:
+    dot = node(0, "all") + node(1, "solve", "r/sub-{subject,[^/]+}/joints.parquet", "r/a.html")
+    dot += node(2, "cut", "r/planes.parquet") + "\t1 -> 2\n\t2 -> 0\n}"
+    graph = read_filegraph(dot)
+    assert graph == RuleGraph({"solve": ["joints", "a.html"], "cut": ["planes"]}, [("solve", "cut")])
+
+
+def test_what_a_longer_way_implies_is_left_out() -> None:
+    assert direct_edges({"a": {"b", "c", "d"}, "b": {"c"}, "c": {"d"}, "d": set()}) == [
+        ("a", "b"),
+        ("b", "c"),
+        ("c", "d"),
+    ]
+
+
+@pytest.mark.slow
+def test_the_page_is_current() -> None:
+    page = PAGE.read_text("utf-8")
+    assert page == page_with_diagram(page), "run `make docs`"
+
+
+NOTEBOOK = {
+    "cells": [
+        {"cell_type": "markdown", "source": ["## A question\n", "Why?"]},
+        {"cell_type": "code", "source": ["x = 1\n", "x"], "outputs": [{"text": "1"}]},
+    ]
+}
+GRAPH = RuleGraph({"draw": ["report.html"], "solve": ["joints", "planes"]}, [("solve", "draw")])
+TABLE = f"{HEAD['en']}\n| **solve** | joints, planes | draw |\n| **draw** | report.html |  |"
+
+
+def test_a_chart_of_rules_is_a_table_in_their_order() -> None:
+    assert as_table(mermaid(GRAPH)) == TABLE
+
+
+def test_every_chart_of_the_guide_is_turned() -> None:
+    assert CHART.search(PAGE.read_text("utf-8"))
+    config = MkDocsConfig()
+    config.docs_dir = str(DOCS)
+    for page in DOCS.glob("*.md"):
+        text = on_page_markdown(page.read_text("utf-8"), page=None, config=config)
+        assert "```mermaid" not in text, page.name
+
+
+def test_cells_are_text_and_blocks_without_outputs() -> None:
+    assert cells_as_markdown(NOTEBOOK) == "## A question\nWhy?\n\n```python\nx = 1\nx\n```"
+
+
+def test_notebooks_are_on_a_page_and_kept_without_outputs() -> None:
+    shown = {name for page in DOCS.glob("*.md") for name in MARK.findall(page.read_text("utf-8"))}
+    assert shown == {path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.ipynb")} != set()
+    for name in shown:
+        text = text_of(name)
+        assert '"outputs": []' in text
+        assert text.count('"outputs": []') == text.count('"outputs"') == text.count('"execution_count": null')
+
+
+PICTURES = sorted((DOCS / "pictures").glob("*.svg"))
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def text_of(page: str) -> str:
+    return (DOCS / page).read_text("utf-8")
+
+
+def test_every_picture_is_on_a_page_and_in_words_of_both_languages() -> None:
+    """A picture with words is there in Japanese too, for the site, though its page may not be."""
+    text = "".join(page.read_text("utf-8") for page in DOCS.glob("*.md"))
+    shown, names = set(re.findall(r"\(pictures/(.*?)\)", text)), {path.name for path in PICTURES}
+    of_words = {path.name for path in PICTURES if "<text" in path.read_text("utf-8")}
+    assert shown <= names
+    assert {name for name in shown if not name.endswith(".ja.svg")} == {
+        name.replace(".ja.svg", ".svg") for name in names
+    }
+    assert {
+        name for name in of_words if name.replace(".ja.svg", ".svg").replace(".svg", ".ja.svg") not in names
+    } == set()
+
+
+@pytest.mark.parametrize("picture", PICTURES, ids=lambda path: path.name)
+def test_a_picture_says_in_words_what_it_shows_and_is_whole_by_itself(picture: Path) -> None:
+    text = picture.read_text("utf-8")
+    root = ElementTree.fromstring(text)
+    languages = {"ja"} if picture.name.endswith(".ja.svg") else {"en"}
+    if root.find(f".//{SVG}text") is None:
+        languages = {"en", "ja"}
+    for tag in ("title", "desc"):
+        words = {element.get("lang", root.get("lang")): element.text for element in root.iter(f"{SVG}{tag}")}
+        assert words.keys() == languages
+        assert all(words.values())
+    assert not re.search(r"(?:href|src)=\"(?!#)|url\((?!#)|<script", text)
+
+
+def test_the_protocol_has_a_box_for_every_movement_of_the_page() -> None:
+    protocol = text_of("protocol.md").lower()
+    headings = re.findall(r"^\| !.*\*\*(.+)\*\*", text_of("calibrate.md"), re.MULTILINE)
+    assert len(headings) == 12
+    for heading in headings:
+        assert heading.lower().replace("thumb, joint by joint", "thumb mcp joint, then ip joint") in protocol
