@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from export_samples.known_hands import FITTED, make_hand
+from simulated_hands import FITTED, simulated_hand
 from simulated_poses import write_poses
 from studies.running import copy_of_the_program
 
@@ -134,8 +134,8 @@ def test_an_export(program: Path, tmp_path: Path) -> None:
         "formats:\n  frames:\n    what: frame numbers\n    module: shukotsu.export.frame_list\n"
         '    extensions: [.frames]\n    up: ""\n    drops: all else\n',
     )
-    known = make_hand(tmp_path, "right")
-    words = ("--plan", known.plan_path, "--model", FITTED, "--formats", "frames", "--out", tmp_path / "out")
+    hand = simulated_hand(tmp_path, "right")
+    words = ("--plan", hand.plan_path, "--model", FITTED, "--formats", "frames", "--out", tmp_path / "out")
     run(program, program / "stages" / "export.py", *words)
     (written,) = (tmp_path / "out").glob("*.frames")
-    assert list(map(int, written.read_text().split())) == known.motion(FITTED).frame.tolist()
+    assert list(map(int, written.read_text().split())) == hand.motion(FITTED).frame.tolist()

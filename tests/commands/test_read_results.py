@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand, make_hand
+from simulated_hands import FITTED, REPLAYED, SimulatedHand, simulated_hand
 
 import shukotsu
 from shukotsu.errors import InputError
@@ -18,8 +18,8 @@ from shukotsu.tables.typed_table import column_array, read_table
 
 
 @pytest.fixture(scope="module", params=["right", "left"])
-def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
-    return make_hand(tmp_path_factory.mktemp("study"), request.param)
+def study(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> SimulatedHand:
+    return simulated_hand(tmp_path_factory.mktemp("study"), request.param)
 
 
 def test_importing_it_imports_nothing_heavy() -> None:
@@ -32,13 +32,13 @@ def test_importing_it_imports_nothing_heavy() -> None:
         shukotsu.raed  # noqa: B018
 
 
-def test_a_table_comes_with_units_and_gaps(study: KnownHand) -> None:
+def test_a_table_comes_with_units_and_gaps(study: SimulatedHand) -> None:
     path = study.path(REPLAYED, JOINT_CENTRES)
     frame, table = shukotsu.read(str(path)), read_table(path, JOINT_CENTRES)
     assert list(frame.columns) == table.column_names
     assert len(frame) == table.num_rows > 0
     np.testing.assert_array_equal(frame["child_x_mm"], column_array(table, "child_x_mm"))
-    assert frame["axis_child_x"].isna().sum() == table.column("axis_child_x").null_count > 0
+    assert frame["parent_x_mm"].isna().sum() == table.column("parent_x_mm").null_count > 0
     assert frame.attrs["table"] == "joint_centres"
     assert frame.attrs["key"] == list(JOINT_CENTRES.key)
     assert frame.attrs["units"]["child_x_mm"] == "mm"
@@ -46,12 +46,12 @@ def test_a_table_comes_with_units_and_gaps(study: KnownHand) -> None:
 
 
 @pytest.mark.parametrize("model", [FITTED, REPLAYED])
-def test_a_hand_is_posed_as_the_pipeline_poses_it(study: KnownHand, model: str) -> None:
-    hand = shukotsu.pose(study.plan.folder.parent, "01", study.made.hand, "opposition", model=model)
+def test_a_hand_is_posed_as_the_pipeline_poses_it(study: SimulatedHand, model: str) -> None:
+    hand = shukotsu.pose(study.plan.folder.parent, "01", study.simulated.hand, "opposition", model=model)
     bones = recording_reader(study.plan, study.recording, model).bones(study.poses())
     assert hand.names == bones.names
     np.testing.assert_array_equal(hand.position_mm, bones.position_mm)
-    np.testing.assert_array_equal(hand.frame, study.made.frame)
+    np.testing.assert_array_equal(hand.frame, study.simulated.frame)
     assert np.isfinite(hand.time_s).all()
 
 
@@ -60,11 +60,11 @@ def test_a_hand_is_posed_as_the_pipeline_poses_it(study: KnownHand, model: str) 
     [
         ({"subject": "02"}, "run the study to write the subject's plan"),
         ({"task": "scales"}, "subject 01 has no recording .* scales; expected one of .* opposition"),
-        ({"model": "whole_hand"}, "model 'whole_hand' is not in study made; did you mean 'whole-hand'"),
+        ({"model": "whole_hand"}, "model 'whole_hand' is not in study test; did you mean 'whole-hand'"),
     ],
 )
-def test_what_is_not_in_the_study_is_told(study: KnownHand, words: dict[str, str], message: str) -> None:
-    which = {"subject": "01", "hand": study.made.hand, "task": "opposition"} | words
+def test_what_is_not_in_the_study_is_told(study: SimulatedHand, words: dict[str, str], message: str) -> None:
+    which = {"subject": "01", "hand": study.simulated.hand, "task": "opposition"} | words
     with pytest.raises(InputError, match=message):
         shukotsu.pose(study.plan.folder.parent, **which)
 
@@ -73,8 +73,8 @@ ANGLES = {"index_mcp": (60.0, 8.0, -5.0), "index_pip": (80.0, 0.0, 0.0), "thumb_
 
 
 @pytest.fixture(scope="module")
-def posed(study: KnownHand) -> shukotsu.PosedRecording:
-    return shukotsu.pose(study.plan.folder.parent, "01", study.made.hand, "opposition")
+def posed(study: SimulatedHand) -> shukotsu.PosedRecording:
+    return shukotsu.pose(study.plan.folder.parent, "01", study.simulated.hand, "opposition")
 
 
 def angles_in(posed: shukotsu.PosedRecording, joint: str) -> np.ndarray:

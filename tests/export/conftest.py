@@ -9,23 +9,23 @@ from pathlib import Path
 
 import pytest
 from browser import browser  # noqa: F401
-from export_samples.known_hands import KnownHand, make_hand
+from simulated_hands import SimulatedHand, simulated_hand
 
 
 @pytest.fixture(scope="session", params=["right", "left"])
-def known(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
-    return make_hand(tmp_path_factory.mktemp(request.param), request.param)
+def hand(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> SimulatedHand:
+    return simulated_hand(tmp_path_factory.mktemp(request.param), request.param)
 
 
 @pytest.fixture(scope="session")
-def right(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
-    return make_hand(tmp_path_factory.mktemp("right"), "right")
+def right(tmp_path_factory: pytest.TempPathFactory) -> SimulatedHand:
+    return simulated_hand(tmp_path_factory.mktemp("right"), "right")
 
 
 @pytest.fixture
-def fresh(tmp_path_factory: pytest.TempPathFactory) -> KnownHand:
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> SimulatedHand:
     """A very short recording of a right hand, to be spoiled."""
-    return make_hand(tmp_path_factory.mktemp("fresh"), "right", 40)
+    return simulated_hand(tmp_path_factory.mktemp("fresh"), "right", 40)
 
 
 @pytest.fixture(scope="session")

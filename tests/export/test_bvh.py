@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.moving_fingers import moving_fingers
 from hypothesis import given
 from hypothesis import strategies as st
+from moving_fingers import moving_fingers
 from scipy.spatial.transform import Rotation
+from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.bvh import AT_REST, euler_zyx_deg, write
 from shukotsu.export.registry import Settings, prepared, write_format
@@ -54,8 +54,7 @@ def test_a_file_has_ascii_names_and_angles_that_never_jump(tmp_path: Path) -> No
     assert np.abs(numbers[:, 3:]).max() > 180
 
 
-READERS = Path(__file__).resolve().parents[1] / "export_samples" / "readers"
-BLENDER = READERS.parents[1] / "export_tools" / "read_with_blender.py"
+READERS = Path(__file__).resolve().parents[1] / "export_tools"
 NEAR_M = 1e-5
 ExportTool = Callable[[str], Path]
 
@@ -63,7 +62,7 @@ ExportTool = Callable[[str], Path]
 def read_with(program: str, export_tool: ExportTool, file: Path) -> Any:
     """Series of joints and of ends that a program has of a file, by their names."""
     if program == "blender":
-        words = [export_tool("blender/bin/python"), BLENDER, file, "0"]
+        words = [export_tool("blender/bin/python"), READERS / "read_with_blender.py", file, "0"]
         done = subprocess.run(list(map(str, words)), check=True, capture_output=True, timeout=300)
         found = json.loads(done.stdout)
         return {kind: next(iter(found[kind].values())) for kind in ("joints", "ends")}
@@ -83,10 +82,10 @@ def ends_of(joints: Any) -> dict[str, str]:
 @pytest.mark.parametrize("program", ["three", "blender"])
 @pytest.mark.parametrize("stiff", [True, False])
 def test_a_program_has_every_joint_where_it_is(
-    known: KnownHand, tmp_path: Path, export_tool: ExportTool, program: str, stiff: bool, model: str
+    hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool, program: str, stiff: bool, model: str
 ) -> None:
     settings = Settings(stiff=stiff, gaps="cut", rig="webxr")
-    motion = known.motion(model)
+    motion = hand.motion(model)
     write_format(motion, settings, "bvh", tmp_path / "motion.bvh")
     expected = prepared(motion, settings, holds_gaps=False, up="y")
     found = read_with(program, export_tool, tmp_path / "motion.bvh")

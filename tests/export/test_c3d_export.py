@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, KnownHand
-from export_samples.moving_fingers import blanked, moving_fingers, timed
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from moving_fingers import blanked, moving_fingers, timed
+from simulated_hands import FITTED, SimulatedHand
 
 from shukotsu.errors import InputError
 from shukotsu.export.c3d_file import write
@@ -47,11 +47,11 @@ def check_numbers(content: Any, motion: PosedRecording) -> None:
     there = motion.receivers
     place = np.concatenate([motion.position_mm[:, bones], there.position_mm], 1)
     turn = np.concatenate([motion.quaternion[:, bones], there.quaternion], 1)
-    known = np.isfinite(place).all(-1) & np.isfinite(turn).all(-1)
-    np.testing.assert_array_equal(np.isfinite(rotations).all((-1, -2)), known)
-    np.testing.assert_allclose(rotations[known][:, :3, 3], place[known], rtol=0, atol=NEAR_MM)
-    np.testing.assert_array_equal(rotations[known][:, 3], [[0, 0, 0, 1]] * known.sum())
-    off = angle(multiply(conjugate(from_matrix(rotations[known][:, :3, :3])), turn[known]))
+    posed = np.isfinite(place).all(-1) & np.isfinite(turn).all(-1)
+    np.testing.assert_array_equal(np.isfinite(rotations).all((-1, -2)), posed)
+    np.testing.assert_allclose(rotations[posed][:, :3, 3], place[posed], rtol=0, atol=NEAR_MM)
+    np.testing.assert_array_equal(rotations[posed][:, 3], [[0, 0, 0, 1]] * posed.sum())
+    off = angle(multiply(conjugate(from_matrix(rotations[posed][:, :3, :3])), turn[posed]))
     assert np.degrees(off).max(initial=0) < NEAR_DEG
 
 
@@ -62,7 +62,7 @@ def numbers(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.slow
 def test_another_reader_has_the_same_points(
-    right: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path]
+    right: SimulatedHand, tmp_path: Path, export_tool: Callable[[str], Path]
 ) -> None:
     """The package c3d, which shares no code with ezc3d."""
     python = export_tool("python/bin/python")

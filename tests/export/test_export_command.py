@@ -7,32 +7,33 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from export_samples.known_hands import FITTED, POSE, REPLAYED, KnownHand, make_hand, make_hands
+from simulated_hands import FITTED, REPLAYED, SimulatedHand, simulated_hand, simulated_hands
 from stage_runs import export as main
 
+from shukotsu.readers.samples import NUMBERS
 from shukotsu.tables.catalogue import BONE_POSES
 
 STEM = f"sub-01_hand-right_task-opposition_model-{FITTED}"
 
 
-def run(known: KnownHand, out: Path, *argv: str, model: str = FITTED) -> int:
+def run(hand: SimulatedHand, out: Path, *argv: str, model: str = FITTED) -> int:
     """Export the hand's recording under one model as BVH and CSV, unless argv says otherwise."""
-    which = ["--plan", str(known.plan_path), "--hand", known.made.hand, "--recording", "opposition"]
+    which = ["--plan", str(hand.plan_path), "--hand", hand.simulated.hand, "--recording", "opposition"]
     return main([*which, "--model", model, "--formats", "bvh,csv", "--out", str(out), *argv])
 
 
-def hand_with_a_gap(folder: Path, hand: str) -> KnownHand:
-    known = make_hand(folder, hand, 60)
-    rows = known.rows(FITTED, BONE_POSES)
+def hand_with_a_gap(folder: Path) -> SimulatedHand:
+    hand = simulated_hand(folder, "right", 60)
+    rows = hand.rows(FITTED, BONE_POSES)
     for row in rows:
         if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
-            row |= dict.fromkeys(POSE)
-    known.write(FITTED, BONE_POSES, rows)
-    return known
+            row |= dict.fromkeys(NUMBERS)
+    hand.write(FITTED, BONE_POSES, rows)
+    return hand
 
 
 def test_files_have_their_names_and_notes(
-    right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    right: SimulatedHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(right, tmp_path, "--licence", "CC BY 4.0") == 0
     names = {path.name for path in tmp_path.iterdir()}
@@ -47,7 +48,7 @@ def test_files_have_their_names_and_notes(
 
 
 def test_options_reach_the_files(
-    right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    right: SimulatedHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     argv = ["--transmitter-up=-z", "--rig", "mixamo", "--bones", "stiff"]
     assert run(right, tmp_path, *argv) == 0
@@ -61,13 +62,13 @@ def test_options_reach_the_files(
 
 
 def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) -> None:
-    known = hand_with_a_gap(tmp_path, "right")
+    hand = hand_with_a_gap(tmp_path)
     out = tmp_path / "out"
-    assert run(known, out) == 2
+    assert run(hand, out) == 2
     assert not list(out.glob("*.bvh*"))
     cells = pd.read_csv(out / f"{STEM}.csv")
     assert cells["x_mm"].isna().sum() == 4
-    assert run(known, out, "--gaps", "interpolate") == 0
+    assert run(hand, out, "--gaps", "interpolate") == 0
     assert not pd.read_csv(out / f"{STEM}.csv")["x_mm"].isna().any()
     assert "\nFrames: 60\n" in (out / f"{STEM}.bvh").read_text()
     assert "1 gaps (4 frames" in (out / f"{STEM}.bvh.txt").read_text("utf-8")
@@ -87,7 +88,7 @@ def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) ->
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_sentence(
-    right: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str], argv: list[str], message: str
+    right: SimulatedHand, tmp_path: Path, capsys: pytest.CaptureFixture[str], argv: list[str], message: str
 ) -> None:
     assert run(right, tmp_path / "out", *argv) == 2
     lines = capsys.readouterr().err.splitlines()
@@ -96,7 +97,7 @@ def test_what_cannot_be_done_is_said_in_one_sentence(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_failure_can_be_recorded(right: KnownHand, tmp_path: Path) -> None:
+def test_a_failure_can_be_recorded(right: SimulatedHand, tmp_path: Path) -> None:
     """Of a format, of a recording under a model, or of the whole subject, and the rest is written."""
     assert run(right, tmp_path, "--frames", "5000:", "--record-failure") == 0
     assert "no frame of the recording" in (tmp_path / f"{STEM}.failed.txt").read_text("utf-8")
@@ -110,7 +111,7 @@ def test_a_failure_can_be_recorded(right: KnownHand, tmp_path: Path) -> None:
 
 
 def test_a_model_that_failed_keeps_no_other_from_being_written(
-    fresh: KnownHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fresh: SimulatedHand, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     fresh.write(FITTED, BONE_POSES, "the hand was not fitted")
     out = tmp_path / "out"
@@ -123,9 +124,9 @@ def test_a_model_that_failed_keeps_no_other_from_being_written(
 
 def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path) -> None:
     """Both hands in files of their own under every model."""
-    known = make_hands(tmp_path, ["right", "left"], 30)[0]
+    hand = simulated_hands(tmp_path, ["right", "left"], 30)[0]
     out = tmp_path / "out"
-    argv = ["--plan", str(known.plan_path), "--out", str(out)]
+    argv = ["--plan", str(hand.plan_path), "--out", str(out)]
     assert main([*argv, "--formats", "csv"]) == 0
     stems = {
         f"sub-01_hand-{hand}_task-opposition_model-{model}"
@@ -141,11 +142,11 @@ def test_a_dataset_of_several_subjects(tmp_path: Path, capsys: pytest.CaptureFix
     hands = []
     for subject in ("01", "02"):
         (tmp_path / subject).mkdir()
-        hands.append(make_hand(tmp_path / subject, "right", 20, subject))
+        hands.append(simulated_hand(tmp_path / subject, "right", 20, subject))
     hands[1].write(FITTED, BONE_POSES, "the hand was not fitted")
     sheet, out = tmp_path / "participants.tsv", tmp_path / "out"
     sheet.write_text("subject\thand_length_mm\n01\t180\n03\t190\n", "utf-8")
-    argv = ["--plan", *(str(known.plan_path) for known in hands), "--participants", str(sheet)]
+    argv = ["--plan", *(str(hand.plan_path) for hand in hands), "--participants", str(sheet)]
     assert main([*argv, "--formats", "bids", "--licence", "CC0", "--out", str(out)]) == 2
     assert capsys.readouterr().err.endswith("error: the hand was not fitted\n")
     skeletons = {"01": ("", "skeletonpaperQdfig4", "skeletonwholeQdhand"), "02": ("", "skeletonpaperQdfig4")}

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from export_samples.moving_fingers import blanked, moving_fingers, timed
 from hypothesis import given
 from hypothesis import strategies as st
+from moving_fingers import blanked, moving_fingers, timed
 
 from shukotsu.errors import InputError
 from shukotsu.export.gaps import closed, find_gaps, resampled
@@ -44,8 +44,8 @@ def test_a_hold_keeps_the_posture_while_the_hand_goes_on() -> None:
     assert np.linalg.norm(held.position_mm[19, MCP] - held.position_mm[9, MCP]) > 1, (
         "but in the world it moves"
     )
-    known = np.r_[0:10, 20:50]
-    np.testing.assert_array_equal(held.position_mm[known], motion.position_mm[known])
+    recorded = np.r_[0:10, 20:50]
+    np.testing.assert_array_equal(held.position_mm[recorded], motion.position_mm[recorded])
     assert held.notes == (
         "1 gaps (10 frames, the longest 0.110 s) filled by the pose before, held in the frame of the bone "
         "before",
@@ -92,8 +92,8 @@ def test_no_gap_is_left_and_known_poses_stay(
     assert not find_gaps(found)
     for row, frame in enumerate(found.frame):
         was = np.flatnonzero(spoiled.frame == frame)
-        known = spoiled.known[was[0]] if len(was) else np.zeros(6, bool)
-        np.testing.assert_array_equal(found.position_mm[row, known], motion.position_mm[frame - 7, known])
+        posed = spoiled.known[was[0]] if len(was) else np.zeros(6, bool)
+        np.testing.assert_array_equal(found.position_mm[row, posed], motion.position_mm[frame - 7, posed])
     np.testing.assert_allclose(np.linalg.norm(found.quaternion, axis=-1), 1, atol=1e-9)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from export_samples.moving_fingers import moving_fingers
+from moving_fingers import moving_fingers
 
 from shukotsu.export.glb import bone_mesh
 

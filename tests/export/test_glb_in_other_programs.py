@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.moving_fingers import moving_fingers
 from guide_pages import blocks
+from moving_fingers import moving_fingers
+from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.glb import bone_mesh, write
 from shukotsu.export.motion import rest_pose
@@ -107,18 +107,18 @@ def last_body(motion: PosedRecording) -> np.ndarray:
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
 def test_three_has_every_joint_and_the_validator_no_word(
-    known: KnownHand, tmp_path: Path, export_tool: ExportTool, model: str
+    hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool, model: str
 ) -> None:
-    motion, file = known.ready(model), tmp_path / "hand.glb"
+    motion, file = hand.ready(model), tmp_path / "hand.glb"
     write(motion, file)
     found = read_in_node(export_tool, file)
-    hand = f"{motion.origin.recording.hand}-hand"
-    clip = found["clips"][f"{hand} opposition"]
+    name = f"{motion.origin.recording.hand}-hand"
+    clip = found["clips"][f"{name} opposition"]
     np.testing.assert_allclose(clip["times"], motion.time_s - motion.time_s[0], atol=1e-5)
-    assert_joints(clip["joints"][hand], motion, NEAR_M)
+    assert_joints(clip["joints"][name], motion, NEAR_M)
     expected = last_body(motion)
     for primitive in ("1", "2"):
-        np.testing.assert_allclose(found["bodies"][f"{hand}-body_{primitive}"], expected, atol=2e-6)
+        np.testing.assert_allclose(found["bodies"][f"{name}-body_{primitive}"], expected, atol=2e-6)
 
 
 def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: ExportTool) -> None:
@@ -134,25 +134,25 @@ def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: Exp
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
 def test_blender_has_every_joint_and_the_body(
-    known: KnownHand, tmp_path: Path, export_tool: ExportTool, model: str
+    hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool, model: str
 ) -> None:
-    motion, file = known.ready(model), tmp_path / "hand.glb"
+    motion, file = hand.ready(model), tmp_path / "hand.glb"
     write(motion, file)
-    hand = f"{motion.origin.recording.hand}-hand"
+    name = f"{motion.origin.recording.hand}-hand"
     found = read_in_blender(export_tool, file, motion.rate_hz)
-    assert_joints(found["joints"][hand], motion, NEAR_M)
-    body, expected = np.array(found["bodies"][hand]), last_body(motion)
+    assert_joints(found["joints"][name], motion, NEAR_M)
+    body, expected = np.array(found["bodies"][name]), last_body(motion)
     assert len(body) == len(expected)
     np.testing.assert_allclose(body.min(0), expected.min(0), atol=2e-6)
     np.testing.assert_allclose(body.max(0), expected.max(0), atol=2e-6)
 
 
-def test_fbx_by_blender_has_every_joint(known: KnownHand, tmp_path: Path, export_tool: ExportTool) -> None:
-    motion, glb, fbx = known.ready(FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
+def test_fbx_by_blender_has_every_joint(hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool) -> None:
+    motion, glb, fbx = hand.ready(FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
     write(motion, glb)
     to_fbx(export_tool, glb, fbx)
-    hand = f"{motion.origin.recording.hand}-hand"
-    assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][hand], motion, 1e-4)
+    name = f"{motion.origin.recording.hand}-hand"
+    assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][name], motion, 1e-4)
 
 
 def to_fbx(export_tool: ExportTool, glb: Path, fbx: Path) -> None:
@@ -180,7 +180,7 @@ def ours(words: str) -> bool:
 
 
 def test_the_page_of_the_guide_shows_the_hand_move(
-    right: KnownHand, tmp_path: Path, export_tool: ExportTool, browser: Any
+    right: SimulatedHand, tmp_path: Path, export_tool: ExportTool, browser: Any
 ) -> None:
     motion, file = right.ready(FITTED), tmp_path / "motion.glb"
     write(motion, file)

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.moving_fingers import blanked, moving_fingers, timed
 from hypothesis import given
 from hypothesis import strategies as st
+from moving_fingers import blanked, moving_fingers, timed
+from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.motion_bids import DESCRIPTION, label, recording_path, write, write_dataset_files
 from shukotsu.export.tidy_csv import bone_angles_deg
@@ -88,7 +88,7 @@ KNOWN_WARNINGS = {
 
 
 def test_the_validator_finds_no_error_and_no_warning_that_we_could_avoid(
-    right: KnownHand, tmp_path: Path
+    right: SimulatedHand, tmp_path: Path
 ) -> None:
     """Names of any script, gaps, one frame, no trial and a trial that is a number or is none."""
     hand = named(right.motion(FITTED), licence="CC0")
@@ -111,9 +111,9 @@ def test_the_validator_finds_no_error_and_no_warning_that_we_could_avoid(
 
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_the_skeleton_comes_back(known: KnownHand, tmp_path: Path, model: str) -> None:
+def test_the_skeleton_comes_back(hand: SimulatedHand, tmp_path: Path, model: str) -> None:
     """Metres, quaternions and degrees, read by pandas."""
-    motion = known.motion(model)
+    motion = hand.motion(model)
     assert add(motion, tmp_path) == ("receivers that have no pose in any frame: forearm",)
     numbers, channels = table(skeleton_path(tmp_path, motion))
     np.testing.assert_array_equal(numbers["frame"], motion.frame)

@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand
-from export_samples.moving_fingers import blanked
+from moving_fingers import blanked
+from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.motion import continuous, stiffened
 from shukotsu.export.opensim import write
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, about_axis, angle, conjugate, multiply, rotate, unit
 
-READER = Path(__file__).resolve().parents[1] / "export_samples" / "readers" / "read_with_opensim.py"
+READER = Path(__file__).resolve().parents[1] / "export_tools" / "read_with_opensim.py"
 NEAR_M = 1e-9
 NEAR_RAD = 1e-8
 
@@ -65,9 +65,9 @@ def read_with_opensim(export_tool: Callable[[str], Path], stem: Path, *options: 
 @pytest.mark.tools
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
 def test_opensim_has_every_bone_where_the_motion_has_it(
-    known: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path], model: str
+    hand: SimulatedHand, tmp_path: Path, export_tool: Callable[[str], Path], model: str
 ) -> None:
-    motion = known.ready(model)
+    motion = hand.ready(model)
     stem = tmp_path / "sub-母_hand"
     write(motion, stem.with_suffix(".osim"))
     found = read_with_opensim(export_tool, stem)
@@ -105,13 +105,13 @@ def riding(motion: PosedRecording) -> PosedRecording:
 
 @pytest.mark.tools
 def test_inverse_kinematics_of_opensim_finds_our_angles(
-    known: KnownHand, tmp_path: Path, export_tool: Callable[[str], Path]
+    hand: SimulatedHand, tmp_path: Path, export_tool: Callable[[str], Path]
 ) -> None:
     """Exact receivers of a fitted hand: to 0.1 deg, but where a receiver was blind and tells nothing.
 
     In one frame all were.
     """
-    motion = with_hinges(known.ready(FITTED), HINGES)
+    motion = with_hinges(hand.ready(FITTED), HINGES)
     motion = blanked(riding(motion.take(slice(0, 240, 12))), receivers=11)
     write(motion, tmp_path / "hand.osim")
     found = read_with_opensim(export_tool, tmp_path / "hand", "--ik")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand
 from scipy.spatial.transform import Rotation
+from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.errors import InputError
 from shukotsu.export import motion as export_motion
@@ -19,9 +19,9 @@ from shukotsu.tables.catalogue import JOINT_CENTRES
 from shukotsu.tables.poses import Poses, RecordingName
 
 
-def test_bone_frames_are_webxr_ones(known: KnownHand) -> None:
+def test_bone_frames_are_webxr_ones(hand: SimulatedHand) -> None:
     """-Z is distal, +Y dorsal, +X their product: our x, z and -y; the thumb's metacarpal has its own test."""
-    motion, truth = known.motion(FITTED), known.made.truth
+    motion, truth = hand.motion(FITTED), hand.simulated.truth
     for index, joint in enumerate(motion.joints):
         if joint.tip or joint.segment == "thumb_metacarpal":
             continue
@@ -31,8 +31,8 @@ def test_bone_frames_are_webxr_ones(known: KnownHand) -> None:
             np.testing.assert_allclose(webxr.apply(here), ours.apply(there), atol=1e-12)
 
 
-def test_a_rest_pose_has_straight_fingers_and_this_persons_fan(known: KnownHand) -> None:
-    motion = known.motion(FITTED)
+def test_a_rest_pose_has_straight_fingers_and_this_persons_fan(hand: SimulatedHand) -> None:
+    motion = hand.motion(FITTED)
     place, turn = rest_pose(motion)
     for digit in ("index", "middle", "ring", "little"):
         chain = place[[motion.index(f"{digit}_{part}") for part in ("mcp", "pip", "dip", "tip")]]
@@ -45,8 +45,8 @@ def test_a_rest_pose_has_straight_fingers_and_this_persons_fan(known: KnownHand)
     assert np.degrees(angle(off)).max() < 15
 
 
-def test_a_fitted_hinge_turns_about_its_axis_only(known: KnownHand) -> None:
-    motion = known.motion(FITTED)
+def test_a_fitted_hinge_turns_about_its_axis_only(hand: SimulatedHand) -> None:
+    motion = hand.motion(FITTED)
     _, local = local_motion(motion)
     for name in ("index_pip", "middle_dip", "little_pip"):
         index = motion.index(name)
@@ -88,7 +88,7 @@ def test_a_tree_that_is_no_hand() -> None:
     assert angle(multiply(conjugate(local), motion.rest[1])).max() < 1e-7
 
 
-def test_a_failed_joint_leaves_its_digit_out(fresh: KnownHand) -> None:
+def test_a_failed_joint_leaves_its_digit_out(fresh: SimulatedHand) -> None:
     rows = fresh.rows(REPLAYED, JOINT_CENTRES)
     for row in rows:
         if row["joint"] == "ring_dip":
@@ -107,7 +107,7 @@ def test_a_failed_joint_leaves_its_digit_out(fresh: KnownHand) -> None:
 
 
 def test_a_range_goes_by_recorded_frame_numbers_and_of_many_frames_some_are_read(
-    right: KnownHand, monkeypatch: pytest.MonkeyPatch
+    right: SimulatedHand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole, posed = right.motion(FITTED), recording_reader(right.plan, right.recording, FITTED)
     part = read_motion(posed, frames=(20, 30))

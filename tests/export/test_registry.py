@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from export_samples.moving_fingers import blanked, moving_fingers, timed
+from moving_fingers import blanked, moving_fingers, timed
 
 from shukotsu.errors import InputError
 from shukotsu.export.motion import local_motion

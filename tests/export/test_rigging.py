@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.motion import local_motion, rest_pose
 from shukotsu.export.rigging import RIGS, folded, on_rig
@@ -15,12 +15,12 @@ LACKING = ["index_cmc", "middle_cmc", "ring_cmc", "little_cmc"]
 
 
 @pytest.mark.parametrize("rig", list(RIGS))
-def test_every_rig_keeps_every_joint_where_it_is(known: KnownHand, rig: str) -> None:
-    motion = known.motion(FITTED)
+def test_every_rig_keeps_every_joint_where_it_is(hand: SimulatedHand, rig: str) -> None:
+    motion = hand.motion(FITTED)
     there = on_rig(motion, rig)
     assert len(there.joints) == COUNTS[rig]
     assert len(set(there.names)) == COUNTS[rig]
-    names = RIGS[rig].names(known.recording.hand.hand)
+    names = RIGS[rig].names(hand.recording.hand.hand)
     if RIGS[rig].skin_tips:
         names = {(f"{k[:-4]}_skin_tip" if k.endswith("_tip") else k): name for k, name in names.items()}
     for joint, name in ((joint, names[joint.name]) for joint in motion.joints[1:] if joint.name in names):
@@ -33,9 +33,9 @@ def test_every_rig_keeps_every_joint_where_it_is(known: KnownHand, rig: str) -> 
     assert all(joint.parent < index for index, joint in enumerate(there.joints))
 
 
-def test_a_metacarpal_lives_on_in_the_proximal_phalanx(known: KnownHand) -> None:
+def test_a_metacarpal_lives_on_in_the_proximal_phalanx(hand: SimulatedHand) -> None:
     """What the wrist's frame shows of the MCP joint is the same, though no bone is left between them."""
-    motion = known.motion(REPLAYED)
+    motion = hand.motion(REPLAYED)
     there = folded(motion, LACKING)
     mcp = there.index("little_mcp")
     assert there.joints[mcp].parent == 0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand
+from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.motion import rest_pose
 from shukotsu.export.tidy_csv import bone_angles_deg, write
@@ -18,8 +18,8 @@ from shukotsu.hand.rotations import angle, conjugate, multiply
 from shukotsu.simulate.random_hand import JOINTS, PARENT
 
 
-def test_every_pose_comes_back(known: KnownHand, tmp_path: Path) -> None:
-    motion = known.motion(REPLAYED)
+def test_every_pose_comes_back(hand: SimulatedHand, tmp_path: Path) -> None:
+    motion = hand.motion(REPLAYED)
     assert write(motion, tmp_path / "a.csv") == ()
     rows = pd.read_csv(tmp_path / "a.csv")
     assert list(rows.columns) == ["frame", "time_s", "joint", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]
@@ -29,26 +29,25 @@ def test_every_pose_comes_back(known: KnownHand, tmp_path: Path) -> None:
     place = rows[["x_mm", "y_mm", "z_mm"]].to_numpy().reshape(motion.position_mm.shape)
     turn = rows[["qw", "qx", "qy", "qz"]].to_numpy().reshape(motion.quaternion.shape)
     np.testing.assert_allclose(place, motion.position_mm, atol=1e-6)
-    known_rows = motion.known
-    assert angle(multiply(conjugate(turn), motion.quaternion))[known_rows].max() < 1e-8
+    assert angle(multiply(conjugate(turn), motion.quaternion))[motion.known].max() < 1e-8
 
 
-def test_angles_are_those_of_the_bones(known: KnownHand) -> None:
+def test_angles_are_those_of_the_bones(hand: SimulatedHand) -> None:
     """As joint_angles has them of the same bones; the thumb has a test of its own."""
-    motion, truth, hand = known.motion(FITTED), known.made.truth, known.recording.hand.hand
+    motion, truth, side = hand.motion(FITTED), hand.simulated.truth, hand.simulated.hand
     names, found = bone_angles_deg(motion)
     ours = truth.bone_quaternion
-    rests = rest_rotations(known.layout, hand)
+    rests = rest_rotations(hand.plan.layouts[side], side)
     compared = [name for name in names if name not in {"thumb_cmc", "thumb_mcp"}]
     assert len(compared) == 15
     for name in compared:
         index = JOINTS.index(name)
-        expected = joint_angles(ours[:, PARENT[index]], ours[:, index + 1], hand, rests[name])
+        expected = joint_angles(ours[:, PARENT[index]], ours[:, index + 1], side, rests[name])
         np.testing.assert_allclose(found[:, names.index(name)], expected, atol=1e-6, err_msg=name)
 
 
-def test_the_header_says_what_the_columns_mean(known: KnownHand, tmp_path: Path) -> None:
-    motion = known.motion(FITTED)
+def test_the_header_says_what_the_columns_mean(hand: SimulatedHand, tmp_path: Path) -> None:
+    motion = hand.motion(FITTED)
     name = replace(motion.origin.recording, subject="山田 太郎")
     motion = replace(motion, origin=replace(motion.origin, licence="CC0", recording=name))
     write(motion.noting("resampled"), tmp_path / "a.csv")

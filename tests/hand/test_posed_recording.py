@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from export_samples.known_hands import FITTED, REPLAYED, KnownHand, make_hand
+from simulated_hands import FITTED, REPLAYED, SimulatedHand, simulated_hand
 
 from shukotsu.errors import InputError
 from shukotsu.hand.posed_recording import recording_reader
@@ -16,12 +16,12 @@ from shukotsu.tables.typed_table import Table
 
 
 @pytest.fixture
-def hand(tmp_path: Path) -> KnownHand:
-    return make_hand(tmp_path, "right", 20)
+def hand(tmp_path: Path) -> SimulatedHand:
+    return simulated_hand(tmp_path, "right", 20)
 
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_some_frames_are_those_of_the_whole(hand: KnownHand, model: str) -> None:
+def test_some_frames_are_those_of_the_whole(hand: SimulatedHand, model: str) -> None:
     recording = recording_reader(hand.plan, hand.recording, model)
     whole = recording.bones(hand.poses())
     rows = np.array([3, 4, 11])
@@ -31,7 +31,7 @@ def test_some_frames_are_those_of_the_whole(hand: KnownHand, model: str) -> None
     assert np.isfinite(whole.quaternion).all()
 
 
-def test_a_frame_that_a_table_lacks_is_not_known(hand: KnownHand) -> None:
+def test_a_frame_that_a_table_lacks_is_not_known(hand: SimulatedHand) -> None:
     rows = [row for row in hand.rows(FITTED, BONE_POSES) if (row["segment"], row["frame"]) != ("hand", 5)]
     hand.write(FITTED, BONE_POSES, rows)
     bones = recording_reader(hand.plan, hand.recording, FITTED).bones(hand.poses())
@@ -39,7 +39,7 @@ def test_a_frame_that_a_table_lacks_is_not_known(hand: KnownHand) -> None:
 
 
 @pytest.mark.parametrize(("model", "table"), [(FITTED, BONE_POSES), (REPLAYED, METACARPALS)])
-def test_a_recording_that_was_not_posed_is_refused(hand: KnownHand, model: str, table: Table) -> None:
+def test_a_recording_that_was_not_posed_is_refused(hand: SimulatedHand, model: str, table: Table) -> None:
     hand.write(model, table, [row | {"task": "rom"} for row in hand.rows(model, table)])
     """With what to do, which is not to give it the role that it has."""
     for role, why in (
@@ -53,7 +53,7 @@ def test_a_recording_that_was_not_posed_is_refused(hand: KnownHand, model: str, 
             )
 
 
-def test_a_failed_or_absent_table_is_refused_with_its_reason(hand: KnownHand) -> None:
+def test_a_failed_or_absent_table_is_refused_with_its_reason(hand: SimulatedHand) -> None:
     hand.write(REPLAYED, JOINT_CENTRES, "subject 01: no calibration recording")
     with pytest.raises(InputError, match="no calibration recording"):
         recording_reader(hand.plan, hand.recording, REPLAYED).bones(hand.poses())

@@ -1,1 +1,0 @@
-"""What the tests of the exports share: hands with their tables, and readers of files that are not ours."""

@@ -1,0 +1,130 @@
+"""Simulated hands as a study with a plan and tables, which have the simulation's own bones.
+
+`paper-fig4` rides on the receivers, skin and all, with the true joints, bones and metacarpals. The posed
+bones and tips of `whole-hand` are the true ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from simulated_poses import recorded, write_poses
+from small_study import write_plans, write_study
+
+from shukotsu.export.motion import read_motion
+from shukotsu.export.registry import Settings, prepared
+from shukotsu.hand.posed_recording import recording_reader
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.readers.samples import NUMBERS
+from shukotsu.simulate.random_hand import BONES, DIGITS
+from shukotsu.simulate.simulation import Simulated
+from shukotsu.simulate.written_truth import write_truth
+from shukotsu.study.plan import SubjectPlan, plan_of_results
+from shukotsu.study.study import Recording
+from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, JOINT_CENTRES, METACARPALS, POSED_TIPS
+from shukotsu.tables.parts import part_metadata, parts_writer, read_part
+from shukotsu.tables.poses import Poses, read_poses
+from shukotsu.tables.typed_table import Provenance, Table, read_table, rows_of
+
+REPLAYED, FITTED = "paper-fig4", "whole-hand"
+TIPS = ("tip_x_mm", "tip_y_mm", "tip_z_mm", "skin_tip_x_mm", "skin_tip_y_mm", "skin_tip_z_mm")
+Rows = list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class SimulatedHand:
+    """One hand of a subject: the subject's plan, and the simulation that its tables are from."""
+
+    plan_path: Path
+    simulated: Simulated
+
+    @property
+    def plan(self) -> SubjectPlan:
+        """The subject's plan."""
+        return plan_of_results(self.plan_path)
+
+    @property
+    def recording(self) -> Recording:
+        """The hand's one recording."""
+        return self.plan.evaluated(self.simulated.hand)[0]
+
+    def motion(self, model: str) -> PosedRecording:
+        """The recording's motion under that model."""
+        return read_motion(recording_reader(self.plan, self.recording, model))
+
+    def ready(self, model: str = FITTED) -> PosedRecording:
+        """The same as a format without gaps is to write it, with y up."""
+        return prepared(self.motion(model), Settings(gaps="cut"), holds_gaps=False, up="y")
+
+    def poses(self) -> Poses:
+        """The recording's poses."""
+        return read_poses(self.plan.poses(self.recording), self.plan.layouts[self.simulated.hand].measured)
+
+    def path(self, model: str, table: Table) -> Path:
+        """A table's file."""
+        if table in (BONE_POSES, POSED_TIPS):
+            return self.plan.fit_table(self.simulated.hand, model, table.name)
+        return self.plan.table(table.name)
+
+    def rows(self, model: str, table: Table) -> Rows:
+        """Rows of a table of the hand."""
+        part = self.plan.part(self.simulated.hand, model)
+        return list(rows_of(read_part(self.path(model, table), table, part)))
+
+    def write(self, model: str, table: Table, rows: Rows | str) -> None:
+        """Put other rows, or a failure's message, in the place of the hand's in a table."""
+        path, replaced = self.path(model, table), self.plan.part(self.simulated.hand, model)
+        others = {part: rows_of(read_part(path, table, part)) for part in part_metadata(path, table)}
+        with parts_writer(path, table, Provenance()) as writer:
+            for part, unchanged in others.items():
+                if part != replaced:
+                    writer.rows(part, unchanged)
+                elif isinstance(rows, str):
+                    writer.failure(part, rows)
+                else:
+                    writer.rows(part, rows)
+
+
+def simulated_hand(folder: Path, hand: str, n_frames: int = 240, subject: str = "01") -> SimulatedHand:
+    """Simulate a recording with skin, mobile palm and oblique axes, and write its tables."""
+    return simulated_hands(folder, [hand], n_frames, subject)[0]
+
+
+def simulated_hands(
+    folder: Path, sides: Sequence[str], n_frames: int, subject: str = "01"
+) -> list[SimulatedHand]:
+    """Simulate several hands of one subject, as `simulated_hand` does."""
+    rows = [f"{subject} {side} opposition both {side}.parquet" for side in sides]
+    plan_path = write_plans(write_study(folder, *rows, models=(REPLAYED, FITTED)))[subject]
+    drawn = [recorded(side, "opposition", seed=7, n_frames=n_frames)[0] for side in sides]
+    hands, plan = [SimulatedHand(plan_path, simulated) for simulated in drawn], plan_of_results(plan_path)
+    for hand, simulated in zip(hands, drawn, strict=True):
+        write_poses(plan.poses(hand.recording), simulated, simulated.hand, "opposition", subject)
+        write_truth(folder / simulated.hand, simulated, Provenance())
+        truth = simulated.truth
+        bones = np.concatenate([truth.bone_position_mm, truth.bone_quaternion], -1)
+        tips_mm = np.concatenate([truth.tip_mm, truth.skin_tip_mm], -1)
+        for table, key, names, columns, values in (
+            (BONE_POSES, "segment", BONES, NUMBERS, bones),
+            (POSED_TIPS, "digit", DIGITS, TIPS, tips_mm),
+        ):
+            with parts_writer(hand.path(FITTED, table), table, Provenance()) as writer:
+                for index, name in enumerate(names):
+                    unknown = np.full(n_frames, np.nan)
+                    frames = {column.name: unknown for column in table.columns if column.nullable}
+                    frames |= {"task": "opposition", "trial": "", key: name, "frame": simulated.frame}
+                    numbers = dict(zip(columns, values[:, index].T, strict=True))
+                    writer.columns(plan.part(simulated.hand, FITTED), frames | numbers)
+    for table in (JOINT_CENTRES, BONE_LENGTHS, METACARPALS):
+        with parts_writer(plan.table(table.name), table, Provenance()) as writer:
+            for simulated in drawn:
+                columns = read_table(folder / simulated.hand / f"{table.name}.parquet", table)
+                for model in (REPLAYED, FITTED):
+                    part = plan.part(simulated.hand, model)
+                    others = set(columns.column_names) - {*asdict(part)}
+                    writer.columns(part, {name: columns[name] for name in others})
+    return hands
