@@ -48,25 +48,6 @@ def real_data() -> Path:
     return folder
 
 
-@pytest.fixture(scope="session")
-def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The plan of a subject with all tables up to tip errors beside it, which tests only read.
-
-    The right hand's skeletons are made without opposition as well, from rom; the left hand's are not.
-    """
-    from small_study import run_stages, write_plans, write_poses, write_study
-
-    from shukotsu.study.plan import read_plan
-
-    rows = ("01 right rom calibration a.csv", "01 right opposition both b.csv")
-    rows += ("01 left opposition both c.csv", "01 left rom both d.csv - - moved")
-    file = write_study(tmp_path_factory.mktemp("study"), *rows)
-    plan = write_plans(file)["01"]
-    write_poses(read_plan(plan))
-    run_stages(plan)
-    return plan
-
-
 INTERNAL = re.compile(
     r"<(class|function|module|bound|_io|built)|object at 0x|Traceback|codec can't|Errno|PosixPath|WindowsPath"
     r"|\b(np|numpy|pa|pyarrow|pd)\.\w|\bdtype\b|(Value|Type|Key|Index|Attribute|Unicode\w+)Error|\bNone\b"

@@ -3,23 +3,47 @@
 from __future__ import annotations
 
 import copy
+import json
+import os
+import shutil
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pipeline
+import pyarrow.parquet as pq
 import stage_runs
+from simulated_poses import recorded, write_poses
 from stage_runs import of_plan, outputs
 
-from shukotsu.simulate.realism import Realism
-from shukotsu.simulate.recording import write_recording
-from shukotsu.simulate.simulation import simulate
-from shukotsu.study.plan import StudyPlans, SubjectPlan, plan_text, read_plan
+from shukotsu.__main__ import main as capture
+from shukotsu.hand.rotations import Array
+from shukotsu.simulate.written_truth import write_truth
+from shukotsu.study.config_files import REFERENCE
+from shukotsu.study.plan import StudyPlans, SubjectPlan, option_of, plan_of_results, plan_text
 from shukotsu.study.results import Results
 from shukotsu.study.study import read_study
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.parts import Part, open_parts, read_part
+from shukotsu.tables.typed_table import METADATA_KEY, Provenance, Table, read_table, rows_of
 from shukotsu.tables.whole_files import write_text
 
+STAGES = ("solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips")
+"""From poses to tip errors, in their order."""
 HEADER = "subject\thand\ttask\trole\tfile\ttrial\tlayout\texclude\taccept"
+SHEETS = {
+    "measurements": "subject\thand\tquantity\tvalue_mm\tsd_mm",
+    "touches": "subject\thand\ttask\tdigit\tpart\tfrom_s\tto_s\tx_mm\ty_mm\tz_mm\tsd_mm\tmeets",
+}
+QUICK = """model: quick
+description: a whole hand, fitted in few frames
+joints: {calibration: all}
+planes: {cut: false}
+fit: {whole_hand: true, frames: 30, steps: 10}
+own_cmc: [thumb_cmc, index_cmc, middle_cmc, ring_cmc, little_cmc]
+metacarpals: {unmeasured: fitted, measured: fitted}
+"""
+Row = dict[str, Any]
 
 
 def write_study(
@@ -38,29 +62,15 @@ def write_study(
         (sheet_folder / f"{name}.tsv").write_text(text.replace(" ", "\t"), "utf-8")
         more += f"{name}: sheets/{name}.tsv\n"
     file = folder / "study.yaml"
-    file.write_text(
+    heads = (
         f"study: test\nrecordings: sheets/recordings.tsv\nlayout: liberty16\nmodels: [{', '.join(models)}]\n"
-        + more
     )
+    file.write_text(heads + more)
     return file
 
 
-def put(config: dict[str, Any], key: str, value: Any) -> dict[str, Any]:
-    """Return the configuration with one key, by its dotted path, set; None takes it out."""
-    changed = copy.deepcopy(config)
-    *groups, last = key.split(".")
-    inner = changed
-    for group in groups:
-        inner = inner.setdefault(group, {})
-    if value is None:
-        del inner[last]
-    else:
-        inner[last] = value
-    return changed
-
-
 def write_plans(study_file: Path) -> dict[str, Path]:
-    """Write the plan of every subject, results beside the study file; give the files by subject."""
+    """Write the plan of every subject, results beside the study file; return the files by subject."""
     study, results = read_study(study_file), Results(study_file.parent / "results")
     plans = StudyPlans(study, results.folder)
     for subject in study.subjects:
@@ -68,23 +78,185 @@ def write_plans(study_file: Path) -> dict[str, Path]:
     return {subject: results.plan(subject) for subject in study.subjects}
 
 
-def write_poses(plan: SubjectPlan, n_frames: int = 300) -> None:
-    """Simulate every recording of a plan that is not excluded, and import it."""
-    for index, recording in enumerate(plan.recordings):
-        if not recording.exclude:
-            file = plan.poses(recording).with_name("recording.parquet")
-            hand = recording.hand
-            made = simulate(hand.subject, hand.hand, "rom", 5 + index, Realism.full(), n_frames)
-            write_recording(file, made)
-            pipeline.import_recording(
-                file, plan.poses(recording), subject=hand.subject, hand=hand.hand, task=recording.task
-            )
+def put(config: Row, key: str, value: Any) -> Row:
+    """Return the configuration with one key, by its dotted path, set; None takes it out."""
+    changed = copy.deepcopy(config)
+    *groups, last = key.split(".")
+    inner = changed
+    for group in groups:
+        inner = inner.setdefault(group, {})
+    inner[last] = value
+    if value is None:
+        del inner[last]
+    return changed
 
 
-def run_stages(plan_file: Path, *options: str) -> SubjectPlan:
+def run_stages(plan_file: Path, *options: str) -> None:
     """Run every stage of a subject from poses to tip errors by its plan; a failure fails the test."""
-    plan = read_plan(plan_file)
-    for stage in ("solve_joints", "project_planes", "estimate_metacarpals", "evaluate_tips"):
-        argv = [*of_plan(stage, plan_file), *outputs(stage, plan.folder), *options]
+    for stage in STAGES:
+        argv = [*of_plan(stage, plan_file), *outputs(stage, plan_file.parent), *options]
         assert getattr(stage_runs, stage)(argv) == 0, stage
-    return plan
+
+
+@dataclass(frozen=True)
+class PlannedSubject:
+    """Subject 01 in a folder of its own; a test that changes files works on a copy."""
+
+    folder: Path
+
+    @property
+    def plan_file(self) -> Path:
+        """The subject's plan."""
+        return self.folder / "results" / "sub-01" / "plan.json"
+
+    @property
+    def plan(self) -> SubjectPlan:
+        """The same, read."""
+        return plan_of_results(self.plan_file)
+
+    def poses(self, task: str, hand: str = "right") -> Path:
+        """A recording's poses table."""
+        return self.plan_file.parent / hand / task / "poses.parquet"
+
+    def truth(self, task: str, hand: str = "right") -> Path:
+        """Folder of a recording's truth."""
+        return self.folder / "raw" / f"{hand}-{task}_truth"
+
+    def fit_folder(self, hand: str = "right", model: str = "quick") -> Path:
+        """Folder of the tables that the fit of a model writes."""
+        return self.plan_file.parent / "fits" / hand / model
+
+    def part(self, model: str, made_without: str = "", hand: str = "right") -> Part:
+        """A skeleton."""
+        return Part(hand, model, made_without, "01")
+
+    def copied(self, folder: Path) -> PlannedSubject:
+        """Return the same files elsewhere, the plan's paths among them.
+
+        No table says what it was made from, so that a test may change one and leave the others.
+        """
+        copied = PlannedSubject(Path(shutil.copytree(self.folder, folder / "copy")))
+        text = copied.plan_file.read_text("utf-8")
+        for old, new in (
+            (self.folder, copied.folder),
+            *(map(os.path.relpath, (self.folder, copied.folder)),),
+        ):
+            text = text.replace(str(old), str(new))
+        copied.plan_file.write_text(text, "utf-8")
+        for table in copied.folder.rglob("*.parquet"):
+            _forget_inputs(table)
+        return copied
+
+    def run_stages(self, *, reference: bool = True) -> None:
+        """Run every stage from the joints to the tips; reference : lay out the prior's hand too."""
+        for hand in self.plan.hands:
+            assert self.fit(hand) == 0
+        run_stages(self.plan_file)
+        for hand in self.plan.hands if reference else ():
+            assert self.fit(hand, model=REFERENCE) == 0
+
+    def fit(self, hand: str, *options: str, model: str = "quick") -> int:
+        """Fit a hand under a model; return the exit code."""
+        argv = [*of_plan("fit_hand", self.plan_file), f"--hand={hand}", f"--model={model}"]
+        return stage_runs.fit_hand([*argv, f"--out={self.fit_folder(hand, model)}", *options])
+
+    def rows(self, path: Path, table: str, part: Part) -> list[Row]:
+        """Rows of a part of a table."""
+        return list(rows_of(read_part(path, TABLES[table], part)))
+
+
+def _forget_inputs(path: Path) -> None:
+    with pq.ParquetFile(path) as file:
+        metadata = {**file.metadata.metadata}
+        groups = [file.read_row_group(index) for index in range(file.num_row_groups)]
+        schema = file.schema_arrow
+    if METADATA_KEY in metadata:
+        del metadata[b"ARROW:schema"]
+        metadata[METADATA_KEY] = json.dumps(json.loads(metadata[METADATA_KEY]) | {"inputs": []}).encode()
+        with pq.ParquetWriter(path, schema.with_metadata(metadata)) as writer:
+            for group in groups:
+                writer.write_table(group, row_group_size=max(1, group.num_rows))
+
+
+def planned_subject(
+    folder: Path,
+    recordings: Sequence[tuple[str, ...]],
+    models: Sequence[str],
+    *,
+    n_frames: int,
+    seed: int = 4,
+    quick: str = QUICK,
+    **sheets: Sequence[str],
+) -> PlannedSubject:
+    """Simulate a subject's recordings and write their poses, truths and the plan.
+
+    recordings : hand, task and role of each, and its other cells. models : names of those that ship, or
+    quick, whose file that is. sheets : rows of measurements and touches, tab-separated.
+    """
+    subject, rows = PlannedSubject(folder), []
+    for hand, task, role, *cells in recordings:
+        simulated = recorded(hand, task, seed=seed, n_frames=n_frames)[0]
+        write_poses(subject.poses(task, hand), simulated, hand, task)
+        write_truth(subject.truth(task, hand), simulated, Provenance())
+        rows.append(" ".join(["01", hand, task, role, f"raw/{hand}-{task}.parquet", *cells]))
+    (folder / "quick.yaml").write_text(quick)
+    study = write_study(
+        folder,
+        *rows,
+        models=["quick.yaml" if model == "quick" else model for model in models],
+        more=f"simulation: {{folder: raw, seed: {seed}}}\n",
+        **{name: "\n".join([SHEETS[name], *lines]) for name, lines in sheets.items()},
+    )
+    write_plans(study)
+    return subject
+
+
+@dataclass(frozen=True)
+class HandResults:
+    """Where the tables of a hand alone are, and how to read them."""
+
+    folder: Path
+
+    def path(self, name: str) -> Path:
+        """A table's file."""
+        return self.folder / f"{name}.parquet"
+
+    def rows(self, name: str) -> list[Row]:
+        """All rows of a table."""
+        return list(rows_of(read_table(self.path(name), TABLES[name])))
+
+    def joints(self) -> dict[str, Row]:
+        """joint_centres by joint."""
+        return {row["joint"]: row for row in self.rows("joint_centres")}
+
+    def errors(self, binding: str = "least-squares") -> dict[str, Row]:
+        """tip_errors by digit, of the one recording."""
+        return {row["digit"]: row for row in self.rows("tip_errors") if row["binding"] == binding}
+
+
+def recording_numbers(path: Path, table: Table, *which: Any, **more: Any) -> dict[str, Array]:
+    """Numbers of one recording in a subject table, see `PartsReader.recording`."""
+    with open_parts(path, table) as parts:
+        return parts.recording(*which, **more)
+
+
+def import_recording(
+    file: Path, out: Path, *, hand: str = "right", task: str = "task", layout: str = "liberty16"
+) -> Path:
+    """Run capture on a recording of subject 01; return its poses."""
+    words = ["import", f"--in={file}", f"--out={out}", f"--layout={layout}", "--subject=01"]
+    assert capture([*words, f"--hand={hand}", f"--task={task}"]) == 0
+    return out
+
+
+def run_hand(poses: Path, model: str, folder: Path) -> HandResults:
+    """Run every stage from poses to tip errors on a hand alone, calibrated on what it is evaluated in."""
+    results = HandResults(folder)
+    for stage in STAGES:
+        tables = [name for name in stage_runs.reads(stage) if results.path(name).is_file()]
+        argv = ["--layout=liberty16", f"--model={model}"]
+        argv += [f"{option_of(name)}={results.path(name)}" for name in tables]
+        argv += [f"--poses={poses}"] if stage != "project_planes" else []
+        argv += [f"--calibration={poses}"] if stage in STAGES[2:] else []
+        assert getattr(stage_runs, stage)([*argv, *outputs(stage, folder)]) == 0, stage
+    return results

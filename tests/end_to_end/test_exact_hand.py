@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pipeline import HandResults, Row, import_recording, run_hand
+from small_study import HandResults, Row, import_recording, run_hand
 
 from shukotsu.hand.rotations import Array, angle, conjugate, multiply
 from shukotsu.simulate.random_hand import BONES
@@ -45,7 +45,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
             made = simulate("01", hand, task, seed, realism, N_FRAMES, forearm=forearm)
             write_recording(folder / "recording.parquet", made)
             poses = import_recording(folder / "recording.parquet", folder / "poses.parquet", hand=hand)
-            done[key] = run_hand(poses, poses, model, folder), made
+            done[key] = run_hand(poses, model, folder), made
         return done[key]
 
     return simulate_and_run

@@ -6,10 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pipeline import import_recording
-from planned_subject import QUICK, PlannedSubject
 from simulated_poses import recorded
-from small_study import write_plans, write_study
+from small_study import QUICK, PlannedSubject, import_recording, write_plans, write_study
 from stage_runs import check_recordings, evaluate_skeletons, of_plan, outputs
 
 from shukotsu.simulate.random_hand import DIGITS

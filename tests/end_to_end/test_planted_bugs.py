@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import stage_runs
-from planned_subject import PlannedSubject, planned_subject
+from small_study import PlannedSubject, planned_subject
 from stage_runs import of_plan, outputs, subject_pages
 
 from shukotsu.study.config_files import REFERENCE

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pipeline import Row
-from planned_subject import QUICK, SHEETS, PlannedSubject, planned_subject
 from simulated_poses import recorded, write_poses
+from small_study import QUICK, SHEETS, PlannedSubject, Row, planned_subject
 from stage_runs import fit_hand as main
 
 from shukotsu.errors import InputError

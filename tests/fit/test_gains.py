@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from pipeline import Row
 from simulated_poses import fitted, recorded
+from small_study import Row
 
 from shukotsu.fit.fingertips import fingertips
 from shukotsu.fit.fit import HandFit, Settings, fit_hand

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planned_subject import planned_subject
+from small_study import planned_subject
 
 from shukotsu.errors import InputError
 from shukotsu.fit.calibration import calibrated_hand

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from planned_subject import QUICK, PlannedSubject, planned_subject
 from simulated_poses import write_poses
+from small_study import QUICK, PlannedSubject, planned_subject
 from stage_runs import measure_movement as main
 from stage_runs import of_plan
 

@@ -7,8 +7,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pytest
 import stage_runs
-from pipeline import recording_numbers
-from small_study import write_plans, write_study
+from small_study import planned_subject, recording_numbers, run_stages, write_plans, write_study
 
 from shukotsu.study.layout import read_layout
 from shukotsu.study.plan import SubjectPlan, read_plan
@@ -35,6 +34,18 @@ CORRECTIONS = (
     "subject hand joint dx_mm dy_mm dz_mm\n"
     "01 left index_pip 0 0 9\n01 right index_pip 1 2 2\n02 right index_pip 9 9 9"
 )
+
+
+@pytest.fixture(scope="module")
+def plan_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The right hand's skeletons are made without opposition as well, from rom; the left hand's are not."""
+    recordings = [("right", "rom", "calibration"), ("right", "opposition", "both")]
+    recordings += [("left", "opposition", "both"), ("left", "rom", "both", "-", "-", "moved")]
+    subject = planned_subject(
+        tmp_path_factory.mktemp("study"), recordings, ["rigid", "paper-fig4"], n_frames=300
+    )
+    run_stages(subject.plan_file)
+    return subject.plan_file
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from chains import reader_of
-from pipeline import HandResults, run_hand
 from simulated_poses import recorded, write_poses
+from small_study import HandResults, run_hand
 
 from shukotsu.hand.rotations import Array
 from shukotsu.paper.hand import BuiltHand, build_hand, judged, pose_metacarpals
@@ -28,7 +28,7 @@ def hand(tmp_path_factory: pytest.TempPathFactory) -> HandResults:
     folder = tmp_path_factory.mktemp("hand")
     made = recorded("right", "rom", seed=5, n_frames=600, forearm=True)[0]
     poses = write_poses(folder / "poses.parquet", made, "right", "rom")
-    return run_hand(poses, poses, "paper-fig4", folder)
+    return run_hand(poses, "paper-fig4", folder)
 
 
 @pytest.fixture(scope="module")

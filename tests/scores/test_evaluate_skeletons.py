@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from planned_subject import PlannedSubject, planned_subject
+from small_study import PlannedSubject, planned_subject
 from stage_runs import evaluate_skeletons as main
 from stage_runs import of_plan, outputs
 

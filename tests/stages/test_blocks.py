@@ -8,8 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import stage_runs
-from planned_subject import PlannedSubject, planned_subject
-from small_study import run_stages
+from small_study import PlannedSubject, planned_subject, run_stages
 from stage_runs import of_plan, outputs
 
 from shukotsu.checks import checked_recording, timeline

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pipeline import recording_numbers
+from small_study import recording_numbers
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.tables.catalogue import METACARPALS
