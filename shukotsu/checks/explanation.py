@@ -66,18 +66,18 @@ class Explanation:
         return np.asarray((self.closing + self.placed + self.turning).sum(-1) + self.shared)
 
 
-def joint_shares(body: ExpectedBody, series: Sequence[tuple[int, Motion]]) -> JointShares:
-    """Summarise each joint's receivers in each motion: (joint, motion) pairs in, shares out."""
-    joint = np.array([end for end, _ in series], int)
+def joint_shares(body: ExpectedBody, series: Sequence[tuple[Sequence[int], Motion]]) -> JointShares:
+    """Summarise joints' receivers in each motion: (joints, motion) pairs in, shares out."""
+    joint = np.concatenate([joints for joints, _ in series])
     parts = []
-    for end, motion in series:
-        parent, child = body.ends[end]
-        above = np.swapaxes(motion.rotation[:, parent], 1, 2)
+    for joints, motion in series:
+        parent, child = body.ends[joints].T
+        above = np.swapaxes(motion.rotation[:, parent], 2, 3)
         apart = motion.position_mm[:, child] - motion.position_mm[:, parent]
         both = (motion.valid[:, parent] & motion.valid[:, child]).astype(float)
         parts.append((above @ motion.rotation[:, child], (above @ apart[..., None])[..., 0], both))
-    turn, offset, weight = (np.stack(part) for part in zip(*parts, strict=True))
-    n = len(series)
+    turn, offset, weight = (np.swapaxes(np.concatenate(part, 1), 0, 1) for part in zip(*parts, strict=True))
+    n = len(joint)
     total = weight.sum(1)
     weight = weight / np.maximum(total, 1.0)[:, None]
     # gap = parent - turn @ child - offset
@@ -111,11 +111,10 @@ def _turned(
             np.arctan2(turned[..., 1, 0], np.hypot(turned[..., 0, 0], turned[..., 2, 0])),
             np.arctan2(-turned[..., 1, 2], turned[..., 1, 1]),
         ]
-        angles = np.where(seen[depends], np.degrees(radians), np.nan)
-        ordered = np.sort(np.moveaxis(angles, 0, -1), axis=1)  # (P, K, 3), NaN last
-        last = np.maximum(np.isfinite(ordered).sum(1, keepdims=True) - 1, 0)
+        ordered = np.sort(np.where(seen[depends], np.degrees(radians), np.nan))  # (3, P, K), NaN last
+        last = np.maximum(np.isfinite(ordered).sum(-1, keepdims=True) - 1, 0)
         low, middle, high = (
-            np.nan_to_num(np.take_along_axis(ordered, (share * last).round().astype(int), 1)[:, 0])
+            np.nan_to_num(np.take_along_axis(ordered, (share * last).round().astype(int), -1)[..., 0].T)
             for share in (0.1, 0.5, 0.9)
         )
         angles_deg[depends, facing] = np.stack([low, middle, high], 1)

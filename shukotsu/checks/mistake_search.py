@@ -105,15 +105,14 @@ def explained(motion: Motion, body: ExpectedBody) -> Joints:
 
 def _explain(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Explanation:
     """Explain the motion as it is (first) and with each hypothesis undone; what it leaves alone is shared."""
-    joints = range(len(body.names))
-    series = [(joint, motion) for joint in joints]
-    choice = [list(joints)]
+    every, ends = np.arange(len(body.names)), body.ends.tolist()
+    series, choice, count = [(every, motion)], [every], len(every)
     for hypothesis in hypotheses:
-        undone, row = hypothesis.undo(motion), list(joints)
-        for joint in joints:
-            if hypothesis.places is None or hypothesis.places & set(body.ends[joint].tolist()):
-                row[joint] = len(series)
-                series.append((joint, undone))
+        places, row = hypothesis.places, every.copy()
+        touched = every if places is None else every[[not places.isdisjoint(pair) for pair in ends]]
+        row[touched] = np.arange(count, count + len(touched))
+        count += len(touched)
+        series.append((touched, hypothesis.undo(motion)))
         choice.append(row)
     return explain(body, joint_shares(body, series), np.array(choice))
 
