@@ -9,22 +9,9 @@ from hypothesis import strategies as st
 from shukotsu.errors import MOST_LETTERS, InputError
 
 TOKENS = (
-    *(
-        b"\r\n",
-        b"\0",
-        b"\xff" * 4,
-        b"\x7f\xff\xff\xff",
-        b"nan",
-        b"1e999",
-        b"-",
-        b",",
-        b"\t",
-        b'"',
-        b"[",
-        b"{}",
-    ),
-    *(b": ", b"- ", b"&a ", b"*a", b"null", b"9" * 20, b"\xc3\xa9", b"\xed\xa0\x80", b"!!python/name:os "),
+    b'- , " [ {} nan 1e999 99999999999999999999 null &a *a !!python/name:os \xc3\xa9 \xed\xa0\x80'.split()
 )
+TOKENS += [b"\r\n", b"\0", b"\t", b": ", b"- ", b"\xff" * 4, b"\x7f\xff\xff\xff"]
 
 
 def damaged(data: bytes) -> st.SearchStrategy[bytes]:

@@ -2,47 +2,24 @@
 
 from __future__ import annotations
 
-import random
 import re
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from shukotsu.errors import InputError
 from shukotsu.readers.formats.readers import find_reader
+from shukotsu.readers.poses_table import PosesTable
 from shukotsu.readers.samples import Samples
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.mapping import mapping_from_config
-from shukotsu.tables.catalogue import GAINS
-from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
 
 ARM = read_layout("arm")
 LIBERTY = read_layout("liberty16")
-
-
-def damaged(data: bytes) -> dict[str, bytes | None]:
-    """What may have become of a file, by what happened to it; None where a folder has its name."""
-    chance = random.Random(3)
-    flipped = bytearray(data)
-    if data:
-        flipped[len(data) // 2] ^= 4
-    with tempfile.TemporaryDirectory() as folder:
-        other = Path(folder, "gains.parquet")
-        write_table(other, GAINS, columns_from_rows(GAINS, []), Provenance())
-        table = other.read_bytes()
-    return {
-        "random bytes": chance.randbytes(1000),
-        "empty": b"",
-        "cut": data[: len(data) // 2],
-        "one bit": bytes(flipped),
-        "a folder": None,
-        "another table": table,
-        "a recording": b"frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n0,0,hand,1,2,3,1,0,0,0\n",
-    }
 
 
 def read(path: Path, layout: Layout = ARM, mapping: dict[str, Any] | None = None) -> Samples:
@@ -77,3 +54,15 @@ def write_c3d(path: Path, points: np.ndarray, labels: Sequence[str], first: int 
 def of(samples: Samples, segment: str) -> np.ndarray:
     """Which samples are that segment's, (N,)."""
     return samples.segment == samples.segments.index(segment)
+
+
+def columns_of(table: PosesTable) -> dict[str, Any]:
+    """Return the columns of a poses table, all segments after each other."""
+    groups = list(table.row_groups(1000))
+    columns = {name: [group[name] for group in groups] for name in groups[0]}
+    return {
+        name: np.concatenate(parts)
+        if isinstance(parts[0], np.ndarray)
+        else pa.concat_arrays([part.cast(pa.string()) for part in parts])
+        for name, parts in columns.items()
+    }

@@ -1,122 +1,241 @@
-"""A small valid recording of every file format, as bytes."""
+"""Small valid files, as bytes or in a folder: recordings of every format, poses, and events beside them."""
 
 from __future__ import annotations
 
-import io
+import struct
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import captures
+import mido
 import numpy as np
-from event_files import pose_stream, xdf_header, xdf_of
+import numpy.typing as npt
+import pyarrow.parquet as pq
+from pyarrow import csv
 from recording_files import write_c3d
-from tracker_streams import cosines, liberty_binary, pose, settings
+from simulated_poses import write_poses
+from tracker_streams import pose
 
-FRAMES = 6
-SEGMENTS = {1: "hand", 2: "index_proximal"}
+from shukotsu.hand.rotations import matrix
+from shukotsu.simulate.recording import tidy
+from shukotsu.tables.poses import Poses
+from shukotsu.tracker.families import StreamSettings
+
+RATE_HZ = 240.0
+
+
+def bytes_of(name: str, write: Callable[[Path], object]) -> bytes:
+    """Return what a function writes into a file of that name."""
+    with tempfile.TemporaryDirectory() as folder:
+        write(Path(folder, name))
+        return Path(folder, name).read_bytes()
+
+
+def poses_of(folder: Path, **key: str) -> Path:
+    """Write the poses table of one segment over 20 s."""
+    key = {"subject": "01", "hand": "right", "task": "piece", "trial": "2"} | key
+    still = np.tile([1.0, 0.0, 0.0, 0.0], (3, 1, 1))
+    valid = np.ones((3, 1), bool)
+    poses = Poses(("hand",), np.arange(3), np.linspace(0, 20, 3), still[..., 1:], still, valid)
+    return write_poses(folder / "poses.parquet", poses, key.pop("hand"), key.pop("task"), **key)
+
+
+# --- events ---------------------------------------------------------------------------------------------
+
+
+def records_of(folder: Path, pulses_s: npt.NDArray[np.float64], length_s: float = 0.05) -> Path:
+    """Write a raw capture of one station over 20 s, the sync input on for a while from each pulse."""
+    since_s = np.arange(20 * int(RATE_HZ))[:, None] / RATE_HZ - pulses_s
+    on = ((since_s >= 0) & (since_s < length_s)).any(-1)
+    return flags_of(folder / "records.arrows", [(frame, 1, int(sync), 0) for frame, sync in enumerate(on)])
+
+
+def flags_of(path: Path, rows: Sequence[tuple[int, int, int, int]]) -> Path:
+    """Write a raw capture of records that are sent when measured; rows : frame, station, sync and button."""
+    items, stations = (9, 12, 10, 3, 7), tuple(sorted({station for _, station, _, _ in rows}))
+    settings = StreamSettings("liberty", "binary", "cm", RATE_HZ, stations, dict.fromkeys(stations, items))
+    records = []
+    for frame, station, sync, button in rows:
+        body = struct.pack("<Iii7f", frame, sync, button, 20, 5, -3, 1, 0, 0, 0)
+        records.append(b"LY" + struct.pack("<BBBBh", station, ord("C"), 0, 0, len(body)) + body)
+    return captures.write(path, records, settings)
+
+
+def midi_of(folder: Path, pulses_s: npt.NDArray[np.float64]) -> Path:
+    """Write a MIDI file: note 24 at each pulse, and a quarter of a second later note 60."""
+    notes = sorted((time + 0.25 * (key == 60), key) for time in pulses_s for key in (24, 60))
+    file, ticks = mido.MidiFile(type=0, tracks=[mido.MidiTrack()]), [0]
+    for time, key in notes:
+        for at_s, status in ((time, "note_on"), (time + 0.1, "note_off")):
+            ticks.append(round(2 * file.ticks_per_beat * at_s))  # 120 quarters a minute
+            file.tracks[0].append(mido.Message(status, note=key, time=ticks[-1] - ticks[-2]))
+    file.save(folder / "take.mid")
+    return folder / "take.mid"
+
+
+def xdf_chunk(tag: int, content: bytes) -> bytes:
+    """Return a chunk of an XDF file."""
+    return struct.pack("<BIH", 4, 2 + len(content), tag) + content
+
+
+TYPES = [f"Position{axis}" for axis in "XYZ"] + [f"Orientation{part}" for part in "ABCD"]
+
+
+def xdf_header(
+    owners: Sequence[str],
+    name: str = "tracker",
+    kind: str = "MoCap",
+    unit: str = "meters",
+    types: Sequence[str] = TYPES,
+    field: str = "marker",
+    number: str = "double64",
+) -> bytes:
+    """Return the header of a stream of poses, a channel a number of each owner."""
+    channels = "".join(
+        f"<channel><label>{owner}_{kind}</label><{field}>{owner}</{field}><type>{kind}</type>"
+        f"<unit>{unit if kind.startswith('Position') else ''}</unit></channel>"
+        for owner in owners
+        for kind in types
+    )
+    return (
+        f"<info><name>{name}</name><type>{kind}</type>"
+        f"<channel_count>{len(owners) * len(types)}</channel_count>"
+        f"<nominal_srate>240</nominal_srate><channel_format>{number}</channel_format>"
+        f"<desc><channels>{channels}</channels></desc></info>"
+    ).encode()
+
+
+def _xdf_stream(
+    number: int,
+    head: bytes,
+    time_s: Sequence[float] | npt.NDArray[np.float64],
+    samples: Sequence[bytes],
+    offsets: Sequence[tuple[float, float]],
+) -> bytes:
+    """Return a stream's chunks: header, samples two a chunk, clock offsets, footer; NaN times left out."""
+    of_stream = struct.pack("<I", number)
+    data = xdf_chunk(2, of_stream + head)
+    stamps = [b"\0" if np.isnan(time) else struct.pack("<Bd", 8, time) for time in time_s]
+    rows = [stamp + sample for stamp, sample in zip(stamps, samples, strict=True)]
+    for start in range(0, len(rows), 2):
+        pair = rows[start : start + 2]
+        data += xdf_chunk(3, of_stream + struct.pack("<BB", 1, len(pair)) + b"".join(pair))
+    data += b"".join(xdf_chunk(4, of_stream + struct.pack("<dd", *offset)) for offset in offsets)
+    footer = f"<info><sample_count>{len(rows)}</sample_count></info>".encode()
+    return data + xdf_chunk(6, of_stream + footer)
+
+
+def pose_stream(
+    number: int,
+    head: bytes,
+    time_s: npt.NDArray[np.float64],
+    values: npt.NDArray[np.float64],
+    offsets: Sequence[tuple[float, float]] = (),
+) -> bytes:
+    """Return a stream of numbers."""
+    code = "<f4" if b"float32" in head else "<f8"
+    return _xdf_stream(number, head, time_s, [row.astype(code).tobytes() for row in values], offsets)
+
+
+def marker_stream(
+    number: int,
+    name: str,
+    values: Sequence[str] | Sequence[int],
+    time_s: Sequence[float],
+    offsets: Sequence[tuple[float, float]] = (),
+    rate_hz: float = 0,
+) -> bytes:
+    """Return a stream of texts, or of 32-bit numbers."""
+    kind = "string" if isinstance(values[0], str) else "int32"
+    head = (
+        f"<info><name>{name}</name><type>Markers</type><channel_count>1</channel_count>"
+        f"<nominal_srate>{rate_hz}</nominal_srate><channel_format>{kind}</channel_format></info>"
+    )
+    samples = [
+        struct.pack("<i", value)
+        if isinstance(value, int)
+        else struct.pack("<BI", 4, len(value.encode())) + value.encode()
+        for value in values
+    ]
+    return _xdf_stream(number, head.encode(), time_s, samples, offsets)
+
+
+def xdf_of(*streams: bytes) -> bytes:
+    """Return an XDF file of those streams."""
+    return b"XDF:" + xdf_chunk(1, b"<info><version>1.0</version></info>") + b"".join(streams)
+
+
+PULSES_S = np.array([1.0, 1.7, 3.6, 4.7])
+EVENTS: Mapping[str, Callable[[], bytes]] = {
+    "a.mid": lambda: bytes_of("take.mid", lambda path: midi_of(path.parent, PULSES_S)),
+    "a.xdf": lambda: xdf_of(marker_stream(1, "cues", ["go", "stop"], [1.0, 2.0], [(0.0, 1.0), (5.0, 1.0)])),
+    "a.arrows": lambda: bytes_of("records.arrows", lambda path: records_of(path.parent, PULSES_S)),
+}
+"""A small valid file of every kind, by a name of that ending: what tests spoil."""
+
+# --- recordings -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Recording:
-    """files : name -> content; path : the name that is read; mapping : None where the format says enough."""
+    """A file's name and content; mapping : None where the format says enough."""
 
     path: str
-    files: Mapping[str, bytes]
+    content: bytes
     mapping: Mapping[str, Any] | None = None
 
 
-def _tidy_csv() -> Recording:
-    lines = ["frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz"]
-    for frame in range(FRAMES):
-        for station, segment in SEGMENTS.items():
-            position, q = pose(frame, station)
-            lines.append(",".join(map(str, (frame, frame / 240, segment, *position, *q))))
-    return Recording("a.csv", {"a.csv": "\n".join(lines).encode()})
-
-
-def _tidy_parquet() -> Recording:
-    import pyarrow.parquet as pq
-    from pyarrow import csv
-
-    out = io.BytesIO()
-    pq.write_table(csv.read_csv(io.BytesIO(_tidy_csv().files["a.csv"])), out)
-    return Recording("a.parquet", {"a.parquet": out.getvalue()})
-
-
-def _numbers(frame: int) -> list[float]:
-    """Poses of all segments in a frame, one after the other."""
-    return [number for station in SEGMENTS for part in pose(frame, station) for number in part]
-
-
-def capture_bytes() -> bytes:
-    """A raw capture of a LIBERTY with two stations."""
-    from shukotsu.tracker.archive import ArchiveWriter
-
-    items = (8, 9, 11, 10, 12, 3, 7)
-    with tempfile.TemporaryDirectory() as name:
-        writer = ArchiveWriter(Path(name, "a.arrows"), {"note": "made up"}, lambda: 0)
-        writer.settings(settings("liberty", items, (1, 2)).to_json(), 0)
-        for frame in range(1, 3 * FRAMES):
-            pieces = [liberty_binary(frame, station, items) for station in (1, 2)]
-            writer.received(b"".join(pieces), frame * 4_166_667)
-            if frame % 5 == 0:
-                writer.flush()
-        writer.close({"records": 2 * FRAMES}, FRAMES * 4_166_667)
-        return Path(name, "a.arrows").read_bytes()
+FRAMES, SEGMENTS = 6, ("hand", "index_proximal")
+DRAWN = np.array([[np.concatenate(pose(frame, station)) for station in (1, 2)] for frame in range(FRAMES)])
+"""Numbers (T, 2, 7) of both segments, mm and quaternions."""
+TIMES_S, VALID, LABELS = np.arange(FRAMES) / 240, np.ones((FRAMES, 2), bool), ["H1", "H2", "H3"]
+TIDY = tidy(Poses(SEGMENTS, np.arange(FRAMES), TIMES_S, DRAWN[..., :3], DRAWN[..., 3:], VALID))
 
 
 def _mapped_csv() -> Recording:
-    receiver = {
+    receivers = {
         segment: {"position": [f"{a}{n}" for a in "xyz"], "orientation": [f"{a}{n}" for a in "wijk"]}
-        for n, segment in SEGMENTS.items()
+        for n, segment in enumerate(SEGMENTS)
     }
-    mapping = {
-        "format": "csv",
-        "position_unit": "cm",
-        "orientation": {"kind": "quaternion", "order": "wxyz"},
-        "receivers": receiver,
-        "csv": {"time": "t", "time_unit": "ms"},
-    }
-    lines = [",".join(["t", *(f"{a}{n}" for n in SEGMENTS for a in "xyzwijk")])]
-    lines += [",".join(map(str, [4.2 * frame, *_numbers(frame)])) for frame in range(FRAMES)]
-    return Recording("a.txt", {"a.txt": "\r\n".join(lines).encode()}, mapping)
+    orientation, columns = {"kind": "quaternion", "order": "wxyz"}, {"time": "t", "time_unit": "ms"}
+    mapping = {"format": "csv", "position_unit": "cm", "orientation": orientation, "receivers": receivers}
+    lines = [",".join(["t", *(f"{a}{n}" for n in range(2) for a in "xyzwijk")])]
+    lines += [",".join(map(str, [4.2 * t, *row])) for t, row in enumerate(DRAWN.reshape(FRAMES, -1).tolist())]
+    return Recording("a.txt", "\r\n".join(lines).encode(), mapping | {"csv": columns})
+
+
+def _write_capture(path: Path) -> None:
+    captures.write(path, [captures.cycle(frame, (1, 2)) for frame in range(18)], captures.settings((1, 2)))
 
 
 def _c3d() -> Recording:
-    shape = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]])
-    points = np.array([shape + pose(frame, 1)[0] for frame in range(FRAMES)])
-    with tempfile.TemporaryDirectory() as name:
-        data = write_c3d(Path(name, "a.c3d"), points, ["H1", "H2", "H3"]).read_bytes()
-    mapping = {"format": "c3d", "position_unit": "mm", "receivers": {"hand": {"markers": ["H1", "H2", "H3"]}}}
-    return Recording("a.c3d", {"a.c3d": data}, mapping)
-
-
-def _xdf() -> Recording:
-    poses = np.array([_numbers(frame) for frame in range(FRAMES)])
-    data = xdf_of(pose_stream(1, xdf_header(list(SEGMENTS.values())), np.arange(FRAMES) / 240, poses))
-    return Recording("a.xdf", {"a.xdf": data})
+    points = np.array([[0.0, 0, 0], [60, 0, 0], [20, 40, 0]]) + DRAWN[:, :1, :3]
+    mapping = {"format": "c3d", "position_unit": "mm", "receivers": {"hand": {"markers": LABELS}}}
+    return Recording("a.c3d", bytes_of("a.c3d", lambda path: write_c3d(path, points, LABELS)), mapping)
 
 
 def _sequence() -> Recording:
     lines = ["ObjectType = Image"]
-    for frame in range(FRAMES):
-        for station, segment in SEGMENTS.items():
-            position, q = pose(frame, station)
-            whole = np.column_stack([np.reshape(cosines(q), (3, 3)), position]).ravel()
+    for frame, poses in enumerate(DRAWN):
+        for segment, numbers in zip(SEGMENTS, poses, strict=True):
+            whole = np.column_stack([matrix(numbers[3:]), numbers[:3]]).ravel()
             name = f"Seq_Frame{frame:04d}_{segment}ToTrackerTransform"
             lines += [f"{name} = {' '.join(map(str, whole))} 0 0 0 1", f"{name}Status = OK"]
         lines.append(f"Seq_Frame{frame:04d}_Timestamp = {frame / 60}")
-    return Recording("a.mha", {"a.mha": "\n".join([*lines, "ElementDataFile = LOCAL\n"]).encode() + b"\xff"})
+    return Recording("a.mha", "\n".join([*lines, "ElementDataFile = LOCAL\n"]).encode() + b"\xff")
 
 
 RECORDINGS: Mapping[str, Callable[[], Recording]] = {
-    "csv": _tidy_csv,
-    "parquet": _tidy_parquet,
-    "capture": lambda: Recording("a.arrows", {"a.arrows": capture_bytes()}),
+    "csv": lambda: Recording("a.csv", bytes_of("a.csv", lambda path: csv.write_csv(TIDY, path))),
+    "parquet": lambda: Recording("a.parquet", bytes_of("a", lambda path: pq.write_table(TIDY, path))),
+    "capture": lambda: Recording("a.arrows", bytes_of("a", _write_capture)),
     "mapped csv": _mapped_csv,
     "c3d": _c3d,
-    "xdf": _xdf,
+    "xdf": lambda: Recording(
+        "a.xdf", xdf_of(pose_stream(1, xdf_header(SEGMENTS), TIMES_S, DRAWN.reshape(FRAMES, -1)))
+    ),
     "sequence": _sequence,
 }

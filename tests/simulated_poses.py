@@ -28,8 +28,8 @@ def recorded(
 ) -> tuple[Simulated, Poses]:
     """One hand's recording, with everything that disturbs one but for what `realism` names."""
     disturbed = replace(Realism.full(), **realism)  # type: ignore[arg-type]
-    made = simulate("01", side, task, seed, disturbed, n_frames, forearm=forearm)
-    return made, made.poses()
+    simulated = simulate("01", side, task, seed, disturbed, n_frames, forearm=forearm)
+    return simulated, simulated.poses()
 
 
 @cache
@@ -45,9 +45,11 @@ def hand_of(seed: int, hand: str = "right", task: str = "rom", n_frames: int = 9
     return Planted(recorded(hand, task, seed=seed, n_frames=n_frames)[1], hand)
 
 
-def write_poses(path: Path, made: Simulated | Poses, hand: str, task: str, subject: str = "01") -> Path:
+def write_poses(
+    path: Path, recording: Simulated | Poses, hand: str, task: str, subject: str = "01", **more: str
+) -> Path:
     """Write a recording as the poses table that importing it would give."""
-    poses = made.poses() if isinstance(made, Simulated) else made
+    poses = recording.poses() if isinstance(recording, Simulated) else recording
     n_frames, n_segments = poses.valid.shape
     columns = {
         "segment": np.repeat(np.array(poses.segments, object), n_frames),
@@ -58,7 +60,7 @@ def write_poses(path: Path, made: Simulated | Poses, hand: str, task: str, subje
         "valid": poses.valid.T.ravel(),
         "flags": [""] * (n_segments * n_frames),
     }
-    names = {"subject": subject, "hand": hand, "task": task, "trial": "", "layout": "liberty16"}
+    names = {"subject": subject, "hand": hand, "task": task, "trial": "", "layout": "liberty16", **more}
     path.parent.mkdir(parents=True, exist_ok=True)
     write_table(path, POSES, columns, Provenance((), names), row_group_rows=n_frames)
     return path

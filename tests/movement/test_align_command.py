@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from event_files import midi_of, poses_of, records_of
+from sample_files import midi_of, poses_of, records_of
 from small_study import HEADER, write_plans, write_study
 from stage_runs import align_events as main
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from event_files import SAMPLES, midi_of, poses_of, records_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sample_files import EVENTS, midi_of, poses_of, records_of
 
 from shukotsu.errors import InputError
 from shukotsu.movement.recording_events import READERS, RecordingEvents, read_events
@@ -89,17 +89,17 @@ def test_the_trackers_own_events(tmp_path: Path) -> None:
 def test_every_ending_has_a_sample_and_its_place_in_the_guide() -> None:
     page = (REPOSITORY / "docs" / "events.md").read_text("utf-8")
     for endings in READERS:
-        assert any(name.endswith(endings) for name in SAMPLES)
+        assert any(name.endswith(endings) for name in EVENTS)
         assert f"`*{endings[0]}`" in page or f"`{endings[0]}`" in page
 
 
-@pytest.mark.parametrize("name", SAMPLES)
+@pytest.mark.parametrize("name", EVENTS)
 @settings(max_examples=20, deadline=None)
 @given(place=st.floats(0, 1), byte=st.integers(0, 255), cut=st.booleans())
 def test_a_spoilt_file_is_read_or_refused(
     tmp_path_factory: pytest.TempPathFactory, name: str, place: float, byte: int, cut: bool
 ) -> None:
-    data = SAMPLES[name]()
+    data = EVENTS[name]()
     at = int(place * (len(data) - 1))
     path = tmp_path_factory.mktemp("spoilt") / name
     path.write_bytes(data[:at] if cut else data[:at] + bytes([byte]) + data[at + 1 :])

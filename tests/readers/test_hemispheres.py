@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from chains import random_chain
-from poses_columns import columns_of
+from recording_files import columns_of
 from simulated_poses import hand_of
 
 from shukotsu.__main__ import main
@@ -85,8 +85,8 @@ def of_hand(position_mm: np.ndarray) -> tuple[np.ndarray, ...]:
     )  # fmt: skip
     parents = {joint.child: joint.parent_receiver for joint in layout.solvable}
     expected_mm = expected_joints(layout)
-    made = poses_table([samples], parents, expected_mm=expected_mm, repair_hemisphere=True)
-    columns, shape = columns_of(made), (segments, -1)
+    poses_of_hand = poses_table([samples], parents, expected_mm=expected_mm, repair_hemisphere=True)
+    columns, shape = columns_of(poses_of_hand), (segments, -1)
     numbers = np.stack([columns[name].reshape(shape).T for name in NUMBERS[:3]], -1)
     return numbers, columns["valid"].reshape(shape).T, np.array(columns["flags"].to_pylist()).reshape(shape).T
 
@@ -105,7 +105,7 @@ def test_a_raw_capture_of_the_other_hemisphere_is_named_and_put_back(
 ) -> None:
     """A raw capture cannot be edited: `--repair-hemisphere` is its cure, and no finding is left."""
     who = ["--layout", "liberty16", "--subject", "01", "--hand", "right", "--task", "rom"]
-    drawn = simulate("01", "right", "rom", 7, Realism(), 1200)
+    drawn = simulate("01", "right", "rom", 7, Realism(), 300)
     poses = {}
     for name, side in (("here", 1.0), ("there", -1.0)):
         recording, archive = tmp_path / f"{name}.parquet", tmp_path / f"{name}.arrows"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from poses_columns import columns_of
+from recording_files import columns_of
 
 from shukotsu.errors import InputError
 from shukotsu.readers.jumps import spikes

@@ -19,9 +19,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from event_files import midi_of
 from program_files import BESIDE
-from sample_files import RECORDINGS
+from sample_files import RECORDINGS, midi_of
 from studies.running import REPOSITORY, StudyRun, hashes, record, write_study
 
 from shukotsu import job
@@ -42,16 +41,14 @@ def every_format(folder: Path) -> list[str]:
     pulses = f"{midi_of(folder, np.arange(3) / 100).name}\tnote 24 = sync"
     rows = []
     for name, sample in RECORDINGS.items():
-        recording, place = sample(), folder / name.replace(" ", "-")
-        place.mkdir()
-        for file, content in recording.files.items():
-            (place / file).write_bytes(content)
-        mapping = ""
+        recording, task, mapping = sample(), name.replace(" ", "-"), ""
+        (folder / task).mkdir()
+        (folder / task / recording.path).write_bytes(recording.content)
         if recording.mapping is not None:
-            mapping = f"{place.name}.yaml"
+            mapping = f"{task}.yaml"
             (folder / mapping).write_text(json.dumps(recording.mapping))
-        path, events = place / recording.path, pulses if name == "capture" else "\t"
-        rows.append(f"all\tright\t{place.name}\tboth\t{path.relative_to(folder)}\t{mapping}\t{events}")
+        events = pulses if name == "capture" else "\t"
+        rows.append(f"all\tright\t{task}\tboth\t{task}/{recording.path}\t{mapping}\t{events}")
     return rows
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from damaged_bytes import assert_read_or_refused, damaged
-from event_files import poses_of
 from hypothesis import given
 from hypothesis import strategies as st
+from sample_files import poses_of
 
 from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.layout import read_layout

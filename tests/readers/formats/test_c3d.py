@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from poses_columns import solved
-from recording_files import ARM, of, read, refuse, write_c3d
+from recording_files import ARM, columns_of, of, read, refuse, write_c3d
 
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import angle, conjugate, matrix, multiply, unit
+from shukotsu.paper.closed import solve_closed
+from shukotsu.paper.moments import JointMoments, relative_poses
 from shukotsu.readers.formats.c3d import cluster_poses, read_c3d
 from shukotsu.readers.inspection.c3d_files import describe_c3d
+from shukotsu.readers.poses_table import poses_table
+from shukotsu.readers.samples import NUMBERS
 from shukotsu.study.layout import read_layout
 
 RNG = np.random.default_rng(9)
@@ -154,7 +157,12 @@ def test_real_functional_trials_of_a_leg(
     }
     path = real_data / "hip_knee_functional_mit" / f"right_{joint}.c3d"
     samples = read(path, read_layout(tmp_path / "leg.yaml"), mapping)
-    joint_gap = solved(samples, "above", "below")
+    columns = columns_of(poses_table([samples], {}))
+    numbers = np.stack([columns[name].reshape(2, -1) for name in NUMBERS], -1).swapaxes(0, 1)
+    valid, moments = columns["valid"].reshape(2, -1).T, JointMoments(1)
+    pair = relative_poses(numbers[..., 3:], numbers[..., :3], valid, np.array([0]), np.array([1]))
+    moments.add(pair)
+    joint_gap = solve_closed(moments, 0, 6)
     assert joint_gap.n_frames == 1 + last - first
     assert samples.time_s.min() == pytest.approx((first - 1) / 100)
     assert (round(joint_gap.gap_rms_free_mm, 1), round(joint_gap.range_deg)) == (gap_mm, range_deg)

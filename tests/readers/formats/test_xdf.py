@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import recording_files
-from event_files import TYPES, pose_stream, xdf_chunk, xdf_header, xdf_of
 from recording_files import LIBERTY
+from sample_files import TYPES, pose_stream, xdf_chunk, xdf_header, xdf_of
 
 from shukotsu.errors import InputError
 from shukotsu.readers.samples import Samples
@@ -141,11 +141,11 @@ def test_what_is_refused(tmp_path: Path, data: bytes, message: str) -> None:
     refuse(tmp_path, data, message)
 
 
-@pytest.mark.parametrize("step", [11, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [11, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_recording_that_was_not_ended_is_read_and_noted(
     tmp_path: Path, step: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Cut off at any byte: refused, in a chunk's head, or the samples that are whole and a note."""
+    """Cut off at many bytes: refused, in a chunk's head, or the samples that are whole and a note."""
     whole = read(tmp_path, PLAIN)
     noted = 0
     for length in range(0, len(PLAIN), step):
