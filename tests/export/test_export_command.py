@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from simulated_hands import FITTED, REPLAYED, SimulatedHand, simulated_hand, simulated_hands
+from stage_runs import collect_exports
 from stage_runs import export as main
 
 from shukotsu.readers.samples import NUMBERS
@@ -38,9 +41,9 @@ def test_files_have_their_names_and_notes(
     assert run(right, tmp_path, "--licence", "CC BY 4.0") == 0
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {f"{STEM}{end}" for end in (".bvh", ".bvh.txt", ".csv", "_angles.csv", ".json")}
-    told = capsys.readouterr()
-    assert told.out.splitlines() == [str(tmp_path / f"{STEM}.bvh"), str(tmp_path / f"{STEM}.csv")]
-    assert "bvh: not in the file: device times" in told.err
+    printed = capsys.readouterr()
+    assert printed.out.splitlines() == [str(tmp_path / f"{STEM}.bvh"), str(tmp_path / f"{STEM}.csv")]
+    assert "bvh: not in the file: device times" in printed.err
     note = (tmp_path / f"{STEM}.bvh.txt").read_text("utf-8")
     assert "licence: CC BY 4.0\n" in note
     assert f"  sub-01/fits/right/{FITTED}/bone_poses.parquet\n" in note
@@ -98,7 +101,7 @@ def test_what_cannot_be_done_is_said_in_one_sentence(
 
 
 def test_a_failure_can_be_recorded(right: SimulatedHand, tmp_path: Path) -> None:
-    """Of a format, of a recording under a model, or of the whole subject, and the rest is written."""
+    """A format's, a recording's under a model, or the whole subject's, and the rest is written."""
     assert run(right, tmp_path, "--frames", "5000:", "--record-failure") == 0
     assert "no frame of the recording" in (tmp_path / f"{STEM}.failed.txt").read_text("utf-8")
     assert run(right, tmp_path, "--fps", "9", "--record-failure", "--rig", "maya") == 0
@@ -152,10 +155,46 @@ def test_a_dataset_of_several_subjects(tmp_path: Path, capsys: pytest.CaptureFix
     skeletons = {"01": ("", "skeletonpaperQdfig4", "skeletonwholeQdhand"), "02": ("", "skeletonpaperQdfig4")}
     assert {path.name for path in out.rglob("*_motion.tsv")} == {
         f"sub-{subject}_task-opposition_tracksys-righthand{skeleton}_motion.tsv"
-        for subject, own in skeletons.items()
-        for skeleton in own
+        for subject, of_subject in skeletons.items()
+        for skeleton in of_subject
     }
     table = (out / "bids" / "participants.tsv").read_text("utf-8").splitlines()
     assert [line.split("\t")[0] for line in table] == ["participant_id", "sub-01", "sub-02"]
     assert table[1].split("\t")[2].startswith("180")
     assert '"License": "CC0"' in (out / "bids" / "dataset_description.json").read_text("utf-8")
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_files_of_all_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, links: bool) -> None:
+    """Hidden files stay; where the disk has no links files are copied; what is there is replaced."""
+    for name in ("one/a.bvh", "one/.hidden", "two/b.bvh", "two/bids/sub-01/b.tsv", "out/a.bvh"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(name)
+    if not links:
+        monkeypatch.setattr(os, "link", _refuse)
+    folders, out = [str(tmp_path / "one"), str(tmp_path / "two")], tmp_path / "out"
+    assert collect_exports(["--folders", *folders, "--out", str(out)]) == 0
+    texts = {path.relative_to(out).as_posix(): path.read_text() for path in out.rglob("*") if path.is_file()}
+    expected = {"a.bvh": "one/a.bvh", "b.bvh": "two/b.bvh", "bids/sub-01/b.tsv": "two/bids/sub-01/b.tsv"}
+    assert texts == expected
+    assert (out / "a.bvh").samefile(tmp_path / "one" / "a.bvh") == links
+
+
+def test_a_copy_that_fails_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And half a file under no name."""
+    for name in ("one/a.bvh", "out/a.bvh"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text(name)
+
+    def half(_: Path, target: Path) -> None:
+        target.write_text("ha")
+        raise OSError("the disk is full")
+
+    monkeypatch.setattr(os, "link", _refuse)
+    monkeypatch.setattr(shutil, "copy2", half)
+    assert collect_exports(["--folders", str(tmp_path / "one"), "--out", str(tmp_path / "out")]) == 2
+    assert [path.read_text() for path in (tmp_path / "out").iterdir()] == ["out/a.bvh"]
+
+
+def _refuse(*_: object) -> None:
+    raise OSError("no links")

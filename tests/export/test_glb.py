@@ -1,11 +1,95 @@
-"""The body that a GLB file shows; what other programs have of a file is in test_glb_in_other_programs.py."""
+"""The body of a GLB file; programs that are not ours have it, and every joint, where the tables have it.
+
+They are in .tools at the repository's root, or where SHUKOTSU_TOOLS says: node_modules as of
+tests/export_tools/package.json, blender/bin/python with bpy. A test is skipped without its program.
+"""
 
 from __future__ import annotations
 
-import numpy as np
-from moving_fingers import moving_fingers
+import json
+import re
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
 
-from shukotsu.export.glb import bone_mesh
+import numpy as np
+import pytest
+from guide_pages import blocks
+from moving_fingers import moving_fingers
+from simulated_hands import FITTED, REPLAYED, SimulatedHand
+
+from shukotsu.export.glb import bone_mesh, write
+from shukotsu.export.motion import rest_pose
+from shukotsu.export.rigging import with_webxr_names
+from shukotsu.hand.posing import PosedRecording
+from shukotsu.hand.rotations import conjugate, rotate
+
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "other-programs.md"
+
+
+@contextmanager
+def served(page: str, glb: Path, modules: Path, folder: Path) -> Iterator[str]:
+    """Address of a page that has the file and the modules beside it, as the guide says, in that folder."""
+    (folder / "index.html").write_text(page, "utf-8")
+    (folder / "favicon.ico").touch()  # browsers ask for it
+    (folder / "hand.glb").write_bytes(glb.read_bytes())
+    (folder / "node_modules").symlink_to(modules.resolve(), target_is_directory=True)
+    files = partial(SimpleHTTPRequestHandler, directory=str(folder))
+    with ThreadingHTTPServer(("127.0.0.1", 0), files) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_address[1]}/"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+SCRIPTS = Path(__file__).resolve().parents[1] / "export_tools"
+ExportTool = Callable[[str], Path]
+NEAR_M = 3e-7
+"""Asked for is 1e-6."""
+
+
+def output_of(*words: str | Path) -> Any:
+    """Return what a program prints, which is JSON."""
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def read_in_node(export_tool: ExportTool, file: Path) -> Any:
+    """Return what three.js has of a file, of which the validator of the Khronos Group has no word."""
+    modules = export_tool("node_modules/three").parent
+    content = output_of("node", SCRIPTS / "read_glb.mjs", modules, file)
+    assert content["messages"] == [], "errors, warnings, and no information either"
+    return content
+
+
+def read_in_blender(export_tool: ExportTool, file: Path, rate_hz: float) -> Any:
+    return output_of(export_tool("blender/bin/python"), SCRIPTS / "read_with_blender.py", file, str(rate_hz))
+
+
+def assert_joints(joints: Any, motion: PosedRecording, near_m: float, rows: slice = slice(None)) -> None:
+    """Every joint of a hand is there, under its WebXR name, where the motion has it in those frames."""
+    motion = with_webxr_names(motion)
+    assert set(joints) == set(motion.names)
+    positions = np.stack([joints[name] for name in motion.names], 1)
+    np.testing.assert_allclose(positions, motion.position_mm[rows] / 1000, atol=near_m)
+
+
+def last_body(motion: PosedRecording) -> np.ndarray:
+    """Vertices (V, 3) in m of the body in the last frame: each rides rigidly on its joint."""
+    motion = with_webxr_names(motion)
+    mesh, (rest_mm, rest_turn) = bone_mesh(motion), rest_pose(motion)
+    on_bone = rotate(conjugate(rest_turn[mesh.joint]), mesh.position_mm - rest_mm[mesh.joint])
+    return (rotate(motion.quaternion[-1, mesh.joint], on_bone) + motion.position_mm[-1, mesh.joint]) / 1000
 
 
 def test_the_body_is_closed_and_faces_outward() -> None:
@@ -21,3 +105,105 @@ def test_the_body_is_closed_and_faces_outward() -> None:
     there, back = sorted(map(tuple, edges)), sorted((b, a) for a, b in edges)
     assert there == back, "every edge once in either direction"
     assert np.linalg.det(triangles).sum() > 0, "its volume is positive"
+
+
+@pytest.mark.tools
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_three_has_every_joint_and_the_validator_no_word(
+    hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool, model: str
+) -> None:
+    motion, file = hand.ready(model), tmp_path / "hand.glb"
+    write(motion, file)
+    content = read_in_node(export_tool, file)
+    name = f"{motion.origin.recording.hand}-hand"
+    clip = content["clips"][f"{name} opposition"]
+    np.testing.assert_allclose(clip["times"], motion.time_s - motion.time_s[0], atol=1e-5)
+    assert_joints(clip["joints"][name], motion, NEAR_M)
+    expected = last_body(motion)
+    for primitive in ("1", "2"):
+        np.testing.assert_allclose(content["bodies"][f"{name}-body_{primitive}"], expected, atol=2e-6)
+
+
+@pytest.mark.tools
+def test_the_validator_has_no_word_on_odd_files(tmp_path: Path, export_tool: ExportTool) -> None:
+    """One frame, names in other scripts, a skeleton that is no hand."""
+    file, motion = tmp_path / "odd.glb", moving_fingers(20)
+    write(motion.take(slice(0, 1)), file)
+    assert len(read_in_node(export_tool, file)["clips"]["right-made wave"]["times"]) == 1
+    joints = tuple(replace(joint, name=f"腕 {i}") for i, joint in enumerate(motion.joints))
+    write(replace(motion, joints=joints, origin=replace(motion.origin, licence="© 手")), file)
+    joints_m = read_in_node(export_tool, file)["clips"]["right-made wave"]["joints"]["right-made"]
+    np.testing.assert_allclose(joints_m["腕 3"], motion.position_mm[:, 3] / 1000, atol=NEAR_M)
+
+
+@pytest.mark.tools
+@pytest.mark.parametrize("model", [REPLAYED, FITTED])
+def test_blender_has_every_joint_and_the_body(
+    hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool, model: str
+) -> None:
+    motion, file = hand.ready(model), tmp_path / "hand.glb"
+    write(motion, file)
+    name = f"{motion.origin.recording.hand}-hand"
+    content = read_in_blender(export_tool, file, motion.rate_hz)
+    assert_joints(content["joints"][name], motion, NEAR_M)
+    body, expected = np.array(content["bodies"][name]), last_body(motion)
+    assert len(body) == len(expected)
+    np.testing.assert_allclose(body.min(0), expected.min(0), atol=2e-6)
+    np.testing.assert_allclose(body.max(0), expected.max(0), atol=2e-6)
+
+
+@pytest.mark.tools
+def test_fbx_by_blender_has_every_joint(hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool) -> None:
+    motion, glb, fbx = hand.ready(FITTED), tmp_path / "hand.glb", tmp_path / "hand.fbx"
+    write(motion, glb)
+    script = tmp_path / "fbx.py"
+    script.write_text(blocks(GUIDE, "python")[0].text)
+    words = [str(export_tool("blender/bin/python")), str(script), str(glb), str(fbx)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
+    assert done.returncode == 0, done.stderr
+    name = f"{motion.origin.recording.hand}-hand"
+    assert_joints(read_in_blender(export_tool, fbx, 0)["joints"][name], motion, 1e-4)
+
+
+def complaints(page: Any) -> list[str]:
+    """Return the list in which a page's errors, warnings and failed requests gather from now on."""
+    heard: list[str] = []
+    page.on("console", lambda m: heard.append(m.text) if m.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: heard.append(str(error)))
+    page.on("response", lambda r: heard.append(f"{r.status} {r.url}") if r.status >= 400 else None)
+    page.on("request", lambda r: heard.append(r.url) if "//127.0.0.1:" not in r.url else None)
+    return heard
+
+
+def ours(words: str) -> bool:
+    """Whether a complaint is of the page, and not of drawing by the processor, which is slow."""
+    return not ("GPU stall" in words or "rAF timed out" in words or words.startswith("blob:"))
+
+
+@pytest.mark.tools
+def test_the_page_of_the_guide_shows_the_hand_move(
+    right: SimulatedHand, tmp_path: Path, export_tool: ExportTool, browser: Any
+) -> None:
+    motion, file = right.ready(FITTED), tmp_path / "motion.glb"
+    write(motion, file)
+    modules = export_tool("node_modules/three").parent
+    with served(blocks(GUIDE, "html")[0].text, file, modules, tmp_path) as address:
+        page = browser.new_page(viewport={"width": 400, "height": 300})
+        heard = complaints(page)
+        page.goto(address)
+        seen = []
+        for _ in range(3):
+            page.wait_for_function("document.querySelector('output').textContent")
+            seen.append(page.locator("output").text_content())
+            page.wait_for_timeout(200)
+        picture = page.screenshot()
+        page.close()
+    assert [words for words in heard if ours(words)] == []
+    assert len(picture) > 5000, "a page without a hand is smaller"
+    assert len(set(seen)) == 3, "it stands still"
+    tips = motion.position_mm[:, [motion.index("thumb_skin_tip"), motion.index("index_skin_tip")]]
+    apart_mm = np.linalg.norm(tips[:, 0] - tips[:, 1], axis=-1)
+    for words in seen:
+        seconds, shown_mm = map(float, re.findall(r"[\d.]+", words))
+        at = np.interp([seconds - 5e-4, seconds, seconds + 5e-4], motion.time_s - motion.time_s[0], apart_mm)
+        assert at.min() - 0.06 <= shown_mm <= at.max() + 0.06
