@@ -18,6 +18,7 @@ from stage_runs import of_plan, outputs
 
 from shukotsu.__main__ import main as capture
 from shukotsu.hand.rotations import Array
+from shukotsu.simulate.task_motion import TASK_FRAMES
 from shukotsu.simulate.written_truth import write_truth
 from shukotsu.study.config_files import REFERENCE
 from shukotsu.study.plan import StudyPlans, SubjectPlan, option_of, plan_of_results, plan_text
@@ -147,13 +148,11 @@ class PlannedSubject:
             _forget_inputs(table)
         return copied
 
-    def run_stages(self, *, reference: bool = True) -> None:
-        """Run every stage from the joints to the tips; reference : lay out the prior's hand too."""
-        for hand in self.plan.hands:
-            assert self.fit(hand) == 0
+    def run_stages(self) -> None:
+        """Run every stage from the joints to the tips, and lay out the prior's hand."""
+        assert all(self.fit(hand) == 0 for hand in self.plan.hands)
         run_stages(self.plan_file)
-        for hand in self.plan.hands if reference else ():
-            assert self.fit(hand, model=REFERENCE) == 0
+        assert all(self.fit(hand, model=REFERENCE) == 0 for hand in self.plan.hands)
 
     def fit(self, hand: str, *options: str, model: str = "quick") -> int:
         """Fit a hand under a model; return the exit code."""
@@ -190,14 +189,16 @@ def planned_subject(
 ) -> PlannedSubject:
     """Simulate a subject's recordings and write their poses, truths and the plan.
 
-    recordings : hand, task and role of each, and its other cells. models : names of those that ship, or
+    recordings : hand, task and role of each, and its other cells; of a task of the test's own it writes the
+    poses itself. models : names of those that ship, or
     quick, whose file that is. sheets : rows of measurements and touches, tab-separated.
     """
     subject, rows = PlannedSubject(folder), []
     for hand, task, role, *cells in recordings:
-        simulated = recorded(hand, task, seed=seed, n_frames=n_frames)[0]
-        write_poses(subject.poses(task, hand), simulated, hand, task)
-        write_truth(subject.truth(task, hand), simulated, Provenance())
+        if task in TASK_FRAMES:
+            simulated = recorded(hand, task, seed=seed, n_frames=n_frames)[0]
+            write_poses(subject.poses(task, hand), simulated, hand, task)
+            write_truth(subject.truth(task, hand), simulated, Provenance())
         rows.append(" ".join(["01", hand, task, role, f"raw/{hand}-{task}.parquet", *cells]))
     (folder / "quick.yaml").write_text(quick)
     study = write_study(

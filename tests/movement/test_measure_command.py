@@ -1,17 +1,22 @@
-"""The stage from a subject's tables to its own: a ridden and a fitted hand, against the truth."""
+"""The stage that measures movement: somebody plays, and what is measured is what was played."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
-from simulated_poses import recorded
-from small_study import QUICK, PlannedSubject, planned_subject
+from simulated_poses import recorded, write_poses
+from small_study import QUICK, PlannedSubject, planned_subject, run_stages
 from stage_runs import measure_movement as main
 from stage_runs import of_plan
 
+from benchmarks.pianist import Played, play
+from shukotsu.errors import InputError
 from shukotsu.hand.joint_angles import joint_angles, joint_rotation
 from shukotsu.hand.neutral_bones import neutral_rotations
 from shukotsu.hand.posing import SkeletonJoint
@@ -19,141 +24,184 @@ from shukotsu.hand.rotations import Array
 from shukotsu.simulate.random_hand import BONES
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.catalogue import CLOCKS, EVENTS, TABLES
-from shukotsu.tables.parts import part_metadata, parts_writer, read_part
 from shukotsu.tables.typed_table import Provenance, columns_from_rows, read_table, rows_of, write_table
 
-N_FRAMES, SEED = 1500, 4
+N_FRAMES, SEED, TASK = 1500, 4, "opposition"
 FINGERS = ("index", "middle", "ring", "little")
 ANGLES = ("flexion", "abduction", "rotation")
 LAYOUT = read_layout("liberty16")
-ONSETS_S = (0.5, 1.6, 2.7, 3.8, 4.0, 5.1)
+TAPS_S = (0.5, 1.6, 2.7, 3.8, 4.0, 5.1)
+UNFITTED = "no calibration recording is left"
 Row = dict[str, Any]
 
 
+@dataclass
+class Measured:
+    """A subject whose right hand played, and the tables of it; the left hand's fit has failed."""
+
+    subject: PlannedSubject
+    played: Played
+    out: Path
+
+    def rows(self, table: str, **wanted: Any) -> list[Row]:
+        """Rows of a table that have those values."""
+        rows = rows_of(read_table(self.out / f"{table}.parquet", TABLES[table]))
+        return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
+
+    @cached_property
+    def strokes(self) -> list[Row]:
+        """The right hand's strokes as the fitted model has them, in order."""
+        return sorted(self.rows("event_strokes", model="quick"), key=lambda row: row["event"])
+
+
 @pytest.fixture(scope="module")
-def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
-    """Both hands: calibrated on one task, measured in another."""
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
+    """Both hands, calibrated on rom; the clock of the left hand's events is weak."""
+    folder = tmp_path_factory.mktemp("movement")
     recordings = [
         (hand, task, role)
         for hand in ("right", "left")
-        for task, role in (("rom", "calibration"), ("opposition", "evaluation"))
+        for task, role in (("rom", "calibration"), (TASK, "evaluation"))
     ]
-    folder = tmp_path_factory.mktemp("movement")
+    recordings.append(("right", "keys", "evaluation"))
     alone = QUICK.replace("steps: 10", "steps: 10, share_lengths: false")
-    made = planned_subject(folder, recordings, ["rigid", "quick"], n_frames=N_FRAMES, seed=SEED, quick=alone)
-    made.run_stages(reference=False)
-    rows = [event("right", number, "tap", onset_s) for number, onset_s in enumerate(ONSETS_S)]
-    rows += [event("right", 9, "hold", 1.0, 0.8), event("right", 10, "hold", 2.0, 0.8)]
-    columns = columns_from_rows(EVENTS, rows)
-    write_table(made.plan_file.with_name("events.parquet"), EVENTS, columns, Provenance())
-    return made
+    subject = planned_subject(
+        folder, recordings, ["rigid", "quick"], n_frames=N_FRAMES, seed=SEED, quick=alone
+    )
+    played = play(SEED, "right", 0.4, 10.0, 0.2, "")
+    write_poses(subject.poses("keys"), played.poses, "right", "keys")
+    assert subject.fit("right") == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("shukotsu.fit.calibration.fit_hand", failing)
+        assert subject.fit("left", "--record-failure") == 0
+    run_stages(subject.plan_file, "--record-failure")
+    write_events(subject, played)
+    assert main([*of_plan("measure_movement", subject.plan_file), f"--out={folder / 'tables'}"]) == 0
+    return Measured(subject, played, folder / "tables")
 
 
-def event(hand: str, number: int, name: str, onset_s: float, duration_s: float | None = None) -> Row:
-    keys = {"subject": "01", "session": "", "hand": hand, "task": "opposition", "trial": "", "event": number}
-    more = {"name": name, "onset_s": onset_s, "duration_s": duration_s, "source": "sheet", "message": ""}
-    return keys | more
+def failing(*_: Any, **__: Any) -> None:
+    raise InputError(UNFITTED)
 
 
-@pytest.fixture(scope="module")
-def out(subject: PlannedSubject, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("tables")
-    assert run(subject, folder, f"--events={subject.plan_file.with_name('events.parquet')}") == 0
-    return folder
+def write_events(subject: PlannedSubject, played: Played) -> None:
+    rows = []
+    for number, stroke in enumerate(played.strokes):
+        duration_s = stroke.up_s - stroke.contact_s
+        row = event("right", number, f"note {stroke.pitch}", stroke.contact_s, duration_s)
+        rows.append(row | {"task": "keys"})
+    rows[3] |= {"name": f"note {played.strokes[3].pitch} {played.strokes[3].digit}"}
+    rows[4] |= {"onset_sd_ms": 30.0}
+    rows[5] |= {"onset_s": 0.5, "duration_s": 0.1}
+    for hand in ("right", "left"):
+        names = [*((onset_s, "tap", None) for onset_s in TAPS_S), (1.0, "hold", 0.8), (2.0, "hold", 0.8)]
+        more = [(0.5, "lamp", 0.1), *([(1.0, "note 60", 0.1)] if hand == "left" else [])]
+        for onset_s, name, duration_s in [*names, *more]:
+            rows.append(event(hand, len(rows), name, onset_s, duration_s))
+    clock = {"subject": "01", "session": "", "trial": "", "source": "midi", "message": ""}
+    clock |= dict.fromkeys(("n_pulses", "n_missing", "n_extra"), 0)
+    recordings = [("right", TASK, "ok"), ("right", "keys", "ok"), ("left", TASK, "weak")]
+    clocks = [clock | dict(zip(("hand", "task", "status"), keys, strict=True)) for keys in recordings]
+    for table, table_rows in ((EVENTS, rows), (CLOCKS, clocks)):
+        path = subject.plan_file.with_name(f"{table.name}.parquet")
+        write_table(path, table, columns_from_rows(table, table_rows), Provenance())
 
 
-def run(subject: PlannedSubject, out: Path, *options: str) -> int:
-    return main([*of_plan("measure_movement", subject.plan_file), f"--out={out}", *options])
+def event(hand: str, number: int, name: str, onset_s: float, duration_s: float | None) -> Row:
+    keys = {"subject": "01", "session": "", "hand": hand, "task": TASK, "trial": "", "event": number}
+    times = {"onset_s": onset_s, "duration_s": duration_s, "onset_sd_ms": 1.0}
+    return keys | times | {"name": name, "source": "midi", "message": ""}
 
 
-def rows_in(out: Path, name: str, **wanted: str) -> list[Row]:
-    rows = rows_of(read_table(out / f"{name}.parquet", TABLES[name]))
-    return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
-
-
-def test_a_calibration_recording_has_its_ranges_of_motion(out: Path) -> None:
+def test_a_calibration_recording_has_its_ranges_of_motion(measured: Measured) -> None:
     """Under the hand that is fitted whole; nothing else is measured in it."""
     truth = recorded("right", "rom", seed=SEED, n_frames=N_FRAMES)[0].truth
-    true = {joint.name: joint.range_deg for joint in truth.joints.values()}
-    rows = rows_in(out, "ranges_of_motion", task="rom", hand="right", angle="flexion")
-    assert {row["model"] for row in rows} == {"quick"}
-    found = {row["joint"]: row for row in rows}
+    rows = measured.rows("ranges_of_motion", task="rom", angle="flexion")
+    assert {(row["hand"], row["model"]) for row in rows} == {("right", "quick")}
+    by_joint = {row["joint"]: row for row in rows}
     for name in FINGERS:
-        row = found[f"{name}_pip"]
-        assert row["full_range_deg"] == pytest.approx(true[f"{name}_pip"], abs=12)
+        row = by_joint[f"{name}_pip"]
+        assert row["full_range_deg"] == pytest.approx(truth.joints[f"{name}_pip"].range_deg, abs=12)
         assert 0 < row["range_deg"] <= row["full_range_deg"]
         assert row["n_frames"] == N_FRAMES
     for table in ("fingertip_paths", "movement_cycles"):
-        assert not rows_in(out, table, task="rom")
+        assert not measured.rows(table, task="rom")
 
 
-def true_angles_deg(hand: str) -> dict[str, Array]:
-    """Angles (T, 3) of the fingers' joints, from the bones of the simulation."""
-    truth = recorded(hand, "opposition", seed=SEED, n_frames=N_FRAMES)[0].truth
-    found = {}
-    for name in FINGERS:
-        digit = LAYOUT.digits[name]
-        joints = [SkeletonJoint(joint, 0, "") for joint in digit.joints]
-        rests = neutral_rotations(LAYOUT, hand, joints)
-        for parent, child, joint, rest in zip(
-            (digit.base, *digit.segments), digit.segments, digit.joints, rests, strict=False
-        ):
-            above, below = (truth.bone_quaternion[:, BONES.index(bone)] for bone in (parent, child))
-            if LAYOUT.joints[joint].dof:
-                found[joint] = joint_angles(above, below, hand, rest)
-    return found
+def digits_joints() -> list[tuple[str, str, str]]:
+    """Joints of the digits, each with the segments above and below it."""
+    return [
+        (joint, parent, child)
+        for digit in LAYOUT.digits.values()
+        for joint, parent, child in zip(
+            digit.joints, (digit.base, *digit.segments), digit.segments, strict=False
+        )
+    ]
 
 
-@pytest.mark.parametrize("hand", ["right", "left"])
-def test_angles_follow_from_bones_and_the_zero_in_joint_centres(subject: PlannedSubject, hand: str) -> None:
+def test_angles_follow_from_bones_and_the_zero_in_joint_centres(measured: Measured) -> None:
     """As docs/movement.md says, of the bones of another table."""
-    plan, keys = subject.plan, {"hand": hand, "model": "quick"}
+    subject, part = measured.subject, measured.subject.part("quick")
 
-    def rows(name: str, path: Path) -> list[Row]:
-        table = rows_of(read_table(path, TABLES[name]))
-        return [row for row in table if all(row[key] == value for key, value in keys.items())]
+    def table(path: Path) -> pd.DataFrame:
+        rows = read_table(path, TABLES[path.stem]).to_pandas()
+        return rows[(rows["hand"] == "right") & (rows["model"] == part.model)]
 
-    fit = subject.fit_folder(hand)
-    turns: dict[str, list[list[float]]] = {}
-    for row in rows("bone_poses", fit / "bone_poses.parquet"):
-        if row["task"] == "opposition":
-            turns.setdefault(row["segment"], []).append([row[f"q{part}"] for part in "wxyz"])
-    stated: dict[str, list[list[float]]] = {}
-    for row in rows("joint_angles", fit / "joint_angles.parquet"):
-        if row["task"] == "opposition":
-            stated.setdefault(row["joint"], []).append([row[f"{angle}_deg"] for angle in ANGLES])
-    zeros = {row["joint"]: row for row in rows("joint_centres", plan.table("joint_centres"))}
-    assert set(stated) == {name for name, row in zeros.items() if row["axes_turn_deg"] is not None}
-    for digit in LAYOUT.digits.values():
-        for parent, child, joint in zip(
-            (digit.base, *digit.segments), digit.segments, digit.joints, strict=False
-        ):
-            if joint in stated:
-                rest = joint_rotation(np.array([zeros[joint][f"rest_{angle}_deg"] for angle in ANGLES]), hand)
-                axes = joint_rotation(np.array([0.0, 0.0, zeros[joint]["axes_turn_deg"]]), hand)
-                found = joint_angles(np.array(turns[parent]), np.array(turns[child]), hand, rest, axes)
-                np.testing.assert_allclose(found, stated[joint], atol=1e-4, err_msg=joint)
+    fit = subject.fit_folder()
+    bones, angles = (
+        rows[rows["task"] == TASK].groupby(key)[columns]
+        for rows, key, columns in (
+            (table(fit / "bone_poses.parquet"), "segment", [f"q{axis}" for axis in "wxyz"]),
+            (table(fit / "joint_angles.parquet"), "joint", [f"{angle}_deg" for angle in ANGLES]),
+        )
+    )
+    turns, stated = ({str(name): rows.to_numpy() for name, rows in groups} for groups in (bones, angles))
+    zeros = table(subject.plan.table("joint_centres")).set_index("joint")
+    assert set(stated) == set(zeros.index[zeros["axes_turn_deg"].notna()])
+    for joint, parent, child in digits_joints():
+        if joint in stated:
+            zero = zeros.loc[joint]
+            rest = joint_rotation(np.array([zero[f"rest_{angle}_deg"] for angle in ANGLES]), "right")
+            axes = joint_rotation(np.array([0.0, 0.0, zero["axes_turn_deg"]]), "right")
+            angles_deg = joint_angles(turns[parent], turns[child], "right", rest, axes)
+            np.testing.assert_allclose(angles_deg, stated[joint], atol=1e-4, err_msg=joint)
 
 
-def test_what_a_model_without_stated_errors_says_is_weak(out: Path) -> None:
+def test_what_a_model_without_stated_errors_says_is_weak(measured: Measured) -> None:
     """And where it cannot tell a metacarpal's motion, it says so."""
-    rows = [row for row in rows_in(out, "ranges_of_motion", model="rigid") if row["range_deg"] is not None]
-    assert {row["status"] for row in rows} == {"weak"}
+    rows = measured.rows("ranges_of_motion", model="rigid")
+    rows = [row for row in rows if row["range_deg"] is not None]
+    assert {(row["status"], row["hand"]) for row in rows} == {("weak", "right"), ("weak", "left")}
     still = {row["joint"] for row in rows if "keeps the metacarpal still" in row["message"]}
     assert still == {f"{name}_mcp" for name in FINGERS} | {"ring_cmc", "little_cmc"}
     assert all("states no error" in row["message"] for row in rows)
+    truth = recorded("left", TASK, seed=SEED, n_frames=N_FRAMES)[0].truth
+    for row in rows:
+        if (row["hand"], row["angle"]) == ("left", "flexion") and row["joint"].endswith("_pip"):
+            assert row["full_range_deg"] == pytest.approx(truth.joints[row["joint"]].range_deg, abs=12)
 
 
-@pytest.mark.parametrize("hand", ["right", "left"])
-def test_ranges_of_a_fitted_hand_are_as_far_off_as_stated(out: Path, hand: str) -> None:
+def true_angles_deg() -> dict[str, Array]:
+    """Angles (T, 3) of the right fingers' joints, from the bones of the simulation."""
+    turns = recorded("right", TASK, seed=SEED, n_frames=N_FRAMES)[0].truth.bone_quaternion
+    angles_deg = {}
+    for joint, parent, child in digits_joints():
+        if LAYOUT.joints[joint].dof and not joint.startswith("thumb"):
+            (rest,) = neutral_rotations(LAYOUT, "right", [SkeletonJoint(joint, 0, "")])
+            above, below = (turns[:, BONES.index(bone)] for bone in (parent, child))
+            angles_deg[joint] = joint_angles(above, below, "right", rest)
+    return angles_deg
+
+
+def test_ranges_of_a_fitted_hand_are_as_far_off_as_stated(measured: Measured) -> None:
     rows = {
         (row["joint"], row["angle"]): row
-        for row in rows_in(out, "ranges_of_motion", hand=hand, task="opposition", model="quick")
+        for row in measured.rows("ranges_of_motion", task=TASK, model="quick", hand="right")
     }
     assert len({joint for joint, _ in rows}) == 17
     assert len(rows) == 3 * 17
     off, sd, speed_ratio = [], [], []
-    for joint, angles in true_angles_deg(hand).items():
+    for joint, angles in true_angles_deg().items():
         for index, angle in enumerate(ANGLES):
             row = rows[joint, angle]
             assert (row["n_frames"], row["valid_percent"]) == (N_FRAMES, 100.0)
@@ -167,36 +215,51 @@ def test_ranges_of_a_fitted_hand_are_as_far_off_as_stated(out: Path, hand: str) 
     assert np.median(speed_ratio) == pytest.approx(1.0, abs=0.1)
 
 
-def test_cycles_are_cut_and_refused(out: Path) -> None:
-    cycles = rows_in(out, "movement_cycles")
-    assert {row["hand"] for row in cycles} == {"right"}
+def test_a_model_that_failed_has_no_numbers_and_the_others_have(measured: Measured) -> None:
+    rows = measured.rows("ranges_of_motion", hand="left", model="quick")
+    assert len(rows) == 15, "every joint that is solved"
+    assert {(row["range_deg"], row["status"], row["message"]) for row in rows} == {(None, "failed", UNFITTED)}
+    assert not measured.rows("fingertip_paths", hand="left", model="quick")
+    assert measured.rows("fingertip_paths", hand="left", model="rigid")
+
+
+def test_cycles_are_cut_and_refused(measured: Measured) -> None:
+    cycles = measured.rows("movement_cycles", hand="right", task=TASK)
     taps = [row for row in cycles if row["event"] == "tap"]
     assert [row["used"] for row in taps] == [True, True, True, False, True]
     assert taps[3]["message"].startswith("too short")
     assert [row["duration_s"] for row in cycles if row["event"] == "hold"] == [0.8, 0.8]
 
 
-def test_a_weak_clock_cuts_nothing(subject: PlannedSubject, tmp_path: Path) -> None:
-    events = subject.plan_file.with_name("events.parquet")
-    key = {"subject": "01", "session": "", "hand": "right", "task": "opposition", "trial": ""}
-    row = {**key, "source": "sheet", "status": "weak", "message": "said"}
-    row |= dict.fromkeys(("n_pulses", "n_missing", "n_extra"), 0)
-    clocks = tmp_path / "clocks.parquet"
-    write_table(clocks, CLOCKS, columns_from_rows(CLOCKS, [row]), Provenance())
-    assert run(subject, tmp_path, f"--events={events}", f"--clocks={clocks}") == 0
-    cycles = rows_in(tmp_path, "movement_cycles")
+def test_events_on_a_weak_clock_cut_nothing_and_are_no_strokes(measured: Measured) -> None:
+    cycles = measured.rows("movement_cycles", hand="left")
     assert {(row["used"], row["message"]) for row in cycles} == {(False, "the clock of its events is weak")}
+    (stroke,) = measured.rows("event_strokes", hand="left")
+    assert (stroke["used"], stroke["message"]) == (False, "its clock is not sure: its clock is weak")
 
 
-def test_a_model_that_failed_has_no_rows_and_the_other_has(subject: PlannedSubject, tmp_path: Path) -> None:
-    copy = subject.copied(tmp_path)
-    fit = copy.fit_folder() / "joint_angles.parquet"
-    with parts_writer(fit, TABLES["joint_angles"], Provenance()) as writer:
-        writer.failure(copy.part("quick"), "no calibration recording is left")
-    assert run(copy, tmp_path / "out") == 2
-    assert run(copy, tmp_path / "out", "--record-failure") == 0
-    path = tmp_path / "out" / "ranges_of_motion.parquet"
-    parts = part_metadata(path, TABLES["ranges_of_motion"])
-    assert "no calibration recording is left" in parts[copy.part("quick")]["failure"]
-    assert read_part(path, TABLES["ranges_of_motion"], copy.part("rigid")).num_rows > 0
-    assert read_part(path, TABLES["ranges_of_motion"], copy.part("quick", hand="left")).num_rows > 0
+def test_strokes_are_those_that_were_played(measured: Measured) -> None:
+    rows, played = measured.strokes, measured.played.strokes
+    assert [row["event"] for row in rows] == list(range(len(played))), "a lamp is no stroke"
+    pairs = [pair for pair in zip(rows, played, strict=True) if pair[0]["event"] != 5]
+    used = [(row, stroke) for row, stroke in pairs if row["used"]]
+    assert len(used) > 0.9 * len(pairs)
+    assert np.mean([row["digit"] == stroke.digit for row, stroke in used]) > 0.95
+    lag_ms = np.array([1e3 * (row["key_down_s"] - stroke.contact_s) for row, stroke in used])
+    assert np.abs(lag_ms).max() < 4
+    speed = np.array([row["contact_speed_mm_s"] / stroke.speed_mm_s for row, stroke in used])
+    assert np.mean(speed) == pytest.approx(1.0, abs=0.05)
+    assert np.std(speed) < 0.08
+    assert all(row["peak_speed_before_mm_s"] >= row["contact_speed_mm_s"] for row, _ in used)
+    for model in ("rigid", "quick"):
+        row = measured.rows("event_strokes", model=model, hand="right")[3]
+        assert (row["contact_speed_sd_mm_s"] is None) == (model == "rigid"), "fitted hands alone state errors"
+
+
+def test_a_digit_that_an_event_names_is_believed_and_what_is_not_sure_is_not_used(measured: Measured) -> None:
+    named, late, other = measured.strokes[3:6]
+    assert (named["digit"], named["used"]) == (measured.played.strokes[3].digit, True)
+    assert (late["used"], late["digit"]) == (False, "")
+    assert late["message"] == "its onset is known to 30 ms, more than 10"
+    assert (other["used"], other["digit"]) == (False, ""), "nothing went down then"
+    assert other["message"].startswith("no digit of this hand went down")
