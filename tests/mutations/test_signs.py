@@ -89,7 +89,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run_guard(folder: Path, module: str) -> None:
-    """Run the tests of a module of the copy in this process, which has none of the program's own, and end it."""
+    """Run the tests of a module of the copy in this process, and end it."""
     for name in [name for name in sys.modules if name.partition(".")[0] in ("shukotsu", "tests", "chains")]:
         del sys.modules[name]
     os.chdir(folder)
