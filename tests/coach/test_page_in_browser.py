@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from browser import WatchedPage
-from coached_hands import calibration
+from simulated_poses import recorded
 
 from shukotsu.coach.coach import Coach
 from shukotsu.coach.page import write_page
@@ -18,13 +18,12 @@ def test_one_file_shows_hand_joints_and_advice_and_loads_itself_again(
     coach, path, page = Coach(hand_alone(None, "right")), tmp_path / "page.html", watched_page.page
     write_page(path, coach, "a recording", "Nothing has come.")
     watched_page.open(path)
-    coach.take(calibration(7.0), may_leave_out=True)
+    coach.take(recorded(seed=7001, n_frames=1680)[1], may_leave_out=True)
     assert coach.estimate is not None
+    coach.findings = ["index_middle <b> is swapped"]
     write_page(path, coach, "a recording")
     page.locator(".advice", has_text=coach.advice).wait_for()  # by itself
     page.locator("tbody tr").nth(14).wait_for()
-    coach.findings = ["index_middle <b> is swapped"]
-    write_page(path, coach, "a recording")
     page.locator(".warning", has_text="index_middle <b> is swapped").wait_for()
     coach.findings = []
     coach.end()

@@ -10,8 +10,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from browser import chromium, watched
-from coached_hands import calibration
 from PIL import Image
+from simulated_poses import recorded
 
 from shukotsu.coach.coach import Coach
 from shukotsu.coach.page import write_page
@@ -35,7 +35,7 @@ SCREENSHOTS = {
 def write_coached_page(page: Path) -> None:
     """Write the coach's page 14 s into a simulated calibration; here it does not load itself again."""
     coach = Coach(hand_alone(None, "right"))
-    coach.take(calibration(14.0))
+    coach.take(recorded(seed=7001, n_frames=3360)[1])
     write_page(page, coach, "03_right_rom.arrows, right hand")
     page.write_text(re.sub(".*http-equiv=.refresh.*", "", page.read_text("utf-8")), "utf-8")
 
