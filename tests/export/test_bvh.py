@@ -64,8 +64,8 @@ def read_with(program: str, export_tool: ExportTool, file: Path) -> Any:
     if program == "blender":
         words = [export_tool("blender/bin/python"), READERS / "read_with_blender.py", file, "0"]
         done = subprocess.run(list(map(str, words)), check=True, capture_output=True, timeout=300)
-        found = json.loads(done.stdout)
-        return {kind: next(iter(found[kind].values())) for kind in ("joints", "ends")}
+        content = json.loads(done.stdout)
+        return {kind: next(iter(content[kind].values())) for kind in ("joints", "ends")}
     modules = export_tool("node_modules/three").parents[1]
     words = ["node", READERS / "read_with_three.mjs", modules]
     out = file.with_suffix(".json")
@@ -88,9 +88,11 @@ def test_a_program_has_every_joint_where_it_is(
     motion = hand.motion(model)
     write_format(motion, settings, "bvh", tmp_path / "motion.bvh")
     expected = prepared(motion, settings, holds_gaps=False, up="y")
-    found = read_with(program, export_tool, tmp_path / "motion.bvh")
+    content = read_with(program, export_tool, tmp_path / "motion.bvh")
     tips = ends_of(expected.joints)
-    series = found["joints"] | {tips[name]: end for name, end in found["ends"].items() if name in tips}
+    series = content["joints"] | {
+        tips[name]: end for name, end in content["ends"].items() if name in tips and end
+    }
     assert {name for name in series if not name.endswith(AT_REST)} == set(expected.names)
     for index, name in enumerate(expected.names):
         off_m = np.abs(np.array(series[name]) / 100 - expected.position_mm[:, index] / 1000)

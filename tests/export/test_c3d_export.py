@@ -45,11 +45,11 @@ def check_numbers(content: Any, motion: PosedRecording) -> None:
     np.testing.assert_allclose(points, points_of(motion), rtol=0, atol=NEAR_MM)
     bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
     there = motion.receivers
-    place = np.concatenate([motion.position_mm[:, bones], there.position_mm], 1)
+    position_mm = np.concatenate([motion.position_mm[:, bones], there.position_mm], 1)
     turn = np.concatenate([motion.quaternion[:, bones], there.quaternion], 1)
-    posed = np.isfinite(place).all(-1) & np.isfinite(turn).all(-1)
+    posed = np.isfinite(position_mm).all(-1) & np.isfinite(turn).all(-1)
     np.testing.assert_array_equal(np.isfinite(rotations).all((-1, -2)), posed)
-    np.testing.assert_allclose(rotations[posed][:, :3, 3], place[posed], rtol=0, atol=NEAR_MM)
+    np.testing.assert_allclose(rotations[posed][:, :3, 3], position_mm[posed], rtol=0, atol=NEAR_MM)
     np.testing.assert_array_equal(rotations[posed][:, 3], [[0, 0, 0, 1]] * posed.sum())
     off = angle(multiply(conjugate(from_matrix(rotations[posed][:, :3, :3])), turn[posed]))
     assert np.degrees(off).max(initial=0) < NEAR_DEG
@@ -70,8 +70,8 @@ def test_another_reader_has_the_same_points(
         pytest.skip("c3d is not installed among the export tools")
     code = (
         "import c3d, sys, numpy as np\n"
-        "found = [(n, p) for n, p, _ in c3d.Reader(open(sys.argv[1], 'rb')).read_frames()]\n"
-        "np.savez(sys.argv[2], frame=[n for n, _ in found], points=np.stack([p for _, p in found]))\n"
+        "frames = [(n, p) for n, p, _ in c3d.Reader(open(sys.argv[1], 'rb')).read_frames()]\n"
+        "np.savez(sys.argv[2], frame=[n for n, _ in frames], points=np.stack([p for _, p in frames]))\n"
     )
     gap, _ = with_seen_receivers(right.motion(FITTED))
     gap.position_mm[3, 4] = np.nan
@@ -79,12 +79,12 @@ def test_another_reader_has_the_same_points(
         write(motion, tmp_path / "a.c3d")
         words = [str(python), "-W", "ignore", "-c", code, str(tmp_path / "a.c3d"), str(tmp_path / "a.npz")]
         subprocess.run(words, check=True, capture_output=True, timeout=120)
-        found = np.load(tmp_path / "a.npz")
+        content = np.load(tmp_path / "a.npz")
         expected = points_of(motion)
         seen = np.isfinite(expected).all(-1)
-        np.testing.assert_array_equal(found["points"][..., 3], np.where(seen, 0, -1))
-        np.testing.assert_allclose(found["points"][..., :3][seen], expected[seen], rtol=0, atol=NEAR_MM)
-        assert np.diff(found["frame"]).tolist() == [1] * (len(motion.frame) - 1)
+        np.testing.assert_array_equal(content["points"][..., 3], np.where(seen, 0, -1))
+        np.testing.assert_allclose(content["points"][..., :3][seen], expected[seen], rtol=0, atol=NEAR_MM)
+        assert np.diff(content["frame"]).tolist() == [1] * (len(motion.frame) - 1)
 
 
 @settings(max_examples=12)
@@ -115,8 +115,8 @@ def test_a_gap_is_a_residual_of_minus_one(tmp_path: Path) -> None:
     motion = moving_fingers(4)
     motion.position_mm[1, 2] = np.nan
     write(motion, tmp_path / "a.c3d")
-    found = read(tmp_path / "a.c3d")["data"]
-    assert np.argwhere(found["meta_points"]["residuals"][0] < 0).tolist() == [[2, 1]]
+    content = read(tmp_path / "a.c3d")["data"]
+    assert np.argwhere(content["meta_points"]["residuals"][0] < 0).tolist() == [[2, 1]]
 
 
 def test_what_c3d_cannot_hold_is_refused(tmp_path: Path) -> None:

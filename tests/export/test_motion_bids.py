@@ -73,8 +73,8 @@ def validate(folder: Path) -> list[dict[str, Any]]:
     if not program.is_file():
         pytest.skip("bids-validator-deno is not installed beside this Python")
     command = [program, str(folder), "--format", "json", "--max-rows", "-1"]
-    found = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
-    return list(found["issues"]["issues"])
+    report = json.loads(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
+    return list(report["issues"]["issues"])
 
 
 KNOWN_WARNINGS = {
@@ -93,21 +93,24 @@ def test_the_validator_finds_no_error_and_no_warning_that_we_could_avoid(
     """Names of any script, gaps, one frame, no trial and a trial that is a number or is none."""
     hand = named(right.motion(FITTED), licence="CC0")
     add(hand, tmp_path / "set")
-    made = with_gaps(moving_fingers(9))
-    add(named(made, subject="山田 Ö.", task="ex-po_1", trial="2"), tmp_path / "set")
-    add(named(made, subject="Q", hand="left", trial="pre op"), tmp_path / "set")
-    one = replace(named(made.take(slice(1)), subject="one"), rate_hz=float("nan"))
-    assert add(one, tmp_path / "set")[0].startswith("a sampling frequency")
+    drawn = with_gaps(moving_fingers(9))
+    add(named(drawn, subject="山田 Ö.", task="ex-po_1", trial="2"), tmp_path / "set")
+    add(named(drawn, subject="Q", hand="left", trial="pre op"), tmp_path / "set")
+    frame = replace(named(drawn.take(slice(1)), subject="one"), rate_hz=float("nan"))
+    assert add(frame, tmp_path / "set")[0].startswith("a sampling frequency")
+    broken = named(drawn, subject="broken")
+    add(broken, tmp_path / "set")
+    next((tmp_path / "set" / "sub-broken").rglob("*righthand_channels.tsv")).unlink()
     issues = validate(tmp_path / "set")
-    assert not [issue for issue in issues if issue["severity"] == "error"]
+    errors = [issue["location"] for issue in issues if issue["severity"] == "error"]
+    assert errors
+    assert all(location.startswith("/sub-broken/") for location in errors), "and no other recording has any"
+    issues = [issue for issue in issues if not issue["location"].startswith("/sub-broken/")]
     codes = {issue["code"] for issue in issues} | {(i["code"], i.get("subCode")) for i in issues}
     assert "EVENTS_TSV_MISSING" in codes, "the validator looked at the recordings"
     avoidable = [i for i in issues if not {i["code"], (i["code"], i.get("subCode"))} & KNOWN_WARNINGS]
     assert {i.get("subCode") for i in avoidable} == {"SamplingFrequencyEffective"}, "one frame has none"
     assert all(i["location"].startswith("/sub-one/") for i in avoidable)
-    broken = receivers_path(tmp_path / "set", hand)
-    broken.with_name(broken.name.replace("_motion.tsv", "_channels.tsv")).unlink()
-    assert [issue for issue in validate(tmp_path / "set") if issue["severity"] == "error"]
 
 
 @pytest.mark.parametrize("model", [REPLAYED, FITTED])
@@ -120,8 +123,8 @@ def test_the_skeleton_comes_back(hand: SimulatedHand, tmp_path: Path, model: str
     np.testing.assert_array_equal(numbers["time"], motion.time_s)
     np.testing.assert_allclose(numbers["latency"], motion.time_s - motion.time_s[0], atol=5e-7)
     for index, joint in enumerate(motion.joints):
-        place = numbers[[f"{joint.name}_pos_{axis}" for axis in "xyz"]].to_numpy() * 1000
-        np.testing.assert_allclose(place, motion.position_mm[:, index], rtol=0, atol=1e-6)
+        position_mm = numbers[[f"{joint.name}_pos_{axis}" for axis in "xyz"]].to_numpy() * 1000
+        np.testing.assert_allclose(position_mm, motion.position_mm[:, index], rtol=0, atol=1e-6)
         if not joint.tip:
             turn = numbers[[f"{joint.name}_quat_{part}" for part in "wxyz"]].to_numpy()
             off = angle(multiply(conjugate(turn), motion.quaternion[:, index]))
@@ -135,11 +138,13 @@ def test_the_skeleton_comes_back(hand: SimulatedHand, tmp_path: Path, model: str
         ("JNTANG", "deg"): 3 * len(names), ("LATENCY", "s"): 1, ("MISC", "n/a"): 1, ("MISC", "s"): 1,
         ("ORNT", "n/a"): 80, ("POS", "m"): 3 * len(motion.joints),
     }  # fmt: skip
-    told = motion_json(skeleton_path(tmp_path, motion))
-    counted = [told[f"{kind}ChannelCount"] for kind in ("Motion", "POS", "ORNT", "JNTANG", "MISC", "LATENCY")]
+    sidecar = motion_json(skeleton_path(tmp_path, motion))
+    counted = [
+        sidecar[f"{kind}ChannelCount"] for kind in ("Motion", "POS", "ORNT", "JNTANG", "MISC", "LATENCY")
+    ]
     assert counted == [len(channels), 3 * len(motion.joints), 80, 3 * len(names), 2, 1]
-    assert told["TrackedPointsCount"] == len(motion.joints)
-    assert told["SamplingFrequency"] == pytest.approx(240)
+    assert sidecar["TrackedPointsCount"] == len(motion.joints)
+    assert sidecar["SamplingFrequency"] == pytest.approx(240)
     frames = json.loads(next(tmp_path.rglob("*skeleton*_channels.json")).read_text())["reference_frame"][
         "Levels"
     ]
@@ -176,9 +181,9 @@ def test_a_study_describes_its_dataset(tmp_path: Path) -> None:
         "sub-aQx9xb\ta b\tn/a\tF",
     ]
     assert participants.read_text("utf-8").splitlines() == expected
-    told = json.loads((tmp_path / "participants.json").read_text())
-    assert list(told) == ["name", "hand_length_mm", "sex"]
-    assert told["hand_length_mm"]["Units"] == "mm"
+    columns = json.loads((tmp_path / "participants.json").read_text())
+    assert list(columns) == ["name", "hand_length_mm", "sex"]
+    assert columns["hand_length_mm"]["Units"] == "mm"
     before = content(tmp_path)
     write_dataset_files(tmp_path, "The study", dict(reversed(sizes.items())), "CC0")
     add(named(moving_fingers(9), subject="山田"), tmp_path)

@@ -55,11 +55,11 @@ HINGES = ("thumb_ip", "index_pip", "index_dip", "middle_dip", "ring_cmc", "littl
 
 
 def read_with_opensim(export_tool: Callable[[str], Path], stem: Path, *options: str) -> dict[str, Any]:
-    """What OpenSim reads; the test is skipped where it is not installed."""
+    """Return what OpenSim reads; the test is skipped where it is not installed."""
     command = [export_tool("opensim/bin/python"), READER, stem, stem.with_suffix(".npz"), *options]
     subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
-    with np.load(stem.with_suffix(".npz")) as found:
-        return dict(found)
+    with np.load(stem.with_suffix(".npz")) as arrays:
+        return dict(arrays)
 
 
 @pytest.mark.tools
@@ -70,36 +70,36 @@ def test_opensim_has_every_bone_where_the_motion_has_it(
     motion = hand.ready(model)
     stem = tmp_path / "sub-母_hand"
     write(motion, stem.with_suffix(".osim"))
-    found = read_with_opensim(export_tool, stem)
+    seen = read_with_opensim(export_tool, stem)
     bones = [index for index, joint in enumerate(motion.joints) if not joint.tip]
-    np.testing.assert_allclose(found["mot_time_s"], motion.time_s - motion.time_s[0], atol=1e-9)
-    np.testing.assert_allclose(found["mot_place_m"], motion.position_mm[:, bones] / 1000, atol=NEAR_M)
-    apart = angle(multiply(conjugate(motion.quaternion[:, bones]), found["mot_turn"]))
+    np.testing.assert_allclose(seen["mot_time_s"], motion.time_s - motion.time_s[0], atol=1e-9)
+    np.testing.assert_allclose(seen["mot_place_m"], motion.position_mm[:, bones] / 1000, atol=NEAR_M)
+    apart = angle(multiply(conjugate(motion.quaternion[:, bones]), seen["mot_turn"]))
     assert apart.max() < NEAR_RAD
-    assert found["mot_in_degrees"] == "yes"
-    assert found["trc_units"] == "mm"
-    markers = found["trc_markers"].tolist()
+    assert seen["mot_in_degrees"] == "yes"
+    assert seen["trc_units"] == "mm"
+    markers = seen["trc_markers"].tolist()
     for number, segment in enumerate(motion.receivers.segments):
         if segment in [motion.joints[bone].segment for bone in bones]:  # else no bone carries it
-            measured = found["trc_mm"][:, markers.index(f"{segment}_o")]
+            measured = seen["trc_mm"][:, markers.index(f"{segment}_o")]
             np.testing.assert_allclose(measured, motion.receivers.position_mm[:, number], atol=1e-6)
 
 
 def riding(motion: PosedRecording) -> PosedRecording:
     """The same with receivers that sit on their bones without skin, the last one blind in some frames."""
     there = motion.receivers
-    place, turn = there.position_mm.copy(), there.quaternion.copy()
+    position_mm, turn = there.position_mm.copy(), there.quaternion.copy()
     segments = [joint.segment for joint in motion.joints]
     for number, segment in enumerate(there.segments):
         if segment in segments:
             bone = segments.index(segment)
             stuck = about_axis(unit(np.array([1.0, number, 2.0])), 0.2)
             turn[:, number] = multiply(motion.quaternion[:, bone], stuck)
-            place[:, number] = motion.position_mm[:, bone] + rotate(
+            position_mm[:, number] = motion.position_mm[:, bone] + rotate(
                 motion.quaternion[:, bone], np.array([1.0, 8.0, -15.0])
             )
     last = there.segments.index("little_distal")
-    motion = replace(motion, receivers=replace(there, position_mm=place, quaternion=turn))
+    motion = replace(motion, receivers=replace(there, position_mm=position_mm, quaternion=turn))
     return blanked(motion, receivers=np.s_[4:6, last])
 
 
@@ -114,16 +114,14 @@ def test_inverse_kinematics_of_opensim_finds_our_angles(
     motion = with_hinges(hand.ready(FITTED), HINGES)
     motion = blanked(riding(motion.take(slice(0, 240, 12))), receivers=11)
     write(motion, tmp_path / "hand.osim")
-    found = read_with_opensim(export_tool, tmp_path / "hand", "--ik")
-    assert found["ik_ran"]
-    told = np.delete(np.arange(20), 11)
-    assert len(found["ik_rms_m"]) == len(told)
-    assert found["ik_rms_m"].max() < 1e-5
-    theirs = found["ik_values"][
-        :, [found["ik_coordinates"].tolist().index(n) for n in found["mot_coordinates"]]
-    ]
-    turns = [i for i, name in enumerate(found["mot_coordinates"]) if not re.search("_t[xyz]$", str(name))]
-    seen = motion.receivers.valid[told, motion.receivers.segments.index("little_distal")]
-    apart = (theirs - found["mot_values"][told])[np.ix_(np.flatnonzero(seen), turns)]
+    seen = read_with_opensim(export_tool, tmp_path / "hand", "--ik")
+    assert seen["ik_ran"]
+    marked = np.delete(np.arange(20), 11)
+    assert len(seen["ik_rms_m"]) == len(marked)
+    assert seen["ik_rms_m"].max() < 1e-5
+    theirs = seen["ik_values"][:, [seen["ik_coordinates"].tolist().index(n) for n in seen["mot_coordinates"]]]
+    turns = [i for i, name in enumerate(seen["mot_coordinates"]) if not re.search("_t[xyz]$", str(name))]
+    valid = motion.receivers.valid[marked, motion.receivers.segments.index("little_distal")]
+    apart = (theirs - seen["mot_values"][marked])[np.ix_(np.flatnonzero(valid), turns)]
     assert np.isfinite(theirs).all()
     assert np.abs(apart).max() < 0.1

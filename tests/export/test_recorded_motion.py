@@ -33,9 +33,9 @@ def test_bone_frames_are_webxr_ones(hand: SimulatedHand) -> None:
 
 def test_a_rest_pose_has_straight_fingers_and_this_persons_fan(hand: SimulatedHand) -> None:
     motion = hand.motion(FITTED)
-    place, turn = rest_pose(motion)
+    position_mm, turn = rest_pose(motion)
     for digit in ("index", "middle", "ring", "little"):
-        chain = place[[motion.index(f"{digit}_{part}") for part in ("mcp", "pip", "dip", "tip")]]
+        chain = position_mm[[motion.index(f"{digit}_{part}") for part in ("mcp", "pip", "dip", "tip")]]
         steps = np.diff(chain, axis=0)
         along = steps / np.linalg.norm(steps, axis=1)[:, None]
         np.testing.assert_allclose(along, along[:1].repeat(3, 0), atol=1e-9)
@@ -73,12 +73,12 @@ def test_a_tree_that_is_no_hand() -> None:
     joints = (SkeletonJoint("scapula", -1, "scapula"), SkeletonJoint("shoulder", 0, "upper_arm", "arm"))
     relative = turn[:1, 1].repeat(20, 0)
     quaternion = np.stack([turn[:, 0], multiply(turn[:, 0], relative)], 1)
-    place = np.stack([poses.position_mm[:, 0]] * 2, 1)
-    place[:, 1] += rotate(turn[:, 0], np.array([1.0, 2.0, 3.0]))
+    position_mm = np.stack([poses.position_mm[:, 0]] * 2, 1)
+    position_mm[:, 1] += rotate(turn[:, 0], np.array([1.0, 2.0, 3.0]))
     unknown = np.full((2, 3), np.nan)
     origin = Origin(RecordingName("01", "right", "reach"), "made", "arm")
     offset = np.stack([np.zeros(3), unknown[0]])
-    bones = PosedRecording(joints, place, quaternion, poses, offset, unknown, origin=origin)
+    bones = PosedRecording(joints, position_mm, quaternion, poses, offset, unknown, origin=origin)
     motion = in_webxr(bones, layout)
     assert motion.names == ("scapula", "shoulder")
     assert np.isnan(motion.neutral).all()

@@ -35,12 +35,12 @@ def files(folder: Path) -> dict[str, bytes]:
 @pytest.mark.parametrize("name", FORMATS)
 def test_the_same_motion_is_the_same_files(name: str, tmp_path: Path) -> None:
     motion = moving_fingers(10, slip_mm=0.5)
-    place, turn = motion.position_mm.copy(), motion.quaternion.copy()
+    position_mm, turn = motion.position_mm.copy(), motion.quaternion.copy()
     for folder in ("a", "b"):
         write_format(motion, Settings(), name, tmp_path / folder / (FORMATS[name].shared or f"x.{name}"))
     assert files(tmp_path / "a")
     assert files(tmp_path / "a") == files(tmp_path / "b")
-    np.testing.assert_array_equal(motion.position_mm, place)
+    np.testing.assert_array_equal(motion.position_mm, position_mm)
     np.testing.assert_array_equal(motion.quaternion, turn)
 
 

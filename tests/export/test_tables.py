@@ -28,7 +28,7 @@ def rows(table: Table) -> list[dict[str, Any]]:
     of_type: dict[pa.DataType, tuple[Any, ...]] = {pa.string(): TEXTS, pa.bool_(): (True, False) * 2}
     of_type |= {pa.float64(): (0.1, -1e-300, 1e17, 1 / 3), pa.float32(): (0.5, -3.0, 2.0**40, 0.0)}
     usual = (0, 3, 127, 4)
-    made = []
+    hard = []
     for number in range(4):
         values = {
             c.name: [0.1 * number] * 36 if pa.types.is_nested(c.type) else of_type.get(c.type, usual)[number]
@@ -36,8 +36,8 @@ def rows(table: Table) -> list[dict[str, Any]]:
         }
         values |= {"session": "", "trial": "", "message": ""} if number == 2 else {}
         values |= {c.name: None for c in table.columns if c.nullable and number == 3}
-        made.append({c.name: values[c.name] for c in table.columns})
-    return made
+        hard.append({c.name: values[c.name] for c in table.columns})
+    return hard
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +98,6 @@ def test_frictionless_reads_and_checks_them(tidy: Path) -> None:
     done = subprocess.run(
         [str(python), "-c", code], cwd=tidy, check=True, capture_output=True, text=True, timeout=300
     )
-    found = json.loads(done.stdout)
-    assert [name for name, *_ in found] == list(NAMES)
-    assert all(valid and n == 4 for _, valid, n, _ in found), found
+    checked = json.loads(done.stdout)
+    assert [name for name, *_ in checked] == list(NAMES)
+    assert all(valid and n == 4 for _, valid, n, _ in checked), checked

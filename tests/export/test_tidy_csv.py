@@ -26,16 +26,16 @@ def test_every_pose_comes_back(hand: SimulatedHand, tmp_path: Path) -> None:
     np.testing.assert_array_equal(rows["frame"], motion.frame.repeat(25))
     np.testing.assert_allclose(rows["time_s"], motion.time_s.repeat(25))
     assert list(rows["joint"][:25]) == list(motion.names)
-    place = rows[["x_mm", "y_mm", "z_mm"]].to_numpy().reshape(motion.position_mm.shape)
+    position_mm = rows[["x_mm", "y_mm", "z_mm"]].to_numpy().reshape(motion.position_mm.shape)
     turn = rows[["qw", "qx", "qy", "qz"]].to_numpy().reshape(motion.quaternion.shape)
-    np.testing.assert_allclose(place, motion.position_mm, atol=1e-6)
+    np.testing.assert_allclose(position_mm, motion.position_mm, atol=1e-6)
     assert angle(multiply(conjugate(turn), motion.quaternion))[motion.known].max() < 1e-8
 
 
 def test_angles_are_those_of_the_bones(hand: SimulatedHand) -> None:
     """As joint_angles has them of the same bones; the thumb has a test of its own."""
     motion, truth, side = hand.motion(FITTED), hand.simulated.truth, hand.simulated.hand
-    names, found = bone_angles_deg(motion)
+    names, angles_deg = bone_angles_deg(motion)
     ours = truth.bone_quaternion
     rests = rest_rotations(hand.plan.layouts[side], side)
     compared = [name for name in names if name not in {"thumb_cmc", "thumb_mcp"}]
@@ -43,7 +43,7 @@ def test_angles_are_those_of_the_bones(hand: SimulatedHand) -> None:
     for name in compared:
         index = JOINTS.index(name)
         expected = joint_angles(ours[:, PARENT[index]], ours[:, index + 1], side, rests[name])
-        np.testing.assert_allclose(found[:, names.index(name)], expected, atol=1e-6, err_msg=name)
+        np.testing.assert_allclose(angles_deg[:, names.index(name)], expected, atol=1e-6, err_msg=name)
 
 
 def test_the_header_says_what_the_columns_mean(hand: SimulatedHand, tmp_path: Path) -> None:

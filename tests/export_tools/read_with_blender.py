@@ -51,7 +51,7 @@ if rate_hz:
     scene.render.fps_base = scene.render.fps / rate_hz
 read(Path(sys.argv[1]))
 armatures = [thing for thing in scene.objects if thing.type == "ARMATURE"]
-ranges = [own.animation_data.action.frame_range for own in armatures if own.animation_data.action]
+ranges = [thing.animation_data.action.frame_range for thing in armatures if thing.animation_data.action]
 meshes = [thing for thing in scene.objects if thing.type == "MESH"]
 for mesh in meshes:
     mesh.hide_viewport = True  # not worked out in every frame

@@ -29,20 +29,20 @@ def posed(motion):
     rad = np.where(turns, np.radians(values), values)
     bodies = [model.getBodySet().get(index) for index in range(model.getNumBodies())]
     markers = [model.getMarkerSet().get(index) for index in range(model.getMarkerSet().getSize())]
-    place, turn, spots = [], [], []
+    places, turn, spots = [], [], []
     for row in rad:
         for coordinate, value in zip(coordinates, row.tolist(), strict=True):
             coordinate.setValue(state, value, False)
         model.realizePosition(state)
         poses = [body.getTransformInGround(state) for body in bodies]
-        place.append([pose.p().to_numpy() for pose in poses])
+        places.append([pose.p().to_numpy() for pose in poses])
         quaternions = [pose.R().convertRotationToQuaternion() for pose in poses]
-        turn.append([[one.get(part) for part in range(4)] for one in quaternions])
+        turn.append([[quaternion.get(part) for part in range(4)] for quaternion in quaternions])
         spots.append([marker.getLocationInGround(state).to_numpy() for marker in markers])
     return {
         "time_s": np.array(table.getIndependentColumn()),
         "bodies": [body.getName() for body in bodies],
-        "place_m": np.array(place),
+        "place_m": np.array(places),
         "turn": np.array(turn),
         "markers": [marker.getName() for marker in markers],
         "marker_m": np.array(spots),
@@ -53,16 +53,16 @@ def posed(motion):
     }
 
 
-found = {f"mot_{key}": value for key, value in posed(f"{stem}.mot").items()}
+content = {f"mot_{key}": value for key, value in posed(f"{stem}.mot").items()}
 trc = opensim.TimeSeriesTableVec3(f"{stem}.trc")
-found["trc_markers"] = list(trc.getColumnLabels())
-found["trc_units"] = trc.getTableMetaDataString("Units")
+content["trc_markers"] = list(trc.getColumnLabels())
+content["trc_units"] = trc.getTableMetaDataString("Units")
 flat = trc.flatten()  # kept, as its matrix is only a view
-found["trc_mm"] = flat.getMatrix().to_numpy().reshape(trc.getNumRows(), -1, 3)
+content["trc_mm"] = flat.getMatrix().to_numpy().reshape(trc.getNumRows(), -1, 3)
 if "--ik" in sys.argv:
     tool = opensim.InverseKinematicsTool(f"{stem}_ik_setup.xml")
-    found["ik_ran"] = tool.run()
-    found |= {f"ik_{key}": value for key, value in posed(f"{stem}_ik.mot").items()}
+    content["ik_ran"] = tool.run()
+    content |= {f"ik_{key}": value for key, value in posed(f"{stem}_ik.mot").items()}
     errors = opensim.TimeSeriesTable(f"{tool.getName()}_ik_marker_errors.sto")
-    found["ik_rms_m"] = errors.getDependentColumn("marker_error_RMS").to_numpy()
-np.savez(out, **found)
+    content["ik_rms_m"] = errors.getDependentColumn("marker_error_RMS").to_numpy()
+np.savez(out, **content)

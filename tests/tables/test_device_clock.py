@@ -28,9 +28,9 @@ STOOD = (FRAME >= 1800) & (FRAME < 2400)
     ],
 )
 def test_a_clock_that_does_not_run_on(time_s: Array, kind: str, by_s: float) -> None:
-    duration_s, (one,) = device_clock(time_s, FRAME)
+    duration_s, (step,) = device_clock(time_s, FRAME)
     assert duration_s == pytest.approx(T[-1], abs=1e-4)
-    assert (one.kind, one.row, one.by_s) == (kind, 1800, pytest.approx(by_s, rel=1e-6))
+    assert (step.kind, step.row, step.by_s) == (kind, 1800, pytest.approx(by_s, rel=1e-6))
     grid = grid_of(time_s)
     assert grid is not None
     assert grid.step_s == pytest.approx(1 / 240, rel=1e-6), "so that speeds are as without it"
@@ -42,7 +42,7 @@ def test_stamps_may_be_coarse_or_come_in_bursts(time_s: Array) -> None:
 
 
 def test_what_no_clock_tells() -> None:
-    duration_s, (one,) = device_clock(np.full(3600, 7.0))
-    assert (duration_s, one.kind, one.rows) == (None, "still", 3600)
+    duration_s, (step,) = device_clock(np.full(3600, 7.0))
+    assert (duration_s, step.kind, step.rows) == (None, "still", 3600)
     assert device_clock(np.full(9, np.nan)) == (None, [])
     assert device_clock(T + 5 * LATE, FRAME + 1200 * LATE)[1] == [], "frames are missing as long as that"

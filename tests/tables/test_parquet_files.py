@@ -24,8 +24,8 @@ def poses_file(path: Path) -> Path:
     names = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
     same = {"frame": range(20), "time_s": np.arange(20) / 240, "valid": [True] * 20, "flags": [""] * 20}
     groups = [
-        {"segment": [segment] * 20, **same, **dict(zip(names, own, strict=True))}
-        for segment, own in zip(SEGMENTS, numbers, strict=True)
+        {"segment": [segment] * 20, **same, **dict(zip(names, rows, strict=True))}
+        for segment, rows in zip(SEGMENTS, numbers, strict=True)
     ]
     recording = {"subject": "01", "hand": "right", "task": "rom", "trial": ""}
     write_table_in_parts(path, POSES, groups, Provenance(parameters=recording))

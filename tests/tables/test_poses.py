@@ -33,10 +33,10 @@ def write(
     groups, done = [], 0
     for segment, frames in frames_by_segment.items():
         for start in range(0, len(frames), group_frames or len(frames)):
-            own = frames[start : start + (group_frames or len(frames))]
-            rows = slice(done, done + len(own))
+            group = frames[start : start + (group_frames or len(frames))]
+            rows = slice(done, done + len(group))
             done = rows.stop
-            columns = {"segment": [segment] * len(own), "frame": own, "flags": [""] * len(own)}
+            columns = {"segment": [segment] * len(group), "frame": group, "flags": [""] * len(group)}
             columns |= {"time_s": times[rows], "valid": np.isfinite(poses[rows]).all(-1)}
             groups.append(columns | dict(zip(NUMBERS, poses[rows].T, strict=True)))
     write_table_in_parts(path, POSES, groups, Provenance(parameters=NAME | name))

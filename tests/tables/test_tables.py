@@ -143,8 +143,8 @@ def test_a_table_in_parts_has_a_row_group_a_part(tmp_path: Path) -> None:
 
 
 def rewrite(path: Path, table: pa.Table, **metadata: Any) -> None:
-    found = json.loads(table.schema.metadata[METADATA_KEY]) | metadata
-    pq.write_table(table.replace_schema_metadata({METADATA_KEY: json.dumps(found)}), path)
+    content = json.loads(table.schema.metadata[METADATA_KEY]) | metadata
+    pq.write_table(table.replace_schema_metadata({METADATA_KEY: json.dumps(content)}), path)
 
 
 @pytest.mark.parametrize(
