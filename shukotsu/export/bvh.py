@@ -58,7 +58,11 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     Raises InputError where a pose is missing, where there is no frame, or no rate is known for more than one.
     """
     require_whole(motion, path, "BVH")
-    seconds = _frame_time_s(motion, path)
+    seconds = 1.0 / motion.rate_hz if np.isfinite(motion.rate_hz) else ALONE_S
+    if len(motion.frame) > 1 and not np.isfinite(motion.rate_hz):
+        raise InputError(
+            f"{path}: the recording has no device time, and BVH needs a rate; give rate_hz in a mapping"
+        )
     rest_mm, rest_turn = rest_pose(motion)
     offset_mm = rest_mm.copy()
     offset_mm[1:] -= rest_mm[motion.parents[1:]]
@@ -113,16 +117,6 @@ def euler_zyx_deg(quaternion: Array) -> Array:
         np.cos(z) * m[..., 1, 1] - np.sin(z) * m[..., 0, 1],
     )
     return np.degrees(continuous_angles(np.stack([z, y, x], -1)))
-
-
-def _frame_time_s(motion: PosedRecording, path: Path) -> float:
-    if np.isfinite(motion.rate_hz):
-        return 1.0 / motion.rate_hz
-    if len(motion.frame) == 1:
-        return ALONE_S
-    raise InputError(
-        f"{path}: the recording has no device time, and BVH needs a rate; give rate_hz in a mapping"
-    )
 
 
 def _is_end(motion: PosedRecording, index: int) -> bool:

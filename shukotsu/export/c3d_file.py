@@ -9,7 +9,6 @@ reliability -1. Frames that the recording lost are there, without a point, so th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
 
@@ -46,15 +45,6 @@ NO_POINT = np.array([0.0, 0.0, 0.0, -1.0])
 """x, y, z and residual of a point that is not known."""
 
 
-@dataclass(frozen=True)
-class _Timing:
-    """Frames' places: row (T,) of each among all, at that rate; how far times are off it, in s."""
-
-    row: Index
-    rate_hz: float
-    error_s: float
-
-
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     """Write the motion as one file, in mm with z up; return what it does not hold.
 
@@ -66,24 +56,45 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     import ezc3d
 
     motion, unseen = with_seen_receivers(motion)
-    timing = _timing(motion, path)
-    frames, labels = int(timing.row[-1]) + 1, point_labels(motion)
+    row, rate_hz, error_s = _timing(motion, path)
+    described = list(_receiver_points(motion))
+    frames, labels = int(row[-1]) + 1, _labels([*motion.names, *(name for name, _ in described)])
+    bones = [joint.name for joint in motion.joints if not joint.tip]
+    posed = _labels([*bones, *(f"{segment}_receiver" for segment in motion.receivers.segments)])
     if frames > MOST_FRAMES or len(labels) > _MOST_POINTS:
         raise InputError(
             f"{path}: has {frames} frames of {len(labels)} points, and C3D holds at most {MOST_FRAMES} of "
             f"{_MOST_POINTS}; give --frames for shorter files, or a lower --fps"
         )
     first = int(motion.frame[0])
-    numbered = np.array_equal(motion.frame - first, timing.row) and 1 <= first <= MOST_FRAMES - frames
+    numbered = np.array_equal(motion.frame - first, row) and 1 <= first <= MOST_FRAMES - frames
     room = frames * len(labels) * 16 <= (_LAST_START - _PARAMETER_BLOCKS) * _BLOCK
-    dropped = _dropped(motion, timing, numbered, room)
+    dropped = []
+    if not room:
+        dropped.append(
+            "ROTATION, the bones' and receivers' poses: it would begin beyond what its 16 bits can say; the "
+            "points hold the receivers' poses, and with fewer --frames there is room for all"
+        )
+    if not numbered:
+        dropped.append(f"frame numbers: its frame 1 is the tracker's frame {first}")
+    if error_s > _NOTABLE_S:
+        dropped.append(
+            f"device times, which are up to {error_s * 1000:.1f} ms off its even {rate_hz:.6g} Hz; --fps "
+            "resamples over them"
+        )
+    descriptions = [
+        f"joint {joint.name}"
+        + (f", after {motion.names[joint.parent]}" if joint.parent >= 0 else ", the root")
+        for joint in motion.joints
+    ]
+    descriptions += [what for _, what in described]
     file = ezc3d.c3d()
     file["header"]["points"]["first_frame"] = first - 1 if numbered else 0
     for name, value in {
-        "RATE": [timing.rate_hz],
+        "RATE": [rate_hz],
         "UNITS": ["mm"],
-        "LABELS": list(labels),
-        "DESCRIPTIONS": _descriptions(motion),
+        "LABELS": labels,
+        "DESCRIPTIONS": [_escaped(text)[:LONGEST_LABEL] for text in descriptions],
     }.items():
         file["parameters"]["POINT"][name]["value"] = value
     file.add_parameter("POINT", "X_SCREEN", ["+X"])
@@ -92,15 +103,15 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     file.add_parameter("MANUFACTURER", "VERSION_LABEL", [VERSION])
     file.add_parameter("SHUKOTSU", "NOTE", _note(motion, dropped))
     points = np.tile(NO_POINT, (frames, len(labels), 1))
-    points[timing.row] = _points(motion)
+    points[row] = _points(motion)
     residuals, points[..., 3] = points[..., 3].copy(), 1.0
     file["data"]["points"] = points.transpose(2, 1, 0)
     file["data"]["meta_points"]["residuals"] = residuals.T[None]
     if room:
-        file.add_parameter("ROTATION", "LABELS", list(rotation_labels(motion)))
-        file.add_parameter("ROTATION", "RATE", [timing.rate_hz])
-        poses = np.full((frames, len(rotation_labels(motion)), 4, 4), np.nan)
-        poses[timing.row] = _poses(motion)
+        file.add_parameter("ROTATION", "LABELS", posed)
+        file.add_parameter("ROTATION", "RATE", [rate_hz])
+        poses = np.full((frames, len(posed), 4, 4), np.nan)
+        poses[row] = _poses(motion)
         file["data"]["rotations"] = poses.transpose(2, 3, 1, 0)
     with replacing(path) as temporary:
         file.write(f"{temporary}.c3d")  # an ending that ezc3d would add by itself
@@ -108,18 +119,8 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     return (*unseen, *dropped)
 
 
-def point_labels(motion: PosedRecording) -> tuple[str, ...]:
-    """Labels of the points, in their order: ASCII, at most 127 characters, no two alike in capitals."""
-    return _labels([*motion.names, *(name for name, _ in _receiver_points(motion))])
-
-
-def rotation_labels(motion: PosedRecording) -> tuple[str, ...]:
-    """Labels of the poses: of bones that start at a joint, then of receivers; as those of the points."""
-    bones = [joint.name for joint in motion.joints if not joint.tip]
-    return _labels([*bones, *(f"{segment}_receiver" for segment in motion.receivers.segments)])
-
-
-def _labels(names: Sequence[str]) -> tuple[str, ...]:
+def _labels(names: Sequence[str]) -> list[str]:
+    """Return labels in ASCII, of at most 127 characters, no two alike in capitals."""
     labels: list[str] = []
     taken: set[str] = set()
     for name in names:
@@ -130,7 +131,7 @@ def _labels(names: Sequence[str]) -> tuple[str, ...]:
             label = f"{plain[: LONGEST_LABEL - len(str(count)) - 1]}-{count}"
         taken.add(label.upper())
         labels.append(label)
-    return tuple(labels)
+    return labels
 
 
 def _receiver_points(motion: PosedRecording) -> Iterator[tuple[str, str]]:
@@ -141,30 +142,21 @@ def _receiver_points(motion: PosedRecording) -> Iterator[tuple[str, str]]:
             yield f"{segment}_receiver_{axis}", f"{ARM_MM:g} mm along {axis} of the receiver on {segment}"
 
 
-def _descriptions(motion: PosedRecording) -> list[str]:
-    descriptions = [
-        f"joint {joint.name}"
-        + (f", after {motion.names[joint.parent]}" if joint.parent >= 0 else ", the root")
-        for joint in motion.joints
-    ]
-    descriptions += [what for _, what in _receiver_points(motion)]
-    return [_escaped(text)[:LONGEST_LABEL] for text in descriptions]
-
-
 def _escaped(text: str) -> str:
     r"""ASCII; any other character as Python and JSON write it, \uXXXX."""
     return text.encode("ascii", "backslashreplace").decode("ascii")
 
 
-def _timing(motion: PosedRecording, path: Path) -> _Timing:
-    """Rows and rate; a frame counts as lost where its number and, if there is one, its time say so.
+def _timing(motion: PosedRecording, path: Path) -> tuple[Index, float, float]:
+    """Return the row (T,) of each frame among all, their rate, and how far times are off it, in s.
 
+    A frame counts as lost where its number and, if there is one, its time say so.
     The nominal rate where times keep to it, else the mean one. InputError where a time is more than half a
     frame off, or no rate is known.
     """
     frames, time_s = motion.frame, motion.time_s
     if len(frames) == 1:
-        return _Timing(np.zeros(1, np.int64), ALONE_HZ, 0.0)
+        return np.zeros(1, np.int64), ALONE_HZ, 0.0
     if not np.isfinite(motion.rate_hz):
         raise InputError(
             f"{path}: the recording has no device time, and C3D needs a rate; give rate_hz in a mapping"
@@ -176,7 +168,7 @@ def _timing(motion: PosedRecording, path: Path) -> _Timing:
         steps = np.minimum(steps, np.rint(np.diff(time_s) * motion.rate_hz).astype(np.int64))
     row = np.concatenate([[0], np.cumsum(np.maximum(steps, 1))])
     if not timed:
-        return _Timing(row, motion.rate_hz, 0.0)
+        return row, motion.rate_hz, 0.0
     span_s = float(time_s[-1] - time_s[0])
     rates = [motion.rate_hz, *([float(row[-1]) / span_s] if span_s > 0 else [])]
     errors = [float(np.abs(time_s - time_s[0] - row / rate).max()) for rate in rates]
@@ -186,25 +178,7 @@ def _timing(motion: PosedRecording, path: Path) -> _Timing:
             f"{path}: frames are up to {errors[best] * 1000:.1f} ms off an even {rates[best]:.6g} Hz, more "
             "than half a frame, and C3D holds one rate; choose an even one with --fps"
         )
-    return _Timing(row, rates[best], errors[best])
-
-
-def _dropped(motion: PosedRecording, timing: _Timing, numbered: bool, room: bool) -> tuple[str, ...]:
-    """Sentences on what the file lacks."""
-    dropped = []
-    if not room:
-        dropped.append(
-            "ROTATION, the bones' and receivers' poses: it would begin beyond what its 16 bits can say; the "
-            "points hold the receivers' poses, and with fewer --frames there is room for all"
-        )
-    if not numbered:
-        dropped.append(f"frame numbers: its frame 1 is the tracker's frame {int(motion.frame[0])}")
-    if timing.error_s > _NOTABLE_S:
-        dropped.append(
-            f"device times, which are up to {timing.error_s * 1000:.1f} ms off its even "
-            f"{timing.rate_hz:.6g} Hz; --fps resamples over them"
-        )
-    return tuple(dropped)
+    return row, rates[best], errors[best]
 
 
 def _note(motion: PosedRecording, dropped: Sequence[str]) -> list[str]:

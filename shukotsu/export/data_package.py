@@ -18,6 +18,13 @@ from shukotsu.tables.typed_table import Column, Table, read_row_groups
 from shukotsu.tables.whole_files import file_sha256, replacing, write_text
 
 FOLDER = "tables"
+_TYPES = {
+    "number": pa.types.is_floating,
+    "integer": pa.types.is_integer,
+    "array": pa.types.is_nested,
+    "boolean": pa.types.is_boolean,
+}
+"""Types of the Table Schema (https://specs.frictionlessdata.io/table-schema/) but string."""
 
 
 def write_tables(tables: Sequence[Path], study: str, out: Path) -> None:
@@ -39,14 +46,17 @@ def write_tables(tables: Sequence[Path], study: str, out: Path) -> None:
 
 
 def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
-    """Write one table as CSV, in blocks; give its entry in the package."""
+    """Write one table as CSV, in blocks; return its entry in the package."""
     names = [column.name for column in table.columns]
     with replacing(out) as temporary, temporary.open("wb") as stream:
         stream.write((",".join(names) + "\n").encode())
         options = pc.WriteOptions(include_header=False, quoting_style="needed")
         for rows in read_row_groups(path, table, names):
-            block = {name: _flat(rows.column(name)) for name in names}
-            pc.write_csv(pa.table(block), stream, options)
+            for index, column in enumerate(table.columns):
+                if pa.types.is_nested(column.type):  # an array in a cell as its JSON
+                    cells = [None if c is None else json.dumps(c) for c in rows.column(index).to_pylist()]
+                    rows = rows.set_column(index, column.name, pa.array(cells, pa.string()))
+            pc.write_csv(rows, stream, options)
     return {
         "profile": "tabular-data-resource",
         "name": table.name,
@@ -66,7 +76,7 @@ def table_schema(columns: Sequence[Column], key: Sequence[str]) -> dict[str, Any
     fields = [
         {
             "name": column.name,
-            "type": _type(column),
+            "type": next((kind for kind, is_kind in _TYPES.items() if is_kind(column.type)), "string"),
             "description": column.description,
             **({"unit": column.unit} if column.unit else {}),
             # an empty text is a text here, and a missing one to the standard
@@ -77,21 +87,3 @@ def table_schema(columns: Sequence[Column], key: Sequence[str]) -> dict[str, Any
         for column in columns
     ]
     return {"fields": fields, "missingValues": [""], **({"primaryKey": list(key)} if key else {})}
-
-
-def _flat(values: pa.Array) -> pa.Array:
-    """Return values of a column; an array in a cell as its JSON."""
-    if not pa.types.is_nested(values.type):
-        return values
-    return pa.array([None if cell is None else json.dumps(cell) for cell in values.to_pylist()], pa.string())
-
-
-def _type(column: Column) -> str:
-    """Return a column's type of the Table Schema (https://specs.frictionlessdata.io/table-schema/)."""
-    if pa.types.is_floating(column.type):
-        return "number"
-    if pa.types.is_integer(column.type):
-        return "integer"
-    if pa.types.is_nested(column.type):
-        return "array"
-    return "boolean" if pa.types.is_boolean(column.type) else "string"

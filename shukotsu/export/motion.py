@@ -291,24 +291,17 @@ def stiffened(motion: PosedRecording) -> PosedRecording:
 
 
 def continuous(quaternion: Array) -> Array:
-    """Return quaternions (T, N, 4) of every point as `continuous_series` has them."""
-    out = quaternion.copy()
-    for index in range(quaternion.shape[1]):
-        out[:, index] = continuous_series(quaternion[:, index])
-    return out
+    """Return quaternions (T, N, 4) with signs that bring known neighbours in time within 90 deg as 4-vectors.
 
-
-def continuous_series(quaternion: Array) -> Array:
-    """Return quaternions (T, 4) with signs that bring known neighbours in time within 90 deg as 4-vectors.
-
-    The first known has w >= 0. NaN stays.
+    Of every point the first known has w >= 0. NaN stays.
     """
-    out, finite = quaternion.copy(), np.flatnonzero(np.isfinite(quaternion).all(-1))
-    if len(finite):
-        series = quaternion[finite]
-        start = -1.0 if series[0, 0] < 0 else 1.0
-        turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
-        out[finite] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
+    out = quaternion.copy()
+    for index, finite in enumerate(np.isfinite(quaternion).all(-1).T):
+        if finite.any():
+            series = quaternion[finite, index]
+            start = -1.0 if series[0, 0] < 0 else 1.0
+            turns = np.where(np.sum(series[1:] * series[:-1], -1) < 0, -1.0, 1.0)
+            out[finite, index] = series * np.cumprod(np.concatenate([[start], turns]))[:, None]
     return out
 
 

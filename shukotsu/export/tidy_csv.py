@@ -19,9 +19,9 @@ from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.neutral_bones import angle_axes
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, conjugate, multiply
+from shukotsu.readers.samples import NUMBERS
 from shukotsu.tables.whole_files import replacing, write_text
 
-_POSE = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
 _ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
 _MEANING = {
     "frame": "the tracker's own frame number; where resampled, of the recorded frame nearest in time",
@@ -37,12 +37,15 @@ _MEANING = {
 
 
 def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
-    """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; give what they do not hold.
+    """Write `path` (poses), `<stem>_angles.csv` and `<stem>.json`; return what they do not hold.
 
     Angles are those of the joint_angles table where the hand was fitted, made from the poses written; of
     joints of which no anatomy is known there are none, and without any there is no such file.
     """
-    _write_long(path, motion, motion.names, _POSE, _poses)
+    _write_long(
+        path, motion, motion.names, NUMBERS,
+        lambda block: np.concatenate([block.position_mm.round(6), block.quaternion.round(9)], -1),
+    )  # fmt: skip
     names, _ = bone_angles_deg(motion.take(slice(0)))
     if names:
         angles = path.with_name(f"{path.stem}_angles.csv")
@@ -51,12 +54,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     rest = {
         name: row.round(6).tolist() for name, row in zip(motion.names, motion.rest_offset_mm, strict=True)
     }
-    described = {
-        **facts(motion, "mm", ""),
-        "columns": _MEANING,
-        "parent": tree,
-        "rest_offset_mm": rest,
-    }
+    described = facts(motion, "mm", "") | {"columns": _MEANING, "parent": tree, "rest_offset_mm": rest}
     write_text(path.with_suffix(".json"), json.dumps(described, ensure_ascii=False, indent=1) + "\n")
     return ()
 
@@ -87,21 +85,12 @@ def _write_long(
         options = pc.WriteOptions(include_header=False, quoting_style="needed")
         stream.write((",".join(("frame", "time_s", "joint", *columns)) + "\n").encode())
         for block in blocks(motion):
-            pc.write_csv(_table(block, joints, columns, values(block)), stream, options)
-
-
-def _table(motion: PosedRecording, joints: Sequence[str], columns: Sequence[str], values: Array) -> pa.Table:
-    n = len(motion.frame)
-    flat = values.reshape(n * len(joints), -1)
-    keys = {
-        "frame": np.repeat(motion.frame, len(joints)),
-        "time_s": pa.array(np.repeat(motion.time_s, len(joints)), from_pandas=True),
-        "joint": pa.array(joints).take(pa.array(np.tile(np.arange(len(joints)), n))),
-    }
-    return pa.table(
-        keys | {name: pa.array(flat[:, index], from_pandas=True) for index, name in enumerate(columns)}
-    )
-
-
-def _poses(motion: PosedRecording) -> Array:
-    return np.concatenate([motion.position_mm.round(6), motion.quaternion.round(9)], -1)
+            count = len(block.frame)
+            flat = values(block).reshape(count * len(joints), -1)
+            cells = {
+                "frame": np.repeat(block.frame, len(joints)),
+                "time_s": pa.array(np.repeat(block.time_s, len(joints)), from_pandas=True),
+                "joint": pa.array(joints).take(pa.array(np.tile(np.arange(len(joints)), count))),
+            }
+            cells |= {name: pa.array(flat[:, i], from_pandas=True) for i, name in enumerate(columns)}
+            pc.write_csv(pa.table(cells), stream, options)

@@ -43,17 +43,12 @@ def store_digest(path: Path) -> None:
         stream.write(_MARK + digest + footer)
 
 
-def is_intact(path: Path) -> bool:
-    """Return whether a file has the digest that it carries; True for one that carries none (see the module).
-
-    Read once for as long as it stays as it is.
-    """
-    return _digest_holds(path.absolute(), *file_state(path)) is not False
-
-
 @lru_cache(maxsize=4096)
 def _digest_holds(path: Path, *_: int) -> bool | None:
-    """Return whether a file has the digest that it carries; None where it carries none."""
+    """Return whether a file has the digest that it carries; None where it carries none (see the module).
+
+    It is read once for as long as its state stays as it is.
+    """
     with path.open("rb") as stream:
         footer_at = _footer_at(stream)
         stored_at = footer_at - len(_MARK) - _DIGEST_BYTES
@@ -93,7 +88,7 @@ def open_parquet(
     try:
         with reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
             check_regular(path, expected)
-            if not is_intact(path):
+            if _digest_holds(path.absolute(), *file_state(path)) is False:
                 raise TableError(f"{path}: damaged Parquet file (not the bytes of its checksum); {remedy}")
             file = pq.ParquetFile(
                 path,

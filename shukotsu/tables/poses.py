@@ -98,7 +98,7 @@ def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
 
     def read(*wanted: str) -> Iterator[Poses]:
         for path in paths:
-            if _is_short(path, segments):
+            if frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4:
                 yield read_poses(path, segments)
             else:
                 yield from pose_blocks(path, wanted)
@@ -163,11 +163,6 @@ _kept: OrderedDict[tuple[Path, int, int, tuple[str, ...]], Poses] = OrderedDict(
 
 def _arrays(poses: Poses) -> tuple[npt.NDArray[Any], ...]:
     return poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid
-
-
-def _is_short(path: Path, segments: Sequence[str]) -> bool:
-    """Return whether a recording may be in memory as a whole."""
-    return frame_count(path) * len(segments) * BYTES_A_POSE <= KEPT_BYTES // 4
 
 
 def _size_bytes(poses: Poses) -> int:
