@@ -41,8 +41,8 @@ def turned_by(angles: Any, hand: str, rest: Array = STRAIGHT) -> Array:
     return multiply(rest, turn.as_quat(scalar_first=True))
 
 
-def same_rotation(one: Array, other: Array, atol: float = 1e-9) -> None:
-    np.testing.assert_allclose(matrix(one), matrix(other), atol=atol)
+def same_rotation(first: Array, other: Array, atol: float = 1e-9) -> None:
+    np.testing.assert_allclose(matrix(first), matrix(other), atol=atol)
 
 
 @given(SEEDS, HANDS)

@@ -32,9 +32,9 @@ def random_poses(segments: tuple[str, ...], seed: int = 1) -> Poses:
     rng = np.random.default_rng(seed)
     shape = (N_FRAMES, len(segments))
     turn = Rotation.random(N_FRAMES * len(segments), random_state=rng).as_quat(scalar_first=True)
-    place = rng.normal(size=(*shape, 3)) * 100
+    position_mm = rng.normal(size=(*shape, 3)) * 100
     frame = np.arange(N_FRAMES)
-    return Poses(segments, frame, frame / 100, place, turn.reshape(*shape, 4), np.ones(shape, bool))
+    return Poses(segments, frame, frame / 100, position_mm, turn.reshape(*shape, 4), np.ones(shape, bool))
 
 
 def xyz(name: str, values: Any) -> dict[str, Any]:
@@ -60,11 +60,11 @@ def random_skeleton(seed: int = 2) -> Skeleton:
     for digit in LAYOUT.digits.values():
         for index, segment in enumerate(digit.segments):
             vector = rng.normal(size=3) * 10 + 30 * X
-            own: dict[str, Any] = {"driven_by": segment, **xyz("{}_mm", vector)}
+            row: dict[str, Any] = {"driven_by": segment, **xyz("{}_mm", vector)}
             if index == 0:
-                own = {"driven_by": "", **xyz("{}_mm", [None] * 3)}
+                row = {"driven_by": "", **xyz("{}_mm", [None] * 3)}
             length_mm = float(np.linalg.norm(vector))
-            bones[digit.name, segment] = {"bone": segment, "length_mm": length_mm, **own}
+            bones[digit.name, segment] = {"bone": segment, "length_mm": length_mm, **row}
     return Skeleton(LAYOUT, RIDDEN, joints, bones)
 
 
@@ -99,8 +99,8 @@ def test_joints_ride_on_their_receivers(
             side = "parent" if name == "thumb_cmc" else "child"
             row = skeleton.joints[name]
             segment, point = row[f"{side}_segment"], np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"])
-        place = carried(poses, segment, point)
-        np.testing.assert_allclose(bones.position_mm[:, index], place, atol=1e-9, err_msg=joint.name)
+        position_mm = carried(poses, segment, point)
+        np.testing.assert_allclose(bones.position_mm[:, index], position_mm, atol=1e-9, err_msg=joint.name)
     assert len(bones.joints) == 25
     assert bones.parents[bones.index("ring_pip")] == bones.index("ring_mcp")
 
@@ -181,8 +181,8 @@ def test_a_fitted_hinge_has_the_axis_that_its_bones_turn_about() -> None:
     motion = fitted_motion(40)
     bones = fitted_bones(skeleton, poses, *motion)
     index = bones.index("middle_pip")
-    above, own = bones.quaternion[:, bones.parents[index]], bones.quaternion[:, index]
-    turned = multiply(conjugate(above), own)
+    above, below = bones.quaternion[:, bones.parents[index]], bones.quaternion[:, index]
+    turned = multiply(conjugate(above), below)
     np.testing.assert_allclose(rotate(turned, bones.axis[index]) - bones.axis[index], 0, atol=1e-9)
     np.testing.assert_allclose(np.abs(bones.axis[index]), [0.6, 0.8, 0], atol=1e-9)
     assert np.isnan(bones.axis[bones.index("index_pip")]).all(), "it does not move"

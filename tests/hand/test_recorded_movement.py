@@ -18,21 +18,21 @@ def wrapped(angle_deg: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("middle_deg", [170.0, -175.0, 180.0, 60.0])
 def test_an_angle_that_passes_half_a_turn_runs_on(middle_deg: float) -> None:
     true_deg = middle_deg + 40.0 * np.sin(2 * np.pi * TIME_S) + 0.3
-    found = running_on(np.column_stack([wrapped(true_deg), 30.0 * np.cos(TIME_S)]))
-    turns = (found[:, 0] - true_deg) / 360.0
+    unwrapped = running_on(np.column_stack([wrapped(true_deg), 30.0 * np.cos(TIME_S)]))
+    turns = (unwrapped[:, 0] - true_deg) / 360.0
     assert turns == pytest.approx(np.full(len(TIME_S), np.round(turns[0])), abs=1e-9)
-    assert abs(np.median(found[:, 0])) <= 181.0
-    assert found[:, 1] == pytest.approx(30.0 * np.cos(TIME_S))
+    assert abs(np.median(unwrapped[:, 0])) <= 181.0
+    assert unwrapped[:, 1] == pytest.approx(30.0 * np.cos(TIME_S))
 
 
 def test_gaps_stay_and_say_nothing_of_turns() -> None:
     true_deg = 175.0 + 30.0 * np.sin(2 * np.pi * TIME_S)
     gapped = wrapped(true_deg)
     gapped[100:900] = np.nan
-    found = running_on(np.column_stack([gapped, np.full(len(TIME_S), np.nan)]))
-    assert np.isnan(found[100:900, 0]).all()
-    assert np.isnan(found[:, 1]).all()
-    assert np.nanmax(found[:, 0]) - np.nanmin(found[:, 0]) == pytest.approx(60.0, abs=0.1)
+    unwrapped = running_on(np.column_stack([gapped, np.full(len(TIME_S), np.nan)]))
+    assert np.isnan(unwrapped[100:900, 0]).all()
+    assert np.isnan(unwrapped[:, 1]).all()
+    assert np.nanmax(unwrapped[:, 0]) - np.nanmin(unwrapped[:, 0]) == pytest.approx(60.0, abs=0.1)
 
 
 def test_a_wide_range_that_does_not_pass_half_a_turn_is_as_it_was() -> None:

@@ -14,26 +14,27 @@ def swing(amplitude_deg: float, n_frames: int = 2000) -> Array:
 
 def errors(sd_deg: float | Array = 0.0, change_deg: float | Array = 0.0, anew: float = 0.0) -> AngleErrors:
     """Errors of 2000 frames; anew : share of both that is another in every session."""
-    sd, change = (np.broadcast_to(np.asarray(own, float), 2000) for own in (sd_deg, change_deg))
+    sd, change = (np.broadcast_to(np.asarray(values_deg, float), 2000) for values_deg in (sd_deg, change_deg))
     return AngleErrors(sd, change, anew * sd, anew * change)
 
 
 def test_a_sinusoids_range() -> None:
-    found = angle_range(swing(20.0), errors(3.0))
-    assert found["full_range_deg"] == pytest.approx(40.0, abs=0.01)
-    assert found["range_deg"] == pytest.approx(40 * np.sin(0.475 * np.pi), abs=0.05)
-    assert (found["low_deg"] + found["high_deg"]) / 2 == pytest.approx(30.0, abs=0.01)
-    assert found["median_deg"] == pytest.approx(30.0, abs=0.05)
-    assert found["median_sd_deg"] == 3.0
-    assert found["range_sd_deg"] == found["range_session_sd_deg"] == found["median_session_sd_deg"] == 0.0
+    measured = angle_range(swing(20.0), errors(3.0))
+    assert measured["full_range_deg"] == pytest.approx(40.0, abs=0.01)
+    assert measured["range_deg"] == pytest.approx(40 * np.sin(0.475 * np.pi), abs=0.05)
+    assert (measured["low_deg"] + measured["high_deg"]) / 2 == pytest.approx(30.0, abs=0.01)
+    assert measured["median_deg"] == pytest.approx(30.0, abs=0.05)
+    assert measured["median_sd_deg"] == 3.0
+    names = ("range_sd_deg", "range_session_sd_deg", "median_session_sd_deg")
+    assert [measured[name] for name in names] == [0.0] * 3
 
 
 def test_one_spike_makes_the_full_range_alone() -> None:
     angle = swing(20.0)
     angle[77] = 170.0
-    found = angle_range(angle, errors())
-    assert found["full_range_deg"] == pytest.approx(160.0, abs=0.1)
-    assert found["range_deg"] == pytest.approx(40.0, abs=0.3)
+    measured = angle_range(angle, errors())
+    assert measured["full_range_deg"] == pytest.approx(160.0, abs=0.1)
+    assert measured["range_deg"] == pytest.approx(40.0, abs=0.3)
 
 
 @pytest.mark.parametrize(
@@ -48,9 +49,9 @@ def test_the_error_stated_holds_the_truth(amplitude_deg: float, share: float, fr
     within, stated = [], []
     for _ in range(300):
         off = rng.normal(0, 5) + share * rng.normal() * apart + frame_deg * rng.normal(size=2000)
-        found = angle_range(true + off, errors(5.0, change_sd))
-        within.append(abs(found["range_deg"] - truth) < 1.96 * found["range_sd_deg"])
-        stated.append(found["range_sd_deg"])
+        measured = angle_range(true + off, errors(5.0, change_sd))
+        within.append(abs(measured["range_deg"] - truth) < 1.96 * measured["range_sd_deg"])
+        stated.append(measured["range_sd_deg"])
     assert np.mean(within) > 0.92
     assert np.mean(stated) < 0.12 * amplitude_deg + 4 * frame_deg
 
@@ -70,12 +71,12 @@ def test_sessions_differ_by_what_is_put_on_anew_and_by_the_frames_of_each_visit(
             visit = np.repeat(rng.normal(0, 0.5, 2 * n_visits), 2000 // (2 * n_visits) + 1)[:2000]
             off = shared + rng.normal(0, 1.5) + 0.01 * rng.normal() * apart + visit
             pair.append(angle_range(true + off, stated))
-        one, other = pair
+        first, other = pair
         for name in ("range", "median"):
-            apart_deg = one[f"{name}_deg"] - other[f"{name}_deg"]
-            sd_deg = np.hypot(*(own[f"{name}_session_sd_deg"] for own in pair))
+            apart_deg = first[f"{name}_deg"] - other[f"{name}_deg"]
+            sd_deg = np.hypot(*(session[f"{name}_session_sd_deg"] for session in pair))
             seen.append(apart_deg)
             within.append(abs(apart_deg) < 1.96 * sd_deg)
     assert 0.92 < np.mean(within) < 0.99
-    assert one["range_session_sd_deg"] < one["range_sd_deg"] / 3
-    assert one["median_session_sd_deg"] < one["median_sd_deg"] / 3
+    assert first["range_session_sd_deg"] < first["range_sd_deg"] / 3
+    assert first["median_session_sd_deg"] < first["median_sd_deg"] / 3

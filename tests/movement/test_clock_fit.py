@@ -78,8 +78,8 @@ def test_the_stated_error_holds_also_of_shorter_recordings(seconds: float, jitte
 @pytest.mark.parametrize("seconds", [40, 1200])
 def test_a_clock_that_was_set_is_refused(step_s: float, seconds: float) -> None:
     pulses = simulated(1, seconds, step_s=step_s)
-    found = fit_clock(pulses.reference_s, pulses.seen_s)
-    assert found == WAS_SET
+    refusal = fit_clock(pulses.reference_s, pulses.seen_s)
+    assert refusal == WAS_SET
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.3])
@@ -103,8 +103,8 @@ def test_a_single_event_gives_the_offset_alone() -> None:
 @pytest.mark.parametrize("n", [2, 5, 40, 200])
 def test_pulses_that_are_not_the_same_are_never_called_ok(n: int) -> None:
     for seed in range(8):
-        one, other = np.cumsum(0.2 + np.random.default_rng(seed).exponential(1, (2, n)), -1)
-        fit = fit_clock(one, other)
+        reference_s, other_s = np.cumsum(0.2 + np.random.default_rng(seed).exponential(1, (2, n)), -1)
+        fit = fit_clock(reference_s, other_s)
         assert isinstance(fit, str) or fit.message
 
 
@@ -117,6 +117,6 @@ def test_pulses_that_are_not_the_same_are_never_called_ok(n: int) -> None:
     ],
 )
 def test_what_fits_nowhere_is_said(reference_s: list[float], other_s: list[float], message: str) -> None:
-    found = fit_clock(np.array(reference_s), np.array(other_s))
-    assert isinstance(found, str)
-    assert message in found
+    refusal = fit_clock(np.array(reference_s), np.array(other_s))
+    assert isinstance(refusal, str)
+    assert message in refusal

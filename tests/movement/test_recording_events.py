@@ -95,12 +95,12 @@ def test_every_ending_has_a_sample_and_its_place_in_the_guide() -> None:
 
 @pytest.mark.parametrize("name", EVENTS)
 @settings(max_examples=20, deadline=None)
-@given(place=st.floats(0, 1), byte=st.integers(0, 255), cut=st.booleans())
+@given(share=st.floats(0, 1), byte=st.integers(0, 255), cut=st.booleans())
 def test_a_spoilt_file_is_read_or_refused(
-    tmp_path_factory: pytest.TempPathFactory, name: str, place: float, byte: int, cut: bool
+    tmp_path_factory: pytest.TempPathFactory, name: str, share: float, byte: int, cut: bool
 ) -> None:
     data = EVENTS[name]()
-    at = int(place * (len(data) - 1))
+    at = int(share * (len(data) - 1))
     path = tmp_path_factory.mktemp("spoilt") / name
     path.write_bytes(data[:at] if cut else data[:at] + bytes([byte]) + data[at + 1 :])
     try:

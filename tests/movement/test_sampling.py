@@ -80,18 +80,18 @@ def sine(frequency_hz: float, step_s: float, seconds: float = 4.0) -> tuple[Arra
 
 def test_a_parabola_has_its_own_slope() -> None:
     time_s = np.arange(100)[:, None] * STEP_S
-    found = velocity(3 + 5 * time_s - 7 * time_s**2, STEP_S)
+    slope = velocity(3 + 5 * time_s - 7 * time_s**2, STEP_S)
     inside = slice(half_width(STEP_S), -half_width(STEP_S))
-    np.testing.assert_allclose(found[inside], (5 - 14 * time_s)[inside])
-    assert np.isnan(found[: half_width(STEP_S)]).all()
+    np.testing.assert_allclose(slope[inside], (5 - 14 * time_s)[inside])
+    assert np.isnan(slope[: half_width(STEP_S)]).all()
 
 
 @pytest.mark.parametrize("rate_hz", [60, 120, 240, 960])
 def test_a_finger_has_the_same_speed_at_any_rate(rate_hz: int) -> None:
     angle, true = sine(1.5, 1 / rate_hz)
-    found = velocity(angle, 1 / rate_hz)
-    known = np.isfinite(found)
-    assert np.abs(found - true)[known].max() < 0.03 * np.abs(true).max()
+    measured = velocity(angle, 1 / rate_hz)
+    finite = np.isfinite(measured)
+    assert np.abs(measured - true)[finite].max() < 0.03 * np.abs(true).max()
 
 
 @pytest.mark.parametrize("rate_hz", [240, 960])
@@ -119,5 +119,5 @@ def test_noise_at_rest_is_hardly_a_speed_and_leaves_a_movement_its_own() -> None
     at_rest = velocity(noise, STEP_S)
     assert np.nanmedian(speed([noise], STEP_S)) < 0.3 * np.nanmedian(np.abs(at_rest))
     angle, true = sine(1.0, STEP_S, 5000 * STEP_S)
-    found = speed([angle[:5000] + noise], STEP_S)
-    assert np.nanpercentile(found, 95) == pytest.approx(np.percentile(np.abs(true), 95), rel=0.02)
+    measured = speed([angle[:5000] + noise], STEP_S)
+    assert np.nanpercentile(measured, 95) == pytest.approx(np.percentile(np.abs(true), 95), rel=0.02)

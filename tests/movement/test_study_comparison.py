@@ -88,7 +88,7 @@ def test_repeatability_is_that_of_the_sessions(study: dict[str, pd.DataFrame]) -
 def test_trials_and_sessions_do_not_make_a_subject_count_twice(tmp_path: Path) -> None:
     """Trials of another number are averaged first; who has one session stands beside who has three."""
     few = drawn.recordings(8, ("1",))
-    values = {row["subject"]: float(place) for place, row in enumerate(few)}
+    values = {row["subject"]: float(index) for index, row in enumerate(few)}
     ranges = [drawn.range_row(row, "rigid", "index_pip", values[row["subject"]], None) for row in few]
     more = few + [few[0] | {"session": "2", "trial": trial} for trial in ("1", "2", "3")]
     extra = zip(more[8:], (6.0, 7.0, 11.0), strict=True)

@@ -1,7 +1,6 @@
 """Eq. 1-7: known joints come back, both solvers agree, the transmitter does not matter, one pass will do."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -24,9 +23,9 @@ def stacked(poses: Poses, joint: int, values: int) -> StackedSolution:
     return solve_stacked(q[:, joint], t[:, joint], q[:, joint + 1], t[:, joint + 1], values)
 
 
-def off_axis(found: Array, true: Array, axis: Array) -> float:
+def off_axis(point: Array, true: Array, axis: Array) -> float:
     """Distance of a point from the line through `true` along `axis`."""
-    return float(np.linalg.norm(np.cross(found - true, axis)))
+    return float(np.linalg.norm(np.cross(point - true, axis)))
 
 
 @given(SEEDS, st.integers(2, 6))
@@ -36,14 +35,14 @@ def test_hinges_come_back(seed: int, n_segments: int) -> None:
     chain = random_chain(seed, n_segments)
     moments = moments_of(chain)
     for j in range(n_segments - 1):
-        found = solve_closed(moments, j, 5)
-        assert off_axis(found.p_mm, chain.p_mm[j], chain.axis_parent[j]) < 1e-9
-        assert off_axis(found.q_mm, chain.q_mm[j], chain.axis_child[j]) < 1e-9
-        sine = np.linalg.norm(np.cross(found.null_child, chain.axis_child[j]))
+        solution = solve_closed(moments, j, 5)
+        assert off_axis(solution.p_mm, chain.p_mm[j], chain.axis_parent[j]) < 1e-9
+        assert off_axis(solution.q_mm, chain.q_mm[j], chain.axis_child[j]) < 1e-9
+        sine = np.linalg.norm(np.cross(solution.null_child, chain.axis_child[j]))
         assert np.degrees(np.arcsin(sine)) < 1e-6
-        sign = np.sign(found.null_child @ chain.axis_child[j])
-        np.testing.assert_allclose(found.null_parent, sign * chain.axis_parent[j], atol=1e-8)
-        assert found.gap_rms_mm < 1e-5
+        sign = np.sign(solution.null_child @ chain.axis_child[j])
+        np.testing.assert_allclose(solution.null_parent, sign * chain.axis_parent[j], atol=1e-8)
+        assert solution.gap_rms_mm < 1e-5
 
 
 @pytest.mark.parametrize("values", [5, 6])
@@ -82,12 +81,12 @@ def test_closed_form_is_the_published_one() -> None:
     u = np.einsum("tji,tj->i", a, between) / len(between)
     w = np.einsum("tji,tj->i", b, between) / len(between)
     p = np.linalg.solve(np.eye(3) - M @ M.T, u - M @ w)
-    found = solve_closed(moments_of(chain), 0, 6)
-    np.testing.assert_allclose(found.p_mm, p, atol=1e-9)
-    np.testing.assert_allclose(found.q_mm, M.T @ p - w, atol=1e-9)
+    solution = solve_closed(moments_of(chain), 0, 6)
+    np.testing.assert_allclose(solution.p_mm, p, atol=1e-9)
+    np.testing.assert_allclose(solution.q_mm, M.T @ p - w, atol=1e-9)
     s = np.linalg.svd(M, compute_uv=False)
     expected = np.sqrt(np.concatenate([1 + s, 1 - s[::-1]]))
-    np.testing.assert_allclose(found.singular_values, expected, atol=1e-12)
+    np.testing.assert_allclose(solution.singular_values, expected, atol=1e-12)
 
 
 @given(SEEDS)
@@ -107,10 +106,10 @@ def test_nothing_depends_on_the_transmitter(seed: int) -> None:
     )
     before, after = moments_of(chain), moments_of(chain, moved)
     for j in range(2):
-        one, other = solve_closed(before, j, 5), solve_closed(after, j, 5)
+        solution, other = solve_closed(before, j, 5), solve_closed(after, j, 5)
         for name in ("p_mm", "q_mm", "null_parent", "null_child", "mean_rotation", "singular_values"):
-            np.testing.assert_allclose(getattr(other, name), getattr(one, name), atol=1e-9, err_msg=name)
-        assert other.gap_rms_mm == pytest.approx(one.gap_rms_mm, abs=1e-9)
+            np.testing.assert_allclose(getattr(other, name), getattr(solution, name), atol=1e-9, err_msg=name)
+        assert other.gap_rms_mm == pytest.approx(solution.gap_rms_mm, abs=1e-9)
 
 
 def test_no_motion_has_no_answer() -> None:
@@ -121,11 +120,8 @@ def test_no_motion_has_no_answer() -> None:
     assert is_solvable(moments_of(random_chain(1, 2, range_rad=0.001)), 0)
 
 
-made = cache(random_chain)
-
-
 def solved_with_noise(seed: int, off_axis_rad: float = 0.0) -> tuple[JointSolution, Chain]:
-    chain = made(3, 2, 400, range_rad=0.5, off_axis_rad=off_axis_rad)
+    chain = random_chain(3, 2, 400, range_rad=0.5, off_axis_rad=off_axis_rad)
     noisy = replace(
         chain.poses,
         position_mm=chain.poses.position_mm
@@ -137,9 +133,9 @@ def solved_with_noise(seed: int, off_axis_rad: float = 0.0) -> tuple[JointSoluti
 @pytest.mark.parametrize("off_axis_rad", [0.0, 0.4])
 def test_covariance_is_what_repeated_noise_gives(off_axis_rad: float) -> None:
     """With white noise the covariance predicts the scatter of 200 repetitions within 20 % per direction."""
-    found = [solved_with_noise(seed, off_axis_rad)[0] for seed in range(200)]
-    scatter = np.cov(np.array([np.concatenate([f.p_mm, f.q_mm]) for f in found]).T)
-    stated = np.mean([f.covariance_mm2 for f in found], 0)
+    solutions = [solved_with_noise(seed, off_axis_rad)[0] for seed in range(200)]
+    scatter = np.cov(np.array([np.concatenate([f.p_mm, f.q_mm]) for f in solutions]).T)
+    stated = np.mean([f.covariance_mm2 for f in solutions], 0)
     sizes, directions = np.linalg.eigh(stated)
     for size, direction in zip(sizes[1:], directions.T[1:], strict=True):
         assert direction @ scatter @ direction == pytest.approx(size, rel=0.35)
@@ -156,14 +152,14 @@ def test_streaming_and_gaps() -> None:
     whole, parts = moments_of(chain), moments_of(chain, block=3 * BATCH_FRAMES)
     assert whole.count.tolist() == [366, 356]
     for j in range(2):
-        one, other = solve_closed(whole, j, 5), solve_closed(parts, j, 5)
-        np.testing.assert_allclose(other.p_mm, one.p_mm, atol=1e-10)
-        assert other.n_effective == pytest.approx(one.n_effective, rel=1e-9)
+        solution, other = solve_closed(whole, j, 5), solve_closed(parts, j, 5)
+        np.testing.assert_allclose(other.p_mm, solution.p_mm, atol=1e-10)
+        assert other.n_effective == pytest.approx(solution.n_effective, rel=1e-9)
         keep = poses.valid[:, j] & poses.valid[:, j + 1]
         kept = replace(poses, quaternion=poses.quaternion[keep], position_mm=poses.position_mm[keep])
         q, t = kept.quaternion, kept.position_mm
         expected = solve_stacked(q[:, j], t[:, j], q[:, j + 1], t[:, j + 1], 5)
-        np.testing.assert_allclose(one.p_mm, expected.p_mm, atol=1e-9)
+        np.testing.assert_allclose(solution.p_mm, expected.p_mm, atol=1e-9)
 
 
 def test_moments_are_those_of_the_matrices() -> None:

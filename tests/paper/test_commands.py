@@ -119,8 +119,8 @@ def test_a_hand_alone_has_the_same_numbers(plan: SubjectPlan, tmp_path: Path) ->
     assert evaluate(plan, tmp_path, "opposition") == 0
     tables = {"projected_joints": JOINT_CENTRES, **BUILT, "tips": TIPS, "tip_errors": TIP_ERRORS}
     for name, table in tables.items():
-        found = read_part(tmp_path / f"{name}.parquet", table, WHOLE)
-        assert found.equals(read_part(plan.table(name), table, WHOLE)), name
+        alone = read_part(tmp_path / f"{name}.parquet", table, WHOLE)
+        assert alone.equals(read_part(plan.table(name), table, WHOLE)), name
     assert evaluate(plan, tmp_path, "rom") == 0
     assert all(read_part(tmp_path / "tip_errors.parquet", TIP_ERRORS, WHOLE)["held_out"].to_pylist())
 

@@ -26,8 +26,8 @@ Build = Callable[..., BuiltHand]
 @pytest.fixture(scope="module")
 def hand(tmp_path_factory: pytest.TempPathFactory) -> HandResults:
     folder = tmp_path_factory.mktemp("hand")
-    made = recorded("right", "rom", seed=5, n_frames=600, forearm=True)[0]
-    poses = write_poses(folder / "poses.parquet", made, "right", "rom")
+    simulated = recorded("right", "rom", seed=5, n_frames=600, forearm=True)[0]
+    poses = write_poses(folder / "poses.parquet", simulated, "right", "rom")
     return run_hand(poses, "paper-fig4", folder)
 
 
@@ -62,10 +62,10 @@ def with_point(layout: Layout, mm: tuple[float, float, float]) -> Layout:
 def test_auto_takes_the_first_that_there_is(build: Build) -> None:
     """The forearm's joint, else the configured point, else the estimated one."""
     model, layout = read_model("paper-fig4"), read_layout("liberty16")
-    given = with_point(layout, (-40.0, 1.0, -12.0))
-    assert wrist_of(build(model, given))["source"] == "fit"
-    assert wrist_of(build(model, given))["parent_segment"] == "forearm"
-    configured = wrist_of(build(model, given, without=("wrist",)))
+    configuring = with_point(layout, (-40.0, 1.0, -12.0))
+    assert wrist_of(build(model, configuring))["source"] == "fit"
+    assert wrist_of(build(model, configuring))["parent_segment"] == "forearm"
+    configured = wrist_of(build(model, configuring, without=("wrist",)))
     assert configured["source"] == "configured point"
     np.testing.assert_array_equal(point(configured), [-40, 1, -12])
     estimated = wrist_of(build(model, layout, without=("wrist",)))
@@ -108,8 +108,8 @@ def test_a_gap_is_flagged_and_has_no_numbers(build: Build, hand: HandResults) ->
     valid[:9, poses.index("hand")] = False
     valid[20:25, poses.index("index_proximal")] = False
     with_gaps = replace(poses, valid=valid)
-    found = pose_metacarpals(build(model), layout, model, lambda *_segments: iter([with_gaps]))
-    columns = {own["digit"]: own for own in found}
+    posed = pose_metacarpals(build(model), layout, model, lambda *_segments: iter([with_gaps]))
+    columns = {digit_columns["digit"]: digit_columns for digit_columns in posed}
     lost = {"index": [*range(9), *range(20, 25)], "ring": [*range(9)]}
     for digit, frames in lost.items():
         flags = columns[digit]["flags"].to_numpy(zero_copy_only=False).astype(str)
@@ -118,7 +118,7 @@ def test_a_gap_is_flagged_and_has_no_numbers(build: Build, hand: HandResults) ->
 
 
 def test_knuckles_nearer_than_any_hands_are_not_believed(build: Build) -> None:
-    """Of this hand none are; of one whose ring MCP lies 4 mm beside the middle's both are in doubt."""
+    """None of this hand's are; of one whose ring MCP lies 4 mm beside the middle's both are in doubt."""
     layout = read_layout("liberty16")
     built = build(read_model("paper-fig4"))
     assert TOO_CLOSE not in "".join(row["reason_values"] for row in judged(built, layout, {}).joints)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from long_poses import long_poses
+from simulated_poses import recorded, write_poses
 from stage_runs import solve_joints as main
 
 from shukotsu.errors import InputError, TableError
@@ -28,7 +28,8 @@ def request(model: str, *poses: Path, hand: str = "right", made_without: str = "
 
 @pytest.fixture(scope="module")
 def poses(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return long_poses(tmp_path_factory.mktemp("poses") / "poses.parquet", 480)
+    simulated = recorded("right", "rom", seed=1, n_frames=480)[0]
+    return write_poses(tmp_path_factory.mktemp("poses") / "poses.parquet", simulated, "right", "rom")
 
 
 def test_the_same_recordings_and_settings_are_solved_once(
@@ -52,10 +53,10 @@ def test_the_same_recordings_and_settings_are_solved_once(
         request("paper-fig4", poses, hand="left"),
     ]
     rows = solve_parts(requests)
-    assert list(rows) == [one.part for one in requests]
+    assert list(rows) == [part_request.part for part_request in requests]
     assert len(streamed) == 2
     assert len(solved) == 3
-    index_pip = [next(row for row in own if row["joint"] == "index_pip") for own in rows.values()]
+    index_pip = [next(row for row in part_rows if row["joint"] == "index_pip") for part_rows in rows.values()]
     fig4, fig3, of_six, left = index_pip
     assert fig4["parent_x_mm"] == fig3["parent_x_mm"] == left["parent_x_mm"] != of_six["parent_x_mm"]
 
@@ -73,9 +74,9 @@ def test_a_constraint_that_is_added_cannot_be_forgotten(poses: Path, monkeypatch
 
     def obeying(recordings: Any, settings: Constrained) -> Any:
         solved = solve(recordings, settings)
-        own = solved["index_pip"]
-        assert not isinstance(own, str)
-        return {**solved, "index_pip": replace(own, p_mm=own.p_mm + settings.made_up_mm)}
+        solution = solved["index_pip"]
+        assert not isinstance(solution, str)
+        return {**solved, "index_pip": replace(solution, p_mm=solution.p_mm + settings.made_up_mm)}
 
     monkeypatch.setattr(part_solutions, "solve_recordings", obeying)
     settings = vars(read_model("paper-fig4").solving)

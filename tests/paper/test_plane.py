@@ -24,14 +24,14 @@ LAYOUT = chain_layout(random_chain(0, 2))
 SAGITTAL = np.array([0.0, 1.0, 0.0])
 
 
-def cut(found: JointSolution, *, parent: bool = False, normal: np.ndarray = SAGITTAL) -> Projection | None:
+def cut(solution: JointSolution, *, parent: bool = False, normal: np.ndarray = SAGITTAL) -> Projection | None:
     return project(
-        found.p_mm,
-        found.q_mm,
-        found.null_parent,
-        found.null_child,
-        found.covariance_mm2,
-        np.radians(found.axis_sd_deg),
+        solution.p_mm,
+        solution.q_mm,
+        solution.null_parent,
+        solution.null_child,
+        solution.covariance_mm2,
+        np.radians(solution.axis_sd_deg),
         plane_point_mm=np.zeros(3),
         plane_normal=normal,
         plane_in_parent=parent,
@@ -45,10 +45,10 @@ def test_exact_hinges_end_at_their_centres(seed: int) -> None:
     chain = random_chain(seed, 4)
     moments = moments_of(chain)
     for j in range(3):
-        found = cut(solve_closed(moments, j, 5))
-        assert found is not None
-        np.testing.assert_allclose(found.p_mm, chain.p_mm[j], atol=1e-6)
-        np.testing.assert_allclose(found.q_mm, chain.q_mm[j], atol=1e-6)
+        projection = cut(solve_closed(moments, j, 5))
+        assert projection is not None
+        np.testing.assert_allclose(projection.p_mm, chain.p_mm[j], atol=1e-6)
+        np.testing.assert_allclose(projection.q_mm, chain.q_mm[j], atol=1e-6)
 
 
 @given(SEEDS)
@@ -56,18 +56,18 @@ def test_exact_hinges_end_at_their_centres(seed: int) -> None:
 def test_both_halves_slide_alike(seed: int) -> None:
     """The plane in one frame is met there, and p and q move by the same multiple of the null vector."""
     chain = random_chain(seed, 2, off_axis_rad=0.1, in_plane=False)
-    found = solve_closed(moments_of(chain), 0, 5)
-    at = cut(found)
+    solution = solve_closed(moments_of(chain), 0, 5)
+    at = cut(solution)
     assert at is not None
     assert at.q_mm[1] == pytest.approx(0, abs=1e-9)
-    np.testing.assert_allclose(at.p_mm - found.p_mm, at.slide_mm * found.null_parent, atol=1e-9)
-    np.testing.assert_allclose(at.q_mm - found.q_mm, at.slide_mm * found.null_child, atol=1e-9)
+    np.testing.assert_allclose(at.p_mm - solution.p_mm, at.slide_mm * solution.null_parent, atol=1e-9)
+    np.testing.assert_allclose(at.q_mm - solution.q_mm, at.slide_mm * solution.null_child, atol=1e-9)
 
 
 def solved_row(seed: int, **options: float) -> tuple[Joint, dict[str, object], object]:
     chain = random_chain(seed, 2, 300, in_plane=False, **options)
-    found = solve_closed(moments_of(chain), 0, 5)
-    return chain.joints[0], solution_row(chain.joints[0], found), chain
+    solution = solve_closed(moments_of(chain), 0, 5)
+    return chain.joints[0], solution_row(chain.joints[0], solution), chain
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -54,11 +54,11 @@ def first(vector: Array, normal: Array, normal_reference: Array, frame: int = 0)
 def test_posture_of_a_known_metacarpal(seed: int) -> None:
     """Swing, then twist (factor 1) is the bone's own change of posture, to 1e-6 deg."""
     bone, vector, normal = palm(seed)
-    found = estimate_posture(vector, normal, first(vector, normal, bone[7].apply(Z), 7), 1.0)
+    posture = estimate_posture(vector, normal, first(vector, normal, bone[7].apply(Z), 7), 1.0)
     true = quaternions(bone * bone[7].inv())
-    error = angle(multiply(conjugate(found.change), true))
+    error = angle(multiply(conjugate(posture.change), true))
     assert np.degrees(error).max() < 1e-6
-    assert found.swing_rad[7] == found.twist_rad[7] == 0
+    assert posture.swing_rad[7] == posture.twist_rad[7] == 0
 
 
 @given(SEEDS)
@@ -67,8 +67,8 @@ def test_hand_and_transmitter_see_the_same_for_factor_one(seed: int) -> None:
     """Seen from a hand that turns, or from the transmitter, the estimated change is the same posture."""
     bone, vector, normal = palm(seed)
     hand = Rotation.from_rotvec(smooth(np.random.default_rng(seed + 1), 120, 3))
-    own = hand.inv().apply(vector), hand.inv().apply(normal)
-    seen = estimate_posture(*own, first(*own, hand[0].inv().apply(bone[0].apply(Z))), 1.0)
+    in_hand = hand.inv().apply(vector), hand.inv().apply(normal)
+    seen = estimate_posture(*in_hand, first(*in_hand, hand[0].inv().apply(bone[0].apply(Z))), 1.0)
     world = estimate_posture(vector, normal, first(vector, normal, bone[0].apply(Z)), 1.0)
     q = quaternions(hand)
     back = multiply(multiply(q, seen.change), conjugate(q[0]))
@@ -82,9 +82,9 @@ def test_twist_factor_scales_the_twist_alone() -> None:
     whole, half, none = (estimate_posture(vector, normal, reference, c) for c in (1.0, 0.5, 0.0))
     np.testing.assert_allclose(half.twist_rad, whole.twist_rad / 2, atol=1e-12)
     np.testing.assert_allclose(none.change, swing(vector[0], vector)[0], atol=1e-12)
-    for found in (whole, half, none):
+    for posture in (whole, half, none):
         np.testing.assert_allclose(
-            rotate(found.change, unit(vector[0])), unit(vector), atol=1e-12, err_msg="twist moved the bone"
+            rotate(posture.change, unit(vector[0])), unit(vector), atol=1e-12, err_msg="twist moved the bone"
         )
     assert np.ptp(whole.twist_rad) > 0.1
 
@@ -93,9 +93,9 @@ def test_singularities_are_flagged() -> None:
     """A phalanx flexed by 85 deg loses the twist, 60 deg does not; a reversed bone loses the swing."""
     vector = np.array([X, X, X, -X + 1e-6 * Y])
     flexed = np.array([Z, *(np.cos(a) * Z + np.sin(a) * X for a in np.radians([60, 85])), Z])
-    found = estimate_posture(vector, flexed, first(vector, flexed, Z), 1.0)
-    assert found.twist_singular.tolist() == [False, False, True, False]
-    assert found.swing_singular.tolist() == [False, False, False, True]
+    posture = estimate_posture(vector, flexed, first(vector, flexed, Z), 1.0)
+    assert posture.twist_singular.tolist() == [False, False, True, False]
+    assert posture.swing_singular.tolist() == [False, False, False, True]
 
 
 def test_wrist_of_a_rigid_palm_is_the_nominal_one() -> None:
@@ -114,6 +114,6 @@ def test_wrist_of_a_cupping_palm_is_found() -> None:
     turns = [about_axis(unit(rng.normal(size=3)), 0.5 * smooth(rng, 400, 1)[:, 0]) for _ in arms]
     moving = [true + rotate(turn, arm) for turn, arm in zip(turns, arms, strict=True)]
     nominal = true + np.array([8.0, -5.0, 7.0])
-    found = estimate_wrist(moving, nominal)
-    assert np.linalg.norm(found.point_mm - true) < 0.5
-    assert np.sqrt(np.trace(found.covariance_mm2)) < np.sqrt(3) * 15
+    wrist = estimate_wrist(moving, nominal)
+    assert np.linalg.norm(wrist.point_mm - true) < 0.5
+    assert np.sqrt(np.trace(wrist.covariance_mm2)) < np.sqrt(3) * 15

@@ -62,12 +62,12 @@ def replayed(chain: Chain, rows: dict[str, dict[str, Any]]) -> tuple[DigitChain,
 
 def gaps(chain: Chain, rows: dict[str, dict[str, Any]]) -> Array:
     """Gap of every joint, R_a p + t_a - R_b q - t_b, (T, J, 3), from matrices."""
-    found = []
+    gap = []
     rotation, position = matrix(chain.poses.quaternion), chain.poses.position_mm
     for j, joint in enumerate(chain.joints):
         p, q = (np.array([rows[joint.name][f"{side}_{k}_mm"] for k in "xyz"]) for side in ("parent", "child"))
-        found.append(rotation[:, j] @ p + position[:, j] - rotation[:, j + 1] @ q - position[:, j + 1])
-    return np.stack(found, 1)
+        gap.append(rotation[:, j] @ p + position[:, j] - rotation[:, j + 1] @ q - position[:, j + 1])
+    return np.stack(gap, 1)
 
 
 @given(SEEDS, st.integers(2, 6), st.floats(0, 30))
@@ -105,14 +105,14 @@ def test_the_binding_frame_is_the_first_usable_one() -> None:
 
 
 def test_statistics_are_numpys() -> None:
-    known = np.array([3.0, 1.0, 2.0, 10.0])
+    finite = np.array([3.0, 1.0, 2.0, 10.0])
     assert error_statistics(np.array([3.0, np.nan, 1.0, 2.0, 10.0])) == {
         "max_mm": 10.0,
         "min_mm": 1.0,
         "mean_mm": 4.0,
-        "sd_mm": np.std(known),
+        "sd_mm": np.std(finite),
         "median_mm": 2.5,
-        "p95_mm": np.percentile(known, 95),
+        "p95_mm": np.percentile(finite, 95),
         "n_frames": 4,
     }
     assert error_statistics(np.full(3, np.nan)) == {"n_frames": 0}

@@ -28,8 +28,8 @@ def test_skin_in_step_with_a_hinge_moves_its_solved_centre_by_what_is_stated() -
     for _ in range(300):
         slide = rng.normal(0, UNKNOWN_SLIDE_SD_MM, (2, 3))
         moved = poses.position_mm + rotate(along, angle_rad[:, None, None] * slide)
-        found = solve_closed(moments_of(chain, replace(poses, position_mm=moved)), 0, 5)
-        across = found.q_mm - free.q_mm
+        solution = solve_closed(moments_of(chain, replace(poses, position_mm=moved)), 0, 5)
+        across = solution.q_mm - free.q_mm
         off.append(across - across @ free.null_child * free.null_child)
     placed = Projection(free.p_mm, free.q_mm, 0.0, None, np.zeros((6, 6)))
     axes = free.null_parent, free.null_child
@@ -56,7 +56,7 @@ def _along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 def stated_sd_mm(joint: str, **changes: Any) -> float:
-    """Of a joint of the hand whose centre lies 20 mm from either receiver, square to its plane."""
+    """Standard deviation, mm, of a joint whose centre lies 20 mm from either receiver, square to its plane."""
     half_mm, axis = np.array([-20.0, 0.0, -7.0]), np.array([0.0, 1.0, 0.0])
     options: dict[str, Any] = {"gap_rms_mm": 0.8, "range_deg": 60.0, "axis_plane_deg": 90.0} | changes
     angle_deg = options.pop("axis_plane_deg")
@@ -79,6 +79,6 @@ def test_no_plane_leaves_the_axis_to_the_frames() -> None:
     """Without a plane nothing is added along the axis."""
     half_mm, axis = np.array([-20.0, 0.0, -7.0]), np.array([0.0, 1.0, 0.0])
     placed = Projection(-half_mm, half_mm, 0.0, None, np.zeros((6, 6)))
-    own = unseen_covariance(HAND.joints["index_pip"], HAND, placed, (axis, axis), np.eye(3), 0.8, 60.0)
-    assert own[4, 4] == pytest.approx(0.0, abs=1e-12)
-    assert own[3, 3] > 1.0
+    covariance = unseen_covariance(HAND.joints["index_pip"], HAND, placed, (axis, axis), np.eye(3), 0.8, 60.0)
+    assert covariance[4, 4] == pytest.approx(0.0, abs=1e-12)
+    assert covariance[3, 3] > 1.0

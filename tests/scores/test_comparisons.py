@@ -51,23 +51,23 @@ def compare(
     return compare_models(ScoredStudy(tuple(names), named, {}, empty, empty, empty))
 
 
-def with_baseline(found: ComparedModels) -> dict[tuple[str, str], dict[str, Any]]:
-    return {(row["model"], row["digit"]): row for row in found.differences if row["baseline"]}
+def with_baseline(compared: ComparedModels) -> dict[tuple[str, str], dict[str, Any]]:
+    return {(row["model"], row["digit"]): row for row in compared.differences if row["baseline"]}
 
 
-def differences(found: ComparedModels, digit: str = ALL_DIGITS) -> dict[str, float]:
+def differences(compared: ComparedModels, digit: str = ALL_DIGITS) -> dict[str, float]:
     return {
         row["subject"]: row["difference"]
-        for row in found.pairs
+        for row in compared.pairs
         if (row["digit"], row["model"], row["other"]) == (digit, *PAIR)
     }
 
 
-def missing(found: ComparedModels, subject: str) -> dict[str, dict[str, int]]:
+def missing(compared: ComparedModels, subject: str) -> dict[str, dict[str, int]]:
     """Why a subject's numbers over all digits are not there, by model."""
     return {
         row["model"]: json.loads(row["missing"])
-        for row in found.values
+        for row in compared.values
         if (row["digit"], row["subject"]) == (ALL_DIGITS, subject) and row["missing"]
     }
 
@@ -76,15 +76,15 @@ def test_a_subject_counts_once_however_much_was_recorded(monkeypatch: pytest.Mon
     """Hands, tasks and digits of one subject are averaged before subjects are."""
     seen = seen_of([(1.0, 2.0), (2.0, 2.0), (2.0, 4.0)])
     seen += [
-        Observation("S00", model, digit, place, value)
-        for digit, place in product(("index", "ring"), ("left hand, rom", "right hand, grip, trial 2"))
+        Observation("S00", model, digit, recording, value)
+        for digit, recording in product(("index", "ring"), ("left hand, rom", "right hand, grip, trial 2"))
         for model, value in zip(PAIR, (4.0, 8.0), strict=True)
     ]
-    found = compare(seen, monkeypatch)
-    assert differences(found) == {"S00": pytest.approx(-17 / 5), "S01": 0.0, "S02": -2.0}
-    assert differences(found, "index") == {"S00": pytest.approx(-3.0), "S01": 0.0, "S02": -2.0}
-    assert differences(found, "ring") == {"S00": -4.0}
-    overall = with_baseline(found)[PAIR[0], ALL_DIGITS]
+    compared = compare(seen, monkeypatch)
+    assert differences(compared) == {"S00": pytest.approx(-17 / 5), "S01": 0.0, "S02": -2.0}
+    assert differences(compared, "index") == {"S00": pytest.approx(-3.0), "S01": 0.0, "S02": -2.0}
+    assert differences(compared, "ring") == {"S00": -4.0}
+    overall = with_baseline(compared)[PAIR[0], ALL_DIGITS]
     assert overall["mean_difference"] == pytest.approx((-17 / 5 - 2) / 3)
     assert [overall[name] for name in ("n_compared_subjects", "n_better", "n_equal")] == [3, 2, 1]
 
@@ -94,24 +94,24 @@ def test_a_subject_counts_once_however_much_was_recorded(monkeypatch: pytest.Mon
 def test_every_subject_is_listed(there: list[tuple[bool, bool]], more: int) -> None:
     """Compared, or with each model that is missing and the reason."""
     seen = [
-        Observation(f"S{k:02}", model, "index", "rom", 1.0 if known else None, "" if known else "why")
+        Observation(f"S{k:02}", model, "index", "rom", 1.0 if scored else None, "" if scored else "why")
         for k, pair in enumerate(there)
-        for model, known in zip(PAIR, pair, strict=True)
+        for model, scored in zip(PAIR, pair, strict=True)
     ]
     extra = [f"T{index}" for index in range(more)]
     with pytest.MonkeyPatch.context() as monkeypatch:
         if not any(map(any, there)):
             assert compare(seen, monkeypatch, subjects=extra).values == []
             return
-        found = compare(seen, monkeypatch, subjects=extra)
-    both = [f"S{k:02}" for k, known in enumerate(there) if all(known)]
-    assert list(differences(found)) == both
-    for k, known in enumerate(there):
-        absent = {model: {"why": 1} for model, own in zip(PAIR, known, strict=True) if not own}
-        assert missing(found, f"S{k:02}") == absent
+        compared = compare(seen, monkeypatch, subjects=extra)
+    both = [f"S{k:02}" for k, scored in enumerate(there) if all(scored)]
+    assert list(differences(compared)) == both
+    for k, scored in enumerate(there):
+        absent = {model: {"why": 1} for model, is_scored in zip(PAIR, scored, strict=True) if not is_scored}
+        assert missing(compared, f"S{k:02}") == absent
     for name in extra:
-        assert missing(found, name) == {model: {NOT_SCORED: 1} for model in PAIR}
-    assert with_baseline(found)[PAIR[0], ALL_DIGITS]["n_compared_subjects"] == len(both)
+        assert missing(compared, name) == {model: {NOT_SCORED: 1} for model in PAIR}
+    assert with_baseline(compared)[PAIR[0], ALL_DIGITS]["n_compared_subjects"] == len(both)
 
 
 def test_comparisons_with_one_model_are_corrected_together(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,13 +119,13 @@ def test_comparisons_with_one_model_are_corrected_together(monkeypatch: pytest.M
     seen = seen_of([(1.0, 2.0 + 0.1 * s) for s in range(8)])
     seen += seen_of([(1.0, 2.0), (1.0, 3.0)], "ring")
     seen += [Observation("S00", "rigid", "thumb", "right hand, rom", 3.0)]
-    found = with_baseline(compare(seen, monkeypatch, (*PAIR, "rigid")))
-    assert found[PAIR[0], ALL_DIGITS]["p_holm"] == pytest.approx(2 / 256)
-    assert found[PAIR[0], "index"]["p"] == pytest.approx(2 / 256)
-    assert found[PAIR[0], "index"]["p_holm"] == pytest.approx(4 / 256)
-    assert found[PAIR[0], "ring"]["p_holm"] == pytest.approx(0.5)
-    assert {row["n_comparisons"] for (_, digit), row in found.items() if digit} == {2}
-    assert found["rigid", "thumb"].get("p") is found["rigid", "thumb"]["p_holm"] is None
+    rows = with_baseline(compare(seen, monkeypatch, (*PAIR, "rigid")))
+    assert rows[PAIR[0], ALL_DIGITS]["p_holm"] == pytest.approx(2 / 256)
+    assert rows[PAIR[0], "index"]["p"] == pytest.approx(2 / 256)
+    assert rows[PAIR[0], "index"]["p_holm"] == pytest.approx(4 / 256)
+    assert rows[PAIR[0], "ring"]["p_holm"] == pytest.approx(0.5)
+    assert {row["n_comparisons"] for (_, digit), row in rows.items() if digit} == {2}
+    assert rows["rigid", "thumb"].get("p") is rows["rigid", "thumb"]["p_holm"] is None
 
 
 @pytest.fixture(scope="module")
@@ -147,8 +147,8 @@ def test_a_study_is_compared_as_its_rows_say(fitted: StudyResults, held_out: boo
     assert list(dict.fromkeys(seen["digit"])) == ["thumb", "index", "middle", "ring", "little"]
     for model in PAIR:
         rows = [r for r in fitted.scores if (r["model"], r["held_out"]) == (model, held_out)]
-        known = [r["true_tip_mean_mm"] for r in rows if r["true_tip_mean_mm"] is not None]
-        assert seen.loc[seen["model"] == model, "value"].mean() == pytest.approx(np.mean(known))
+        values = [r["true_tip_mean_mm"] for r in rows if r["true_tip_mean_mm"] is not None]
+        assert seen.loc[seen["model"] == model, "value"].mean() == pytest.approx(np.mean(values))
     assert set(seen.loc[seen["value"].isna(), "reason"]) == {"joint ring_dip failed"}
 
 
@@ -166,5 +166,8 @@ def test_joint_errors_are_those_of_skeletons_that_are_judged(fitted: StudyResult
         little = [r["error_mm"] for r in mine if r["joint"].startswith("little")]
         seen = seen_in(moved, JOINT_ERROR, model)
         assert seen.loc[seen["digit"] == "little", "value"].mean() == pytest.approx(np.mean(little))
-    both = [seen_in(moved, JOINT_ERROR, "whole-hand", held_out=own)["value"].mean() for own in (True, False)]
+    both = [
+        seen_in(moved, JOINT_ERROR, "whole-hand", held_out=held_out)["value"].mean()
+        for held_out in (True, False)
+    ]
     assert both[1] == pytest.approx(both[0] + 100.0)

@@ -19,11 +19,11 @@ from shukotsu.tables.catalogue import JOINT_CENTRES, JOINT_ERRORS, SKELETON_SCOR
 from shukotsu.tables.parts import Part, part_metadata, parts_writer, read_part
 from shukotsu.tables.typed_table import Provenance, read_table, rows_of
 
-TASKS = ("opposition", "rom")
 LAYOUT = read_layout("liberty16")
 DIGITS = tuple(LAYOUT.digits)
 TIP = ["tip_x_mm", "tip_y_mm", "tip_z_mm"]
 REFERENCES = ("prior-only", "distal-receiver", "true-skeleton")
+WHOLE = {"paper-fig4": "opposition", "quick": "rom;opposition"}
 N_FRAMES = 39
 Row = dict[str, Any]
 Results = tuple[list[Row], list[Row]]
@@ -31,12 +31,12 @@ Results = tuple[list[Row], list[Row]]
 
 @pytest.fixture(scope="module")
 def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
-    """Seed 4, right hand; paper-fig4 and a whole hand, made from both tasks and without each of them."""
+    """Seed 4, right hand; paper-fig4 and a whole hand, made from both tasks and without the evaluated one."""
     folder = tmp_path_factory.mktemp("subject")
-    recordings = [("right", task, "both") for task in TASKS]
-    made = planned_subject(folder, recordings, ["paper-fig4", "quick"], n_frames=N_FRAMES)
-    made.run_stages()
-    return made
+    recordings = [("right", "rom", "calibration"), ("right", "opposition", "both")]
+    planned = planned_subject(folder, recordings, ["paper-fig4", "quick"], n_frames=N_FRAMES)
+    planned.run_stages()
+    return planned
 
 
 def run(subject: PlannedSubject, out: Path, *options: str) -> int:
@@ -58,9 +58,9 @@ def results(subject: PlannedSubject, tmp_path_factory: pytest.TempPathFactory) -
     return evaluated(subject, tmp_path_factory.mktemp("scores"))
 
 
-def of(rows: list[Row], model: str, task: str = "opposition", calibrated_on: str = "rom") -> dict[str, Row]:
-    keys = (model, task, "" if model in REFERENCES else calibrated_on)
-    return {row["digit"]: row for row in rows if (row["model"], row["task"], row["calibrated_on"]) == keys}
+def of(rows: list[Row], model: str, calibrated_on: str = "rom") -> dict[str, Row]:
+    keys = (model, "" if model in REFERENCES else calibrated_on)
+    return {row["digit"]: row for row in rows if (row["model"], row["calibrated_on"]) == keys}
 
 
 def changed(path: Path, change: Callable[[Part, list[Row]], str]) -> None:
@@ -69,29 +69,26 @@ def changed(path: Path, change: Callable[[Part, list[Row]], str]) -> None:
     metadata = part_metadata(path, table)
     rows = {part: list(rows_of(read_part(path, table, part))) for part in metadata}
     with parts_writer(path, table, Provenance()) as write:
-        for part, own in rows.items():
-            message = change(part, own)
-            if message:
+        for part, part_rows in rows.items():
+            if message := change(part, part_rows):
                 write.failure(part, message)
             else:
-                write.rows(part, own, **metadata[part])
+                write.rows(part, part_rows, **metadata[part])
 
 
 def test_every_skeleton_and_reference_has_its_rows(results: Results) -> None:
-    """A row for every digit, model and recording; what was made without a task in that task alone."""
+    """A row for every digit and skeleton, and it says whether the recording was held out."""
     scores, errors = results
     for table, rows in ((SKELETON_SCORES, scores), (JOINT_ERRORS, errors)):
         keys = [tuple(row[name] for name in table.key) for row in rows]
         assert len(set(keys)) == len(keys)
-    found = {(row["model"], row["task"], row["calibrated_on"], row["held_out"]) for row in scores}
-    both = "opposition;rom"
-    expected = {(name, task, "", True) for name in REFERENCES for task in TASKS}
-    for model in ("paper-fig4", "quick"):
-        expected |= {(model, task, both, False) for task in TASKS}
-        expected |= {(model, "opposition", "rom", True), (model, "rom", "opposition", True)}
-    assert found == expected
-    for model, task, calibrated_on, _ in found:
-        assert tuple(of(scores, model, task, calibrated_on)) == DIGITS
+    skeletons = {(row["model"], row["task"], row["calibrated_on"], row["held_out"]) for row in scores}
+    expected = {(name, "opposition", "", True) for name in REFERENCES}
+    for model, calibrated_on in WHOLE.items():
+        expected |= {(model, "opposition", calibrated_on, False), (model, "opposition", "rom", True)}
+    assert skeletons == expected
+    for model, _, calibrated_on, _ in skeletons:
+        assert tuple(of(scores, model, calibrated_on)) == DIGITS
     assert {row["model"] for row in scores if row["reference"]} == set(REFERENCES)
     assert {row["message"] for row in scores} == {""}
 
@@ -99,14 +96,14 @@ def test_every_skeleton_and_reference_has_its_rows(results: Results) -> None:
 def test_a_fitted_hand_is_built_of_what_its_fit_says(subject: PlannedSubject) -> None:
     """Joints, lengths and postures are handed on; gaps stay gaps."""
     part, fitted = subject.part("quick"), subject.fit_folder()
-    for name, made, key, columns in (
+    for name, table, key, columns in (
         ("fitted_joints", "joint_centres", "joint", ("child_x_mm", "parent_x_mm", "status")),
         ("fitted_bones", "bone_lengths", "bone", ("starts_at", "ends_at", "length_mm", "sd_mm")),
     ):
-        rows = {row[key]: row for row in subject.rows(subject.plan.table(made), made, part)}
-        own = list(rows_of(read_part(fitted / f"{name}.parquet", FIT[name], part)))
-        assert own
-        for row in own:
+        rows = {row[key]: row for row in subject.rows(subject.plan.table(table), table, part)}
+        fitted_rows = list(rows_of(read_part(fitted / f"{name}.parquet", FIT[name], part)))
+        assert fitted_rows
+        for row in fitted_rows:
             assert [rows[row[key]][column] for column in columns] == [row[column] for column in columns]
     turns = [f"q{axis}" for axis in "wxyz"]
     bones = subject.rows(fitted / "bone_poses.parquet", "bone_poses", part)
@@ -121,10 +118,10 @@ def test_the_replays_numbers_are_those_of_tip_errors(subject: PlannedSubject, re
     part = subject.part("paper-fig4", "opposition")
     for row in subject.rows(subject.plan.table("tip_errors"), "tip_errors", part):
         if row["binding"] == "least-squares":
-            found = of(results[0], "paper-fig4", row["task"])[row["digit"]]
-            assert found["replay_mean_mm"] == found["left_out_mean_mm"] == pytest.approx(row["mean_mm"])
-            assert found["replay_p95_mm"] == found["left_out_p95_mm"] == pytest.approx(row["p95_mm"])
-            assert (found["posed_mean_mm"], found["n_frames"]) == (None, row["n_frames"])
+            score = of(results[0], "paper-fig4")[row["digit"]]
+            assert score["replay_mean_mm"] == score["left_out_mean_mm"] == pytest.approx(row["mean_mm"])
+            assert score["replay_p95_mm"] == score["left_out_p95_mm"] == pytest.approx(row["p95_mm"])
+            assert (score["posed_mean_mm"], score["n_frames"]) == (None, row["n_frames"])
 
 
 def test_tips_and_metacarpals_against_the_truth(subject: PlannedSubject, results: Results) -> None:
@@ -134,8 +131,8 @@ def test_tips_and_metacarpals_against_the_truth(subject: PlannedSubject, results
         ("paper-fig4", subject.plan.table("tips")),
         ("quick", subject.fit_folder() / "posed_tips.parquet"),
     ):
-        found = read_part(path, TABLES[path.stem], subject.part(model, "opposition")).to_pandas()
-        both = found.merge(true, on=["digit", "frame"], suffixes=("", "_true"))
+        tips = read_part(path, TABLES[path.stem], subject.part(model, "opposition")).to_pandas()
+        both = tips.merge(true, on=["digit", "frame"], suffixes=("", "_true"))
         apart = both[TIP].to_numpy() - both[[f"{name}_true" for name in TIP]].to_numpy()
         both["off"] = np.linalg.norm(apart, axis=1)
         for digit, off in both.groupby("digit")["off"]:
@@ -181,9 +178,9 @@ def test_joints_are_held_against_the_truth(subject: PlannedSubject, results: Res
     for row in subject.rows(subject.plan.table("joint_centres"), "joint_centres", part):
         if row["joint"] != "wrist":
             off = [row[f"child_{axis}_mm"] - true[row["joint"]][f"child_{axis}_mm"] for axis in "xyz"]
-            found = by_model["paper-fig4"][row["joint"]]
-            assert found["error_mm"] == pytest.approx(np.linalg.norm(off))
-            assert np.hypot(found["along_mm"], found["across_mm"]) == pytest.approx(found["error_mm"])
+            error = by_model["paper-fig4"][row["joint"]]
+            assert error["error_mm"] == pytest.approx(np.linalg.norm(off))
+            assert np.hypot(error["along_mm"], error["across_mm"]) == pytest.approx(error["error_mm"])
     assert by_model["paper-fig4"]["index_dip"]["bone"] == ""
     assert by_model["quick"]["index_dip"]["bone"] == "index_distal"
     assert by_model["prior-only"]["index_pip"]["bone"] == "index_middle"
@@ -197,7 +194,7 @@ def test_parts_that_failed_cost_their_numbers(subject: PlannedSubject, tmp_path:
     copy = subject.copied(tmp_path)
     paper = copy.part("paper-fig4", "opposition")
     for name, message in (("joint_centres", "the dog ate it"), ("tips", "no tips")):
-        changed(copy.plan.table(name), lambda part, _, text=message: text if part == paper else "")  # type: ignore[misc]
+        changed(copy.plan.table(name), lambda part, _, text=message: text if part == paper else "")
     changed(copy.fit_folder() / "posed_tips.parquet", lambda *_: "not posed")
     changed(copy.fit_folder(model=REFERENCE) / "fitted_joints.parquet", lambda *_: "no prior")
     scores, errors = evaluated(copy, tmp_path)
@@ -206,7 +203,7 @@ def test_parts_that_failed_cost_their_numbers(subject: PlannedSubject, tmp_path:
         assert (row["replay_mean_mm"], row["wrist_mcp_sd_mm"], row["n_frames"]) == (None, None, 0)
         assert row["metacarpal_deg"] is not None
         assert row["message"] == "the dog ate it; no tips"
-        assert of(scores, "paper-fig4", "rom", "opposition")[digit]["message"] == ""
+        assert of(scores, "paper-fig4", WHOLE["paper-fig4"])[digit]["message"] == ""
         row = of(scores, "quick")[digit]
         assert row["message"] == "not posed"
         assert row["replay_mean_mm"] is not None

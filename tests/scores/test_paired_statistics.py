@@ -98,11 +98,11 @@ JUDGES = np.array(
 
 
 def test_iccs_of_shrout_and_fleiss() -> None:
-    found = reliability(JUDGES)
-    assert found.agreement.value == pytest.approx(0.29, abs=0.005)
-    assert found.consistency.value == pytest.approx(0.71, abs=0.005)
-    assert found.agreement.interval == pytest.approx((0.02, 0.76), abs=0.005)
-    assert found.consistency.interval == pytest.approx((0.34, 0.95), abs=0.005)
+    icc = reliability(JUDGES)
+    assert icc.agreement.value == pytest.approx(0.29, abs=0.005)
+    assert icc.consistency.value == pytest.approx(0.71, abs=0.005)
+    assert icc.agreement.interval == pytest.approx((0.02, 0.76), abs=0.005)
+    assert icc.consistency.interval == pytest.approx((0.34, 0.95), abs=0.005)
 
 
 def test_mean_squares_are_those_of_least_squares() -> None:
@@ -123,11 +123,11 @@ def test_mean_squares_are_those_of_least_squares() -> None:
 def test_a_shift_that_all_share_is_consistent_and_no_agreement() -> None:
     """Without any rest the ICC is the limit of that with a small one, its interval too."""
     values = np.arange(6.0)[:, None] + np.array([0.0, 3.0])
-    found = reliability(values)
-    assert found.consistency.value == 1.0
+    icc = reliability(values)
+    assert icc.consistency.value == 1.0
     noise = np.random.default_rng(1).normal(0.0, 1e-5, values.shape)
     near = reliability(values + noise).agreement
-    assert found.agreement.value == pytest.approx(near.value, abs=1e-4)
-    assert found.agreement.interval == pytest.approx(near.interval, abs=1e-3)
-    assert found.agreement.value == pytest.approx(7.0 / (7.0 + 2 * 27.0 / 6))
+    assert icc.agreement.value == pytest.approx(near.value, abs=1e-4)
+    assert icc.agreement.interval == pytest.approx(near.interval, abs=1e-3)
+    assert icc.agreement.value == pytest.approx(7.0 / (7.0 + 2 * 27.0 / 6))
     assert reliability(np.ones((5, 1)) * [0.0, 1.0]).agreement.value == 0.0

@@ -41,31 +41,31 @@ def true_digit(frame: list[int], tip_mm: list[list[float]]) -> TrueDigit:
 
 def test_a_replay_is_its_own_left_out_error() -> None:
     replayed = np.array([[1.0], [3.0], [NAN]])
-    found = tip_numbers(replayed, replayed, fitted=False)
-    assert (found["replay_mean_mm"], found["left_out_mean_mm"]) == (2.0, 2.0)
-    assert (found["posed_mean_mm"], found["n_frames"]) == (None, 2)
-    assert found["replay_p95_mm"] == pytest.approx(2.9)
+    numbers = tip_numbers(replayed, replayed, fitted=False)
+    assert (numbers["replay_mean_mm"], numbers["left_out_mean_mm"]) == (2.0, 2.0)
+    assert (numbers["posed_mean_mm"], numbers["n_frames"]) == (None, 2)
+    assert numbers["replay_p95_mm"] == pytest.approx(2.9)
     nothing = np.array([[NAN]])
     assert tip_numbers(nothing, nothing, fitted=False) == {"posed_mean_mm": None, "n_frames": 0}
 
 
 def test_a_whole_hand_has_a_left_out_error_of_its_own() -> None:
-    """It is that of the frames tried; where the hand could not be posed the replay does not stand in."""
+    """That of the frames tried; where the hand could not be posed the replay does not stand in."""
     replayed = np.array([[1.0], [3.0], [5.0]])
     posed = np.array([[0.5, NAN], [0.5, 4.0], [2.0, NAN]])
-    found = tip_numbers(replayed, posed, fitted=True)
-    assert found["replay_mean_mm"] == 3.0
-    assert found["posed_mean_mm"] == 1.0
-    assert (found["left_out_mean_mm"], found["left_out_p95_mm"], found["n_frames"]) == (4.0, 4.0, 3)
+    numbers = tip_numbers(replayed, posed, fitted=True)
+    assert numbers["replay_mean_mm"] == 3.0
+    assert numbers["posed_mean_mm"] == 1.0
+    assert (numbers["left_out_mean_mm"], numbers["left_out_p95_mm"], numbers["n_frames"]) == (4.0, 4.0, 3)
     assert "left_out_mean_mm" not in tip_numbers(replayed, None, fitted=True)
 
 
 def test_truth_is_compared_frame_by_frame() -> None:
     """Frames 6 and 7 are shared: 5 mm and 1 mm; 30 deg and 90 deg, whatever the bone's own twist."""
     true, frame = true_digit([5, 6, 7], [[9, 9, 9], [0, 0, 0], [0, 0, 1]]), np.array([6, 7, 8])
-    found = true_tip_numbers(np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), frame, true)
-    assert found["true_tip_mean_mm"] == pytest.approx(3.0)
-    assert found["true_tip_p95_mm"] == pytest.approx(4.8)
+    numbers = true_tip_numbers(np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), frame, true)
+    assert numbers["true_tip_mean_mm"] == pytest.approx(3.0)
+    assert numbers["true_tip_p95_mm"] == pytest.approx(4.8)
     assert metacarpal_deg(directions(turned(30, 90, 0)), frame, true) == pytest.approx(60.0)
 
 
@@ -93,13 +93,13 @@ def test_a_centre_along_and_across_its_axis() -> None:
     """Off by (3, -4, 0) with the true axis along y: 5 in all, 4 along, 3 across; the parent's half by 6."""
     true = centre("index_pip", (1, 1, 1), (0, 0, 0))
     tilted = {"axis_child_x": 0.0, "axis_child_y": -np.cos(0.2), "axis_child_z": np.sin(0.2)}
-    found = centre_errors(centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted), true)
-    assert found["error_mm"] == pytest.approx(5.0)
-    assert found["along_mm"] == pytest.approx(4.0)
-    assert found["across_mm"] == pytest.approx(3.0)
-    assert found["parent_error_mm"] == pytest.approx(6.0)
-    assert found["axis_deg"] == pytest.approx(np.degrees(0.2))
-    assert (found["sd_mm"], found["within_95"]) == (3.8, True)
+    errors = centre_errors(centre("index_pip", (4, -3, 1), (0, 0, 6), sd_mm=3.8, **tilted), true)
+    assert errors["error_mm"] == pytest.approx(5.0)
+    assert errors["along_mm"] == pytest.approx(4.0)
+    assert errors["across_mm"] == pytest.approx(3.0)
+    assert errors["parent_error_mm"] == pytest.approx(6.0)
+    assert errors["axis_deg"] == pytest.approx(np.degrees(0.2))
+    assert (errors["sd_mm"], errors["within_95"]) == (3.8, True)
 
 
 def test_the_truth_is_where_centres_were_in_the_recordings_that_calibrated() -> None:
@@ -110,10 +110,10 @@ def test_the_truth_is_where_centres_were_in_the_recordings_that_calibrated() -> 
     tap = truth_of("tap", centre("index_pip", (90, 0, 0), (0, 0, 0)), index_middle=25.0)
 
     def true(*tasks: str, of: tuple[Truth, ...] = (rom, grasp, tap)) -> Row:
-        found = truth_for(tasks, of)
-        assert found is not None
-        assert found.bones["index_middle"]["length_mm"] == 25.0
-        return dict(found.joints["index_pip"])
+        truth = truth_for(tasks, of)
+        assert truth is not None
+        assert truth.bones["index_middle"]["length_mm"] == 25.0
+        return dict(truth.joints["index_pip"])
 
     assert [true("grasp", "other")[f"child_{axis}_mm"] for axis in "xyz"] == [5.0, 0.0, 0.0]
     both = true("rom", "grasp")
@@ -129,9 +129,9 @@ FINGERS = ("index", "middle", "ring", "little")
 
 
 def recorded(folder: Path, realism: Realism, hand: str = "right") -> EvaluatedRecording:
-    made, name = simulate("01", hand, "rom", 4, realism, 200), RecordingName("01", hand, "rom")
-    write_truth(folder, made, Provenance())
-    truth, poses = read_truth(folder, name), made.poses()
+    simulated, name = simulate("01", hand, "rom", 4, realism, 200), RecordingName("01", hand, "rom")
+    write_truth(folder, simulated, Provenance())
+    truth, poses = read_truth(folder, name), simulated.poses()
     true = truth.digits(poses, {digit.name: digit.tip for digit in LAYOUT.digits.values()})
     of_none = ("both", Path(), "", Path(), "", None, "", "")
     recording = Recording(name.of_hand, "rom", "", *of_none)
