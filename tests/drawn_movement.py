@@ -24,55 +24,36 @@ RETEST_SD_DEG = 2.0
 def recordings(n_subjects: int, sessions: Sequence[str] = ("1", "2", "3"), trials: int = 1) -> list[Row]:
     """Recordings of subjects who are in group A and B in turn, all of the right hand's task `play`."""
     numbers = [str(trial + 1) for trial in range(trials)] if trials > 1 else [""]
+    constant = {"hand": "right", "task": "play"}
     return [
-        {
-            "subject": f"P{index:02}",
-            "session": session,
-            "hand": "right",
-            "task": "play",
-            "trial": trial,
-            "group": "AB"[index % 2],
-        }
-        for index, session, trial in product(range(n_subjects), sessions, numbers)
+        constant | {"subject": f"P{n:02}", "session": session, "trial": trial, "group": "AB"[n % 2]}
+        for n, session, trial in product(range(n_subjects), sessions, numbers)
     ]
 
 
 def ranges(rows: Iterable[Row], seed: int = 1, models: Sequence[str] = MODELS) -> list[Row]:
     """Rows of ranges_of_motion: the group's effect, the subject's, session's and trial's own part."""
     rng = np.random.default_rng(seed)
-    own: dict[tuple[str, ...], float] = {}
-    made = []
+    parts_deg: dict[tuple[str, ...], float] = {}
+    drawn = []
     for row, joint in product(rows, JOINTS):
         subject, session = (row["subject"], joint), (row["subject"], row["session"], joint)
-        own.setdefault(subject, rng.normal(60.0, 5.0))
-        own.setdefault(session, rng.normal(0.0, RETEST_SD_DEG))
+        parts_deg.setdefault(subject, rng.normal(60.0, 5.0))
+        parts_deg.setdefault(session, rng.normal(0.0, RETEST_SD_DEG))
         effect = EFFECT_DEG * (row["group"] == "A") * (joint == "index_pip")
-        value = own[subject] + own[session] + effect + rng.normal(0.0, 0.1)
-        made += [
+        value = parts_deg[subject] + parts_deg[session] + effect + rng.normal(0.0, 0.1)
+        drawn += [
             range_row(row, model, joint, value + 1.5 * (model == "rigid"), RETEST_SD_DEG) for model in models
         ]
-    return made
+    return drawn
 
 
 def range_row(row: Row, model: str, joint: str, value: float, sd: float | None) -> Row:
     """A row of ranges_of_motion: its range is `value`."""
-    return {
-        **recording_of(row),
-        "model": model,
-        "joint": joint,
-        "angle": "flexion",
-        "range_deg": value,
-        "range_sd_deg": sd,
-        "range_session_sd_deg": sd,
-        "full_range_deg": value + 3.0,
-        "n_frames": 100,
-        "status": "ok",
-        "message": "",
-    }
-
-
-def recording_of(row: Row) -> Row:
-    return {name: row[name] for name in ("subject", "session", "hand", "task", "trial")}
+    keys = {name: row[name] for name in ("subject", "session", "hand", "task", "trial")}
+    numbers = {"range_deg": value, "full_range_deg": value + 3.0, "n_frames": 100}
+    errors = {"range_sd_deg": sd, "range_session_sd_deg": sd, "status": "ok", "message": ""}
+    return keys | {"model": model, "joint": joint, "angle": "flexion"} | numbers | errors
 
 
 def write_movement(results: Results, range_rows: Sequence[Row]) -> None:

@@ -10,12 +10,14 @@ import drawn_movement as drawn
 import numpy as np
 import pandas as pd
 import pytest
+from small_study import write_study
+from stage_runs import compare_movement as main
 
 from shukotsu.movement.study_comparison import compare_study
 from shukotsu.study.findings import STAGE, SUSPECT, Finding, problem_row
-from shukotsu.study.results import Results
+from shukotsu.study.results import MOVEMENT_COMPARISONS, Results
 from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, PROBLEMS
-from shukotsu.tables.typed_table import read_table
+from shukotsu.tables.typed_table import read_metadata, read_table
 
 Row = dict[str, Any]
 TABLES = (MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY)
@@ -162,3 +164,24 @@ def test_what_changes_between_sessions_is_in_their_repeatability(tmp_path: Path)
         "drug": {"session": "drug", "trial": ""},
         "tempo": {"session": "", "trial": "tempo"},
     }
+
+
+def test_groups_are_those_of_the_sheet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By the stage: eight subjects in two groups, which the participants sheet names."""
+    recordings = drawn.recordings(8, ("",))
+    rows = [f"{row['subject']} right play evaluation {row['subject']}.csv - - - -" for row in recordings]
+    people = "\n".join(["subject group", *(f"{row['subject']} {row['group']}" for row in recordings)])
+    study = write_study(tmp_path, *rows, more="factors: [group]\n", participants=people)
+    results = Results(tmp_path / "results")
+    argv = ["--study", str(study), "--results", str(results.folder)]
+    assert main(argv) == 2
+    assert "problems.parquet" in capsys.readouterr().err
+    drawn.write_movement(results, drawn.ranges(recordings))
+    drawn.write(results, PROBLEMS, [])
+    assert main(argv) == 0
+    assert all(results.study_table(name).is_file() for name in MOVEMENT_COMPARISONS)
+    path = results.study_table(MOVEMENT_DIFFERENCES.name)
+    names = ("level", "other_level", "n", "n_other")
+    differences = read_table(path, MOVEMENT_DIFFERENCES).to_pylist()
+    assert {tuple(row[name] for name in names) for row in differences} == {("A", "B", 4, 4)}
+    assert "participants.tsv" in {entry["file"] for entry in read_metadata(path)["inputs"]}

@@ -56,7 +56,7 @@ def _along(vectors: np.ndarray, axis: np.ndarray) -> np.ndarray:
 
 
 def stated_sd_mm(joint: str, **changes: Any) -> float:
-    """Standard deviation, mm, of a joint whose centre lies 20 mm from either receiver, square to its plane."""
+    """1-sigma error, mm, of a joint whose centre lies 20 mm from either receiver, square to its plane."""
     half_mm, axis = np.array([-20.0, 0.0, -7.0]), np.array([0.0, 1.0, 0.0])
     options: dict[str, Any] = {"gap_rms_mm": 0.8, "range_deg": 60.0, "axis_plane_deg": 90.0} | changes
     angle_deg = options.pop("axis_plane_deg")

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from report_samples.made_study import FITTED_MODELS, make_study, scored_study
+from stage_runs import compare_models as main
 
 from shukotsu.report.study_results import StudyResults, read_results
 from shukotsu.scores import comparisons
 from shukotsu.scores.comparisons import ALL_DIGITS, NOT_SCORED, ComparedModels, compare_models
 from shukotsu.scores.observations import METRICS, Metric, Observation, ScoredStudy, observations
 from shukotsu.study.model import read_model
+from shukotsu.study.results import MODEL_COMPARISONS, Results
 from shukotsu.study.study import read_study
+from shukotsu.tables.catalogue import PROBLEMS, TABLES
+from shukotsu.tables.typed_table import Provenance, columns_from_rows, read_metadata, read_table, write_table
 
 PAIR = ("whole-hand", "paper-fig4")
 JOINT_ERROR, _, TRUE_TIP, _, REPLAY = METRICS
@@ -89,7 +95,6 @@ def test_a_subject_counts_once_however_much_was_recorded(monkeypatch: pytest.Mon
     assert [overall[name] for name in ("n_compared_subjects", "n_better", "n_equal")] == [3, 2, 1]
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=8), st.integers(0, 2))
 def test_every_subject_is_listed(there: list[tuple[bool, bool]], more: int) -> None:
     """Compared, or with each model that is missing and the reason."""
@@ -129,11 +134,15 @@ def test_comparisons_with_one_model_are_corrected_together(monkeypatch: pytest.M
 
 
 @pytest.fixture(scope="module")
-def fitted(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
-    """A simulated study with a model that fits the whole hand."""
+def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Return the file and the results of a simulated study with a model that fits the whole hand."""
     folder = tmp_path_factory.mktemp("fitted")
-    study, results = make_study(folder, n_frames=20, models=FITTED_MODELS, subjects=("S01",), simulated=True)
-    return read_results(read_study(study), results)
+    return make_study(folder, n_frames=20, models=FITTED_MODELS, subjects=("S01",), simulated=True)
+
+
+@pytest.fixture(scope="module")
+def fitted(study: tuple[Path, Path]) -> StudyResults:
+    return read_results(read_study(study[0]), study[1])
 
 
 def seen_in(results: StudyResults, metric: Metric, *names: str, held_out: bool = True) -> pd.DataFrame:
@@ -171,3 +180,28 @@ def test_joint_errors_are_those_of_skeletons_that_are_judged(fitted: StudyResult
         for held_out in (True, False)
     ]
     assert both[1] == pytest.approx(both[0] + 100.0)
+
+
+def test_tables_are_written_and_a_suspect_hand_is_in_none(study: tuple[Path, Path], tmp_path: Path) -> None:
+    """By the stage: with a finding against a hand of the subject, what is left are the other's recordings."""
+    results = Results(Path(shutil.copytree(study[1], tmp_path / "results")))
+
+    def count() -> int:
+        assert main(["--study", str(study[0]), "--results", str(results.folder)]) == 0
+        rows = read_table(results.study_table("model_pairs"), TABLES["model_pairs"]).to_pylist()
+        keys = ("S01", ALL_DIGITS, *PAIR)
+        names = ("subject", "digit", "model", "other")
+        return sum(row["n_places"] for row in rows if tuple(row[name] for name in names) == keys)
+
+    whole = count()
+    inputs = read_metadata(results.study_table("model_values"))["inputs"]
+    assert "skeleton_scores.parquet" in {Path(entry["file"]).name for entry in inputs}
+    row = {column.name: "" for column in PROBLEMS.columns} | {"subject": "S01", "severity": "suspect"}
+    counts = []
+    for hand in ("left", "right"):
+        columns = columns_from_rows(PROBLEMS, [row | {"hand": hand}])
+        write_table(results.study_table(PROBLEMS.name), PROBLEMS, columns, Provenance((), {}))
+        counts.append(count())
+    assert min(counts) > 0
+    assert sum(counts) == whole
+    assert all(results.study_table(name).is_file() for name in MODEL_COMPARISONS)

@@ -29,7 +29,7 @@ def tables(subject: PlannedSubject, out: Path) -> dict[str, pa.Table]:
 
 
 def test_blocks_leave_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    subject = planned_subject(tmp_path, [("right", "rom", "both")], ["paper-fig4", "rigid"], n_frames=120)
+    subject = planned_subject(tmp_path, [("right", "rom", "both")], ["paper-fig4"], n_frames=90)
     out = tmp_path / "out"
     whole = tables(subject, out)
     monkeypatch.setattr(poses, "KEPT_BYTES", 0)
