@@ -20,26 +20,18 @@ from shukotsu.tables.poses import Poses
 
 LAYOUT = read_layout("liberty16")
 
-
-ALIKE = (
-    *(
-        "centimetres read as mm",
-        "inches read as cm",
-        "degrees read as radians",
-        "seconds read as milliseconds",
-    ),
-    *("neighbours on the thumb", "neighbouring fingers", "axes in another order", "a receiver by 90 deg"),
-)
-"""Of these another one of the same kind is tried every time."""
 OTHERS = ("inverse rotations", "x, y, z, w read as w, x, y, z", "a receiver by 180 deg")
-"""Of these a hand that is drawn otherwise is tried, too."""
+"""Mistakes that are planted in a hand that is drawn otherwise, too."""
+FIRST = {kind: name for name, (kind, _) in reversed(MISTAKES.items())}
+"""A mistake of every kind, for every run of the tests."""
 
 
 @pytest.mark.parametrize(
     ("name", "drawn_otherwise"),
     [
-        *(pytest.param(name, False, marks=[pytest.mark.slow] * (name in ALIKE)) for name in MISTAKES),
-        *(pytest.param(name, True, marks=[pytest.mark.slow] * (name != OTHERS[0])) for name in OTHERS),
+        pytest.param(name, otherwise, marks=[] if name in quick else pytest.mark.slow)
+        for otherwise, names, quick in ((False, MISTAKES, FIRST.values()), (True, OTHERS, OTHERS[:1]))
+        for name in names
     ],
 )
 def test_a_planted_mistake_is_named_alone(planted: Planted, name: str, drawn_otherwise: bool) -> None:

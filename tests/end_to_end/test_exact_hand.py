@@ -42,10 +42,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
         key = (realism, model, hand, task, forearm, seed)
         if key not in done:
             folder = tmp_path_factory.mktemp("hand")
-            made = simulate("01", hand, task, seed, realism, N_FRAMES, forearm=forearm)
-            write_recording(folder / "recording.parquet", made)
+            simulated = simulate("01", hand, task, seed, realism, N_FRAMES, forearm=forearm)
+            write_recording(folder / "recording.parquet", simulated)
             poses = import_recording(folder / "recording.parquet", folder / "poses.parquet", hand=hand)
-            done[key] = run_hand(poses, model, folder), made
+            done[key] = run_hand(poses, model, folder), simulated
         return done[key]
 
     return simulate_and_run
@@ -55,27 +55,29 @@ def vector(row: Row, prefix: str, suffix: str = "_mm") -> Array:
     return np.array([row[f"{prefix}{axis}{suffix}"] for axis in "xyz"])
 
 
-def centre_errors_mm(results: HandResults, made: Simulated) -> dict[str, float]:
+def centre_errors_mm(results: HandResults, simulated: Simulated) -> dict[str, float]:
     """Distance of every joint centre from the truth, the worse of both halves."""
-    found = results.joints()
+    joints = results.joints()
     return {
         name: max(
-            np.linalg.norm(vector(found[name], "child_") - true.child_mm),
-            np.linalg.norm(vector(found[name], "parent_") - true.parent_mm),
+            np.linalg.norm(vector(joints[name], "child_") - true.child_mm),
+            np.linalg.norm(vector(joints[name], "parent_") - true.parent_mm),
         )
-        for name, true in made.truth.joints.items()
-        if name in found and name != "wrist"
+        for name, true in simulated.truth.joints.items()
+        if name in joints and name != "wrist"
     }
 
 
-def posture_errors_deg(results: HandResults, made: Simulated, digits: tuple[str, ...]) -> dict[str, Array]:
+def posture_errors_deg(
+    results: HandResults, simulated: Simulated, digits: tuple[str, ...]
+) -> dict[str, Array]:
     """Per digit (T,): how far the metacarpal's change of posture since frame 1 is from the truth."""
     table = read_table(results.path("metacarpals"), METACARPALS)
     named = np.array(table.column("digit").to_pylist())
     errors = {}
     for digit in digits:
         q = np.stack([column_array(table, f"q{part}")[named == digit] for part in "wxyz"], -1)
-        true = made.truth.bone_quaternion[:, BONES.index(f"{digit}_metacarpal")]
+        true = simulated.truth.bone_quaternion[:, BONES.index(f"{digit}_metacarpal")]
         change, true_change = multiply(q, conjugate(q[0])), multiply(true, conjugate(true[0]))
         errors[digit] = np.degrees(angle(multiply(conjugate(true_change), change)))
     return errors
@@ -92,18 +94,18 @@ def posture_errors_deg(results: HandResults, made: Simulated, digits: tuple[str,
 )
 def test_exact_hand_comes_back(run: Run, hand: str, task: str, forearm: bool) -> None:
     """Every centre to 1e-6 mm, axis and metacarpal posture to 1e-6 deg, tip error zero to rounding."""
-    results, made = run(Realism.exact(), hand=hand, task=task, forearm=forearm)
-    errors = centre_errors_mm(results, made)
+    results, simulated = run(Realism.exact(), hand=hand, task=task, forearm=forearm)
+    errors = centre_errors_mm(results, simulated)
     assert len(errors) == 15
     assert max(errors.values()) < 1e-6
-    found = results.joints()
-    for name, true in made.truth.joints.items():
-        if name in found and true.parent_segment and found[name]["axis_child_x"] is not None:
+    joints = results.joints()
+    for name, true in simulated.truth.joints.items():
+        if name in joints and true.parent_segment and joints[name]["axis_child_x"] is not None:
             for side, axis in (("child", true.axis_child), ("parent", true.axis_parent)):
-                sine = np.linalg.norm(np.cross(vector(found[name], f"axis_{side}_", ""), axis))
+                sine = np.linalg.norm(np.cross(vector(joints[name], f"axis_{side}_", ""), axis))
                 assert np.degrees(np.arcsin(min(sine, 1.0))) < 1e-6, (name, side)
-    assert np.linalg.norm(vector(found["wrist"], "child_") - made.truth.joints["wrist"].child_mm) < 1e-6
-    for digit, error in posture_errors_deg(results, made, ("thumb", *FINGERS)).items():
+    assert np.linalg.norm(vector(joints["wrist"], "child_") - simulated.truth.joints["wrist"].child_mm) < 1e-6
+    for digit, error in posture_errors_deg(results, simulated, ("thumb", *FINGERS)).items():
         assert error.max() < 1e-6, digit
     for binding in ("first-frame", "least-squares"):
         for digit, row in results.errors(binding).items():
@@ -113,8 +115,8 @@ def test_exact_hand_comes_back(run: Run, hand: str, task: str, forearm: bool) ->
 
 def test_metacarpals_at_rest_are_the_whole_of_table_1(run: Run) -> None:
     """With everything else exact, Table 1's error is the metacarpal pointing the wrong way, and no more."""
-    results, made = run(Realism.exact(), "paper-fig3-rest")
-    mcp = made.truth.bone_position_mm
+    results, simulated = run(Realism.exact(), "paper-fig3-rest")
+    mcp = simulated.truth.bone_position_mm
     wrist = mcp[:, BONES.index("hand")]
     for digit in FINGERS:
         v = mcp[:, BONES.index(f"{digit}_proximal")] - wrist
@@ -128,5 +130,5 @@ def test_metacarpals_at_rest_are_the_whole_of_table_1(run: Run) -> None:
 
 def test_noise_alone_is_irrelevant(run: Run) -> None:
     """Tracker noise without skin: every centre within 1 mm over a range-of-motion recording."""
-    results, made = run(replace(Realism.exact(), noise=1.0))
-    assert max(centre_errors_mm(results, made).values()) < 1.0
+    results, simulated = run(replace(Realism.exact(), noise=1.0))
+    assert max(centre_errors_mm(results, simulated).values()) < 1.0

@@ -33,8 +33,8 @@ def subject(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
     few = replace(
         task, segments=SIX, position_mm=task.position_mm[:, worn], quaternion=task.quaternion[:, worn]
     )
-    for name, made in (("rom", rom), ("tips", few)):
-        write_recording(folder / f"{name}.parquet", made)
+    for name, recording in (("rom", rom), ("tips", few)):
+        write_recording(folder / f"{name}.parquet", recording)
         subject.poses(name).parent.mkdir(parents=True)
         import_recording(folder / f"{name}.parquet", subject.poses(name), task=name, layout=LAYOUTS[name])
     folder = subject.plan_file.parent

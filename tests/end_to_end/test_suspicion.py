@@ -51,14 +51,14 @@ def run(subject: PlannedSubject) -> PlannedSubject:
     return subject
 
 
-def made(folder: Path, recordings: Sequence[tuple[str, str, str]]) -> PlannedSubject:
+def recorded_subject(folder: Path, recordings: Sequence[tuple[str, str, str]]) -> PlannedSubject:
     return planned_subject(folder, recordings, MODELS, n_frames=100)
 
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
     """The right hand of a person of whom nobody recorded the left."""
-    subject = made(tmp_path_factory.mktemp("alone"), RIGHT)
+    subject = recorded_subject(tmp_path_factory.mktemp("alone"), RIGHT)
     find(subject)
     return run(subject)
 
@@ -66,7 +66,7 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> PlannedSubject:
 @pytest.fixture(scope="module")
 def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of the same person with both hands, of which no stage was run."""
-    return made(tmp_path_factory.mktemp("both"), RIGHT + LEFT).folder
+    return recorded_subject(tmp_path_factory.mktemp("both"), RIGHT + LEFT).folder
 
 
 def of_the_right_hand(subject: PlannedSubject, name: str) -> pa.Table:
@@ -79,7 +79,7 @@ def of_the_right_hand(subject: PlannedSubject, name: str) -> pa.Table:
 
 def notes(subject: PlannedSubject, hand: str = "right") -> set[str]:
     parts = part_metadata(subject.fit_folder(hand) / "receivers.parquet", TABLES["receivers"])
-    return {own.get("note", "") for own in parts.values()}
+    return {part.get("note", "") for part in parts.values()}
 
 
 def assert_right_hand_is_alone(subject: PlannedSubject, alone: PlannedSubject) -> None:
@@ -119,5 +119,7 @@ def test_hands_without_a_finding_or_with_a_note_tell_each_other_their_lengths(
     find(subject, task="rom", severity="note")
     assert subject.fit("right") == 0
     assert notes(subject) == {""}
-    sds = [of_the_right_hand(own, "fitted_bones").column("sd_mm").to_pylist() for own in (subject, alone)]
-    assert all(shared < own for shared, own in zip(*sds, strict=True))
+    sds = [
+        of_the_right_hand(person, "fitted_bones").column("sd_mm").to_pylist() for person in (subject, alone)
+    ]
+    assert all(shared < single for shared, single in zip(*sds, strict=True))

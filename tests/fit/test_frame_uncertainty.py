@@ -70,7 +70,7 @@ def test_the_map_is_what_posing_with_another_hand_does(tips: Fingertips, worn: t
         turns = [from_matrix(evidence.convention.world(*each)[0]) for each in bones]
         fit = tips.fit.moved_to(x, evidence.posterior.covariance)
         angles = joint_angles_of(fit, replace(posed, bone_quaternion=np.stack(turns, 1)))
-        return np.stack([place for _, place in bones], 1), np.stack([*angles.values()], 1)
+        return np.stack([position_mm for _, position_mm in bones], 1), np.stack([*angles.values()], 1)
 
     ahead, behind = (moved_hand(evidence.posterior.x + sign * step) for sign in (1, -1))
     maps = dict(_angle_errors_deg(postures, spread))

@@ -29,9 +29,9 @@ def along_axes(chain: Chain, fit: HandFit) -> tuple[Array, Array]:
     """Errors of the centres along their true axes, and the stated sds of them."""
     errors, stated = [], []
     for index, joint in enumerate(chain.joints):
-        axis, found = chain.axis_child[index], fit.joints[joint.name]
-        errors.append((found.child_mm - chain.q_mm[index]) @ axis)
-        stated.append(np.sqrt(axis @ found.covariance_mm2[3:, 3:] @ axis))
+        axis, fitted = chain.axis_child[index], fit.joints[joint.name]
+        errors.append((fitted.child_mm - chain.q_mm[index]) @ axis)
+        stated.append(np.sqrt(axis @ fitted.covariance_mm2[3:, 3:] @ axis))
     return np.array(errors), np.array(stated)
 
 

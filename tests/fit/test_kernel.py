@@ -20,7 +20,7 @@ from shukotsu.fit.room_field import RoomField
 from shukotsu.hand.rotations import Array, exp_rotation, unit
 
 UNKNOWNS, STATES, RECEIVERS = 12, (3, 0, 4), 6
-"""Of a random hand; states of each branch are its own, unknowns are anybody's."""
+"""Sizes of a random hand; each branch has states to itself, unknowns are anybody's."""
 
 FIELD = RoomField(np.arange(UNKNOWNS, UNKNOWNS + 12), np.array([20.0, -10.0, 5.0]), 100.0)
 ALL = UNKNOWNS + 12

@@ -52,8 +52,8 @@ def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str)
     is the same.
     """
     realism = replace(FULL, noise=0.0, field_distortion=0.0)
-    made = simulate("01", side, "rom", 7, realism, SHORT)
-    turn, truth = rotations.matrix(made.quaternion), made.truth
+    simulated = simulate("01", side, "rom", 7, realism, SHORT)
+    turn, truth = rotations.matrix(simulated.quaternion), simulated.truth
     noisy = simulate("01", side, "rom", 7, FULL, SHORT).truth.joints
     for name, joint in truth.joints.items():
         centre_mm = truth.bone_position_mm[:, JOINTS.index(name) + 1]
@@ -62,11 +62,11 @@ def test_truth_is_where_centres_were_on_average_as_the_receivers_rode(side: str)
             (joint.child_segment, joint.child_mm),
         ):
             if segment:
-                index = made.segments.index(segment)
-                seen = np.einsum("tba,tb->ta", turn[:, index], centre_mm - made.position_mm[:, index])
+                index = simulated.segments.index(segment)
+                seen = np.einsum("tba,tb->ta", turn[:, index], centre_mm - simulated.position_mm[:, index])
                 np.testing.assert_allclose(stated, seen.mean(0), atol=1e-9)
         np.testing.assert_array_equal(joint.child_mm, noisy[name].child_mm)
-    for index, segment in enumerate(made.segments):
+    for index, segment in enumerate(simulated.segments):
         bone = rotations.matrix(truth.bone_quaternion[:, BONES.index(segment)])
         seen = np.einsum("tba,tb->ta", turn[:, index], bone[..., 0]).mean(0)
         np.testing.assert_allclose(truth.along[index], seen / np.linalg.norm(seen), atol=1e-12)
