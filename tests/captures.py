@@ -6,8 +6,6 @@ import struct
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from shukotsu.tracker.archive import ArchiveWriter
 from shukotsu.tracker.families import StreamSettings
 
@@ -29,14 +27,14 @@ def still(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:
     return (20 + station, 5 + 0.001 * frame, -3.0), (1.0, 0.0, 0.0, 0.0)
 
 
-def record(frame: int, station: int, pose: Pose) -> bytes:
-    position, quaternion = pose(frame, station)
-    body = struct.pack("<IIi7f", frame * 1000 // 240, frame, 0, *position, *quaternion)
-    return b"LY" + struct.pack("<BBBBh", station, ord("C"), 0, 0, len(body)) + body
-
-
 def cycle(frame: int, stations: Iterable[int] = (1, 2, 3), pose: Pose = still) -> bytes:
-    return b"".join(record(frame, station, pose) for station in stations)
+    """The records of a frame, field by field as a LIBERTY would have sent them."""
+    data = b""
+    for station in stations:
+        position, quaternion = pose(frame, station)
+        body = struct.pack("<IIi7f", frame * 1000 // 240, frame, 0, *position, *quaternion)
+        data += b"LY" + struct.pack("<BBBBh", station, ord("C"), 0, 0, len(body)) + body
+    return data
 
 
 def write(
@@ -56,10 +54,3 @@ def write(
     else:
         writer.flush()
     return path
-
-
-def circling(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:
-    """A receiver on a circle round the transmitter, once in 4 s."""
-    angle = 2 * np.pi * frame / (4 * RATE_HZ)
-    q = (np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
-    return (30 * np.cos(angle), 30 * np.sin(angle), 2.125 + station), q

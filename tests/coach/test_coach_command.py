@@ -6,14 +6,13 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from simulated_poses import recorded, write_poses
-from tracker_processes import PATIENCE_S, emulator
+from tracker_processes import PATIENCE_S, SHUKOTSU, emulator
 
 from shukotsu.coach.study import enter_recording, hand_of, new_archive
 from shukotsu.commands.coach_hand import main as coach
@@ -22,8 +21,6 @@ from shukotsu.errors import InputError
 from shukotsu.fit.measurements import Measurement
 from shukotsu.study.sheets import RECORDINGS, read_sheet
 from shukotsu.tracker.archive import FollowedArchive
-
-COACH = [sys.executable, "-m", "shukotsu", "coach"]
 
 
 @pytest.fixture
@@ -130,8 +127,8 @@ def test_a_calibration_from_a_tracker_is_a_row_of_the_study(folder: Path, tmp_pa
     assert new_study([str(folder)]) == 0
     (folder / "participants.tsv").write_text("subject\n03\n")
     played = write_poses(tmp_path / "a.parquet", recorded(seed=7001, n_frames=2880)[1], "right", "rom")
-    with emulator(f"--recording={played}") as running:
-        command = [*COACH, f"--port={running.name}", "--subject=03", "--", "--note=by hand"]
+    with emulator(f"--recording={played}") as port:
+        command = [*SHUKOTSU, "coach", f"--port={port}", "--subject=03", "--", "--note=by hand"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
             assert process.stdout is not None

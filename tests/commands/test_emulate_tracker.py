@@ -40,8 +40,8 @@ def test_bad_options_are_refused_in_a_sentence(
 
 
 def test_tcp_serves_one_client_at_a_time() -> None:
-    with emulator("--stations", "1,3", port=("--tcp", "0")) as running:
-        host, port = running.name.removeprefix("socket://").split(":")
+    with emulator("--stations", "1,3", port=("--tcp", "0")) as name:
+        host, port = name.removeprefix("socket://").split(":")
         address = (host, int(port))
         with socket.create_connection(address) as first:
             first.settimeout(PATIENCE_S)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from studies.running import StudyRun, record, write_study
-from tracker_processes import capture, emulator
+from tracker_processes import emulator, shukotsu
 
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import Poses, read_poses
@@ -23,9 +23,9 @@ def poses_of(study: StudyRun, subject: str) -> Poses:
 @pytest.mark.slow
 def test_a_hand_that_is_sent_is_the_same(tmp_path: Path) -> None:
     file = record(tmp_path / "rom.parquet", frames=SECONDS * 240)
-    with emulator("--recording", str(file), "--loop", port=("--tcp", "0")) as device:
-        words = ("record", "--port", device.name, "--out", str(tmp_path / "sent.arrows"))
-        assert capture(*words, "--duration", str(SECONDS)).returncode == 0
+    with emulator("--recording", str(file), "--loop", port=("--tcp", "0")) as port:
+        words = ("record", "--port", port, "--out", str(tmp_path / "sent.arrows"))
+        assert shukotsu(*words, "--duration", str(SECONDS)).returncode == 0
     rows = ["came\tright\trom\tboth\tsent.arrows", "file\tright\trom\tboth\trom.parquet"]
     study = write_study(tmp_path, "sent", rows, ["rigid"])
     study.run()

@@ -57,26 +57,26 @@ def test_a_counter_that_begins_again_goes_on(counts: list[int], numbers: list[in
 
 
 @pytest.mark.parametrize("bit", range(0, 32, 3))
-@pytest.mark.parametrize("place", range(4, 11))
-def test_a_flipped_bit_in_a_count_spoils_its_own_record(place: int, bit: int) -> None:
+@pytest.mark.parametrize("row", range(4, 11))
+def test_a_flipped_bit_in_a_count_spoils_its_own_record(row: int, bit: int) -> None:
     counters, stations = cycles(range(1000, 1006))
     hurt = counters.copy()
-    hurt[place] ^= 1 << bit
+    hurt[row] ^= 1 << bit
     frames, odd = number([decoded(hurt, stations)])
     good = [f for f, wrong in zip(frames, odd, strict=True) if not wrong]
     spoilt = [i for i, wrong in enumerate(odd) if wrong]
-    assert spoilt == [place]
+    assert spoilt == [row]
     assert [f for f, wrong in zip(counters, odd, strict=True) if not wrong] == good
 
 
 def test_a_damaged_header_costs_its_record_alone_wherever_pieces_end() -> None:
     counters, stations = cycles([count % 2**32 for count in range(2**32 - 4, 2**32 + 4)])
-    for place, count, station in product((10,), counters[::3], STATIONS):
+    for row, count, station in product((10,), counters[::3], STATIONS):
         hurt_counters, hurt_stations = counters.copy(), stations.copy()
-        hurt_counters[place], hurt_stations[place] = count, station
+        hurt_counters[row], hurt_stations[row] = count, station
         whole = number([decoded(hurt_counters, hurt_stations)])
-        is_hurt = (count, station) != (counters[place], stations[place])
-        assert np.flatnonzero(whole[1]).tolist() == [place] * is_hurt
+        is_hurt = (count, station) != (counters[row], stations[row])
+        assert np.flatnonzero(whole[1]).tolist() == [row] * is_hurt
         singly = zip(hurt_counters, hurt_stations, strict=True)
         assert number([decoded([count], [station]) for count, station in singly]) == whole
 
@@ -84,10 +84,10 @@ def test_a_damaged_header_costs_its_record_alone_wherever_pieces_end() -> None:
 COUNTS = st.one_of(st.integers(0, 3), st.integers(2**32 - 4, 2**32 - 1), st.integers(0, 2**32 - 1))
 
 
-@given(place=st.integers(0, 23), count=COUNTS, station=st.sampled_from(STATIONS), cut=st.integers(0, 24))
-@example(place=10, count=0, station=1, cut=12)
-def test_where_pieces_end_does_not_matter(place: int, count: int, station: int, cut: int) -> None:
+@given(row=st.integers(0, 23), count=COUNTS, station=st.sampled_from(STATIONS), cut=st.integers(0, 24))
+@example(row=10, count=0, station=1, cut=12)
+def test_where_pieces_end_does_not_matter(row: int, count: int, station: int, cut: int) -> None:
     counters, stations = cycles([count % 2**32 for count in range(2**32 - 4, 2**32 + 4)])
-    counters[place], stations[place] = count, station
+    counters[row], stations[row] = count, station
     apart = [decoded(counters[:cut], stations[:cut]), decoded(counters[cut:], stations[cut:])]
     assert number(apart) == number([decoded(counters, stations)])

@@ -159,9 +159,9 @@ class Bus:
 
 @pytest.mark.parametrize("unplugged", [False, True])
 def test_a_liberty_is_recorded_until_it_is_unplugged(unplugged: bool, tmp_path: Path, monkeypatch) -> None:
-    bus = Bus(reads=100 if unplugged else 1 << 30)
+    bus = Bus(reads=40 if unplugged else 1 << 30)
     monkeypatch.setitem(sys.modules, "usb1", bus.module())
-    plan = RecordingPlan(tmp_path / "a.arrows", RecordingRequest("liberty"), None if unplugged else 0.5)
+    plan = RecordingPlan(tmp_path / "a.arrows", RecordingRequest("liberty"), None if unplugged else 0.3)
     ending = record(plan, open_port("usb:", 115200), LinePrinter(io.StringIO()), StopRequest(), {})
     assert (ending.failed, "unplugged" in ending.reason) == (unplugged,) * 2
     tally = Tally()

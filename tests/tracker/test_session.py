@@ -5,35 +5,30 @@ What a test asserts never depends on how fast the host is; it waits for what it 
 
 import io
 import json
+import os
 import re
 import resource
 import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
-from tracker_processes import (
-    EVERYTHING_HEARD,
-    PATIENCE_S,
-    StubbornTracker,
-    VanishedError,
-    at_a_port,
-    capture,
-    leave_in,
-    started,
-    until_lines,
-)
+from tracker_processes import PATIENCE_S, SHUKOTSU, StubbornTracker, at_a_port, emulator, shukotsu
 
 from shukotsu.commands import record_tracker
 from shukotsu.tables.line_printer import LinePrinter
+from shukotsu.tracker import session
 from shukotsu.tracker.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_archive
-from shukotsu.tracker.conversation import Conversation
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
-from shukotsu.tracker.port import SerialPort, open_port
+from shukotsu.tracker.port import open_port
 from shukotsu.tracker.records import Records, concatenated
 from shukotsu.tracker.request import RecordingRequest, StopRequest
-from shukotsu.tracker.session import DRIVERS, RecordingPlan, record
+from shukotsu.tracker.session import RecordingPlan, record
 from shukotsu.tracker.stream import Tally, blocks_of
 
 NEVER_SENT = (b"\x19", b"\x17", b"\x0b", b"\x18", b"\x0f")
@@ -80,20 +75,46 @@ def assert_whole(path: Path, stations: int) -> None:
     assert tally.summary["records"] == len(records), "what came after the stop is counted too"
 
 
+@pytest.fixture
+def emulated(tmp_path: Path) -> Iterator[Callable[..., str]]:
+    """Start an emulated tracker with the emulator's own options; returns the port to open."""
+    with ExitStack() as running:
+        yield lambda *options, tcp=False: running.enter_context(
+            emulator(*options, port=("--tcp", "0") if tcp else ("--pty", str(tmp_path / "tracker")))
+        )
+
+
+@contextmanager
+def recorder(port: str, out: Path, **how: Any) -> Iterator[subprocess.Popen[str]]:
+    """Start the recorder and leave it running; it is killed at the end of the context."""
+    pipes = dict.fromkeys(("stdout", "stderr"), subprocess.PIPE)
+    command = [*SHUKOTSU, "record", "--port", port, "--out", str(out)]
+    with subprocess.Popen(command, text=True, stdin=subprocess.DEVNULL, **pipes, **how) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
 def error_line(stderr: str) -> str:
     (line,) = [line for line in stderr.splitlines() if line.startswith("error: ")]
     assert "Traceback" not in stderr
     return line
 
 
-def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys) -> None:
+def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys, monkeypatch) -> None:
     """Nothing is lost; the archive says all that is needed to read it alone."""
+    monkeypatch.setattr(session, "LOOK_S", 0.2)
     port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
-    leave_in(port, b"F1\rU1\rO*,2,4,9,1\rC\r")
-    argv = ["--port", port, "--out", str(out), "--duration", "1.2", "--note", "first", "--note", "second"]
+    descriptor = os.open(port, os.O_RDWR | os.O_NOCTTY)  # another program leaves it streaming
+    os.write(descriptor, b"F1\rU1\rO*,2,4,9,1\rC\r")
+    while not os.read(descriptor, 1):
+        continue
+    os.close(descriptor)
+    argv = ["--port", port, "--out", str(out), "--duration", "0.6", "--note", "first", "--note", "second"]
     assert record_tracker.main(argv) == 0
     printed = capsys.readouterr()
-    assert re.search(rf"{out}: ended after \d+\.\d s \(--duration 1\.2\)", printed.out)
+    assert re.search(rf"{out}: ended after \d+\.\d s \(--duration 0\.6\)", printed.out)
     assert "4 of 4 receivers" in printed.err
     assert_whole(out, 4)
     _, _, settings = decoded(out)
@@ -115,56 +136,35 @@ def test_four_receivers_over_a_pseudo_terminal(emulated, tmp_path: Path, capsys)
 
 
 class Vanishing(StubbornTracker):
-    """A LIBERTY with four receivers that vanishes in the middle of a record, after 600 frames."""
+    """A LIBERTY with four receivers that vanishes in the middle of a record, after 300 frames."""
 
-    left = 600
+    left, gone = 300, False
 
     def cycle(self) -> bytes:
         """Return what it sends in one cycle; half a record, and it is gone."""
         data = super().cycle()
         self.left -= self.device.streaming
-        if self.left < 0:
-            raise VanishedError(data[:20])
-        return data
+        self.gone = self.left < 0
+        return data[:20] if self.gone else data
 
 
 @pytest.mark.slow
 def test_nothing_answers(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
     with at_a_port(SimpleNamespace(streaming=False, take=lambda _: b"")) as port:
-        done = capture("record", "--port", port, "--out", str(out))
+        done = shukotsu("record", "--port", port, "--out", str(out))
     assert done.returncode == 2
     assert f"error: {port}: nothing answers" in error_line(done.stderr)
     assert "(just switched on? it takes 10 s)" in done.stderr
     assert not out.exists(), "the name is free for the next attempt"
 
 
-def test_a_line_of_another_speed_is_found_by_trying(monkeypatch: pytest.MonkeyPatch) -> None:
-
-    def read(port: SerialPort) -> bytes:
-        data = SerialPort.read(port)
-        return data if port.baud == 38400 else bytes(255 - byte for byte in data)
-
-    device = EmulatedLiberty(built_in_motion(), frozenset({1}))
-    with at_a_port(StubbornTracker(device, EVERYTHING_HEARD)) as name:
-        port = open_port(name, 115200)
-        assert isinstance(port, SerialPort)
-        port.line_baud = 115200
-        monkeypatch.setattr(port, "read", lambda: read(port))
-        conversation = Conversation(port)
-        driver = DRIVERS["liberty"](conversation, RecordingRequest("liberty"))
-        driver.set_up()
-        conversation.close()
-        port.close()
-    assert driver.warnings == ["it answered at 38400 baud and not at 115200; 38400 is used"]
-
-
 @pytest.mark.slow
 def test_the_tracker_vanishes_in_the_middle_of_a_record(tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
     device = EmulatedLiberty(built_in_motion(), frozenset({1, 2, 3, 4}))
-    with at_a_port(Vanishing(device, EVERYTHING_HEARD)) as port:
-        done = capture("record", "--port", port, "--out", str(out))
+    with at_a_port(Vanishing(device)) as port:
+        done = shukotsu("record", "--port", port, "--out", str(out))
     assert done.returncode == 3, done.stderr
     message = error_line(done.stderr)
     assert message.startswith(f"error: {port}: the port is gone (")
@@ -182,11 +182,12 @@ def test_the_tracker_vanishes_in_the_middle_of_a_record(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_it_as_planned(number: signal.Signals, emulated, tmp_path: Path) -> None:
     port, out = emulated("--stations", "1-4"), tmp_path / "rom.arrows"
-    with started("record", "--port", port, "--out", str(out)) as recorder:
-        until_lines(recorder, 2)
-        recorder.send_signal(number)
-        printed, _ = recorder.communicate(timeout=PATIENCE_S)
-        assert recorder.returncode == 0
+    with recorder(port, out) as process:
+        assert process.stderr is not None
+        assert any(" Hz " in line for line in iter(process.stderr.readline, "")), "it ended early"
+        process.send_signal(number)
+        printed, _ = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 0
     assert f"({number.name})" in printed
     assert_whole(out, 4)
     _, tally, _ = decoded(out)
@@ -200,15 +201,15 @@ def test_a_disk_that_is_full(emulated, tmp_path: Path) -> None:
     port, out = emulated("--stations", "1-16", tcp=True), tmp_path / "rom.arrows"
 
     def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (500_000, 500_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
 
-    with started("record", "--port", port, "--out", str(out), preexec_fn=limit) as recorder:
-        _, stderr = recorder.communicate(timeout=PATIENCE_S)
-        assert recorder.returncode == 3
+    with recorder(port, out, preexec_fn=limit) as process:
+        _, stderr = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == 3
     assert f"error: {port}: the disk takes no more (File too large) after" in error_line(stderr)
     assert f"{out} keeps the first " in stderr
     records, tally, _ = decoded(out)
-    assert out.stat().st_size <= 500_000
+    assert out.stat().st_size <= 200_000
     assert tally.unreadable_bytes == 0
     assert_gapless(frames_of(records))
 
@@ -218,13 +219,13 @@ def test_the_hosts_clock_is_set_meanwhile(emulated, tmp_path: Path) -> None:
     out = tmp_path / "rom.arrows"
     calls = 0
 
-    def utc_offset_ns() -> int:  # an hour less from the hundredth time on that it is asked for
+    def utc_offset_ns() -> int:  # an hour less once the recorder has asked so often
         nonlocal calls
         calls += 1
-        return 10**18 - (3600 * 10**9 if calls > 1000 else 0)
+        return 10**18 - (3600 * 10**9 if calls > 700 else 0)
 
     port = open_port(emulated("--stations", "1"), 115200)
-    plan = RecordingPlan(out, RecordingRequest("liberty"), duration_s=6.0)
+    plan = RecordingPlan(out, RecordingRequest("liberty"), duration_s=3.0)
     ending = record(plan, port, LinePrinter(io.StringIO()), StopRequest(), {}, utc_offset_ns)
     port.close()
     assert not ending.failed

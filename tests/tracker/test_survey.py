@@ -1,10 +1,11 @@
 """From a raw capture to records and poses: what is lost is counted and placed, the same bytes every time."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from captures import circling, cycle, settings, write
+from captures import RATE_HZ, cycle, settings, write
 
 from shukotsu.__main__ import main
 from shukotsu.tables.catalogue import POSES
@@ -18,6 +19,13 @@ from shukotsu.tracker.survey import (
     flagged_records,
     survey_archive,
 )
+
+
+def circling(frame: int, station: int) -> tuple[Sequence[float], Sequence[float]]:
+    """A receiver on a circle round the transmitter, once in 4 s."""
+    angle = 2 * np.pi * frame / (4 * RATE_HZ)
+    q = (np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
+    return (30 * np.cos(angle), 30 * np.sin(angle), 2.125 + station), q
 
 
 def survey_of(path: Path):
