@@ -1,4 +1,4 @@
-"""The made-up study, its results and its page, made once for all tests of the report."""
+"""Made-up studies with their results and pages, made once for all tests of the report; not to be changed."""
 
 from __future__ import annotations
 
@@ -6,70 +6,65 @@ from pathlib import Path
 
 import pytest
 from browser import browser, watched_page  # noqa: F401
-from report_samples.hand_tables import write_tips
-from report_samples.made_study import FITTED_MODELS, make_study
-from report_samples.pages import subject_page, whole_report
+from report_samples.made_study import (
+    FITTED_MODELS,
+    HOSTILE,
+    PAPERS,
+    SECOND_FIT,
+    MadeStudy,
+    compare_study,
+    make_study,
+    many_subjects,
+)
 
-from shukotsu.report.study_page import render_study
-from shukotsu.report.study_results import StudyResults, read_results
-from shukotsu.study.results import Results
-from shukotsu.study.study import Study, read_study
-
-
-@pytest.fixture(scope="session")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Study file and results folder, its subjects' tips among them; not to be changed."""
-    study, folder = make_study(tmp_path_factory.mktemp("made"))
-    write_tips(read_study(study), Results(folder))
-    return study, folder
+from shukotsu.report.study_results import StudyResults
 
 
 @pytest.fixture(scope="session")
-def study(made: tuple[Path, Path]) -> Study:
-    """The made-up study's file, read."""
-    return read_study(made[0])
+def study(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
+    """Two subjects whose truth nobody knows, under the paper's models and two that fit the whole hand."""
+    models = (*PAPERS, "whole-hand", SECOND_FIT)
+    folder = tmp_path_factory.mktemp("study")
+    return make_study(folder, models=models, n_frames=300, spoiled=(HOSTILE, "right"))
 
 
 @pytest.fixture(scope="session")
-def results(made: tuple[Path, Path], study: Study) -> StudyResults:
-    """The made-up study, read."""
-    return read_results(study, made[1])
+def results(study: MadeStudy) -> StudyResults:
+    return study.results
 
 
 @pytest.fixture(scope="session")
-def page(results: StudyResults, study: Study) -> str:
-    """The made-up study's page and its subjects', one after the other."""
-    return whole_report(results, study)
+def pages(study: MadeStudy) -> dict[Path, str]:
+    return study.pages
 
 
 @pytest.fixture(scope="session")
-def pages(results: StudyResults, study: Study) -> dict[Path, str]:
-    """The made-up study's page and its subjects', by path."""
-    paths = results.paths
-    of_subjects = {paths.subject_page(name): subject_page(results, name) for name in results.subjects}
-    return {paths.report: render_study(results, study), **of_subjects}
+def page(pages: dict[Path, str]) -> str:
+    """Its page and its subjects', one after the other."""
+    return "".join(pages.values())
 
 
 @pytest.fixture(scope="session")
-def fitted_made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """A simulated study with a model that fits the whole hand; not to be changed."""
-    return make_study(
-        tmp_path_factory.mktemp("fitted"),
-        n_frames=20,
-        models=FITTED_MODELS,
-        subjects=("S01",),
-        simulated=True,
-        compared=True,
-    )
+def fitted_study(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
+    """A simulated subject, the left hand spoiled, with models compared."""
+    folder = tmp_path_factory.mktemp("fitted")
+    made_study = make_study(folder, models=FITTED_MODELS, subjects=("S01",), simulated=True)
+    compare_study(made_study.study, made_study.paths)
+    return made_study
 
 
 @pytest.fixture(scope="session")
-def fitted(fitted_made: tuple[Path, Path]) -> StudyResults:
-    """That study, read."""
-    return read_results(read_study(fitted_made[0]), fitted_made[1])
+def fitted(fitted_study: MadeStudy) -> StudyResults:
+    return fitted_study.results
 
 
 @pytest.fixture(scope="session")
-def fitted_page(fitted: StudyResults, fitted_made: tuple[Path, Path]) -> str:
+def fitted_page(fitted_study: MadeStudy) -> str:
     """Its page and its subject's."""
-    return whole_report(fitted, read_study(fitted_made[0]))
+    return "".join(fitted_study.pages.values())
+
+
+@pytest.fixture(scope="session")
+def twelve(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    """Twelve simulated subjects whose numbers differ, with models compared."""
+    return many_subjects(tmp_path_factory.mktemp("twelve"), 12).results

@@ -5,21 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from report_samples.made_study import compared, many_subjects
+from report_samples.made_study import compared
 
 from shukotsu.report.judged_models import judged_models, model_to_take
-from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import p_text
-from shukotsu.study.study import read_study
 
 OURS, PAPER = "whole-hand", "paper-fig4"
-
-
-@pytest.fixture(scope="module")
-def twelve(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
-    file, folder = many_subjects(tmp_path_factory.mktemp("twelve"), 12)
-    return read_results(read_study(file), folder)
 
 
 def first(results: StudyResults, n: int) -> StudyResults:

@@ -6,30 +6,28 @@ from dataclasses import replace
 
 import drawn_movement as drawn
 import pytest
-from report_samples.made_study import FITTED_MODELS, make_study
+from report_samples.made_study import FITTED_MODELS, write
 
 from shukotsu.movement.study_comparison import compare_study
 from shukotsu.report.belief import NOT
 from shukotsu.report.figures.study_figures import NoDataError, ranges_of_motion
 from shukotsu.report.methods_text import methods_text
 from shukotsu.report.movement_results import RANGE, Movement, read_movement
-from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.report.study_results import StudyResults
 from shukotsu.study.results import Results
-from shukotsu.study.study import read_study
+from shukotsu.tables.catalogue import PROBLEMS
 
 RECORDINGS = drawn.recordings(12, ("1", "2"))
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
-    """A study with all tables of movement; not to be changed."""
-    subjects = tuple(dict.fromkeys(row["subject"] for row in RECORDINGS))
-    study, folder = make_study(
-        tmp_path_factory.mktemp("moved"), n_frames=4, models=FITTED_MODELS, subjects=subjects, simulated=True
-    )
-    drawn.write_movement(Results(folder), drawn.ranges(RECORDINGS, models=FITTED_MODELS))
-    compare_study(RECORDINGS, ["group"], Results(folder))
-    return read_results(read_study(study), folder)
+def results(fitted: StudyResults, tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    """A study with tables of the movement of twelve subjects, whose other results are not theirs."""
+    paths = Results(tmp_path_factory.mktemp("moved"))
+    write(paths.study_table("problems"), PROBLEMS, [])
+    drawn.write_movement(paths, drawn.ranges(RECORDINGS, models=FITTED_MODELS))
+    compare_study(RECORDINGS, ["group"], paths)
+    return replace(fitted, paths=paths)
 
 
 @pytest.fixture(scope="module")

@@ -4,28 +4,26 @@ from __future__ import annotations
 
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
-from report_samples.made_study import HOSTILE, MODELS, make_study, write, write_rows
-from report_samples.pages import read_page, rows_where, table_called, whole_report
+from report_samples.made_study import HOSTILE, NO_SOURCE, PAPERS, MadeStudy, make_study, write
+from report_samples.pages import read_page, rows_where, table_called
 from stage_runs import report
 
 from shukotsu.report.score_tables import printed_table, study_table
-from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.report.study_page import render_study
+from shukotsu.report.study_results import StudyResults
+from shukotsu.report.subject_page import render_subject
 from shukotsu.study.layout import FINGER_MM
 from shukotsu.study.model import read_model
-from shukotsu.study.results import STUDY_FIGURES
-from shukotsu.study.study import read_study
+from shukotsu.study.results import STUDY_FIGURES, STUDY_TABLES
 from shukotsu.study.verdict import UNJUDGED, judged_joint
 from shukotsu.tables.catalogue import JOINT_CENTRES, TABLES, TIP_ERRORS
 from shukotsu.tables.subjects import path_token
-from shukotsu.tables.typed_table import Provenance, write_failure
-
-
-def _render(study: Path, folder: Path) -> str:
-    return whole_report(read_results(read_study(study), folder), read_study(study))
+from shukotsu.tables.typed_table import write_failure
 
 
 def _links(page: str) -> set[str]:
@@ -75,9 +73,12 @@ def test_links_lead_to_places(pages: dict[Path, str], results: StudyResults) -> 
 
 def test_hostile_names_are_text(tmp_path: Path) -> None:
     name = "<script>alert(1)</script> 手 ' \" </svg><img src=x onerror=y>"
-    plain = make_study(tmp_path / "plain", n_frames=4, subjects=("A",))
-    hostile = make_study(tmp_path / "hostile", n_frames=4, subjects=(name,))
-    expected, page = read_page(_render(*plain)), read_page(_render(*hostile))
+    expected, page = (
+        read_page(
+            "".join(make_study(tmp_path / folder, models=PAPERS[:1], subjects=(subject,)).pages.values())
+        )
+        for folder, subject in (("plain", "A"), ("hostile", name))
+    )
     assert [tag for tag, _ in page.tags] == [tag for tag, _ in expected.tags]
     assert f"Subject {name}" in page.text
 
@@ -94,7 +95,7 @@ def test_tables_have_captions_and_heads_and_pictures_titles(page: str) -> None:
 
 
 @pytest.mark.parametrize("subject", ["S01", HOSTILE])
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", PAPERS)
 def test_tables_in_cm_equal_the_parquet_table(
     results: StudyResults, page: str, subject: str, model: str
 ) -> None:
@@ -131,35 +132,36 @@ def test_what_went_wrong_is_told(page: str) -> None:
     text = " ".join(read_page(page).text)
     assert "3 of 4 recordings used (1 failed)" in text
     assert "row 7, column x_mm" in text
-    assert "Left hand, ring: joint ring_dip failed." in text
+    assert "Right hand, ring: joint ring_dip failed." in text
 
 
 def test_no_recording_used(tmp_path: Path) -> None:
     """A study of which nothing is left still has a page that names every recording and reason."""
-    study, folder = make_study(tmp_path, n_frames=4)
-    write_rows(folder, {})
-    for path in folder.rglob("poses.parquet"):
+    study = make_study(tmp_path)
+    for name in STUDY_TABLES:
+        write(study.paths.study_table(name), TABLES[name], [])
+    write_failure(study.paths.study_table("tip_errors"), TIP_ERRORS, "no hand was left", NO_SOURCE)
+    for path in study.folder.rglob("poses.parquet"):
         path.unlink()
-    write_failure(folder / "tips.parquet", TIP_ERRORS, "no hand was left", Provenance())
-    write_failure(folder / "tip_errors.parquet", TIP_ERRORS, "no hand was left", Provenance())
-    page = _render(study, folder)
-    text = " ".join(read_page(page).text)
+    text = " ".join(read_page(render_study(study.results, study.study)).text)
     assert "0 of 4 recordings used (4 missing)" in text
     assert "no hand was left" in text
     assert "missing: the results do not name this recording" in text
     assert all(f"{name}-right.csv" in text for name in ("S01", path_token(HOSTILE)))
 
 
-def test_joints_all_failed(tmp_path: Path) -> None:
-    study, folder = make_study(tmp_path, n_frames=3, subjects=("A",))
-    results = read_results(read_study(study), folder)
-    kept = [column.name for column in JOINT_CENTRES.columns if not column.nullable]
-    gone = {**UNJUDGED, "status": "failed", "message": "no frames"}
-    failed = [judged_joint({k: row[k] for k in kept if k in row} | gone, FINGER_MM) for row in results.joints]
-    write(folder / "joint_centres.parquet", JOINT_CENTRES, failed)
-    text = " ".join(read_page(_render(study, folder)).text)
-    assert "0 of 32 joints can be believed" in text
-    assert "✕ no 16" in text
+def test_joints_all_failed(fitted_study: MadeStudy) -> None:
+    gone = {**UNJUDGED, **dict.fromkeys(c.name for c in JOINT_CENTRES.columns if c.nullable)}
+    gone |= {"status": "failed", "message": "no frames"}
+    failed = [judged_joint(row | gone, FINGER_MM) for row in fitted_study.results.joints]
+    pages = (
+        render_study(replace(fitted_study.results, joints=failed), fitted_study.study),
+        render_subject(replace(fitted_study.subject(), joints=failed)),
+    )
+    n, n_others = (len(rows_where(failed, model=model)) for model in ("whole-hand", "paper-fig4"))
+    text = " ".join(read_page("".join(pages)).text)
+    assert f"0 of {n} joints can be believed" in text
+    assert f"paper-fig4: ✕ no {n_others // 2}" in text
 
 
 @pytest.mark.parametrize(
@@ -184,16 +186,16 @@ def test_own_and_printed_tables_have_one_layout(results: StudyResults) -> None:
 
 
 def test_the_command_writes_one_page_or_why_there_is_none(
-    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    study: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without results exit code 2 and a sentence; with --record-failure a page that says why."""
     out = tmp_path / "deep" / "report.html"
-    words = ("--study", str(made[0]), "--out", str(out), "--results")
+    words = ("--study", str(study.file), "--out", str(out), "--results")
     assert report([*words, str(tmp_path)]) == 2
     assert "recordings.parquet: no such file" in capsys.readouterr().err
     assert report([*words, str(tmp_path), "--record-failure"]) == 0
     assert "recordings.parquet: no such file" in out.read_text("utf-8")
-    assert report([*words, str(made[1])]) == 0
+    assert report([*words, str(study.folder)]) == 0
     assert out.read_text("utf-8").startswith("<!DOCTYPE html>")
     assert list(out.parent.rglob("*")) == [out]
-    assert str(made[1].parent) not in out.read_text("utf-8"), "no page says where it was made"
+    assert str(study.folder.parent) not in out.read_text("utf-8"), "no page says where it was made"

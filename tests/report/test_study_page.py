@@ -13,29 +13,23 @@ import pytest
 from finding_examples import EVIDENCE
 from hypothesis import given
 from hypothesis import strategies as st
-from report_samples.made_study import make_study
+from report_samples.made_study import MadeStudy, many_subjects
 from report_samples.pages import read_page, rows_where, table_called
 
 from shukotsu.report.judged_models import WIDTH, big_numbers, outcome_text
 from shukotsu.report.study_page import render_study
-from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import anchor, link
 from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, problem_row, worded
 from shukotsu.study.results import Results
-from shukotsu.study.study import Study, read_study
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 MARKS = {"believe": "", "care": "◆", "no": "✕"}
 
 
 @pytest.fixture(scope="module")
-def file(fitted_made: tuple[Path, Path]) -> Study:
-    return read_study(fitted_made[0])
-
-
-@pytest.fixture(scope="module")
-def fitted_study_page(fitted: StudyResults, file: Study) -> str:
-    return render_study(fitted, file)
+def fitted_study_page(fitted_study: MadeStudy) -> str:
+    return fitted_study.pages[fitted_study.paths.report]
 
 
 @given(NAMES)
@@ -126,7 +120,7 @@ def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page
 
 
 def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
-    fitted: StudyResults, file: Study
+    fitted: StudyResults, fitted_study: MadeStudy
 ) -> None:
     notes = [
         problem_row("capture", worded("recording", NOTE, f"{n} stray"), task=f"rom{n}") for n in range(5)
@@ -136,7 +130,7 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
     faults = [problem_row(STAGE, finding, subject=f"S{i:02}", hand="left", task="rom") for i in range(11)]
     accepted = problem_row(STAGE, finding.accept("a doll"), subject="S11", hand="left", task="rom")
     many = replace(fitted, problems=[*notes, *faults, accepted])
-    page = render_study(many, file)
+    page = render_study(many, fitted_study.study)
     assert "Accepted in the recordings sheet: 1" in page
     shown, folded = (
         page.partition('id="problems"')[2].partition("</section>")[0].split("<summary>3 more</summary>")
@@ -154,19 +148,18 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
 
 
 def test_a_picture_that_fails_is_a_problem_of_the_page(
-    fitted: StudyResults, file: Study, monkeypatch: pytest.MonkeyPatch
+    fitted: StudyResults, fitted_study: MadeStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("shukotsu.report.figures.panels.page_figure", lambda _: {}["x"])
-    page = render_study(replace(fitted, problems=[*fitted.problems]), file)
+    page = render_study(replace(fitted, problems=[*fitted.problems]), fitted_study.study)
     assert "Not drawn: internal error in report" in page
     assert "KeyError" in page.partition('id="problems"')[2].partition("</section>")[0]
 
 
 @pytest.mark.slow
 def test_a_hundred_subjects_weigh_less_than_two_megabytes(tmp_path: Path) -> None:
-    subjects, models = tuple(f"S{n:03}" for n in range(100)), ("paper-fig4", "whole-hand")
-    study, folder = make_study(tmp_path, n_frames=60, models=models, subjects=subjects)
-    page = render_study(read_results(read_study(study), folder), read_study(study))
+    hundred = many_subjects(tmp_path, 100, simulated=False)
+    page = render_study(hundred.results, hundred.study)
     assert len(page.encode()) < 2_000_000
     table = table_called(page, "Joints of every hand, whole-hand")
     assert len(table.rows) == 3 + 200  # the heads, the median, and every hand

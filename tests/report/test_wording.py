@@ -14,16 +14,13 @@ from babel.messages.extract import DEFAULT_KEYWORDS, extract_from_dir
 from babel.messages.frontend import parse_mapping_cfg
 from babel.messages.pofile import read_po
 from matplotlib import font_manager
-from report_samples.pages import whole_report
+from report_samples.made_study import MadeStudy
 
 from shukotsu.errors import InputError
 from shukotsu.report import templates
 from shukotsu.report.figures import style
 from shukotsu.report.recording_page import recording_page
-from shukotsu.report.recording_results import read_recording
-from shukotsu.report.study_results import StudyResults
 from shukotsu.report.templates import languages, speaking
-from shukotsu.study.study import read_study
 from shukotsu.translation import END, FOREIGN, translated
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -120,12 +117,10 @@ def _english_left(page: str) -> list[str]:
     ]
 
 
-def test_nothing_of_a_japanese_report_is_left_in_english(
-    fitted: StudyResults, fitted_made: tuple[Path, Path]
-) -> None:
+def test_nothing_of_a_japanese_report_is_left_in_english(fitted_study: MadeStudy) -> None:
     with speaking("ja"):
-        pages = [whole_report(fitted, read_study(fitted_made[0]))]
-        pages += [recording_page(read_recording(fitted, recording)) for recording in fitted.shown[:1]]
+        pages = [*MadeStudy(fitted_study.file, fitted_study.folder).pages.values()]
+        pages.append(recording_page(fitted_study.recording_results()))
     assert [text for page in pages for text in _english_left(page)] == []
     assert all('<html lang="ja">' in page for page in pages)
     assert not any(mark in page for page in pages for mark in (FOREIGN, END))

@@ -1,16 +1,18 @@
-"""A made-up study with its results, written as the stages before the report write theirs.
+"""A made-up study with its results: every subject's tables as the stages write them, then gathered.
 
-Two subjects, one with a hostile name; two hands; one task. The second subject's left recording failed. On
-the first subject's left hand the little DIP joint is weak and 300 mm off, the ring DIP joint failed. A
-simulated study has a second task, rom, that calibrates only, and a truth.
+Hands are the simulator's, seen through receivers that never slip: joints, bones and tips of every model are
+the true ones. On the spoiled hand the little DIP joint is weak and 300 mm off, the ring DIP joint failed and
+one receiver came loose. Of several subjects the last one's left recording failed. A simulated study has a
+second task, rom, that calibrates only, and a truth.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -19,274 +21,332 @@ import pyarrow as pa
 from simulated_poses import write_poses
 
 from shukotsu.paper.hand import is_whole
-from shukotsu.report.study_results import StudyResults
+from shukotsu.report.hand_motion import HandMotion
+from shukotsu.report.recording_results import RecordingResults, read_recording
+from shukotsu.report.study_page import render_study
+from shukotsu.report.study_results import StudyResults, read_results, read_subject
+from shukotsu.report.subject_page import render_subject
 from shukotsu.scores.comparisons import ComparedModels, compare_models, compare_study
 from shukotsu.scores.observations import ScoredStudy
-from shukotsu.study.layout import Layout, read_layout
-from shukotsu.study.model import SkeletonModel, read_model
-from shukotsu.study.results import MODEL_COMPARISONS, STUDY_TABLES, Results
-from shukotsu.study.study import read_study
+from shukotsu.simulate.random_hand import BONES, DIGITS
+from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.simulation import Simulated, simulate
+from shukotsu.simulate.written_truth import write_truth
+from shukotsu.study.layout import read_layout
+from shukotsu.study.model import SkeletonModel
+from shukotsu.study.plan import StudyPlans, SubjectPlan, plan_text, read_plan
+from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, MODEL_COMPARISONS, STUDY_TABLES, Results
+from shukotsu.study.study import Recording, Study, read_study
 from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, noted
-from shukotsu.tables.catalogue import (
-    BONE_TIP,
-    DISTAL_RECEIVER,
-    JOINT_ERRORS,
-    RECORDINGS,
-    SKELETON_SCORES,
-    TABLES,
-)
-from shukotsu.tables.poses import Poses
+from shukotsu.tables.catalogue import DISTAL_RECEIVER, FINDINGS, JOINT_CENTRES, POSES, TABLES
+from shukotsu.tables.parts import Part, parts_writer
 from shukotsu.tables.subjects import path_token
-from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
+from shukotsu.tables.typed_table import (
+    Provenance,
+    Table,
+    columns_from_rows,
+    read_table,
+    rows_of,
+    write_failure,
+    write_table,
+)
+from shukotsu.tables.whole_files import write_text
+from shukotsu.workflow.study_tables import gather_study
 
 HOSTILE = 'A & <b>"x"'
+PAPERS = ("paper-fig3-rest", "paper-fig3", "paper-fig4", "paper-fig4-corrected")
 FITTED_MODELS = ("paper-fig4", "whole-hand")
-MODELS = ("paper-fig3-rest", "paper-fig3", "paper-fig4", "paper-fig4-corrected", "rigid")
-UNSEEN = slice(100, 160)
-"""Frames in which the index finger's distal receiver is not valid."""
+SECOND_FIT = "whole-hand-b"
+"""A model as whole-hand, which is written beside the study."""
+UNSEEN, PEAK_FRAME = slice(100, 160), 217
+"""Frames without the index finger's distal receiver, and one in which fitted hands are 40 mm off."""
 NO_SOURCE = Provenance((("recording.csv", "0" * 64),), {})
-
-# Joints of a right hand, mm from the wrist centre: right (towards the thumb), distal, dorsal.
-POINTS = {
-    "thumb": [(26.5, 25.0, -10.5), (43.0, 54.2, -23.2), (57.0, 80.1, -33.3), (67, 100, -41)],
-    "index": [(22.2, 80.9, 11.0), (29.7, 122.2, 18.3), (33.0, 147.1, 19.5), (35.0, 165, 19.5)],
-    "middle": [(4.7, 80.6, 11.5), (6.4, 124.8, 17.7), (7.7, 153.8, 19.7), (9.7, 173, 18.7)],
-    "ring": [(-9.9, 79.3, 5.7), (-13.4, 119.5, 7.0), (-15.7, 144.3, 7.6), (-16.7, 162, 8.6)],
-    "little": [(-19.5, 71.2, -3.4), (-24.8, 106.7, -6.3), (-27.7, 127.4, -8.5), (-28.7, 144, -11.5)],
-}
-
+LAYOUT = read_layout("liberty16")
+ANGLES = ("flexion_deg", "abduction_deg", "rotation_deg")
+LEVELS_MM = {"thumb": 3.0, "index": 5.0, "middle": 6.5, "ring": 6.8, "little": 9.0}
 
 Row = dict[str, Any]
-Rows = defaultdict[str, list[Row]]
-"""Rows of the study-wide tables, by the tables' names."""
+
+
+@dataclass(frozen=True)
+class MadeStudy:
+    """A study's file and the folder of its results."""
+
+    file: Path
+    folder: Path
+
+    @cached_property
+    def study(self) -> Study:
+        """The study's file, read."""
+        return read_study(self.file)
+
+    @cached_property
+    def paths(self) -> Results:
+        """Where its results are."""
+        return Results(self.folder)
+
+    @cached_property
+    def results(self) -> StudyResults:
+        """Its study-wide tables, read."""
+        return read_results(self.study, self.folder)
+
+    @cached_property
+    def pages(self) -> dict[Path, str]:
+        """Its page and its subjects', by path."""
+        of_subjects = {
+            self.paths.subject_page(s): render_subject(self.subject(s)) for s in self.study.subjects
+        }
+        return {self.paths.report: render_study(self.results, self.study), **of_subjects}
+
+    def subject(self, subject: str = "S01", *models: str) -> StudyResults:
+        """Return a subject's results, under those models or all."""
+        results = read_subject(read_plan(self.paths.plan(subject)))
+        return replace(results, models={name: results.models[name] for name in models or results.models})
+
+    def recording(self, subject: str = "S01", hand: str = "right") -> Recording:
+        """Return that hand's evaluated recording."""
+        return next(r for r in self.study.shown if (r.hand.subject, r.hand.hand) == (subject, hand))
+
+    def recording_results(self, subject: str = "S01", hand: str = "right", *models: str) -> RecordingResults:
+        """Return what a recording's page is made from."""
+        return read_recording(self.subject(subject, *models), self.recording(subject, hand))
+
+    def motion(self, hand: str, *models: str) -> HandMotion:
+        """Return the motion of a hand of S01 under those models."""
+        results = self.recording_results("S01", hand, *models)
+        assert results.motion is not None, (results.trouble, results.left_out)
+        return results.motion
+
+    def rows(self, table: Table, model: str, **wanted: Any) -> list[Row]:
+        """Return rows of a table of S01's right hand under a model, of which columns have these values."""
+        wanted |= {"hand": "right", "model": model}
+        plan = read_plan(self.paths.plan("S01"))
+        rows = rows_of(read_table(plan.table(table.name, "right", model), table))
+        return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
+
+
+@cache
+def exact_hand(hand: str, n_frames: int) -> tuple[Simulated, dict[str, list[Row]]]:
+    """Return an exact recording of opposition, and the rows of its truth's tables by name."""
+    simulated = simulate("", hand, "opposition", 7, Realism.exact(), n_frames)
+    with TemporaryDirectory() as folder:
+        write_truth(Path(folder), simulated, NO_SOURCE)
+        names = ("joint_centres", "bone_lengths")
+        tables = {name: read_table(Path(folder, f"{name}.parquet"), TABLES[name]) for name in names}
+    return simulated, {name: list(rows_of(table)) for name, table in tables.items()}
 
 
 def make_study(
     folder: Path,
     *,
-    n_frames: int = 300,
-    models: tuple[str, ...] = MODELS,
-    subjects: tuple[str, ...] = (),
+    subjects: Sequence[str] = ("S01", HOSTILE),
+    models: Sequence[str] = PAPERS,
+    n_frames: int = 20,
     simulated: bool = False,
-    compared: bool = False,
-) -> tuple[Path, Path]:
-    """Write a study file, its sheet and its results; return the study file and the results folder.
-
-    compared : whether its models are compared, which takes most of the time; else these tables are empty.
-    """
-    subjects = subjects or ("S01", HOSTILE)
-    rng = np.random.default_rng(7)
-    study, results = folder / "study.yaml", folder / "results" / "made"
-    sheet = ["subject\thand\ttask\trole\tfile"]
-    rows: Rows = defaultdict(list)
-    read = [read_model(name) for name in models]
+    spoiled: tuple[str, str] = ("S01", "left"),
+) -> MadeStudy:
+    """Write a study and its results; until `compare_study` compares its models these tables are empty."""
+    made = MadeStudy(folder / "study.yaml", folder / "results" / "made")
+    second = folder / f"{SECOND_FIT}.yaml"
+    if SECOND_FIT in models:
+        shipped = Path("config/models/whole-hand.yaml").read_text("utf-8")
+        write_text(second, shipped.replace("model: whole-hand", f"model: {SECOND_FIT}"))
+    roles = {"opposition": "both", **({"rom": "calibration"} if simulated else {})}
+    lines = [
+        f"{subject}\t{hand}\t{task}\t{role}\t{task}-{path_token(subject)}-{hand}.csv"
+        for subject in subjects
+        for hand in ("right", "left")
+        for task, role in roles.items()
+    ]
+    write_text(folder / "sheet.tsv", "\n".join(["subject\thand\ttask\trole\tfile", *lines]) + "\n")
+    names = ", ".join(str(second) if name == SECOND_FIT else name for name in models)
+    more = "simulation: {folder: ., seed: 1}\n" if simulated else ""
+    text = f"study: made\nrecordings: sheet.tsv\nlayout: liberty16\nmodels: [{names}]\nexports: [bvh]\n{more}"
+    write_text(made.file, text)
+    plans = StudyPlans(made.study, made.folder)
     for subject in subjects:
-        for hand in ("right", "left"):
-            file = f"{path_token(subject)}-{hand}.csv"
-            sheet.append(f"{subject}\t{hand}\topposition\tboth\t{file}")
-            key = {"subject": subject, "hand": hand, "task": "opposition", "trial": ""}
-            if subject == subjects[-1] and hand == "left" and len(subjects) > 1:
-                _add_failed(rows, key, file)
-                continue
-            _add_hand(rows, results, key, file, n_frames, read, rng)
-            _add_judgement(rows, key, read, simulated=simulated)
-            if simulated:
-                sheet.append(f"{subject}\t{hand}\trom\tcalibration\trom-{file}")
-                rows["recordings"].append({**rows["recordings"][-1], "task": "rom", "role": "calibration"})
-    study.write_text(
-        f"study: made\nrecordings: sheet.tsv\nlayout: liberty16\nmodels: [{', '.join(models)}]\n"
-        "exports: [bvh]\n" + ("simulation: {folder: ., seed: 1}\n" if simulated else ""),
-        "utf-8",
-    )
-    (folder / "sheet.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
-    write_rows(results, rows)
-    if compared:
-        compare_study(read_study(study), Results(results))
-    for name in () if compared else MODEL_COMPARISONS:
-        write(results / f"{name}.parquet", TABLES[name], [])
-    return study, results
+        write_text(made.paths.plan(subject), plan_text(plans.content(subject)))
+        failed = "left" if len(subjects) > 1 and subject == subjects[-1] else ""
+        _write_subject(read_plan(made.paths.plan(subject)), n_frames, simulated, failed, spoiled)
+    gather_study(made.study, made.paths)
+    for name in MODEL_COMPARISONS:
+        write(made.paths.study_table(name), TABLES[name], [])
+    return made
 
 
-def write_rows(results: Path, rows: Mapping[str, list[Row]]) -> None:
-    """Write the study-wide tables, and beside them the tips."""
-    for name in (*STUDY_TABLES, "tips"):
-        write(results / f"{name}.parquet", TABLES[name], rows.get(name, []))
-
-
-def write(path: Path, table: Table, rows: list[Row]) -> None:
-    empty = lacking_text(table)
-    write_table(path, table, columns_from_rows(table, [empty | row for row in rows]), NO_SOURCE)
+def write(path: Path, table: Table, rows: Sequence[Row]) -> None:
+    """Write rows as a table of the study, texts that a row does not name empty."""
+    columns = columns_from_rows(table, [lacking_text(table) | row for row in rows])
+    write_table(path, table, columns, NO_SOURCE)
 
 
 def lacking_text(table: Table) -> dict[str, str]:
-    """Empty text for every text column."""
+    """Return empty text for every text column."""
     return {column.name: "" for column in table.columns if column.type == pa.string()}
 
 
-def _add_failed(rows: Rows, key: dict[str, str], file: str) -> None:
-    message = f"{file}: row 7, column x_mm: 'n/a' is not a number"
-    row = key | {"role": "both", "file": file, "status": "failed", "message": message}
-    rows["recordings"].append(row | {"n_frames": 0, "n_receivers": 0})
-    where = {**_who(key), "task": key["task"], "stage": "capture"}
-    rows["problems"].append(where | {"severity": "refused", "message": message})
-
-
-def _add_hand(
-    rows: Rows,
-    results: Path,
-    key: dict[str, str],
-    file: str,
-    n_frames: int,
-    models: list[SkeletonModel],
-    rng: np.random.Generator,
+def _write_subject(
+    plan: SubjectPlan, n_frames: int, simulated: bool, failed: str, spoiled: tuple[str, str]
 ) -> None:
-    layout = read_layout("liberty16")
-    centres, receivers = hand_points(key["hand"])
-    row = key | {"role": "both", "file": file, "status": "used", "message": "", "n_frames": n_frames}
-    rows["recordings"].append(row | {"duration_s": n_frames / 240, "valid_percent": 99.5, "n_receivers": 16})
-    poses = results / f"sub-{path_token(key['subject'])}" / key["hand"] / key["task"] / "poses.parquet"
-    resting = _resting_poses(layout, receivers, n_frames, rng)
-    write_poses(poses, resting, key["hand"], key["task"], key["subject"])
-    for model in models:
-        joints = _joint_rows(layout, model, key, centres, receivers)
-        rows["joint_centres"] += joints
-        rows["bone_lengths"] += _bone_rows(layout, model, key, centres, joints)
-        for digit in layout.digits:
-            _add_digit(rows, key, model, digit, n_frames, rng)
+    """Write a subject's tables. failed : the hand whose recordings could not be read, or empty."""
+    rows: dict[str, dict[Part, list[Row]]] = {name: {} for name in (*GATHERED_TABLES, "joint_solutions")}
+    with parts_writer(plan.table("tips"), TABLES["tips"], NO_SOURCE) as tips:
+        for recording in plan.recordings:
+            hand, key = recording.hand.hand, recording.key
+            if hand == failed:
+                message = f"{recording.file_as_written}: row 7, column x_mm: 'n/a' is <not> a number"
+                write_failure(plan.poses(recording), POSES, message, Provenance((), key))
+                continue
+            recorded = exact_hand(hand, n_frames)[0].poses()
+            recorded.valid[UNSEEN, recorded.index("index_distal")] = False
+            write_poses(plan.poses(recording), recorded, hand, recording.task, plan.subject)
+            if recording.role == "calibration":
+                continue
+            bad = (plan.subject, hand) == spoiled
+            scores = score_rows(key, [*plan.models.values()], simulated=simulated, spoiled=bad)
+            rows["skeleton_scores"][plan.part(hand)] = scores
+            errors = joint_error_rows([*plan.models], spoiled=bad) if simulated else []
+            rows["joint_errors"][plan.part(hand)] = errors
+            for part in (part for part in plan.whole_parts if part.hand == hand):
+                model = plan.models[part.model]
+                joints, bones = _skeleton_rows(part, model, n_frames, spoiled=bad)
+                rows["joint_centres"][part], rows["bone_lengths"][part] = joints, bones
+                rows["joint_solutions"][part] = [
+                    {name: row[name] for name in ("joint", "parent_segment", "child_segment", "status")}
+                    | {"n_frames": 300, "singular_values": [1.41, 1.40, 1.39, 0.15 + n / 100, 0.14, 0.0321]}
+                    for n, row in enumerate(joints)
+                    if row["parent_segment"] and row["status"] != "failed"
+                ]
+                error_mm = _tip_errors_mm(model, n_frames, spoiled=bad)
+                rows["tip_errors"][part] = list(_tip_error_rows(key, error_mm, spoiled=bad))
+                _write_long(tips, part, key, DIGITS, n_frames, error_mm=error_mm)
+                if model.fitting is not None:
+                    rows["receivers"][part] = receiver_rows(spoiled=bad)
+                    rows["gains"][part] = gain_rows()
+                    _write_fit(plan, part, key, n_frames, error_mm)
+    columns = columns_from_rows(FINDINGS, [])
+    write_table(plan.table("findings"), FINDINGS, columns, Provenance((), {"digests": {}}))
+    for name, of_parts in rows.items():
+        table = TABLES[name]
+        for path in plan.files_of(name):
+            with parts_writer(path, table, NO_SOURCE) as writer:
+                for part, part_rows in of_parts.items():
+                    if name not in FIT_TABLES or path == plan.table(name, part.hand, part.model):
+                        texts = {k: v for k, v in lacking_text(table).items() if k not in vars(part)}
+                        writer.rows(part, [texts | row for row in part_rows])
 
 
-def _add_judgement(rows: Rows, key: dict[str, str], models: list[SkeletonModel], *, simulated: bool) -> None:
-    layout = read_layout("liberty16")
-    rows["skeleton_scores"] += score_rows(key, layout, models, simulated=simulated)
-    rows["joint_errors"] += joint_error_rows(key, layout, models) if simulated else []
-    for model in (model for model in models if model.fitting is not None):
-        rows["receivers"] += receiver_rows(key, layout, model.name)
-        rows["gains"] += gain_rows(key, model.name)
-
-
-def hand_points(hand: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Joint centres and receiver places of a hand, mm in the hand receiver's frame (x distal, z dorsal)."""
-    mirror = 1.0 if hand == "right" else -1.0
-    places = {
-        digit: np.array([(y, mirror * x, z) for x, y, z in points], float) - (35.0, 0.0, 14.0)
-        for digit, points in POINTS.items()
-    }
-    centres = {"wrist": np.array([-35.0, 0.0, -14.0])}
-    receivers = {"hand": np.zeros(3)}
-    bones = {
-        digit: ("metacarpal", "proximal", "distal") if digit == "thumb" else ("proximal", "middle", "distal")
-        for digit in places
-    }
-    for digit, points in places.items():
-        joints = ("cmc", "mcp", "ip") if digit == "thumb" else ("mcp", "pip", "dip")
-        for index, (joint, bone) in enumerate(zip(joints, bones[digit], strict=True)):
-            centres[f"{digit}_{joint}"] = points[index]
-            receivers[f"{digit}_{bone}"] = (points[index] + points[index + 1]) / 2 + (0, 0, 7.0)
-    return centres, receivers
-
-
-def _resting_poses(
-    layout: Layout, receivers: dict[str, np.ndarray], n_frames: int, rng: np.random.Generator
-) -> Poses:
-    """Return the hand at rest, slowly moving in x; every receiver parallel to the hand's."""
-    segments, frame = tuple(s for s in layout.measured if s in receivers), np.arange(n_frames)
-    position_mm = rng.normal((200.0, 30.0, 40.0), 0.05, (n_frames, len(segments), 3))
-    position_mm += [receivers[segment] for segment in segments]
-    position_mm[..., 0] += 0.1 * frame[:, None]
-    valid = np.ones((n_frames, len(segments)), bool)
-    valid[UNSEEN, segments.index("index_distal")] = False
-    upright = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (*valid.shape, 4))
-    return Poses(segments, frame, frame / 240, position_mm, upright, valid)
-
-
-def _joint_rows(
-    layout: Layout,
-    model: SkeletonModel,
-    key: dict[str, str],
-    centres: dict[str, np.ndarray],
-    receivers: dict[str, np.ndarray],
-) -> list[Row]:
-    rows = []
-    bases = {name: 0.2 * centres[name.replace("cmc", "mcp")] for name in model.own_cmc if name not in centres}
-    for name, centre in (centres | bases).items():
-        joint = layout.joints[name]
-        failed, weak = spoiled(key) and name == "ring_dip", spoiled(key) and name == "little_dip"
-        status = "failed" if failed else "weak" if weak else "ok"
-        message = "too few frames (3)" if failed else ""
-        moved = centre + (np.array([40.0, -300.0, 60.0]) if weak and not model.planes.corrections else 0.0)
-        row = _who(key) | {"model": model.name, "joint": name, "dof": joint.dof, "n_frames": 300}
-        doubts = {AXIS_IN_PLANE: {"axis_plane_deg": 4.0, "slide_mm": 59.0}} if weak else {}
-        row |= {"source": "fit", "status": status, "message": message, "child_segment": joint.child}
-        row |= noted(doubts)
-        row |= {"parent_segment": "" if name == "wrist" else joint.parent_receiver}
-        if not failed and joint.child in receivers:
-            child = moved - receivers[joint.child]
-            row |= {f"child_{axis}_mm": value for axis, value in zip("xyz", child, strict=True)}
-            row |= {"range_deg": 41.23, "gap_rms_mm": 0.715, "axis_plane_deg": 4.0 if weak else 78.9}
-            row["sd_mm"] = 9.876 if weak else 1.234
-        if not failed and name != "wrist":
-            parent = moved - receivers[joint.parent_receiver]
-            row |= {f"parent_{axis}_mm": value for axis, value in zip("xyz", parent, strict=True)}
-        rows.append(judged_joint(row, layout.wanted_mm))
-    return rows
-
-
-def _bone_rows(
-    layout: Layout,
-    model: SkeletonModel,
-    key: dict[str, str],
-    centres: dict[str, np.ndarray],
-    joints: list[Row],
-) -> list[Row]:
-    rows, by_name = [], {row["joint"]: row for row in joints}
-    for digit in layout.digits.values():
-        for index, bone in enumerate(digit.segments):
-            length = float(np.linalg.norm(centres[digit.joints[-1]])) / (1 + index)
-            row = _who(key) | {"model": model.name, "digit": digit.name, "bone": bone, "driven_by": bone}
-            ends = (*digit.joints, DISTAL_RECEIVER if model.fitting is None else BONE_TIP)
-            row |= {"starts_at": ends[index], "ends_at": ends[index + 1]}
-            varies = 0.8 if bone.endswith("metacarpal") else None
-            numbers = {"length_mm": length, "sd_mm": 0.456, "sd_over_frames_mm": varies}
-            rows.append(
-                judged_bone(
-                    row | numbers | {"message": ""}, by_name, layout.wanted_mm, is_whole=is_whole(row, layout)
+def _skeleton_rows(
+    part: Part, model: SkeletonModel, n_frames: int, *, spoiled: bool
+) -> tuple[list[Row], list[Row]]:
+    """Return rows of joint_centres and bone_lengths: the true ones, with errors."""
+    truth = exact_hand(part.hand, n_frames)[1]
+    of_model = vars(part) | {"source": "fit", "message": ""}
+    of_model |= {"sd_mm": 1.234, "range_deg": 41.23, "gap_rms_mm": 0.715, "axis_plane_deg": 78.9}
+    numbers = [c.name for c in JOINT_CENTRES.columns if c.nullable and c.type == pa.float64()]
+    unseen, joints = dict.fromkeys(numbers), list[Row]()
+    rows = {row["joint"]: row for row in truth["joint_centres"]}
+    for name in (*rows, *(name for name in model.own_cmc if name not in rows)):
+        if name not in rows:  # the base of a finger, which no receiver sees
+            base = rows[name.replace("cmc", "mcp")]
+            on_hand = {column: 0.2 * base[column] for column in numbers if column.startswith("parent_")}
+            row = base | of_model | unseen | on_hand
+            joints.append(
+                judged_joint(
+                    row | {"joint": name, "child_segment": LAYOUT.joints[name].child}, LAYOUT.wanted_mm
                 )
             )
-    return rows
+            continue
+        row = rows[name] | of_model
+        if spoiled and name == "ring_dip":
+            row |= unseen | {"status": "failed", "message": "too few frames (3)"}
+        if spoiled and name == "little_dip":
+            moved = (0.0, 0.0, 0.0) if model.planes.corrections else (40.0, -300.0, 60.0)
+            for column in (f"{side}_{axis}_mm" for side in ("parent", "child") for axis in "xyz"):
+                row[column] += moved["xyz".index(column[-4])]
+            row |= noted({AXIS_IN_PLANE: {"axis_plane_deg": 4.0, "slide_mm": 59.0}})
+            row |= {"status": "weak", "axis_plane_deg": 4.0, "sd_mm": 9.876}
+        joints.append(judged_joint(row, LAYOUT.wanted_mm))
+    by_name, bones = {row["joint"]: row for row in joints}, []
+    for row in truth["bone_lengths"]:
+        row = row | vars(part) | {"sd_mm": 0.456}
+        if model.fitting is None and row["bone"].endswith("_distal"):
+            row["ends_at"] = DISTAL_RECEIVER
+        bones.append(judged_bone(row, by_name, LAYOUT.wanted_mm, is_whole=is_whole(row, LAYOUT)))
+    return joints, bones
 
 
-def _add_digit(
-    rows: Rows, key: dict[str, str], model: SkeletonModel, digit: str, n_frames: int, rng: np.random.Generator
+def _tip_errors_mm(model: SkeletonModel, n_frames: int, *, spoiled: bool) -> np.ndarray:
+    """Return errors (T, 5) of the replay: smooth, a few mm, gross where the little DIP joint is off."""
+    level = np.array([*LEVELS_MM.values()])
+    level[4] *= 15.0 if spoiled and not model.planes.corrections else 1.0
+    level[1:] *= 20.0 if model.metacarpals.unmeasured == "rest" else 1.0
+    time_s = np.arange(n_frames)[:, None] / 240
+    error = level * np.abs(1 + 0.4 * np.sin(1.7 * time_s + np.arange(5)) + 0.1 * np.sin(9 * time_s))
+    error[UNSEEN, 1] = np.nan
+    error[:, 3] *= np.nan if spoiled else 1.0
+    if model.fitting is not None:
+        error[PEAK_FRAME:][:1] += 40.0
+    return np.asarray(error + 0.5 * (model.name == SECOND_FIT))
+
+
+def _tip_error_rows(key: dict[str, str], error_mm: np.ndarray, *, spoiled: bool) -> Iterator[Row]:
+    for digit, errors in zip(DIGITS, error_mm.T, strict=True):
+        for binding, values in (("first-frame", np.abs(errors - errors[0])), ("least-squares", errors)):
+            row = key | {"digit": digit, "binding": binding, "held_out": False, "n_frames_total": len(errors)}
+            if spoiled and digit == "ring":
+                yield row | {"n_frames": 0, "message": "joint ring_dip failed"}
+                continue
+            finite = values[np.isfinite(values)]
+            row |= {f"{name}_mm": getattr(finite, name)() for name in ("max", "min", "mean")}
+            row |= {
+                "sd_mm": finite.std(),
+                "p95_mm": np.quantile(finite, 0.95),
+                "median_mm": np.median(finite),
+            }
+            yield row | {"n_frames": len(finite)}
+
+
+def _write_fit(
+    plan: SubjectPlan, part: Part, key: dict[str, str], n_frames: int, error_mm: np.ndarray
 ) -> None:
-    """Tip errors of one digit: smooth, a few mm, gross where the little DIP joint is off."""
-    who = {**key, "model": model.name, "digit": digit}
-    of_binding = who | {"n_frames_total": n_frames, "held_out": False, "message": ""}
-    if spoiled(key) and digit == "ring":
-        failed = of_binding | {"n_frames": 0, "message": "joint ring_dip failed"}
-        rows["tip_errors"] += [failed | {"binding": binding} for binding in ("first-frame", "least-squares")]
-        return
-    level = {"thumb": 3.0, "index": 5.0, "middle": 6.5, "ring": 6.8, "little": 9.0}[digit]
-    level *= 15.0 if spoiled(key) and digit == "little" and not model.planes.corrections else 1.0
-    level *= 20.0 if model.metacarpals.unmeasured == "rest" and digit != "thumb" else 1.0
-    time_s = np.arange(n_frames) / 240
-    noise = rng.normal(0, 0.03, n_frames)
-    error = level * np.abs(1 + 0.4 * np.sin(time_s * 1.7 + len(digit)) + 0.1 * np.sin(time_s * 9) + noise)
-    if digit == "index":
-        error[UNSEEN] = np.nan
-    first = np.abs(error - error[0])
-    rows["tips"] += [
-        {**who, "frame": k, "time_s": time_s[k], "error_mm": error[k], "error_first_frame_mm": first[k]}
-        for k in range(n_frames)
-    ]
-    for binding, values in (("first-frame", first), ("least-squares", error)):
-        finite = values[np.isfinite(values)]
-        row = of_binding | {"binding": binding, "n_frames": len(finite), "median_mm": np.median(finite)}
-        row |= {f"{name}_mm": getattr(finite, name)() for name in ("max", "min", "mean")}
-        rows["tip_errors"].append(row | {"sd_mm": finite.std(), "p95_mm": np.quantile(finite, 0.95)})
+    """Write the long tables of a fit: bones and tips as they truly were, the index finger's with its gap."""
+    truth = exact_hand(part.hand, n_frames)[0].truth
+    bone_mm = truth.bone_position_mm.copy()
+    bone_mm[UNSEEN, BONES.index("index_middle")] = np.nan
+    joints = [name for name in LAYOUT.joints if name != "wrist"]
+    frame, joint = np.ogrid[:n_frames, : len(joints)]
+    shift_deg = 3.0 * (part.model == SECOND_FIT)
+    turns = (20 + joint + 30 * np.sin(frame / 25 + joint), shift_deg - 3 + joint / 7 * np.cos(frame / 9))
+    angle_deg = np.stack(np.broadcast_arrays(*turns, -frame / 31), -1)
+    angle_deg[UNSEEN, [name.startswith("index") for name in joints]] = np.nan
+    for name, of, numbers in (
+        ("bone_poses", BONES, _by_axis("{}_mm", bone_mm)),
+        ("posed_tips", DIGITS, _by_axis("tip_{}_mm", truth.tip_mm) | {"error_mm": error_mm - 0.25}),
+        ("joint_angles", joints, dict(zip(ANGLES, np.moveaxis(angle_deg, -1, 0), strict=True))),
+    ):
+        with parts_writer(plan.table(name, part.hand, part.model), TABLES[name], NO_SOURCE) as writer:
+            elsewhere = {column: values + 1000.0 for column, values in numbers.items()}
+            _write_long(writer, part, key | {"task": "rom"}, of, n_frames, **elsewhere)
+            _write_long(writer, part, key, of, n_frames, **numbers)
 
 
-def _who(key: dict[str, str]) -> dict[str, str]:
-    return {"subject": key["subject"], "hand": key["hand"]}
+def _by_axis(name: str, position_mm: np.ndarray) -> dict[str, np.ndarray]:
+    return {name.format(axis): position_mm[..., i] for i, axis in enumerate("xyz")}
+
+
+def _write_long(
+    writer: Any, part: Part, key: dict[str, str], of: Sequence[str], n_frames: int, **numbers: np.ndarray
+) -> None:
+    """Write numbers (T, N) of a recording, by name of the N things and frame; a column not named is null."""
+    table: Table = writer._table
+    recorded = exact_hand(part.hand, n_frames)[0]
+    columns: dict[str, Any] = {c.name: np.full(n_frames * len(of), np.nan) for c in table.columns}
+    columns |= lacking_text(table) | vars(part) | {"task": key["task"]}
+    columns |= {name: np.tile(getattr(recorded, name), len(of)) for name in ("frame", "time_s")}
+    columns[next(name for name in ("digit", "segment", "joint") if name in columns)] = np.repeat(of, n_frames)
+    columns |= {name: values.T.ravel() for name, values in numbers.items()}
+    writer.columns(part, {column.name: columns[column.name] for column in table.columns})
 
 
 SCORES = ("replay_mean_mm", "posed_mean_mm", "left_out_mean_mm", "wrist_mcp_sd_mm")
@@ -294,81 +354,64 @@ TRUE_SCORES = ("metacarpal_deg", "true_tip_mean_mm")
 
 
 def score_rows(
-    key: dict[str, str], layout: Layout, models: list[SkeletonModel], *, simulated: bool
+    key: dict[str, str], models: Sequence[SkeletonModel], *, simulated: bool, spoiled: bool
 ) -> list[Row]:
-    """Rows of skeleton_scores: in-sample skeletons, with a truth held-out ones too, then references."""
-    rows: list[Row] = []
+    """Return rows of skeleton_scores: in-sample skeletons, with a truth held-out ones, then references."""
+    skeletons: list[tuple[str, str, bool, bool, list[float | None]]] = []
     for rank, model in enumerate(models):
-        fitted = model.fitting is not None
-        means = [0.7 + 0.1 * rank, 0.3 if fitted else None, 0.5 if fitted else 0.7 + 0.1 * rank, 0.9]
-        truth = [2.0 if fitted else 9.0, 1.5 if fitted else 10.0]
-        rows += _of_digits(key, layout, (model.name, "opposition", False, False), means, truth, simulated)
+        base = 0.7 + 0.1 * rank
+        means = [base, 0.3, 0.5, 0.9, 2.0, 1.5] if model.fitting else [base, None, base, 0.9, 9.0, 10.0]
+        skeletons.append((model.name, "opposition", False, False, means))
         if simulated:
-            worse = [None if value is None else value + 0.25 for value in means]
-            rows += _of_digits(key, layout, (model.name, "rom", True, False), worse, truth, simulated)
-    prior: list[float | None] = [None, 3.2, 5.6, 1.0]
-    rows += _of_digits(key, layout, ("prior-only", "", True, True), prior, [8.7, 3.9], simulated)
-    nothing: list[float | None] = [0.0, None, None, None]
-    rows += _of_digits(key, layout, ("distal-receiver", "", True, True), nothing, [None, 10.3], simulated)
+            worse = [None if value is None else value + 0.25 for value in means[:4]] + means[4:]
+            skeletons.append((model.name, "rom", True, False, worse))
+    skeletons.append(("prior-only", "", True, True, [None, 3.2, 5.6, 1.0, 8.7, 3.9]))
+    skeletons.append(("distal-receiver", "", True, True, [0.0, None, None, None, None, 10.3]))
     if simulated:
-        true: list[float | None] = [1.17, None, 1.17, 0.9]
-        rows += _of_digits(key, layout, ("true-skeleton", "", True, True), true, [0.0, 0.4], simulated)
+        skeletons.append(("true-skeleton", "", True, True, [1.17, None, 1.17, 0.9, 0.0, 0.4]))
+    rows = []
+    for *who, means in skeletons:
+        for index, digit in enumerate(DIGITS):
+            row = {**key, "digit": digit, "n_frames": 300, "message": ""}
+            row |= dict(zip(("model", "calibrated_on", "held_out", "reference"), who, strict=True))
+            rows.append(row)
+            if spoiled and digit == "ring" and not who[3]:
+                row |= {"n_frames": 0, "message": "joint ring_dip failed"}
+                continue
+            for name, value in zip((*SCORES, *(TRUE_SCORES if simulated else ())), means, strict=False):
+                row[name] = None if value is None else value * (1 + 0.1 * index)
+                if name.endswith("_mean_mm") and name != "posed_mean_mm":
+                    row[name.replace("mean", "p95")] = None if value is None else 2 * row[name]
     return rows
 
 
-def _of_digits(
-    key: dict[str, str],
-    layout: Layout,
-    who: tuple[str, str, bool, bool],
-    means: list[float | None],
-    truth: list[float | None],
-    simulated: bool,
-) -> Iterator[Row]:
-    names = (*SCORES, *TRUE_SCORES) if simulated else SCORES
-    for index, digit in enumerate(layout.digits):
-        row = {**key, "digit": digit, "n_frames": 300, "message": ""}
-        row |= dict(zip(("model", "calibrated_on", "held_out", "reference"), who, strict=True))
-        if spoiled(key) and digit == "ring" and not who[3]:
-            yield row | {"n_frames": 0, "message": "joint ring_dip failed"}
-            continue
-        for name, value in zip(names, [*means, *truth], strict=False):
-            row[name] = None if value is None else value * (1 + 0.1 * index)
-        for mean in ("replay", "left_out", "true_tip"):
-            value = row.get(f"{mean}_mean_mm")
-            row[f"{mean}_p95_mm"] = None if value is None else 2 * value
-        yield row
-
-
-def joint_error_rows(key: dict[str, str], layout: Layout, models: list[SkeletonModel]) -> list[Row]:
-    """Rows of joint_errors: each model made from either task, and prior-only, which states no error."""
-    skeletons = [(model.name, tasks) for model in models for tasks in ("opposition", "rom")] + [
-        ("prior-only", "")
-    ]
+def joint_error_rows(models: Sequence[str], *, spoiled: bool) -> list[Row]:
+    """Return rows of joint_errors: each model made from either task, and prior-only without stated error."""
     rows: list[Row] = []
-    for name, tasks in skeletons:
-        for index, joint in enumerate(seen_joints(layout)):
-            row = {**_who(key), "model": name, "calibrated_on": tasks, "joint": joint, "bone": ""}
+    skeletons = [(model, tasks) for model in models for tasks in ("opposition", "rom")]
+    for name, tasks in [*skeletons, ("prior-only", "")]:
+        for index, joint in enumerate(seen_joints()):
+            row = {"model": name, "calibrated_on": tasks, "joint": joint, "bone": ""}
             error = (0.12 if name == "whole-hand" else 0.6) * (index + 1)
-            if not (spoiled(key) and joint == "ring_dip"):
+            if not (spoiled and joint == "ring_dip"):
                 row |= {"error_mm": error, "along_mm": 0.8 * error, "across_mm": -0.6 * error}
                 row |= {"parent_error_mm": error, "bone": joint, "bone_error_percent": -error}
-                row |= {"axis_deg": 2 * error if layout.joints[joint].dof == 1 else None}
+                row |= {"axis_deg": 2 * error if LAYOUT.joints[joint].dof == 1 else None}
                 row |= {} if name == "prior-only" else {"within_95": error < 5, "sd_mm": 1.0}
             rows.append(row)
     return rows
 
 
-def receiver_rows(key: dict[str, str], layout: Layout, model: str) -> list[Row]:
-    """Rows of receivers, one loose on the spoiled hand."""
+def receiver_rows(*, spoiled: bool) -> list[Row]:
+    """Return rows of receivers, one loose on the spoiled hand."""
     rows: list[Row] = []
-    for segment in layout.measured:
-        row = {**_who(key), "model": model, "segment": segment, "status": "ok", "message": ""}
+    for segment in LAYOUT.measured:
+        row = {"segment": segment, "status": "ok", "residual_mm": 0.3, "residual_deg": 0.4}
         row |= {f"{name}_mm": 12.34 for name in ("along", "lateral", "height")}
         row |= {f"{name}_sd_mm": 0.56 for name in ("along", "lateral", "height")}
-        row |= {"residual_mm": 0.3, "residual_deg": 0.4, "loose_task": "", "loose_kind": ""}
         if segment.endswith("_distal"):
-            row["soft_tip_sd_mm"] = 2.57
-        if spoiled(key) and segment == "ring_middle":
+            row |= {"soft_tip_sd_mm": 2.57, "bone_tip_sd_mm": 2.5}
+        if spoiled and segment == "ring_middle":
             row |= {"loose_from_frame": 123, "loose_task": "opposition", "loose_shift_mm": 3.21}
             row |= {
                 "loose_kind": "step",
@@ -380,37 +423,22 @@ def receiver_rows(key: dict[str, str], layout: Layout, model: str) -> list[Row]:
     return rows
 
 
-def gain_rows(key: dict[str, str], model: str) -> list[Row]:
-    """Rows of gains, best first; the sixth and last must not be told."""
-    quantities = (
-        "middle_proximal.lateral",
-        "ring.touch",
-        "ring_middle.along",
-        "index_distal",
-        "thumb_proximal.height",
-        "little_middle.distal",
-    )
+def gain_rows() -> list[Row]:
+    """Return rows of gains, best first; the sixth and last must not be told."""
+    quantities = ("middle_proximal.lateral", "ring.touch", "ring_middle.along", "index_distal")
     rows: list[Row] = []
-    for index, quantity in enumerate(quantities):
+    for index, quantity in enumerate((*quantities, "thumb_proximal.height", "little_middle.distal")):
         digit = quantity.replace(".", "_").split("_")[0]
         joint = {"joint": f"{digit}_mcp", "joint_sd_before_mm": 1.94, "joint_sd_after_mm": 1.03}
         means = {"mean_sd_before_mm": 1.26, "mean_sd_after_mm": 1.21 + 0.01 * index}
-        rows.append({**_who(key), "model": model, "quantity": quantity, "sd_mm": 0.4, **means, **joint})
+        rows.append({"quantity": quantity, "sd_mm": 0.4, **means, **joint})
     return rows
 
 
-def seen_joints(layout: Layout) -> list[str]:
-    """Joints between two receivers that are always worn."""
-    return [
-        joint.name
-        for joint in layout.solvable
-        if not layout.segments[joint.parent_receiver].optional and not layout.segments[joint.child].optional
-    ]
-
-
-def spoiled(key: dict[str, str]) -> bool:
-    """Whether it is the hand on which things went wrong."""
-    return key["subject"] == "S01" and key["hand"] == "left"
+def seen_joints() -> list[str]:
+    """Return joints between two receivers that are always worn."""
+    optional = {name for name, segment in LAYOUT.segments.items() if segment.optional}
+    return [joint.name for joint in LAYOUT.solvable if not {joint.parent_receiver, joint.child} & optional]
 
 
 FIRST = "S001"
@@ -418,57 +446,57 @@ SCALED = ("skeleton_scores", "joint_errors", "bone_lengths")
 
 
 def many_subjects(
-    folder: Path, n_subjects: int, models: tuple[str, ...] = FITTED_MODELS, *, simulated: bool = True
-) -> tuple[Path, Path]:
-    """Write a study file, its sheet and its results; return the study file and the results folder."""
-    study, results = make_study(folder, n_frames=20, models=models, subjects=(FIRST,), simulated=simulated)
+    folder: Path, n_subjects: int, models: Sequence[str] = FITTED_MODELS, *, simulated: bool = True
+) -> MadeStudy:
+    """Write a study whose subjects are one, its numbers scaled; only the first has tables of its own."""
+    made = make_study(folder, models=models, subjects=(FIRST,), simulated=simulated)
     rng = np.random.default_rng(3)
     names = [f"S{index + 1:03}" for index in range(n_subjects)]
     header, *lines = (folder / "sheet.tsv").read_text("utf-8").splitlines()
     sheet = [header, *(line.replace(FIRST, name) for name in names for line in lines)]
-    (folder / "sheet.tsv").write_text("\n".join(sheet) + "\n", "utf-8")
+    write_text(folder / "sheet.tsv", "\n".join(sheet) + "\n")
     factors = {(name, model): rng.lognormal(0.0, 0.2) for name in names for model in models}
-    for table in STUDY_TABLES:
-        path = results / f"{table}.parquet"
-        rows = read_table(path, TABLES[table]).to_pylist()
+    for name in STUDY_TABLES:
+        table, path = TABLES[name], made.paths.study_table(name)
         scaled = [
             column.name
-            for column in TABLES[table].columns
-            if table in SCALED and column.name.endswith("_mm") and pa.types.is_floating(column.type)
+            for column in table.columns
+            if name in SCALED and column.name.endswith("_mm") and pa.types.is_floating(column.type)
         ]
         repeated = []
-        for name in names:
+        rows = read_table(path, table).to_pylist()
+        for subject in names:
             for row in rows:
-                factor = factors.get((name, row.get("model", "")), 1.0)
+                factor = factors.get((subject, row.get("model", "")), 1.0)
                 numbers = {column: factor * row[column] for column in scaled if row[column] is not None}
-                repeated.append(row | {"subject": name} | numbers)
-        write(path, TABLES[table], repeated)
-    compare_study(read_study(study), Results(results))
-    return study, results
-
-
-def scored_study(results: StudyResults) -> ScoredStudy:
-    """What the stage reads of these results."""
-    return ScoredStudy(
-        subjects=tuple(results.subjects),
-        models=results.models,
-        layouts=results.layouts,
-        scores=_frame(SKELETON_SCORES, results.counted(results.scores)),
-        errors=_frame(JOINT_ERRORS, results.counted(results.joint_errors)),
-        recordings=_frame(RECORDINGS, results.recording_rows),
-    )
+                repeated.append(row | {"subject": subject} | numbers)
+        write(path, table, repeated)
+    many = MadeStudy(made.file, made.folder)
+    compare_study(many.study, many.paths)
+    return many
 
 
 def compared(results: StudyResults) -> StudyResults:
+    """Return the results with their models compared anew."""
     return with_comparisons(results, compare_models(scored_study(results)))
 
 
+def scored_study(results: StudyResults) -> ScoredStudy:
+    """Return what the stage reads of these results."""
+    tables = {
+        "skeleton_scores": results.counted(results.scores),
+        "joint_errors": results.counted(results.joint_errors),
+        "recordings": results.recording_rows,
+    }
+    frames = [
+        pd.DataFrame.from_records(rows, columns=[column.name for column in TABLES[name].columns])
+        for name, rows in tables.items()
+    ]
+    return ScoredStudy(tuple(results.subjects), results.models, results.layouts, *frames)
+
+
 def with_comparisons(results: StudyResults, models: ComparedModels) -> StudyResults:
-    """The results with these comparisons, every column as the tables have it."""
+    """Return the results with these comparisons, every column as the tables have it."""
     empty = dict.fromkeys(("interval_95_low", "interval_95_high", "effect_size", "p"))
     differences = [empty | row for row in models.differences]
     return replace(results, model_values=models.values, model_differences=differences)
-
-
-def _frame(table: Table, rows: list[Row]) -> pd.DataFrame:
-    return pd.DataFrame.from_records(rows, columns=[column.name for column in table.columns])

@@ -1,19 +1,15 @@
-"""Pages rendered from a made-up study, whole or one part of one; and read back, as tables and tags."""
+"""Pages read back, as tables and tags, and one of a moving hand alone."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from typing import Any
 
 from shukotsu.report.hand_motion import HandMotion
-from shukotsu.report.study_page import render_study
-from shukotsu.report.study_results import StudyResults
-from shukotsu.report.subject_page import render_subject
 from shukotsu.report.templates import ENVIRONMENT, render
 from shukotsu.report.viewer import view_of
-from shukotsu.study.study import Study
 
 VOID = {"meta", "br", "hr", "link", "img", "input"}
 
@@ -83,29 +79,6 @@ def table_called(page: str, caption: str) -> ReadTable:
     """The one table with that caption."""
     (captioned,) = [table for table in read_page(page).tables if table.caption == caption]
     return captioned
-
-
-ROWS = [
-    field.name
-    for field in fields(StudyResults)
-    if field.type == "list[Row]" and not field.name.startswith("model_")
-]
-
-
-def of_subject(results: StudyResults, subject: str) -> StudyResults:
-    """The same results, of one subject, without problems: those of the study are not the subject's."""
-    rows = {name: [row for row in getattr(results, name) if row["subject"] == subject] for name in ROWS}
-    recordings = tuple(recording for recording in results.recordings if recording.hand.subject == subject)
-    return replace(results, recordings=recordings, **rows | {"problems": []})
-
-
-def subject_page(results: StudyResults, subject: str) -> str:
-    return render_subject(of_subject(results, subject))
-
-
-def whole_report(results: StudyResults, study: Study) -> str:
-    pages = [render_study(results, study), *(subject_page(results, name) for name in results.subjects)]
-    return "".join(pages)
 
 
 PAGE = """{% extends "base.html.j2" %}{% block title %}{{ title }}{% endblock %}

@@ -15,16 +15,15 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from report_samples.made_study import FITTED_MODELS, make_study, scored_study
+from report_samples.made_study import FITTED_MODELS, MadeStudy, make_study, scored_study
 from stage_runs import compare_models as main
 
-from shukotsu.report.study_results import StudyResults, read_results
+from shukotsu.report.study_results import StudyResults
 from shukotsu.scores import comparisons
 from shukotsu.scores.comparisons import ALL_DIGITS, NOT_SCORED, ComparedModels, compare_models
 from shukotsu.scores.observations import METRICS, Metric, Observation, ScoredStudy, observations
 from shukotsu.study.model import read_model
 from shukotsu.study.results import MODEL_COMPARISONS, Results
-from shukotsu.study.study import read_study
 from shukotsu.tables.catalogue import PROBLEMS, TABLES
 from shukotsu.tables.typed_table import Provenance, columns_from_rows, read_metadata, read_table, write_table
 
@@ -134,15 +133,15 @@ def test_comparisons_with_one_model_are_corrected_together(monkeypatch: pytest.M
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Return the file and the results of a simulated study with a model that fits the whole hand."""
+def study(tmp_path_factory: pytest.TempPathFactory) -> MadeStudy:
+    """Return a simulated study with a model that fits the whole hand."""
     folder = tmp_path_factory.mktemp("fitted")
-    return make_study(folder, n_frames=20, models=FITTED_MODELS, subjects=("S01",), simulated=True)
+    return make_study(folder, models=FITTED_MODELS, subjects=("S01",), simulated=True)
 
 
 @pytest.fixture(scope="module")
-def fitted(study: tuple[Path, Path]) -> StudyResults:
-    return read_results(read_study(study[0]), study[1])
+def fitted(study: MadeStudy) -> StudyResults:
+    return study.results
 
 
 def seen_in(results: StudyResults, metric: Metric, *names: str, held_out: bool = True) -> pd.DataFrame:
@@ -182,12 +181,12 @@ def test_joint_errors_are_those_of_skeletons_that_are_judged(fitted: StudyResult
     assert both[1] == pytest.approx(both[0] + 100.0)
 
 
-def test_tables_are_written_and_a_suspect_hand_is_in_none(study: tuple[Path, Path], tmp_path: Path) -> None:
+def test_tables_are_written_and_a_suspect_hand_is_in_none(study: MadeStudy, tmp_path: Path) -> None:
     """By the stage: with a finding against a hand of the subject, what is left are the other's recordings."""
-    results = Results(Path(shutil.copytree(study[1], tmp_path / "results")))
+    results = Results(Path(shutil.copytree(study.folder, tmp_path / "results")))
 
     def count() -> int:
-        assert main(["--study", str(study[0]), "--results", str(results.folder)]) == 0
+        assert main(["--study", str(study.file), "--results", str(results.folder)]) == 0
         rows = read_table(results.study_table("model_pairs"), TABLES["model_pairs"]).to_pylist()
         keys = ("S01", ALL_DIGITS, *PAIR)
         names = ("subject", "digit", "model", "other")

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.container import BarContainer
-from report_samples.hand_tables import part_of, write_parts
-from report_samples.made_study import compared
+from report_samples.made_study import ANGLES, FITTED_MODELS, MadeStudy, compared
 from report_samples.pages import rows_where
 
 from shukotsu.report.figures.panels import page_figure
@@ -27,9 +26,6 @@ from shukotsu.report.study_results import StudyResults
 from shukotsu.study.results import STUDY_FIGURES
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import JOINT_ANGLES, TIPS
-from shukotsu.tables.typed_table import read_table
-
-MODELS = ("paper-fig4", "whole-hand")
 
 
 def names_of(axes: Axes) -> list[str]:
@@ -47,10 +43,10 @@ def dots_of(axes: Axes) -> dict[int, dict[str, float]]:
     }
 
 
-def test_a_dot_is_a_subject_and_the_mark_its_mean(simulated: StudyResults) -> None:
+def test_a_dot_is_a_subject_and_the_mark_its_mean(twelve: StudyResults) -> None:
     """As model_values has them; a line goes through the dots of one subject."""
-    judged = {each.metric: each for each in judged_models(simulated)}
-    drawn = models(simulated)[0].axes
+    judged = {each.metric: each for each in judged_models(twelve)}
+    drawn = models(twelve)[0].axes
     for axes, metric in zip(drawn, (REPLAY, "error_mm", "true_tip_mean_mm"), strict=True):
         rows = names_of(axes)
         dots = {rows[row]: numbers for row, numbers in dots_of(axes).items()}
@@ -59,28 +55,29 @@ def test_a_dot_is_a_subject_and_the_mark_its_mean(simulated: StudyResults) -> No
         np.testing.assert_allclose(np.ravel(means), [np.mean(list(dots[name].values())) for name in rows])
         through = np.asarray(axes.lines[-1].get_xdata(), float).reshape(-1, len(rows) + 1)
         np.testing.assert_allclose(through[:, 0], list(dots[rows[0]].values()))
-        assert "n = 8 subjects, held out" in models(simulated)[1]
+        assert "n = 12 subjects, held out" in models(twelve)[1]
 
 
-def test_without_a_truth_fitted_hands_stand_apart(simulated: StudyResults) -> None:
+def test_without_a_truth_fitted_hands_stand_apart(twelve: StudyResults) -> None:
     """Left-out errors are of fitted hands and anatomy alone; a replay's are not one test with theirs."""
-    blind = [{**row, "true_tip_mean_mm": None} for row in simulated.scores]
-    figure, caption = models(compared(replace(simulated, scores=blind, joint_errors=[])))
+    blind = [{**row, "true_tip_mean_mm": None} for row in twelve.scores]
+    figure, caption = models(compared(replace(twelve, scores=blind, joint_errors=[])))
     replay, left_out = figure.axes
     assert "replay" in replay.get_xlabel()
-    assert names_of(replay) == list(MODELS)
+    assert names_of(replay) == list(FITTED_MODELS)
     assert names_of(left_out) == ["whole-hand", "prior-only"]
     assert "not where they are" in caption
 
 
-def test_joint_errors_and_stated_ones_are_the_tables(simulated: StudyResults) -> None:
-    axes = joint_errors(simulated)[0].axes[1]
-    rows = rows_where(simulated.joint_errors, model="whole-hand", calibrated_on="rom")
+def test_joint_errors_and_stated_ones_are_the_tables(twelve: StudyResults) -> None:
+    axes = joint_errors(twelve)[0].axes[1]
+    rows = rows_where(twelve.joint_errors, model="whole-hand", calibrated_on="rom")
     for row, joint in enumerate(names_of(axes)):
         errors = [each["error_mm"] for each in rows_where(rows, joint=joint) if each["error_mm"] is not None]
         np.testing.assert_allclose(sorted(dots_of(axes)[row].values()), sorted(errors))
     levels = [lines.get_segments()[0] for lines in axes.collections]  # type: ignore[attr-defined]
-    assert [[1.0, -0.4], [1.0, 0.4]] in [level.tolist() for level in levels]
+    stated_mm = np.median([row["sd_mm"] for row in rows_where(rows, joint="thumb_cmc")])
+    assert [[stated_mm, -0.4], [stated_mm, 0.4]] in [level.tolist() for level in levels]
 
 
 def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
@@ -95,16 +92,16 @@ def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
     assert shares["index_pip"][0] == 75
 
 
-def test_bones_have_their_length_and_stated_error(simulated: StudyResults) -> None:
+def test_bones_have_their_length_and_stated_error(twelve: StudyResults) -> None:
     bones = [
         {**row, "length_mm": 40.0 + index % 7, "sd_mm": 0.5} if row["model"] == "whole-hand" else row
-        for index, row in enumerate(simulated.bones)
+        for index, row in enumerate(twelve.bones)
     ]
-    panel = lengths_panel(replace(simulated, bones=bones), simulated.sessions[2], "whole-hand")
+    panel = lengths_panel(replace(twelve, bones=bones), twelve.sessions[2], "whole-hand")
     assert panel is not None
     axes = page_figure(panel).axes[0]
     drawn = [float(np.asarray(line.get_xdata())[0]) for line in axes.lines]
-    expected = [row["length_mm"] for row in rows_where(bones, model="whole-hand", subject="S2")]
+    expected = [row["length_mm"] for row in rows_where(bones, model="whole-hand", subject="S003")]
     np.testing.assert_allclose(sorted(drawn), sorted(expected))
     reaches = [np.ptp(bars.get_segments()[0][:, 0]) for bars in axes.collections]  # type: ignore[attr-defined]
     np.testing.assert_allclose(reaches, 1.0)
@@ -112,8 +109,8 @@ def test_bones_have_their_length_and_stated_error(simulated: StudyResults) -> No
     assert 0 < faces.count(PAPER) < len(faces)
 
 
-def test_a_study_without_any_score_says_so(simulated: StudyResults) -> None:
-    empty = compared(replace(simulated, scores=[], joint_errors=[], joints=[], bones=[]))
+def test_a_study_without_any_score_says_so(twelve: StudyResults) -> None:
+    empty = compared(replace(twelve, scores=[], joint_errors=[], joints=[], bones=[]))
     with pytest.raises(NoDataError, match="no model of this study has a score"):
         models(empty)
     drawings = list(of_study(empty))
@@ -149,11 +146,10 @@ def test_a_missing_frame_breaks_a_line_of_few_frames(n: int, breaks: int) -> Non
     assert np.isnan(trace.high).sum() == breaks
 
 
-def test_tip_errors_are_the_tables_and_break_at_the_gap(results: StudyResults, recording: Recording) -> None:
-    figure, caption = tip_error(results, recording)
+def test_tip_errors_are_the_tables_and_break_at_the_gap(study: MadeStudy, recording: Recording) -> None:
+    figure, caption = tip_error(study.results, recording)
     line = next(line for line in figure.axes[1].lines if line.get_color() == COLOURS[2])
-    data = read_table(results.paths.study_table("tips"), TIPS).to_pylist()
-    rows = rows_where(data, subject="S01", hand="right", model="paper-fig4", digit="index")
+    rows = study.rows(TIPS, "paper-fig4", digit="index")
     largest = max(row["error_mm"] for row in rows if row["error_mm"] is not None)
     assert np.nanmax(line.get_ydata()) == largest
     assert np.isnan(line.get_ydata()).sum() == 1
@@ -162,23 +158,15 @@ def test_tip_errors_are_the_tables_and_break_at_the_gap(results: StudyResults, r
     assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "", "", "Device time [s]"]
 
 
-def test_joint_angles_are_the_tables(simulated: StudyResults) -> None:
-    recording = find_recording(simulated, "S0", "left", "opposition")
-    path = simulated.fit_table(recording.hand, "whole-hand", "joint_angles")
-    key = {"subject": "S0", "hand": "left", "task": "opposition", "trial": "", "model": "whole-hand"}
-    rows = [
-        {**key, "joint": joint, "frame": frame,
-         "flexion_deg": 3.0 * frame, "abduction_deg": -1.0, "rotation_deg": 0.5}
-        for joint in ("wrist", "ring_cmc", "ring_mcp", "index_pip")
-        for frame in range(12)
-    ]  # fmt: skip
-    write_parts(path, JOINT_ANGLES, {part_of(recording.hand, "whole-hand"): rows})
-    try:
-        figure, caption = joint_angles(simulated, recording, "whole-hand")
-    finally:
-        path.unlink()
-    assert [axes.get_title("right") for axes in figure.axes] == ["index_pip", "ring_cmc", "ring_mcp", "wrist"]
-    flexion = figure.axes[0].lines[1]
-    np.testing.assert_allclose(np.unique(flexion.get_ydata()), 3.0 * np.arange(12))
-    assert np.isclose(np.asarray(flexion.get_xdata())[-1], 11 / 240, atol=0.6 / 240)
-    assert "n = 12 frames" in caption
+def test_joint_angles_are_the_tables(study: MadeStudy, recording: Recording) -> None:
+    figure, caption = joint_angles(study.results, recording, "whole-hand")
+    axes_of = {axes.get_title("right"): axes for axes in figure.axes}
+    assert list(axes_of)[:3] == ["thumb_cmc", "thumb_mcp", "thumb_ip"]
+    for joint in ("index_pip", "ring_cmc"):
+        rows = study.rows(JOINT_ANGLES, "whole-hand", joint=joint, task="opposition")
+        for line, name in zip(axes_of[joint].lines[1:], ANGLES, strict=True):
+            largest = max(row[name] for row in rows if row[name] is not None)
+            assert np.nanmax(np.asarray(line.get_ydata(), float)) == largest
+    times_s = np.asarray(axes_of["ring_cmc"].lines[1].get_xdata(), float)
+    assert np.isclose(times_s[-1] - times_s[0], 299 / 240, atol=3 / 240)
+    assert "n = 300 frames" in caption

@@ -11,16 +11,15 @@ from xml.etree import ElementTree
 
 import pytest
 from matplotlib.figure import Figure
-from report_samples.hand_tables import write_tips
-from report_samples.made_study import FITTED_MODELS, make_study
+from report_samples.made_study import MadeStudy, make_study, many_subjects
 from stage_runs import print_figures
 
 from shukotsu.report.figures.panels import Panel, Row, Scale, draw_rows, print_figure
-from shukotsu.report.figures.study_figures import Drawing, drawn, save
+from shukotsu.report.figures.study_figures import Drawing, drawn, of_study, save
 from shukotsu.report.figures.style import label
 from shukotsu.report.palette import Look
-from shukotsu.study.results import FIGURE_KINDS, STUDY_FIGURES, Results
-from shukotsu.study.study import read_study
+from shukotsu.report.study_results import StudyResults
+from shukotsu.study.results import FIGURE_KINDS, STUDY_FIGURES
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 NAMES = sorted(f"{name}.{kind}" for name in STUDY_FIGURES for kind in FIGURE_KINDS)
@@ -31,8 +30,8 @@ def run(*words: str) -> int:
     return print_figures(words)
 
 
-def words_of(study: tuple[Path, Path], out: Path) -> list[str]:
-    return ["--study", str(study[0]), "--results", str(study[1]), "--out", str(out)]
+def words_of(study: MadeStudy, out: Path) -> list[str]:
+    return ["--study", str(study.file), "--results", str(study.folder), "--out", str(out)]
 
 
 def texts(svg: Path) -> list[str]:
@@ -43,14 +42,7 @@ def texts(svg: Path) -> list[str]:
 def test_two_processes_write_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One of them with other hashes, in another time zone and later."""
     first, second = tmp_path / "first", tmp_path / "second"
-    files = make_study(
-        tmp_path,
-        n_frames=12,
-        models=FITTED_MODELS,
-        subjects=("S1", "S2", "S3"),
-        simulated=True,
-        compared=True,
-    )
+    files = many_subjects(tmp_path, 3)
     assert run(*words_of(files, first)) == 0
     (line,) = capsys.readouterr().err.splitlines()
     assert STUDY_FIGURES[-1] in line, "no movement here"
@@ -63,11 +55,16 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path, capsys: pytest.Captu
         assert (first / name).read_bytes() == (second / name).read_bytes(), name
 
 
+@pytest.fixture(scope="module")
+def drawings(twelve: StudyResults) -> dict[str, Drawing]:
+    return {drawing.name: drawing for drawing in of_study(twelve)}
+
+
 @pytest.mark.parametrize(
     ("name", "labels"),
     [
-        ("models", ("Joint against the truth [mm]", "n = 8 subjects, held out", "whole-hand", "a")),
-        ("joint-errors", ("Joint error [mm]", "whole-hand; n = 15 hands", "thumb_cmc")),
+        ("models", ("Joint against the truth [mm]", "n = 12 subjects, held out", "whole-hand", "a")),
+        ("joint-errors", ("Joint error [mm]", "whole-hand; n = 24 hands", "thumb_cmc")),
         ("joint-trust", ("Hands [%]", "ring_dip")),
     ],
 )
@@ -86,19 +83,22 @@ def test_text_stays_text_and_the_page_has_the_columns_width(
     assert (tmp_path / f"{name}.txt").read_text("utf-8") == drawings[name].caption + "\n"
 
 
-@pytest.mark.parametrize("name", ["山田", "$x_1$", r"\frac{1}", "<&>\"'", "a\tb\x07", "𝒳🖐", "é–Ω"])
-def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path, name: str) -> None:
+def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path) -> None:
+    as_they_are = ["$x_1$", r"\frac{1}", "<&>\"'", "é–Ω"]
+    names = [*as_they_are, "山田", "a\tb\x07", "𝒳🖐"]
+
     def named() -> tuple[Figure, str]:
-        draw = partial(draw_rows, rows=[Row(name, Look("black", "o"))], axis="mm", scale=Scale(0.0, 1.0))
-        return print_figure([[Panel("", "", 3.6, 9.0, draw)]], figure_mm=60.0), name
+        rows = [Row(name, Look("black", "o")) for name in names]
+        draw = partial(draw_rows, rows=rows, axis="mm", scale=Scale(0.0, 1.0))
+        return print_figure([[Panel("", "", 3.6 * len(rows), 9.0, draw)]], figure_mm=60.0), ";".join(names)
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         save(tmp_path, drawn("named", named))
-    assert label(name) in texts(tmp_path / "named.svg")
-    assert (tmp_path / "named.txt").read_text("utf-8").startswith(name)
-    assert (label(name) == name) == (name in {"$x_1$", r"\frac{1}", "<&>\"'", "é–Ω"})
-    assert label(name).isprintable()
+    assert {*map(label, names)} <= {*texts(tmp_path / "named.svg")}
+    assert (tmp_path / "named.txt").read_text("utf-8").startswith(";".join(names))
+    assert [name for name in names if label(name) == name] == as_they_are
+    assert all(label(name).isprintable() for name in names)
 
 
 @pytest.mark.slow
@@ -106,8 +106,7 @@ def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     subject = "山田 $x_1$ \\frac"
-    study = make_study(tmp_path, n_frames=12, models=("paper-fig4",), subjects=(subject,))
-    write_tips(read_study(study[0]), Results(study[1]))
+    study = make_study(tmp_path, models=("paper-fig4",), subjects=(subject,))
     out = tmp_path / "figures"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -123,9 +122,9 @@ def test_a_hostile_study_and_its_recording_are_drawn_without_a_warning(
 
 
 def test_a_failure_is_a_sentence_or_is_drawn(
-    made: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    study: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    words = words_of((made[0], tmp_path), tmp_path / "figures")
+    words = words_of(MadeStudy(study.file, tmp_path), tmp_path / "figures")
     expected = f"{tmp_path}/recordings.parquet: no such file; expected a recordings table"
     assert run(*words) == 2
     assert capsys.readouterr().err == f"error: {expected}\n"

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import pytest
-from report_samples.made_study import HOSTILE
+from report_samples.made_study import HOSTILE, MadeStudy
 from report_samples.pages import read_page, table_called
 
 from shukotsu.report.recording_page import recording_page
 from shukotsu.report.recording_results import read_recording
 from shukotsu.study.model import read_model
 from shukotsu.tables.catalogue import JOINT_CENTRES, JOINT_SOLUTIONS, TIP_ERRORS
+
+
+@pytest.fixture(scope="module")
+def recorded(study: MadeStudy) -> str:
+    """The page of S01's right hand."""
+    return recording_page(study.recording_results())
+
 
 TITLE = "Subject S01, right hand, opposition"
 
@@ -27,10 +33,12 @@ def cells(number: float | None, decimals: int) -> str:
 
 
 @pytest.mark.parametrize("model", ["paper-fig4", "whole-hand"])
-def test_what_the_calibration_says_is_what_the_tables_say(hands: Any, page: str, model: str) -> None:
-    table = table_called(page, f"What the calibration says of each joint, {model}.")
-    values = {row["joint"]: row["singular_values"] for row in hands.rows(model, JOINT_SOLUTIONS)}
-    rows = hands.rows(model, JOINT_CENTRES)
+def test_what_the_calibration_says_is_what_the_tables_say(
+    study: MadeStudy, recorded: str, model: str
+) -> None:
+    table = table_called(recorded, f"What the calibration says of each joint, {model}.")
+    values = {row["joint"]: row["singular_values"] for row in study.rows(JOINT_SOLUTIONS, model)}
+    rows = study.rows(JOINT_CENTRES, model)
     assert [row[0] for row in table.rows[1:]] == [row["joint"] for row in rows]
     for shown, row in zip(table.rows[1:], rows, strict=True):
         gaps = [cells(row[name], 2) for name in ("gap_rms_mm", "gap_rms_free_mm", "sd_mm")]
@@ -39,9 +47,9 @@ def test_what_the_calibration_says_is_what_the_tables_say(hands: Any, page: str,
         assert shown[2:] == [*gaps, *counts, *singular, row["message"]]
 
 
-def test_tip_errors_in_numbers_are_the_tables_rows(hands: Any, page: str) -> None:
-    table = table_called(page, f"Tip error of the replay, {TITLE}.")
-    rows = [row for model in hands.study.models for row in hands.rows(model, TIP_ERRORS)]
+def test_tip_errors_in_numbers_are_the_tables_rows(study: MadeStudy, recorded: str) -> None:
+    table = table_called(recorded, f"Tip error of the replay, {TITLE}.")
+    rows = [row for model in study.study.models for row in study.rows(TIP_ERRORS, model)]
     assert len(table.rows) == len(rows) + 1 > 20
     for shown, row in zip(table.rows[1:], rows, strict=True):
         names = ("mean_mm", "sd_mm", "median_mm", "p95_mm", "max_mm", "min_mm")
@@ -50,10 +58,10 @@ def test_tip_errors_in_numbers_are_the_tables_rows(hands: Any, page: str) -> Non
         assert shown[:11] == [row["model"], row["digit"], row["binding"], *numbers, *counts]
 
 
-def test_a_model_without_results_is_left_out_with_the_reason(hands: Any) -> None:
-    subject = hands.subject()
+def test_a_model_without_results_is_left_out_with_the_reason(study: MadeStudy) -> None:
+    subject = study.subject()
     models = {"paper-fig4": subject.models["paper-fig4"], "rigid": read_model("rigid")}
-    results = read_recording(replace(subject, models=models), hands.recording())
+    results = read_recording(replace(subject, models=models), study.recording())
     assert [model.name for model in results.models] == ["paper-fig4"]
     assert results.left_out["rigid"]
     page = recording_page(replace(results, left_out={"rigid": "no hand <was> fitted"}))
@@ -63,9 +71,10 @@ def test_a_model_without_results_is_left_out_with_the_reason(hands: Any) -> None
     assert 'data-plot="angles"' not in page
 
 
-def test_poses_that_failed_leave_a_page_that_says_so(hands: Any) -> None:
-    results = hands.results(HOSTILE, "left")
+def test_poses_that_failed_leave_a_page_that_says_so(study: MadeStudy) -> None:
+    results = study.recording_results(HOSTILE, "left")
     assert results.motion is None
     text = text_of(recording_page(results))
-    assert "Nothing moves here. left.csv: row 7 <is> not a number" in text
+    assert "Nothing moves here. opposition-A" in text
+    assert "-left.csv: row 7, column x_mm: 'n/a' is <not> a number" in text
     assert "Right hand, same task" in text

@@ -6,8 +6,9 @@ import base64
 import json
 import re
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
+from report_samples.made_study import FITTED_MODELS, MadeStudy, make_study
 from report_samples.pages import page_of_viewer
 
 from shukotsu.hand.rotations import matrix
@@ -68,8 +70,9 @@ def points_in(header: dict[str, Any], blocks: dict[str, np.ndarray], index: int)
     return np.stack([turns[:, carrier] @ point + receivers[:, carrier] for carrier, point in seats], 1)
 
 
-def test_a_motion_comes_back_to_the_stated_errors(known: Any) -> None:
-    motion = known.motion("paper-fig4", "whole-hand", "paper-fig3")
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_motion_comes_back_to_the_stated_errors(study: MadeStudy, side: str) -> None:
+    motion = study.motion(side, "paper-fig4", "whole-hand", "paper-fig3")
     header, blocks = header_of(motion)
     for index, skeleton in enumerate(motion.skeletons):
         off = np.linalg.norm(points_in(header, blocks, index) - skeleton.position_mm, axis=-1)
@@ -84,8 +87,8 @@ def test_a_motion_comes_back_to_the_stated_errors(known: Any) -> None:
     np.testing.assert_array_equal(blocks["frame"][:, 0, 0], motion.frame)
 
 
-def test_the_view_holds_the_hand_and_not_what_is_far_off(right: Any) -> None:
-    motion = right.motion("paper-fig4")
+def test_the_view_holds_the_hand_and_not_what_is_far_off(study: MadeStudy) -> None:
+    motion = study.motion("right", "paper-fig4")
     header, _ = header_of(motion)
     skeleton = motion.skeletons[0]
     position = skeleton.position_mm.copy()
@@ -97,16 +100,16 @@ def test_the_view_holds_the_hand_and_not_what_is_far_off(right: Any) -> None:
 
 @pytest.mark.slow
 def test_a_recording_as_long_as_the_papers_is_small_under_seven_models(
-    make_known: Callable[[str, int], Any],
+    tmp_path: Path,
 ) -> None:
-    motion = make_known("right", 3774).motion("paper-fig4", "whole-hand")
+    motion = make_study(tmp_path, models=FITTED_MODELS, subjects=("S01",), n_frames=3774).motion("right")
     many = replace(motion, skeletons=motion.skeletons[:1] * 6 + motion.skeletons[1:])
     assert len(motion_text(motion)) < 800_000
     assert len(motion_text(many)) < 1_300_000
 
 
-def test_the_data_stand_in_the_page_once_behind_a_still_picture(right: Any) -> None:
-    page = page_of_viewer("Right hand", right.motion("paper-fig4", "whole-hand"))
+def test_the_data_stand_in_the_page_once_behind_a_still_picture(study: MadeStudy) -> None:
+    page = page_of_viewer("Right hand", study.motion("right", "paper-fig4", "whole-hand"))
     (data,) = re.findall(r'<script type="application/json">(.*?)</script>', page, re.DOTALL)
     assert [skeleton["model"] for skeleton in json.loads(data)["skeletons"]] == ["paper-fig4", "whole-hand"]
     assert len(page) < len(data) + 80_000
@@ -117,8 +120,8 @@ def test_the_data_stand_in_the_page_once_behind_a_still_picture(right: Any) -> N
     assert live.split(">")[0].endswith(" hidden")
 
 
-def test_the_still_picture_is_of_the_most_open_whole_frame(right: Any) -> None:
-    motion = right.motion("paper-fig4")
+def test_the_still_picture_is_of_the_most_open_whole_frame(study: MadeStudy) -> None:
+    motion = study.motion("right", "paper-fig4")
     skeleton, valid = motion.skeletons[0], np.isfinite(motion.receiver_mm).all((1, 2))
     tips = skeleton.position_mm[:, [skeleton.points.index(f"{digit}_tip") for digit in motion.digits]]
     reach = np.linalg.norm(tips - motion.receiver_mm[:, [motion.base]], axis=-1).sum(1)
