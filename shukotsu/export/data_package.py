@@ -14,7 +14,7 @@ import pyarrow.csv as pc
 from shukotsu.errors import InputError
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.tables.catalogue import TABLES
-from shukotsu.tables.typed_table import Column, Table, read_row_groups
+from shukotsu.tables.typed_table import Table, read_row_groups
 from shukotsu.tables.whole_files import file_sha256, replacing, write_text
 
 FOLDER = "tables"
@@ -57,22 +57,6 @@ def _write_csv(path: Path, table: Table, out: Path) -> dict[str, Any]:
                     cells = [None if c is None else json.dumps(c) for c in rows.column(index).to_pylist()]
                     rows = rows.set_column(index, column.name, pa.array(cells, pa.string()))
             pc.write_csv(rows, stream, options)
-    return {
-        "profile": "tabular-data-resource",
-        "name": table.name,
-        "path": out.name,
-        "description": f"A row: {table.row}.",
-        "format": "csv",
-        "mediatype": "text/csv",
-        "encoding": "utf-8",
-        "bytes": out.stat().st_size,
-        "hash": f"sha256:{file_sha256(out)}",
-        "schema": table_schema(table.columns, table.key),
-    }
-
-
-def table_schema(columns: Sequence[Column], key: Sequence[str]) -> dict[str, Any]:
-    """Return the Table Schema of some columns; units stand beside, which the standard has no word for."""
     fields = [
         {
             "name": column.name,
@@ -84,6 +68,21 @@ def table_schema(columns: Sequence[Column], key: Sequence[str]) -> dict[str, Any
                 {} if column.nullable or str(column.type) == "string" else {"constraints": {"required": True}}
             ),
         }
-        for column in columns
+        for column in table.columns
     ]
-    return {"fields": fields, "missingValues": [""], **({"primaryKey": list(key)} if key else {})}
+    return {
+        "profile": "tabular-data-resource",
+        "name": table.name,
+        "path": out.name,
+        "description": f"A row: {table.row}.",
+        "format": "csv",
+        "mediatype": "text/csv",
+        "encoding": "utf-8",
+        "bytes": out.stat().st_size,
+        "hash": f"sha256:{file_sha256(out)}",
+        "schema": {
+            "fields": fields,  # with units, which the standard has no word for
+            "missingValues": [""],
+            **({"primaryKey": list(table.key)} if table.key else {}),
+        },
+    }

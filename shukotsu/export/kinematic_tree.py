@@ -221,20 +221,17 @@ def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Arra
     axes = rotate(turned, axes)
     labels = _ANGLES
     if not anatomical and joint.dof:
-        axes, labels = _principal_axes(multiply(conjugate(mean), turn)), ("turn1", "turn2", "turn3")
+        change = multiply(conjugate(mean), turn)
+        vector = change[:, 1:] * np.where(change[:, :1] < 0, -1.0, 1.0)
+        about = np.linalg.eigh(vector.T @ vector)[1].T[::-1]  # what it turned about, most first
+        about = about * np.sign(about[np.arange(3), np.abs(about).argmax(1)])[:, None]
+        axes = np.stack([about[0], about[1], np.cross(about[0], about[1])])
+        labels = ("turn1", "turn2", "turn3")
     if joint.dof != 1 or not np.isfinite(hinge).all():
         return zero, axes, labels
     first = hinge if axes[0] @ hinge >= 0 else -hinge
     seen = unit(rotate(turn, first).mean(0))
     return multiply(shortest_turn(rotate(zero, first), seen), zero), _completed(first, axes), labels
-
-
-def _principal_axes(change: Array) -> Array:
-    """Right-handed axes (3, 3) that rotations (T, 4) are mostly about, the first most."""
-    vector = change[:, 1:] * np.where(change[:, :1] < 0, -1.0, 1.0)
-    axes = np.linalg.eigh(vector.T @ vector)[1].T[::-1]
-    axes = axes * np.sign(axes[np.arange(3), np.abs(axes).argmax(1)])[:, None]
-    return np.stack([axes[0], axes[1], np.cross(axes[0], axes[1])])
 
 
 def _completed(first: Array, axes: Array) -> Array:

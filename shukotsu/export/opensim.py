@@ -187,28 +187,22 @@ def clean(text: str) -> str:
 
 def _add_body(parent: ET.Element, form: JointForm, solid: Body) -> None:
     body = ET.SubElement(parent, "Body", name=form.body)
-    if len(solid.spans_mm):
-        components = ET.SubElement(body, "components")
-        for number, span in enumerate(solid.spans_mm, 1):
-            _add_bone_shape(components, number, span)
+    components = ET.SubElement(body, "components") if len(solid.spans_mm) else body
+    for number, span in enumerate(solid.spans_mm, 1):  # cylinders to the next joints; OpenSim's stand along Y
+        length = float(np.linalg.norm(span))
+        frame = ET.SubElement(components, "PhysicalOffsetFrame", name=f"bone{number}")
+        size = {"radius": metres(0.08 * length), "half_height": metres(0.46 * length)}
+        _add_shape(frame, "Cylinder", "shape", _BONE_COLOUR, **size)
+        ET.SubElement(frame, "socket_parent").text = ".."
+        ET.SubElement(frame, "translation").text = metres(span / 2)
+        turn = body_fixed_rad(matrix(shortest_turn(_Y, span / length)))
+        ET.SubElement(frame, "orientation").text = numbers(turn)
     _add_shape(body, "Sphere", "joint_shape", _JOINT_COLOUR, radius=metres(0.06 * solid.length_mm))
     ET.SubElement(body, "mass").text = numbers([solid.mass_kg])
     ET.SubElement(body, "mass_center").text = metres(solid.middle_mm)
     ET.SubElement(body, "inertia").text = " ".join(
         f"{value:.9g}" for value in (*solid.inertia_kg_m2, 0, 0, 0)
     )
-
-
-def _add_bone_shape(parent: ET.Element, number: int, span_mm: Array) -> None:
-    """A cylinder from the joint to the next; OpenSim's stand along Y."""
-    length = float(np.linalg.norm(span_mm))
-    frame = ET.SubElement(parent, "PhysicalOffsetFrame", name=f"bone{number}")
-    size = {"radius": metres(0.08 * length), "half_height": metres(0.46 * length)}
-    _add_shape(frame, "Cylinder", "shape", _BONE_COLOUR, **size)
-    ET.SubElement(frame, "socket_parent").text = ".."
-    ET.SubElement(frame, "translation").text = metres(span_mm / 2)
-    turn = body_fixed_rad(matrix(shortest_turn(_Y, span_mm / length)))
-    ET.SubElement(frame, "orientation").text = numbers(turn)
 
 
 def _add_shape(parent: ET.Element, kind: str, name: str, colour: str, **size: str) -> None:
@@ -290,18 +284,6 @@ _ANGLE_DECIMALS = 9
 _METRE_DECIMALS = 12
 _MM_DECIMALS = 6
 _TIME_DECIMALS = 9
-
-
-def seconds(motion: PosedRecording, path: Path, program: str) -> Array:
-    """Return device times (T,) from the first frame on, s, to the nanosecond.
-
-    program : which wants times that grow. Raises InputError where there is none, or it does not.
-    """
-    if len(motion.time_s) == 1:
-        return np.zeros(1)
-    time_s = (motion.time_s - motion.time_s[0]).round(_TIME_DECIMALS)
-    require_times(motion, time_s, path, program)
-    return np.asarray(time_s)
 
 
 def write_mot(path: Path, title: str, origin: Origin, time_s: Array, forms: Sequence[JointForm]) -> None:
@@ -396,7 +378,10 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     is no frame, or times do not grow.
     """
     require_whole(motion, path, "OpenSim")
-    time_s = seconds(motion, path, "OpenSim")
+    time_s = np.zeros(1)
+    if len(motion.frame) > 1:  # from the first frame on, to the nanosecond
+        time_s = (motion.time_s - motion.time_s[0]).round(_TIME_DECIMALS)
+        require_times(motion, time_s, path, "OpenSim")
     forms = joint_forms(motion)
     receivers, unplaced = triads(motion, forms)
     held = _undetermined(forms, receivers)

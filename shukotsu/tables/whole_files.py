@@ -29,7 +29,11 @@ def replacing(path: Path) -> Iterator[Path]:
         if path.exists() and not path.is_file():
             raise StorageError(f"{path}: cannot be written (is a folder or a device); name a file")
         path.parent.mkdir(parents=True, exist_ok=True)
-        remove_leftovers(path)
+        left = re.compile(re.escape(f".{path.name}.") + r"\d+\.tmp")
+        with suppress(OSError):  # a folder that cannot be written to: opening the file will say so
+            for beside in path.parent.iterdir():
+                if left.fullmatch(beside.name):
+                    beside.unlink(missing_ok=True)
         yield temporary
         _sync(temporary, os.O_RDWR)  # Windows syncs what may be written alone
         temporary.replace(path)
@@ -54,15 +58,6 @@ def _sync(path: Path, mode: int) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-def remove_leftovers(path: Path) -> None:
-    """Remove what a process that was killed while it wrote `path` has left beside it."""
-    left = re.compile(re.escape(f".{path.name}.") + r"\d+\.tmp")
-    with suppress(OSError):  # no such folder, or one that cannot be written to: its writer will say so
-        for beside in path.parent.iterdir():
-            if left.fullmatch(beside.name):
-                beside.unlink(missing_ok=True)
 
 
 def files_in(folder: Path) -> list[Path]:

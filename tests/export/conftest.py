@@ -12,14 +12,15 @@ from browser import browser  # noqa: F401
 from simulated_hands import SimulatedHand, simulated_hand
 
 
-@pytest.fixture(scope="session", params=["right", "left"])
-def hand(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> SimulatedHand:
-    return simulated_hand(tmp_path_factory.mktemp(request.param), request.param)
-
-
 @pytest.fixture(scope="session")
 def right(tmp_path_factory: pytest.TempPathFactory) -> SimulatedHand:
     return simulated_hand(tmp_path_factory.mktemp("right"), "right")
+
+
+@pytest.fixture(scope="session", params=["right", "left"])
+def hand(request: pytest.FixtureRequest, right: SimulatedHand, tmp_path_factory) -> SimulatedHand:
+    is_right = request.param == "right"
+    return right if is_right else simulated_hand(tmp_path_factory.mktemp("left"), "left")
 
 
 @pytest.fixture

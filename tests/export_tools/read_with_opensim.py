@@ -17,7 +17,7 @@ os.chdir(stem.parent)  # what the setup file names lies there
 
 
 def posed(motion):
-    """Times, positions and rotations of all bodies, marker positions, and coordinates by name."""
+    """Times, positions and rotations of all bodies, and coordinates by name."""
     model = opensim.Model(f"{stem}.osim")
     state = model.initSystem()
     table = opensim.TimeSeriesTable(motion)
@@ -28,8 +28,7 @@ def posed(motion):
     turns = [coordinate.getMotionType() == 1 for coordinate in coordinates]
     rad = np.where(turns, np.radians(values), values)
     bodies = [model.getBodySet().get(index) for index in range(model.getNumBodies())]
-    markers = [model.getMarkerSet().get(index) for index in range(model.getMarkerSet().getSize())]
-    places, turn, spots = [], [], []
+    places, turn = [], []
     for row in rad:
         for coordinate, value in zip(coordinates, row.tolist(), strict=True):
             coordinate.setValue(state, value, False)
@@ -38,18 +37,13 @@ def posed(motion):
         places.append([pose.p().to_numpy() for pose in poses])
         quaternions = [pose.R().convertRotationToQuaternion() for pose in poses]
         turn.append([[quaternion.get(part) for part in range(4)] for quaternion in quaternions])
-        spots.append([marker.getLocationInGround(state).to_numpy() for marker in markers])
     return {
         "time_s": np.array(table.getIndependentColumn()),
-        "bodies": [body.getName() for body in bodies],
         "place_m": np.array(places),
         "turn": np.array(turn),
-        "markers": [marker.getName() for marker in markers],
-        "marker_m": np.array(spots),
         "coordinates": labels,
         "values": values,
         "in_degrees": table.getTableMetaDataString("inDegrees"),
-        "mass_kg": model.getTotalMass(state),
     }
 
 

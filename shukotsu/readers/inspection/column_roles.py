@@ -136,7 +136,8 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     receivers = [
         t for t in titles if not wide and t not in (time, frame) and not re.search("stat[eu]", t, re.I)
     ]
-    receiver = next((t for t in receivers if _is_receiver(t, numbers.get(t))), None)
+    named_so = [t for t in receivers if _RECEIVER.search(t)]
+    receiver = next((t for t in named_so if t not in numbers or _few_wholes(numbers[t])), None)
     guessed = {titles[0]} if station and receiver is None else set()
     receiver = receiver or next(iter(guessed), None)
     text = [title for title in titles if title not in numbers and title != receiver]
@@ -281,10 +282,8 @@ def _grows(values: Array) -> bool:
     return bool(len(steps) and (steps >= 0).all() and (steps > 0).any())
 
 
-def _is_receiver(title: str, values: Array | None) -> bool:
-    if not _RECEIVER.search(title):
-        return False
-    return values is None or (2 <= len(np.unique(values)) <= 64 and bool((values == np.floor(values)).all()))
+def _few_wholes(values: Array) -> bool:
+    return 2 <= len(np.unique(values)) <= 64 and bool((values == np.floor(values)).all())
 
 
 def _is_rotation(free: Sequence[str], numbers: Mapping[str, Array], size: int) -> bool:
