@@ -26,7 +26,7 @@ def run(hand: SimulatedHand, out: Path, *argv: str, model: str = FITTED) -> int:
 
 
 def hand_with_a_gap(folder: Path) -> SimulatedHand:
-    hand = simulated_hand(folder, "right", 60)
+    hand = simulated_hand(folder, "right", 40)
     rows = hand.rows(FITTED, BONE_POSES)
     for row in rows:
         if row["segment"] == "index_middle" and 10 <= row["frame"] < 14:
@@ -73,7 +73,7 @@ def test_a_gap_is_refused_by_one_format_and_kept_by_the_other(tmp_path: Path) ->
     assert cells["x_mm"].isna().sum() == 4
     assert run(hand, out, "--gaps", "interpolate") == 0
     assert not pd.read_csv(out / f"{STEM}.csv")["x_mm"].isna().any()
-    assert "\nFrames: 60\n" in (out / f"{STEM}.bvh").read_text()
+    assert "\nFrames: 40\n" in (out / f"{STEM}.bvh").read_text()
     assert "1 gaps (4 frames" in (out / f"{STEM}.bvh.txt").read_text("utf-8")
 
 
@@ -127,7 +127,7 @@ def test_a_model_that_failed_keeps_no_other_from_being_written(
 
 def test_without_filters_everything_that_is_evaluated_is_written(tmp_path: Path) -> None:
     """Both hands in files of their own under every model."""
-    hand = simulated_hands(tmp_path, ["right", "left"], 30)[0]
+    hand = simulated_hands(tmp_path, ["right", "left"], 40)[0]
     out = tmp_path / "out"
     argv = ["--plan", str(hand.plan_path), "--out", str(out)]
     assert main([*argv, "--formats", "csv"]) == 0
@@ -145,7 +145,7 @@ def test_a_dataset_of_several_subjects(tmp_path: Path, capsys: pytest.CaptureFix
     hands = []
     for subject in ("01", "02"):
         (tmp_path / subject).mkdir()
-        hands.append(simulated_hand(tmp_path / subject, "right", 20, subject))
+        hands.append(simulated_hand(tmp_path / subject, "right", 40, subject))
     hands[1].write(FITTED, BONE_POSES, "the hand was not fitted")
     sheet, out = tmp_path / "participants.tsv", tmp_path / "out"
     sheet.write_text("subject\thand_length_mm\n01\t180\n03\t190\n", "utf-8")

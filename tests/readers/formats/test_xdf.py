@@ -141,7 +141,7 @@ def test_what_is_refused(tmp_path: Path, data: bytes, message: str) -> None:
     refuse(tmp_path, data, message)
 
 
-@pytest.mark.parametrize("step", [11, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("step", [23, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_recording_that_was_not_ended_is_read_and_noted(
     tmp_path: Path, step: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
