@@ -36,7 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
 
 def estimate(arguments: argparse.Namespace) -> None:
     """Build every skeleton of the plan, write the three tables."""
-    from shukotsu.paper.part_tables import write_part
+    from shukotsu.paper.hand import write_part
 
     plan = subject_stage.plan_of(arguments)
     fits = [plan.table(name, *fit) for fit in plan.fits_of_hands() for name in FITTED]

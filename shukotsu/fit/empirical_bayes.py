@@ -14,8 +14,8 @@ import numpy as np
 
 from shukotsu.fit.compiled_equations import Jacobian
 from shukotsu.fit.normal_equations import Problem, Reduced, Residuals
-from shukotsu.hand.effective_samples import effective_samples
 from shukotsu.hand.rotations import Array
+from shukotsu.hand.series import effective_samples
 
 FAMILIES: Mapping[str, tuple[str, ...]] = {
     "mount": ("mount",),

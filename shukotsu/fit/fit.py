@@ -22,8 +22,8 @@ from shukotsu.fit.room_field import RoomField
 from shukotsu.hand import average_hand as prior
 from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
 from shukotsu.hand.known_digits import known_digits, root_of
+from shukotsu.hand.neutral_bones import faces_nail
 from shukotsu.hand.rotations import Array, exp_rotation
-from shukotsu.hand.thumb_facing import faces_nail
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 

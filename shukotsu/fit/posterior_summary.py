@@ -10,10 +10,10 @@ import numpy as np
 from shukotsu.fit.chain_builder import KINDS, axis_frame, bone, receiver, straight
 from shukotsu.fit.posterior import Evidence, Place, centre_by_unknowns, places_of
 from shukotsu.hand import average_hand as prior
-from shukotsu.hand.angle_range import angle_range, flattening
 from shukotsu.hand.joint_angles import mirrored
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, about_axis, cross_matrix, from_matrix
+from shukotsu.hand.series import angle_range, flattening
 from shukotsu.study.layout import Digit, Joint
 from shukotsu.study.verdict import BY_ANATOMY, FAR, NO_POSE, ONE_RECEIVER, UNSETTLED, Doubts, Values
 from shukotsu.translation import listed

@@ -96,7 +96,7 @@ class DigitAnatomy:
     the bones' proximal joints. lengths_mm : (B,) between joint centres, the last to the bone's tip.
     soft_tip_mm : skin and pulp beyond it. second_axis : (3,) of a skew first joint. bone_heights_mm : (B,) of
     each bone's back half way along, over the line between its ends. faces_nail : whether a thumb's metacarpal
-    faces as the phalanges do (`shukotsu.hand.thumb_facing`).
+    faces as the phalanges do (`shukotsu.hand.neutral_bones`).
     """
 
     base_mm: Array

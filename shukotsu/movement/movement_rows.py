@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.hand.angle_range import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.recorded_movement import (
     ANGLES,
@@ -30,6 +29,7 @@ from shukotsu.hand.recorded_movement import (
     unsolved,
 )
 from shukotsu.hand.rotations import Array
+from shukotsu.hand.series import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.movement.events import Cycle, TimedEvent, cycles_of, events_of, struck_events
 from shukotsu.movement.sampling import Grid, bridged, grid_of, speed
 from shukotsu.movement.strokes import stroke_rows

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from shukotsu import command_line
 from shukotsu.errors import InputError, guess, listed, reading_what_was_brought
-from shukotsu.movement.clock_fit import fit_clock
 from shukotsu.movement.event_files import (
     FARTHEST_S,
     Array,
@@ -237,3 +237,212 @@ def aligned_rows(
             where = ", ".join(filter(None, (key["hand"], key["task"], key["trial"])))
             print(f"{row['status']}: {where}: {row['message']}", file=sys.stderr)
     return [{**key, **row} for row in event_rows], [{**key, **row} for row in clock_rows]
+
+
+Integers = npt.NDArray[np.int64]
+
+TOLERANCE_S, SHORTEST_TOLERANCE_S = 0.05, 0.001
+"""How far two pulses that are the same may lie from the line: a quarter of their usual interval where that is
+less."""
+
+USUAL_JITTER_S = 0.01
+"""1-sigma error of a pulse's time before any is known."""
+
+RATE_SD = 250e-6
+"""1-sigma of how far the rates of two clocks differ before anything is known."""
+
+WINDOW_PULSES, WINDOW_S, WINDOWS = 32, 60.0, 5
+"""Pulses that are laid over the other clock's, at most; how long they may last, so that no rate of a clock
+takes them off; and how many such windows are tried."""
+
+CHANCE = 0.01
+"""Windows that coincide as well by chance, expected in all places together, above which none is believed."""
+
+FEWEST_PULSES, LEAST_KEPT, AS_WELL = 3, 0.25, 0.6
+"""The share of `LOST_RUN` successive pulses, while both clocks ran, that keeps to the line: else one was
+set; and the share of hits that leaves a shift by a whole period open."""
+
+LOST_RUN = 16
+WAS_SET = "its pulses keep to no one line: a clock was set or a recorder paused; bring each part by itself"
+
+
+@dataclass(frozen=True)
+class Line:
+    """reference = other + offset + rate * (other - at), and the 1-sigma errors of offset and rate."""
+
+    at: float
+    offset: float
+    rate: float
+    sd_offset_s: float
+    sd_rate: float
+
+    @classmethod
+    def through(cls, other_s: Array, reference_s: Array, sd_s: float = USUAL_JITTER_S) -> Line:
+        """Fit the line to matched pulses (M,), at least one; the rate is drawn towards 0, see RATE_SD."""
+        at = float(other_s.mean())
+        x, y = other_s - at, reference_s - other_s
+        weight = float(x @ x) + sd_s**2 / RATE_SD**2
+        rate = float(x @ (y - y.mean())) / weight
+        return cls(at, float(y.mean()), rate, sd_s / np.sqrt(len(x)), sd_s / np.sqrt(weight))
+
+    def __call__(self, other_s: Array) -> Array:
+        """Times of the reference clock."""
+        return np.asarray(other_s + self.offset + self.rate * (other_s - self.at))
+
+    def sd_s(self, other_s: Array) -> Array:
+        """1-sigma error of those times."""
+        return np.hypot(self.sd_offset_s, self.sd_rate * (other_s - self.at))
+
+
+@dataclass(frozen=True)
+class ClockFit:
+    """The line, and what was seen of the pulses.
+
+    residual_s : 1-sigma of a single pulse about the line. open_s : the period of pulses that are regular, by
+    which the line may be shifted; else 0. clock_sd_s : largest 1-sigma error of the line between the first
+    and the last pulse. n_missing, n_extra : pulses that only the reference, only the other clock has while
+    both ran. message : why the line is not sure, or empty.
+    """
+
+    line: Line
+    residual_s: float
+    open_s: float
+    clock_sd_s: float
+    n_pulses: int
+    n_missing: int
+    n_extra: int
+    message: str
+
+    def mapped(self, other_s: Array) -> tuple[Array, Array]:
+        """Times of the reference clock (N,) and their 1-sigma error, the scatter of a pulse included."""
+        scatter_s = np.hypot(self.residual_s, self.open_s)
+        return self.line(other_s), np.hypot(self.line.sd_s(other_s), scatter_s)
+
+
+def fit_clock(r: Array, o: Array) -> ClockFit | str:
+    """Match the pulses of the reference clock, ascending, and the other, as written, and fit the line.
+
+    Offsets may be of any size, rates differ by up to 600 ppm; pulses may be lost or added on either clock.
+    Returns a sentence where no one line fits.
+    """
+    if not len(r) or not len(o):
+        return "no common pulse on " + ("the file" if len(r) else "the recording's clock")
+    if (np.diff(o) < -10 * USUAL_JITTER_S).any():
+        return WAS_SET
+    o = np.sort(o)
+    intervals_s = [float(np.median(np.diff(times))) for times in (r, o) if len(times) > 1]
+    within_s = max(SHORTEST_TOLERANCE_S, min([TOLERANCE_S, *(interval / 4 for interval in intervals_s)]))
+    i, j, chance = _best_window(r, o, within_s)
+    if chance >= 1:
+        counts = f"the {len(o)} pulses of the file fit the {len(r)} of the recording nowhere"
+        return f"{counts}; are they the same pulses?"
+    i, j = _followed(r, o, i, j, within_s)
+    sd_s = USUAL_JITTER_S
+    for _ in range(3):
+        line = Line.through(o[j], r[i], sd_s)
+        if len(j) > 2 * FEWEST_PULSES:
+            sd_s = max(1e-4, 1.4826 * float(np.median(np.abs(r[i] - line(o[j])))))
+            within_s = min(within_s, max(5 * sd_s, 0.003))
+        i, j = _nearest_pairs(r, line(o), within_s)
+    line = Line.through(o[j], r[i], sd_s)
+    error = r[i] - line(o[j])
+    residual_s = float(np.sqrt(error @ error / (len(j) - 2))) if len(j) > 2 else USUAL_JITTER_S
+    line = Line.through(o[j], r[i], residual_s)
+    margin_s, at_s = 5 * residual_s, line(o)
+    both_ran = [max(r[0], at_s[0]) - margin_s, min(r[-1], at_s[-1]) + margin_s]
+    seen_r, seen = (slice(*np.searchsorted(times, both_ran)) for times in (r, at_s))
+    n_missing, n_extra = (max(0, len(times) - len(j)) for times in (r[seen_r], at_s[seen]))
+    if len(j) > 1 and (_left(len(o), j, seen) or _left(len(r), i, seen_r)):
+        return WAS_SET
+    open_s = intervals_s[-1] if len(j) > 1 and _is_periodic(r, at_s, intervals_s[-1], within_s) else 0.0
+    clock_sd_s = float(np.hypot(line.sd_s(o[j[[0, -1]]]).max(), open_s))
+    message = _doubt(len(j), min(n_missing, n_extra), open_s, chance)
+    return ClockFit(line, residual_s, open_s, clock_sd_s, len(j), n_missing, n_extra, message)
+
+
+def _best_window(r: Array, o: Array, within_s: float) -> tuple[Integers, Integers, float]:
+    """Pairs of the window that coincides best, and in how many places as many would by chance.
+
+    Of the offsets at which as many pulses coincide, the one that moves them least in number.
+    """
+    from scipy.stats import binom
+
+    first = np.zeros(1, np.int64)
+    if len(r) == len(o) == 1:
+        return first, first, 0.0
+    best = first, first, 1.0
+    share = min(1.0, 2 * within_s * len(r) / max(float(r[-1] - r[0]), within_s))
+    for start in np.unique(np.linspace(0, max(0, len(o) - WINDOW_PULSES), WINDOWS).astype(int)).tolist():
+        window = o[start : start + WINDOW_PULSES]
+        window = window[: max(FEWEST_PULSES, int(np.searchsorted(window, window[0] + WINDOW_S)))]
+        differences = np.sort((r[:, None] - window).ravel())
+        ends = np.searchsorted(differences, differences + 2 * within_s, "right")
+        count = ends - np.arange(len(differences))
+        good = np.flatnonzero(count == count.max())
+        moved = np.searchsorted(r, window[0] + differences[good] + within_s) - start
+        at = int(good[np.abs(moved).argmin()])
+        i, j = _nearest_pairs(r, window + float(differences[at : ends[at]].mean()), within_s)
+        chance = len(r) * len(window) * float(binom.sf(len(j) - 2, len(window) - 1, share))
+        if len(j) > 1 and chance < best[2]:
+            best = i, start + j, chance
+    return best
+
+
+def _followed(r: Array, o: Array, i: Integers, j: Integers, within_s: float) -> tuple[Integers, Integers]:
+    """Follow the line through a window's pairs both ways, as far as it is known."""
+    while True:
+        line = Line.through(o[j], r[i], min(USUAL_JITTER_S, within_s / 5))
+        sure = np.flatnonzero((2.5 * line.sd_s(o) < within_s) | ((o >= o[j[0]]) & (o <= o[j[-1]])))
+        more_i, more_j = _nearest_pairs(r, line(o[sure]), within_s)
+        if len(more_j) <= len(j):
+            return i, j
+        i, j = more_i, sure[more_j]
+
+
+def _nearest_pairs(reference_s: Array, expected_s: Array, within_s: float) -> tuple[Integers, Integers]:
+    """Pairs (i, j) of a pulse and an expected time that are nearest to each other; both ascending."""
+    at = _nearest(reference_s, expected_s)
+    mutual = _nearest(expected_s, reference_s)[at] == np.arange(len(expected_s))
+    chosen = np.flatnonzero(mutual & (np.abs(reference_s[at] - expected_s) <= within_s))
+    return at[chosen], chosen
+
+
+def _nearest(times_s: Array, to_s: Array) -> Integers:
+    """Index of the time, of those ascending, that is nearest to each other one."""
+    return np.searchsorted((times_s[1:] + times_s[:-1]) / 2, to_s)
+
+
+def _left(count: int, matched: Integers, ran: slice) -> bool:
+    """Whether a run of one clock's pulses, while both ran, has left the line, see LOST_RUN."""
+    kept = np.isin(np.arange(count), matched)[ran]
+    size = min(LOST_RUN, max(FEWEST_PULSES, len(kept) // 2))
+    runs = np.convolve(kept, np.ones(size), "valid") if len(kept) >= size else np.full(1, size)
+    return bool(runs.min() < LEAST_KEPT * size)
+
+
+def _is_periodic(r: Array, at_s: Array, period_s: float, within_s: float) -> bool:
+    """Whether pulses (N,), mapped, coincide about as well when they are shifted by an interval."""
+    moved_s = at_s + period_s * np.array([[0.0], [-1.0], [1.0]])
+    hit = np.abs(r[_nearest(r, moved_s.ravel())].reshape(moved_s.shape) - moved_s) <= within_s
+    ran = (moved_s >= r[0] - within_s) & (moved_s <= r[-1] + within_s)
+    share = hit.sum(1) / np.maximum(1, ran.sum(1))
+    return bool((share[1:] >= AS_WELL * share[0]).any())
+
+
+def _doubt(n: int, n_lost: int, open_s: float, by_chance: float) -> str:
+    """Return why a line is weak, or an empty text."""
+    if n < FEWEST_PULSES:
+        return (
+            f"{n} common pulse{'s'[: n - 1]}: the rates of the clocks are taken to differ by less than "
+            f"{2e6 * RATE_SD:.0f} ppm, which is {2 * RATE_SD * 60e3:.0f} ms in a minute"
+        )
+    if open_s > 0:
+        return (
+            "pulses at regular intervals can be laid over each other in several ways, whole periods apart "
+            f"({open_s:.2f} s); pulse at irregular intervals"
+        )
+    if by_chance > CHANCE:
+        return f"{n} pulses may fit so by chance; give more of them"
+    if n < n_lost:
+        return "fewer than half of the pulses are common to both clocks; are they the same pulses?"
+    return ""

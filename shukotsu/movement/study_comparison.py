@@ -22,14 +22,15 @@ from typing import TYPE_CHECKING, Any
 from shukotsu.errors import listed
 from shukotsu.scores.paired_statistics import (
     FEWEST_IN_GROUP,
+    FEWEST_REPEATED,
     FEWEST_SUBJECTS,
     LEVEL,
     Difference,
     group_difference,
     holm,
     paired_difference,
+    reliability,
 )
-from shukotsu.scores.reliability_statistics import FEWEST_REPEATED, reliability
 from shukotsu.study.results import Results
 from shukotsu.study.study import OWN_FACTORS
 from shukotsu.tables.catalogue import (

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shukotsu.hand.angle_range import angle_range, flattening
-from shukotsu.hand.effective_samples import effective_samples
 from shukotsu.hand.rotations import Array
+from shukotsu.hand.series import angle_range, effective_samples, flattening
 from shukotsu.paper.moments import JointMoments
 from shukotsu.paper.stacked import EXACT_HINGE
 

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError, reading_what_was_brought
+from shukotsu.hand.digit_chain import Rows
 from shukotsu.hand.posed_recording import QUATERNION
 from shukotsu.hand.rotations import Array, rotate, unit
-from shukotsu.scores.scored_skeleton import TIP, Row, Stated
 from shukotsu.study.layout import Layout
 from shukotsu.study.verdict import RADIUS_SD
 from shukotsu.tables.catalogue import BONE_LENGTHS, DISTAL_RECEIVER, JOINT_CENTRES, METACARPALS, TIPS
@@ -22,11 +22,22 @@ from shukotsu.tables.poses import Poses, RecordingName
 from shukotsu.tables.subjects import Hand
 from shukotsu.tables.typed_table import Table, read_table, rows_of, vector_columns, vector_of
 
+Row = dict[str, Any]
+TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
+
 OTHER_MM = 0.5
 """A recording's own truth says to rounding how far each tip is from its receiver; another's does not."""
 
 DISTAL = np.array([1.0, 0.0, 0.0])
 """Direction of a bone in its own frame."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a skeleton states of itself: joint_centres by joint, bone_lengths by segment."""
+
+    joints: Rows
+    bones: Rows
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from shukotsu.hand.angle_range import angle_range, flattening
-from shukotsu.hand.effective_samples import effective_samples
 from shukotsu.hand.recorded_movement import running_on
+from shukotsu.hand.series import angle_range, effective_samples, flattening
 
 TIME_S = np.arange(2400) / 240
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from shukotsu.hand.joint_angles import mirrored
+from shukotsu.hand.neutral_bones import faces_nail
 from shukotsu.hand.rotations import Array, about_axis, conjugate, matrix, multiply, unit
-from shukotsu.hand.thumb_facing import faces_nail
 
 SEEDS = st.integers(0, 2**32 - 1)
 AT_NAIL = Rotation.from_euler("YZ", [5.0, -3.0], degrees=True).as_quat(scalar_first=True)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from shukotsu.movement.clock_fit import WAS_SET, ClockFit, fit_clock
 from shukotsu.movement.event_files import Array
+from shukotsu.movement.recording_events import WAS_SET, ClockFit, fit_clock
 
 
 @dataclass(frozen=True)

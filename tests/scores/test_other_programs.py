@@ -15,8 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shukotsu.scores.paired_statistics import group_difference, paired_difference, small_sample_correction
-from shukotsu.scores.reliability_statistics import reliability
+from shukotsu.scores.paired_statistics import (
+    group_difference,
+    paired_difference,
+    reliability,
+    small_sample_correction,
+)
 
 TESTS = Path(__file__).resolve().parents[1]
 SCRIPT = TESTS / "export_tools" / "statistics_of_others.py"

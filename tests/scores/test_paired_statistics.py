@@ -9,8 +9,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from shukotsu.scores.paired_statistics import N_FLIPS, effect_of, holm, paired_difference, sign_flip_p
-from shukotsu.scores.reliability_statistics import mean_squares, reliability
+from shukotsu.scores.paired_statistics import (
+    N_FLIPS,
+    effect_of,
+    holm,
+    mean_squares,
+    paired_difference,
+    reliability,
+    sign_flip_p,
+)
 
 
 def test_holm_by_hand() -> None:

@@ -17,8 +17,16 @@ from shukotsu.scores.evaluation import (
     true_skeleton_row,
     true_tip_numbers,
 )
-from shukotsu.scores.scored_skeleton import Stated
-from shukotsu.scores.truth import DISTAL, TrueDigit, Truth, centre_errors, directions, read_truth, truth_for
+from shukotsu.scores.truth import (
+    DISTAL,
+    Stated,
+    TrueDigit,
+    Truth,
+    centre_errors,
+    directions,
+    read_truth,
+    truth_for,
+)
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
 from shukotsu.simulate.written_truth import write_truth
