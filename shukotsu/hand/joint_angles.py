@@ -60,9 +60,7 @@ def joint_angles(
     reach = np.hypot(turn[..., 0, 0], turn[..., 2, 0])
     locked = reach < _LOCKED
     flexion = np.where(
-        locked,
-        np.arctan2(turn[..., 0, 2], turn[..., 2, 2]),
-        np.arctan2(-turn[..., 2, 0], turn[..., 0, 0]),
+        locked, np.arctan2(turn[..., 0, 2], turn[..., 2, 2]), np.arctan2(-turn[..., 2, 0], turn[..., 0, 0])
     )
     rotation = np.where(locked, 0.0, sign * np.arctan2(-turn[..., 1, 2], turn[..., 1, 1]))
     abduction_deg = np.degrees(sign * np.arctan2(turn[..., 1, 0], reach))

@@ -30,7 +30,7 @@ from shukotsu.hand.recorded_movement import (
 )
 from shukotsu.hand.rotations import Array
 from shukotsu.hand.series import HIGH_PERCENT, LOW_PERCENT
-from shukotsu.movement.events import Cycle, TimedEvent, cycles_of, events_of, struck_events
+from shukotsu.movement.events import TimedEvent, cycles_of, events_of, struck_events
 from shukotsu.movement.sampling import Grid, bridged, grid_of, speed
 from shukotsu.movement.strokes import stroke_rows
 from shukotsu.study import subject_stage
@@ -158,14 +158,6 @@ def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[
         yield row | _judged(row, "weak" if tip.message else "ok", tip.message, grid)
 
 
-def cycle_rows(cycles: Sequence[Sequence[Cycle]]) -> Iterator[Row]:
-    """Rows of movement_cycles, of the cycles of each event."""
-    for cycle in (cycle for of_event in cycles for cycle in of_event):
-        row = {"event": cycle.event, "cycle": cycle.number, "used": not cycle.refusal}
-        times = {"onset_s": cycle.onset_s, "duration_s": cycle.duration_s}
-        yield row | times | {"message": cycle.refusal}
-
-
 def _coverage(finite: npt.NDArray[np.bool_]) -> Row:
     """Count the known frames (T,), and their share of the recording."""
     return {
@@ -211,9 +203,12 @@ def measure_hand(
     with subject_stage.recording_failure(arguments, plan.part(hand), tables[CYCLES]):
         events = events_of(plan, hand, next(iter(arguments.events), None), next(iter(arguments.clocks), None))
         rows = [
-            recording.key | row
+            recording.key
+            | {"event": cycle.event, "cycle": cycle.number, "used": not cycle.refusal}
+            | {"onset_s": cycle.onset_s, "duration_s": cycle.duration_s, "message": cycle.refusal}
             for recording, of_recording in events.items()
-            for row in cycle_rows(cycles_of(plan, recording, of_recording))
+            for of_event in cycles_of(plan, recording, of_recording)
+            for cycle in of_event
         ]
         tables[CYCLES].rows(plan.part(hand), rows)
     # what only calibrates can be posed without the tables of its metacarpals

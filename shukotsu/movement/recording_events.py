@@ -68,15 +68,20 @@ class RecordingEvents:
 
         Raises InputError where the file cannot be read or nothing says how its clock is to be brought over.
         """
+        numbers = ("onset_s", "duration_s", "value")
         sheet_rows = (
-            (row.get("name") or "event", *(_or_nan(row.get(n)) for n in ("onset_s", "duration_s", "value")))
+            (row.get("name") or "event", *(np.nan if row.get(n) is None else row[n] for n in numbers))
             for row in self.rows
         )
         sheet = Events.of("sheet", False, sheet_rows)
         rows, clocks = _event_rows(sheet, sheet.time_s, sheet.sd_s), []
         if self.file is not None:
             events = read_events(self.file)
-            if events.own_clock and self.pulses != SAME_CLOCK and not self._is_the_recording():
+            on_its_own = events.own_clock and self.pulses != SAME_CLOCK
+            if on_its_own:  # all streams of a file that the poses were imported from share one clock
+                inputs = read_metadata(self.poses)["inputs"]
+                on_its_own = file_sha256(self.file) not in [entry["sha256"] for entry in inputs]
+            if on_its_own:
                 time_s, sd_s, clock = self._fitted(events, sheet)
             else:
                 time_s, sd_s = events.time_s, events.sd_s
@@ -90,12 +95,6 @@ class RecordingEvents:
             clocks = [{**clock, "source": events.source}]
         rows.sort(key=lambda row: row["onset_s"])
         return [{**row, "event": number} for number, row in enumerate(rows)], clocks
-
-    def _is_the_recording(self) -> bool:
-        """Whether the poses were imported from the very file of events: all its streams share one clock."""
-        assert self.file is not None
-        inputs = read_metadata(self.poses)["inputs"]
-        return file_sha256(self.file) in [entry["sha256"] for entry in inputs]
 
     def _fitted(self, events: Events, sheet: Events) -> tuple[Array, Array, dict[str, Any]]:
         """Times of the events on the recording's clock, their 1-sigma errors, and the row of that clock."""
@@ -173,10 +172,6 @@ def read_events(path: Path) -> Events:
             return events
     expected = [ending for endings in READERS for ending in endings]
     raise InputError(f"{path}: is no file of events; {guess(path.suffix, expected)}")
-
-
-def _or_nan(value: float | None) -> float:
-    return np.nan if value is None else value
 
 
 def _event_rows(events: Events, time_s: Array, sd_s: Array) -> list[dict[str, Any]]:
@@ -365,7 +360,7 @@ def _best_window(r: Array, o: Array, within_s: float) -> tuple[Integers, Integer
 
     Of the offsets at which as many pulses coincide, the one that moves them least in number.
     """
-    from scipy.stats import binom
+    from scipy.stats import binom  # which takes half a second to import
 
     first = np.zeros(1, np.int64)
     if len(r) == len(o) == 1:

@@ -17,7 +17,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from shukotsu.errors import listed
 from shukotsu.scores.paired_statistics import (
@@ -68,9 +70,6 @@ QUANTITIES = (
     ),
 )
 
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Row = dict[str, Any]
 
@@ -125,8 +124,6 @@ def recorded(rows: Sequence[Mapping[str, str]], factors: Collection[str], proble
 
     rows : as `factor_levels` returns them. problems : as the table has them.
     """
-    import pandas as pd
-
     names = [*RECORDING, *factors]
     levels = pd.DataFrame(rows, columns=list(dict.fromkeys(names)), dtype=str)
     levels = levels.rename(columns={name: level_column(name) for name in names if name not in RECORDING})
@@ -404,10 +401,7 @@ TABLES = {quantity.table.name: quantity.table for quantity in QUANTITIES}
 
 
 def compare_study(
-    levels: Sequence[Mapping[str, str]],
-    factors: Sequence[str],
-    results: Results,
-    sheets: Sequence[Path] = (),
+    levels: Sequence[Mapping[str, str]], factors: Sequence[str], results: Results, sheets: Sequence[Path] = ()
 ) -> None:
     """Read the study's tables of movement and write the tables of comparisons beside them.
 

@@ -85,13 +85,6 @@ class MetacarpalBone:
     bone: Bone
 
 
-def with_fitted_lengths(bone: Bone, fitted: Mapping[str, Any] | None) -> Bone:
-    """Return the bone as long as its row of the fit says; its vector stays the replay's."""
-    if fitted is None:
-        return bone
-    return replace(bone, **{name: fitted[name] for name in LENGTHS})
-
-
 def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:
     """Return how a digit's metacarpal is posed: rest, rigid, estimated, receiver or fitted, else none."""
     if not chain.digit.metacarpal:
@@ -352,7 +345,12 @@ def build_hand(
         if mode != "none":
             metacarpals.append(MetacarpalBone(chain, mode, measured[0]))
         if fitted_bones is not None:
-            measured = [with_fitted_lengths(bone, fitted_bones.get(bone.segment)) for bone in measured]
+            measured = [  # as long as the fit says; their vectors stay the replay's
+                replace(bone, **{name: fitted_bones[bone.segment][name] for name in LENGTHS})
+                if bone.segment in fitted_bones
+                else bone
+                for bone in measured
+            ]
         bones += [{"digit": digit.name, **bone.row()} for bone in measured]
     return BuiltHand(list(joints.values()), bones, metacarpals)
 

@@ -64,7 +64,11 @@ def tip_first_frame(
     if first is None:
         return np.full((len(poses.frame), 3), np.nan)
     frame, posture = first
-    points = [carried_mm(frame, chain.digit.base, chain.base_point_mm)[0], *_joints(chain, frame)]
+    points = [carried_mm(frame, chain.digit.base, chain.base_point_mm)[0]]
+    for segment, child in zip(chain.digit.segments[1:], chain.child_mm[1:], strict=True):
+        assert child is not None, "only a metacarpal may lack a joint of its own"
+        points.append(carried_mm(frame, segment, child)[0])
+    points.append(frame.position_mm[0, frame.index(chain.digit.tip)])
     tip = carried_mm(poses, chain.digit.base, chain.base_point_mm)
     for index, (segment, (start, end)) in enumerate(zip(chain.digit.segments, pairwise(points), strict=True)):
         bone = end - start
@@ -76,16 +80,6 @@ def tip_first_frame(
         else:
             tip = tip + rotate(multiply(turn, conjugate(start[0])), bone)
     return np.where(usable[:, None], tip, np.nan)
-
-
-def _joints(chain: DigitChain, frame: Poses) -> list[Array]:
-    """Every joint after the base by its child half, and the tip, in a single frame."""
-    points = []
-    for segment, child in zip(chain.digit.segments[1:], chain.child_mm[1:], strict=True):
-        assert child is not None, "only a metacarpal may lack a joint of its own"
-        points.append(carried_mm(frame, segment, child)[0])
-    points.append(frame.position_mm[0, frame.index(chain.digit.tip)])
-    return points
 
 
 def tip_error_mm(tip: Array, chain: DigitChain, poses: Poses) -> Array:

@@ -14,9 +14,10 @@ import json
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from shukotsu.scores.observations import (
     ERROR_COLUMNS,
@@ -42,9 +43,6 @@ from shukotsu.tables.catalogue import (
     SKELETON_SCORES,
 )
 from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, read_table, write_table
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Row = dict[str, Any]
 
@@ -205,9 +203,6 @@ def _difference(shared: Sequence[Row]) -> Row:
         "n_equal": int((d == 0).sum()),
     }
 
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _HAND = ["subject", "session", "hand"]
 

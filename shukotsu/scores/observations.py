@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
+
+import pandas as pd
 
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel
 from shukotsu.tables.subjects import Hand
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 PRIOR, NAIL, TRUE = "prior-only", "distal-receiver", "true-skeleton"
 
@@ -44,10 +43,7 @@ METRICS = (
 """Those that judge a skeleton first (docs/method.md)."""
 
 NO_NUMBER = "no such number"
-OTHER_KIND = {
-    True: "made from this task too, not held out",
-    False: "made without this task, not in-sample",
-}
+OTHER_KIND = {True: "made from this task too, not held out", False: "made without this task, not in-sample"}
 _PLACE = ["subject", "model", "digit", "place"]
 _SKELETON = ["subject", "session", "hand", "model", "calibrated_on"]
 SCORE_COLUMNS = (*_SKELETON, "task", "trial", "digit", "held_out", "message")
@@ -96,8 +92,6 @@ def observations(
     A reference was made from nothing, so it counts as held out and as in-sample. A joint's error is held out
     where the skeleton has held-out scores.
     """
-    import pandas as pd
-
     rows = _error_rows(study, metric) if metric.table == "joint_errors" else _score_rows(study, metric)
     rows = rows[rows["model"].isin(list(names))]
     counts = rows["kind"].isin([held_out]) | ~rows["model"].isin(list(study.models))

@@ -18,6 +18,7 @@ from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import chdtri, fdtri, nctdtrinc, stdtrit
 
 LEVEL = 0.05
 """Share of false positives that is accepted, in a family of comparisons made together."""
@@ -63,8 +64,6 @@ def paired_difference(differences: Array) -> Difference:
 
     The interval needs FEWEST_SUBJECTS, the effect size 3.
     """
-    from scipy.special import stdtrit
-
     d = np.where(np.abs(differences) <= EQUAL, 0.0, differences)
     n, interval = len(d), None
     effect: tuple[float, Interval] | tuple[None, None] = (None, None)
@@ -106,8 +105,6 @@ def effect_of(size: float, freedom: int, n_effective: float) -> tuple[float, Int
     % (J. H. Steiger, R. T. Fouladi, in What If There Were No Significance Tests?, 1997): exact of normal
     data.
     """
-    from scipy.special import nctdtrinc
-
     root = math.sqrt(n_effective)
     low, high = (float(nctdtrinc(freedom, share, size * root)) for share in (1.0 - LEVEL / 2, LEVEL / 2))
     return small_sample_correction(freedom) * size, (low / root, high / root)
@@ -125,7 +122,7 @@ FEWEST_IN_GROUP = 4
 
 def group_difference(values: Array, others: Array) -> Difference:
     """Test the difference of the means of two groups (n,) and (m,), each 2 or more."""
-    from scipy import stats
+    from scipy import stats  # which takes half a second to import
 
     n, m = len(values), len(others)
     squares = np.array([group.var(ddof=1) / len(group) for group in (values, others)])
@@ -172,8 +169,6 @@ class Reliability:
 
 def reliability(values: Array) -> Reliability:
     """Repeatability of values (n subjects, k sessions), all there; n and k at least 2."""
-    from scipy.special import chdtri
-
     n, k = values.shape
     of_subjects, of_sessions, rest = mean_squares(values)
     freedom = n * (k - 1)
@@ -247,6 +242,4 @@ def _undefined(of_subjects: float, rest: float) -> Icc:
 
 def _f(share: float, freedom: float, other: float) -> float:
     """Quantile of Fisher's F."""
-    from scipy.special import fdtri
-
     return float(fdtri(freedom, other, share))

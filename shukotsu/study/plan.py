@@ -336,6 +336,7 @@ def rows_of_session(rows: Sequence[SheetRow], sheet: Sheet, session: str) -> lis
 
 def _recording(recording: Recording, study: Study, results: Path) -> dict[str, Any]:
     simulated = study.simulation is not None and recording.file.parent == study.simulation.folder
+    ships = recording.layout.parent == CONFIG_FOLDER / "layouts"
     return {
         "hand": recording.hand.hand,
         "task": recording.task,
@@ -343,7 +344,7 @@ def _recording(recording: Recording, study: Study, results: Path) -> dict[str, A
         "role": recording.role,
         "file": _relative(recording.file),
         "file_as_written": recording.file_as_written,
-        "layout": _layout_name(recording.layout),
+        "layout": recording.layout.stem if ships else _relative(recording.layout),
         "format": recording.format,
         "mapping": None if recording.mapping is None else _relative(recording.mapping),
         "hemisphere": recording.hemisphere,
@@ -355,11 +356,6 @@ def _recording(recording: Recording, study: Study, results: Path) -> dict[str, A
         "poses": (results / recording.hand.folder / recording.name / "poses.parquet").as_posix(),
         "truth": _relative(truth_folder(recording.file)) if simulated else None,
     }
-
-
-def _layout_name(path: Path) -> str:
-    """The name of a layout that ships, wherever the program is; else its path."""
-    return path.stem if path.parent == CONFIG_FOLDER / "layouts" else _relative(path)
 
 
 def truth_folder(file: Path) -> Path:

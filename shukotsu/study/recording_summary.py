@@ -101,11 +101,7 @@ def part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> It
                 yield problem_row(stage, worded(kind, severity, parameters[name]), **where)
 
 
-RECEIVER_KINDS = {
-    "": "receiver",
-    "step": "receiver-loose",
-    "slide": "receiver-slid",
-}
+RECEIVER_KINDS = {"": "receiver", "step": "receiver-loose", "slide": "receiver-slid"}
 """Kinds of problems by what displaced a receiver."""
 
 OF_A_MODEL = ("subject", "session", "hand", "model")
@@ -186,12 +182,7 @@ def _joint_problems(joints: pa.Table) -> list[Row]:
 def _clock_problems(clocks: pa.Table) -> list[Row]:
     """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
     return [
-        problem_row(
-            "align_events",
-            worded("events", NOTE, row["message"]),
-            **_hand_of(row),
-            task=_title(row),
-        )
+        problem_row("align_events", worded("events", NOTE, row["message"]), **_hand_of(row), task=_title(row))
         for row in rows_of(clocks)
         if row["status"] in ("weak", "failed")
     ]

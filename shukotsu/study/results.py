@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from shukotsu.study.study import Recording
 
-MEASURED_TABLES = (
-    "ranges_of_motion",
-    "fingertip_paths",
-    "movement_cycles",
-    "event_strokes",
-)
+MEASURED_TABLES = ("ranges_of_motion", "fingertip_paths", "movement_cycles", "event_strokes")
 """Tables of a subject's movement."""
 
 SUBJECT_TABLES = {
@@ -69,19 +64,11 @@ STUDY_TABLES = (*GATHERED_TABLES, "recordings", "problems")
 MODEL_COMPARISONS = ("model_values", "model_pairs", "model_differences")
 """How the study's models compare over its subjects, made from its tables."""
 
-MOVEMENT_COMPARISONS = (
-    "movement_differences",
-    "movement_reliability",
-)
+MOVEMENT_COMPARISONS = ("movement_differences", "movement_reliability")
 """What the study says of its subjects' movement, made from its tables."""
 
 
-STUDY_FIGURES = (
-    "models",
-    "joint-errors",
-    "joint-trust",
-    "ranges-of-motion",
-)
+STUDY_FIGURES = ("models", "joint-errors", "joint-trust", "ranges-of-motion")
 """Figures of a study for print, each always written: where it has no data, with a sentence that says so."""
 
 FIGURE_KINDS = ("svg", "pdf", "txt")

@@ -9,13 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from shukotsu.hand.posing import (
-    PosedRecording,
-    Skeleton,
-    digit_points,
-    fitted_bones,
-    receiver_bones,
-)
+from shukotsu.hand.posing import PosedRecording, Skeleton, digit_points, fitted_bones, receiver_bones
 from shukotsu.hand.rotations import about_axis, conjugate, multiply, rotate
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
