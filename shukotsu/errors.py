@@ -77,7 +77,7 @@ def listed(names: Sequence[str], most: int = 8) -> str:
     return (", ".join(short) or "none") + more
 
 
-def guess(word: str, known: Sequence[str]) -> str:
-    """Suggest a word for one that is not known: the nearest known one, or else all of them."""
-    close = difflib.get_close_matches(word, known, 1)
-    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(known)}"
+def guess(word: str, words: Sequence[str]) -> str:
+    """Suggest a word for one that there is not: the nearest there is, or else all of them."""
+    close = difflib.get_close_matches(word, words, 1)
+    return f"did you mean {close[0]!r}?" if close else f"expected one of {', '.join(words)}"

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from shukotsu import command_line, job
-from shukotsu.export.registry import DESCRIPTION, add_options
 from shukotsu.study import subject_stage
 
 TABLES = ("findings", "joint_centres", "bone_lengths", "metacarpals")
@@ -16,6 +15,8 @@ POSED = ("joint_angles", "bone_poses", "posed_tips", "moved_receivers")
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the stage's argument parser."""
+    from shukotsu.export.registry import DESCRIPTION, add_options
+
     parser = command_line.parser(
         "shukotsu stage export",
         DESCRIPTION,

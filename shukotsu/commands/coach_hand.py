@@ -14,9 +14,9 @@ from shukotsu.errors import InputError
 
 if TYPE_CHECKING:
     from shukotsu.coach.coach import Coach, CoachedHand
-    from shukotsu.coach.source import Source
+    from shukotsu.coach.live_poses import Source
     from shukotsu.tracker.archive import Piece
-    from shukotsu.tracker.request import StopRequest
+    from shukotsu.tracker.conversation import StopRequest
 
 USUAL = Path("study.yaml")
 PUT_RIGHT = "receivers were put right in it"
@@ -72,7 +72,7 @@ def coach(arguments: argparse.Namespace) -> None:
     if arguments.follow is not None and not arguments.follow.is_file():
         raise InputError(f"{arguments.follow}: no such file; start `shukotsu record --out` first")
     from shukotsu.coach.study import hand_alone, hand_of
-    from shukotsu.tracker.request import StopRequest, stop_on_signals
+    from shukotsu.tracker.conversation import StopRequest, stop_on_signals
 
     if arguments.port is not None and arguments.study is None and USUAL.is_file():
         arguments.study = USUAL
@@ -92,7 +92,7 @@ def coach(arguments: argparse.Namespace) -> None:
 
 def _coach_archive(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest) -> None:
     from shukotsu.coach.coach import Coach
-    from shukotsu.coach.source import Replayed
+    from shukotsu.coach.live_poses import Replayed
     from shukotsu.tracker.archive import FollowedArchive
 
     coached = Coach(hand)
@@ -110,7 +110,7 @@ def _coach_archive(arguments: argparse.Namespace, hand: CoachedHand, stop: StopR
 def _record(arguments: argparse.Namespace, hand: CoachedHand, stop: StopRequest) -> bool:
     """Record and coach one hand; return whether receivers were put right in it, and it is recorded anew."""
     from shukotsu.coach.coach import Coach
-    from shukotsu.coach.source import Recorder
+    from shukotsu.coach.live_poses import Recorder
     from shukotsu.coach.study import enter_recording, new_archive
     from shukotsu.commands.record_tracker import EXIT_CUT_SHORT
     from shukotsu.fit.compile_kernel import compile_all
@@ -148,9 +148,8 @@ def _run(
     coached: Coach, source: Source, archive: Path, page: Path | None, stop: StopRequest, *, live: bool = True
 ) -> None:
     """Coach until the archive ends or somebody ends it; of a recorder also until receivers were put right."""
-    from shukotsu.coach.live_poses import LivePoses
+    from shukotsu.coach.live_poses import LivePoses, Recorder
     from shukotsu.coach.page import EVERY_S, write_page
-    from shukotsu.coach.source import Recorder
     from shukotsu.fit.receiver_frames import concatenated
 
     title, poses = f"{archive.name}, {coached.hand.hand} hand", LivePoses(coached.hand.layout, archive)

@@ -46,9 +46,9 @@ def main(argv: list[str]) -> int:
 
 def emulate(options: argparse.Namespace) -> None:
     """Check the options; then serve a port, or write an archive."""
+    from shukotsu.tracker.conversation import parse_stations
     from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
     from shukotsu.tracker.emulator import Emulator, PtyPort, TcpPort, serve, write_archive
-    from shukotsu.tracker.request import parse_stations
 
     if options.archive is not None:
         if options.recording is None:

@@ -57,34 +57,32 @@ def record_tracker(options: argparse.Namespace) -> None:
 
     Raises SystemExit where the recording was cut short.
     """
-    from shukotsu.tracker import display, session
-    from shukotsu.tracker import request as requests
+    from shukotsu.tracker import conversation, display, session
     from shukotsu.tracker.port import open_port, port_lines, serial_ports, usb_devices
-    from shukotsu.tracker.session import check
 
     if options.devices:
         print("\n".join(port_lines(serial_ports(), usb_devices())))
         return
     if options.port is None:
         raise InputError("--port: is missing; `shukotsu record --devices` lists those there are")
-    request = requests.RecordingRequest(
+    request = conversation.RecordingRequest(
         options.tracker,
         options.items == "short",
         options.rate,
-        None if options.stations is None else requests.parse_stations(options.stations),
-        requests.parse_hemisphere(options.hemisphere),
+        None if options.stations is None else conversation.parse_stations(options.stations),
+        conversation.parse_hemisphere(options.hemisphere),
         options.no_filters,
     )
     if options.duration is not None and not 0 < options.duration < 1e6:
         raise InputError(f"--duration: is {options.duration:g}; expected seconds above 0")
     if not options.ask and (options.out is None or options.out.suffix != ".arrows"):
         raise InputError(f"--out: is {options.out or 'missing'}; expected a name that ends with .arrows")
-    stop = requests.StopRequest()
-    with requests.stop_on_signals(stop):
+    stop = conversation.StopRequest()
+    with conversation.stop_on_signals(stop):
         port = open_port(options.port, options.baud)
         try:
             if options.ask:
-                for line in check(port, request, stop):
+                for line in session.check(port, request, stop):
                     print(line, flush=True)
                 return
             other = ("out", "note", "devices", "ask")

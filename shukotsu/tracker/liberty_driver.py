@@ -15,7 +15,9 @@ from typing import Any
 from shukotsu.errors import InputError
 from shukotsu.tracker import liberty_replies as replies
 from shukotsu.tracker.conversation import (
+    TRACK,
     Conversation,
+    RecordingRequest,
     TrackerDriver,
     is_default_alignment,
     is_zero,
@@ -24,7 +26,6 @@ from shukotsu.tracker.conversation import (
 )
 from shukotsu.tracker.families import FAMILIES, StreamSettings
 from shukotsu.tracker.liberty_replies import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
-from shukotsu.tracker.request import TRACK, RecordingRequest
 
 State = dict[str, Any]
 """Name of a setting -> its value, or station -> value; None where the tracker did not say."""

@@ -13,9 +13,8 @@ from simulated_poses import recorded
 
 from benchmarks.faultless_hands import exchanged
 from shukotsu.__main__ import main as capture
-from shukotsu.coach.coach import ENDED, ENOUGH, MOST_VAIN, Coach, Estimate
+from shukotsu.coach.coach import ENDED, ENOUGH, FIRST, MOST_VAIN, MOVEMENTS, Coach, Estimate
 from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames, LivePoses
-from shukotsu.coach.movements import FIRST, MOVEMENTS
 from shukotsu.coach.study import hand_alone
 from shukotsu.fit.receiver_frames import concatenated
 from shukotsu.simulate.random_hand import FINGERS

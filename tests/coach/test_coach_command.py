@@ -110,7 +110,7 @@ def test_a_page_that_can_be_written_no_more_costs_no_row(
                 Path("pages").touch()
             return 0
 
-    monkeypatch.setattr("shukotsu.coach.source.Recorder", Recorded)
+    monkeypatch.setattr("shukotsu.coach.live_poses.Recorder", Recorded)
     assert new_study([str(folder)]) == 0
     (folder / "participants.tsv").write_text("subject\n03\n")
     (folder / "pages").mkdir()

@@ -7,9 +7,8 @@ from tracker_processes import PATIENCE_S
 
 from shukotsu.errors import InputError
 from shukotsu.tracker import conversation
-from shukotsu.tracker.conversation import Conversation
+from shukotsu.tracker.conversation import Conversation, StopRequest
 from shukotsu.tracker.port import Port
-from shukotsu.tracker.request import StopRequest
 
 PIECE = b"\xc3junk\r\n" * 1000
 

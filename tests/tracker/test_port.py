@@ -19,10 +19,10 @@ from tracker_processes import PATIENCE_S
 from shukotsu.errors import InputError
 from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker.archive import open_archive
+from shukotsu.tracker.conversation import RecordingRequest, StopRequest
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
 from shukotsu.tracker.emulator import Emulator
 from shukotsu.tracker.port import Port, PortGoneError, open_port, port_lines
-from shukotsu.tracker.request import RecordingRequest, StopRequest
 from shukotsu.tracker.session import RecordingPlan, record
 from shukotsu.tracker.stream import Tally, blocks_of
 

@@ -24,10 +24,10 @@ from shukotsu.commands import record_tracker
 from shukotsu.tables.line_printer import LinePrinter
 from shukotsu.tracker import session
 from shukotsu.tracker.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_archive
+from shukotsu.tracker.conversation import RecordingRequest, StopRequest
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
 from shukotsu.tracker.port import open_port
 from shukotsu.tracker.records import Records, concatenated
-from shukotsu.tracker.request import RecordingRequest, StopRequest
 from shukotsu.tracker.session import RecordingPlan, record
 from shukotsu.tracker.stream import Tally, blocks_of
 
