@@ -48,7 +48,7 @@ def from_frame(poses: Poses, frame: int) -> Poses:
 
 def test_it_asks_at_once_checks_first_and_ends_with_every_joint() -> None:
     coach = a_coach()
-    lines = [*coached(coach, calibration()), *coach.end()]
+    lines = [*coached(coach, calibration(5 * RATE_HZ)), *coach.end()]
     assert f">> {MOVEMENTS[FIRST].sentence}" in lines[0]
     assert "Nothing is wrong in these 4 s" in lines[1]
     assert "joints good enough; the least sure is thumb_cmc" in lines[2]

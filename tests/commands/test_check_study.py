@@ -20,10 +20,9 @@ from shukotsu.workflow.study_files import import_options
 
 ROWS = (
     "P1 right rom both rom.csv",
-    "P1 right pinch evaluation opposition.csv",
-    "P1 right old evaluation opposition.csv - - moved",
+    "P1 right old evaluation rom.csv - - moved",
     "P2 left rom both rom.csv",
-    "P2 left seen evaluation opposition.csv - - - on-video",
+    "P2 left seen evaluation rom.csv - - - on-video",
     "P2 left lost evaluation lost.csv",
     "P2 left gone evaluation lost.csv",
 )
@@ -32,8 +31,7 @@ ROWS = (
 @pytest.fixture
 def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
-    for task in ("rom", "opposition"):
-        write_recording(Path(f"{task}.csv"), simulate("P1", "right", task, 3, Realism.full(), 360))
+    write_recording(Path("rom.csv"), simulate("P1", "right", "rom", 3, Realism.full(), 360))
     return write_study(tmp_path, *ROWS)
 
 
@@ -64,7 +62,7 @@ def test_a_study_s_recordings_have_the_findings_of_its_run(
     assert not err
     assert sorted(Path().rglob("*")) == before
     first, *lines = out.splitlines()
-    assert first.endswith("study test, 2 subjects, 7 recordings, 2 models")
+    assert first.endswith("study test, 2 subjects, 6 recordings, 2 models")
     lost = [line for line in lines if "cannot be read" in line]
     assert lost == [
         "P2 left lost, P2 left gone: cannot be read: lost.csv: no such file; expected a recording"
