@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
+from pathlib import Path
+
 import pytest
 
 from shukotsu.__main__ import main
@@ -29,3 +32,62 @@ def test_a_name_that_left_has_a_sentence_and_another_one_none() -> None:
 def test_a_command_that_left_says_what_to_take(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([command, "--help"]) == 2
     assert capsys.readouterr().err == f"error: {instead('command', command)}\n"
+
+
+RECORD = "record --port /dev/no-such-port --out rom.arrows"
+REFUSED = {
+    "emulate --pty --stations 0-3": "--stations: is '0-3'; expected numbers from 1 to 16",
+    "emulate --tcp 0.0.0.0:4001": "--tcp: is '0.0.0.0:4001'; expected a port of this machine",
+    "emulate --pty --recording none.parquet": "none.parquet: no such file",
+    "emulate --pty /nowhere/at/all": "/nowhere/at/all: cannot be made a link",
+    "emulate --archive out.arrows": "--archive: needs a recording",
+    "emulate --archive out.bin --recording r.csv": "out.bin: is to be a raw capture",
+    "emulate --archive o.arrows --recording r.csv --loop": "--loop: needs a port",
+    "emulate --igtl 0": "emulate --igtl left in 0.2: record with PLUS",
+    "emulate --pty --drop-bytes=1e-5": "emulate --drop-bytes left in 0.2: leave it out",
+    "record --ask": "--port: is missing; `shukotsu record --devices` lists",
+    f"{RECORD} --duration 0": "--duration: is 0; expected seconds above 0",
+    f"{RECORD} --out rom.parquet": "--out: is rom.parquet; expected a name that ends with .arrows",
+    f"{RECORD} --tracker fastrak": "--tracker: fastrak left in 0.2: record with the tracker's own program",
+    f"{RECORD} --tracker libety": "--tracker: is 'libety'; expected one of liberty, patriot, viper",
+    f"{RECORD} --tracker viper --stations 1": "--stations: a VIPER sends every sensor",
+    f"{RECORD} --tracker viper --items short": "--items: a VIPER has no output lists",
+    f"{RECORD} --tracker patriot --rate 120": "--rate: a patriot has a rate of its own",
+    f"{RECORD} --port igtl://host:18944": "--port: igtl left in 0.2: record with PLUS or 3D Slicer",
+    f"{RECORD} --lsl-outlet": "record --lsl-outlet left in 0.2: import the archive",
+    f"{RECORD} --stations 0": "--stations: is '0'",
+    f"{RECORD} --hemisphere up": "--hemisphere: is 'up'",
+    RECORD: "/dev/no-such-port: no such port",
+    "coach": "expected one of --port",
+    "coach --port=x --replay=y": "expected one of --port",
+    "coach --replay=absent.arrows": "absent.arrows",
+    "coach --follow=absent.arrows": "absent.arrows: no such file",
+    "coach --replay=x.arrows --speed=-1": "--speed: is -1",
+    "coach --replay=x.arrows --page=y.arrows": "--page: is y.arrows",
+    "coach --replay=x.arrows --layout=nothing": "layout 'nothing' is neither",
+    "coach --replay=x.arrows --study=absent.yaml --subject=3": "absent.yaml",
+    "coach --replay=x.arrows --study=absent.yaml": "--subject: is missing",
+    "coach --replay=x.arrows -- --rate=240": "--rate=240: is an option of the recorder",
+    "coach --port=x --listen=0.0.0.0:1": "coach --listen left in",
+    "coach --port=socket://127.0.0.1:1": "socket://127.0.0.1:1: nothing was recorded",
+    "new 'a b'": "a b: no study can have this name; use letters, digits, - and _",
+    "new there": "there/recordings.tsv: is there already; name another folder, or edit that file",
+    "new a --recordings absent": "--recordings: absent: no such folder; give the folder of your",
+    "new a --recordings there": "--recordings: there: holds no recording; expected files that end",
+    "new a --layout hand": "layout 'hand' is neither a layout that ships",
+    "check": "study.yaml: there is none in ",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_cannot_be_asked_is_one_sentence_and_leaves_nothing(
+    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("there/recordings.tsv").mkdir(parents=True)
+    assert main(shlex.split(words)) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith(f"error: {REFUSED[words]}")
+    assert printed.err.count("\n") == 1
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]

@@ -30,31 +30,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "empty"
 
 
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        ([], "expected one of --port"),
-        (["--port=x", "--replay=y"], "expected one of --port"),
-        (["--replay=absent.arrows"], "absent.arrows"),
-        (["--follow=absent.arrows"], "absent.arrows: no such file"),
-        (["--replay=x.arrows", "--speed=-1"], "--speed: is -1"),
-        (["--replay=x.arrows", "--page=y.arrows"], "--page: is y.arrows"),
-        (["--replay=x.arrows", "--layout=nothing"], "nothing"),
-        (["--replay=x.arrows", "--study=absent.yaml", "--subject=3"], "absent.yaml"),
-        (["--replay=x.arrows", "--study=absent.yaml"], "--subject: is missing"),
-        (["--replay=x.arrows", "--", "--rate=240"], "--rate=240: is an option of the recorder"),
-        (["--port=x", "--listen=0.0.0.0:1"], "--listen left in"),
-        (["--port=socket://127.0.0.1:1"], "nothing was recorded"),
-    ],
-)
-def test_what_cannot_be_is_refused_and_leaves_nothing(
-    options: list[str], sentence: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert coach(options) == 2
-    assert sentence in capsys.readouterr().err
-    assert [path for path in folder.rglob("*") if path.is_file()] == []
-
-
 def test_a_replay_needs_no_study_and_leaves_nothing(
     archive: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

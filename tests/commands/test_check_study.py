@@ -118,11 +118,3 @@ def test_of_the_other_hand_only_that_is_said(rom: Path, capsys: pytest.CaptureFi
     out = capsys.readouterr().out
     assert out.startswith("suspect: wrong-hand: This seems to be a right hand")
     assert "Measuring" not in out
-
-
-def test_without_a_study_in_the_folder_it_says_how_to_make_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert check([]) == 2
-    assert "or make one: `shukotsu new FOLDER`" in capsys.readouterr().err

@@ -61,31 +61,6 @@ def test_a_row_is_drafted_for_every_recording_by_its_name(
     assert "drafted from names, and fill in the 1 that their names leave open, then: cd" in out
 
 
-@pytest.mark.parametrize(
-    ("argv", "sentence"),
-    [
-        (["a b"], "a b: no study can have this name; use letters, digits, - and _"),
-        (["there"], "there/recordings.tsv: is there already; name another folder, or edit that file"),
-        (["a", "--recordings", "absent"], "--recordings: absent: no such folder; give the folder of your"),
-        (["a", "--recordings", "there"], "--recordings: there: holds no recording; expected files that end"),
-        (["a", "--layout", "hand"], "layout 'hand' is neither a layout that ships"),
-    ],
-)
-def test_what_cannot_be_made_is_refused_and_nothing_is_left(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    argv: list[str],
-    sentence: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("there").mkdir()
-    Path("there/recordings.tsv").mkdir()
-    assert new(argv) == 2
-    assert f"error: {sentence}" in capsys.readouterr().err
-    assert sorted(path.name for path in tmp_path.rglob("*")) == ["recordings.tsv", "there"]
-
-
 EMPTY = {"subject": "", "session": "", "hand": "", "task": "", "trial": "", "role": ""}
 
 
