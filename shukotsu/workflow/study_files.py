@@ -185,8 +185,6 @@ class StudyFiles:
 
     # --- of one subject -----------------------------------------------------------------------------------
 
-    # --- of one subject -----------------------------------------------------------------------------------
-
     def subject(self, wildcards: Wildcards) -> SubjectSession:
         """The subject and session of which the wildcard `subject` is the form that stands in paths."""
         return self._plans[wildcards.subject].who

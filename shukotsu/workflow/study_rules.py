@@ -21,13 +21,7 @@ from shukotsu.workflow.study_files import StudyFiles, study_file
 CAPTIONS = PACKAGE / "report" / "captions"
 """Folder of what `snakemake --report` says of each result."""
 
-WILDCARDS = {
-    "subject": "[^/]+",
-    "hand": "right|left",
-    "task": "[^/]+",
-    "recording": "[^/]+",
-    "model": "[^/]+",
-}
+WILDCARDS = dict.fromkeys(("subject", "hand", "task", "recording", "model"), "[^/]+") | {"hand": "right|left"}
 """What the wildcards of a path may be."""
 LABELS = {"subject": "subject {}", "hand": "{} hand", "model": "model {}"}
 """What is said of a job's wildcards."""
@@ -91,9 +85,8 @@ def complete(workflow: Any, study: StudyFiles, snakefile: str) -> None:
         if rule.snakefile != snakefile or not rule.output:
             continue
         names = [name for name in WILDCARDS if name in rule.wildcard_names]
-        parts = [
-            "{recording}" if n == "recording" else f"{n.replace('subject', 'sub')}-{{{n}}}" for n in names
-        ]
+        prefixes = {"subject": "sub-", "recording": ""}
+        parts = [f"{prefixes.get(name, f'{name}-')}{{{name}}}" for name in names]
         path = f"/{'_'.join(parts)}" if names else ""
         rule.log_modifier = rule.output_modifier
         rule.set_log(f"{study.results.folder.as_posix()}/logs/{rule.name}{path}.log")

@@ -53,8 +53,19 @@ def gather_study(study: Study, results: Results) -> None:
     ]
     for plan, subject in zip(plans, of_subjects, strict=True):
         problems += [*_bugs(plan), *subject.problems]
-    problems += _same_files(plans)
-    problems += _correction_rows(study)
+    # recordings whose poses are, number by number, those of another subject's, or another session's
+    digests = {plan.who: read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"] for plan in plans}
+    of_recordings = (
+        (recording, digests[plan.who].get("/".join(recording.key.values()), ""))
+        for plan in plans
+        for recording in plan.recordings
+    )
+    for recording, finding in copies(of_recordings):
+        problems.append(problem_row(STAGE, finding, **vars(recording.hand), task=recording.title))
+    if (sheet := study.sheets.get("corrections")) is not None:
+        layout = read_layout(study.layout.absolute())
+        texts = correction_problems(read_sheet(sheet, CORRECTIONS), sheet, study.hands, layout)
+        problems += [problem_row("project_planes", worded("correction", REFUSED, text)) for text in texts]
     problems += [problem_row("plan", worded("sheet", REFUSED, text)) for text in unmatched_rows(study)]
     problems += [problem_row("plan", worded("sheet", NOTE, text)) for text in columns_handed_on(study)]
     for name in GATHERED_TABLES:
@@ -73,7 +84,8 @@ def gather_study(study: Study, results: Results) -> None:
     }
     write_text(results.resolved, yaml_text(whole))
     provenance = Provenance.of(list(study.sheets.values()))
-    unique = list({tuple(row[key] for key in _UNIQUE): row for row in reversed(problems)}.values())[::-1]
+    key = ("subject", "session", "hand", "task", "model", "message")
+    unique = list({tuple(row[name] for name in key): row for row in reversed(problems)}.values())[::-1]
     for table, table_rows in ((_with_further_columns(study, recordings), recordings), (PROBLEMS, unique)):
         write_table(results.study_table(table.name), table, columns_from_rows(table, table_rows), provenance)
 
@@ -88,21 +100,6 @@ def _with_further_columns(study: Study, rows: Sequence[Row]) -> Table:
     text = pa.string()
     columns = [Column(name, text, "", "as in the recordings sheet", nullable=True) for name in names.values()]
     return replace(RECORDINGS, columns=(*RECORDINGS.columns, *columns))
-
-
-_UNIQUE = ("subject", "session", "hand", "task", "model", "message")
-
-
-def _same_files(plans: Sequence[SubjectPlan]) -> Iterator[Row]:
-    """Name recordings whose poses are, number by number, those of another subject's, or another session's."""
-    digests = {plan.who: read_metadata(plan.table(FINDINGS.name))["parameters"]["digests"] for plan in plans}
-    of_recordings = (
-        (recording, digests[plan.who].get("/".join(recording.key.values()), ""))
-        for plan in plans
-        for recording in plan.recordings
-    )
-    for recording, finding in copies(of_recordings):
-        yield problem_row(STAGE, finding, **vars(recording.hand), task=recording.title)
 
 
 _WRITTEN_BEFORE = (
@@ -121,12 +118,3 @@ def _bugs(plan: SubjectPlan) -> Iterator[Row]:
         for file in filter(Path.is_file, files):
             problems = part_problems(plan, file, table, stage)
             yield from (row for row in problems if row["message"].startswith(INTERNAL))
-
-
-def _correction_rows(study: Study) -> list[Row]:
-    path = study.sheets.get("corrections")
-    if path is None:
-        return []
-    layout = read_layout(study.layout.absolute())
-    messages = correction_problems(read_sheet(path, CORRECTIONS), path, study.hands, layout)
-    return [problem_row("project_planes", worded("correction", REFUSED, text)) for text in messages]

@@ -79,18 +79,14 @@ def serve(listener: socket.socket) -> None:
             _run_job(connection)
         forks.add(fork)
         connection.close()
-        _wait_for_forks(forks, os.WNOHANG)
+        with suppress(ChildProcessError):  # those that have ended: what they cost counts as this process's
+            while ended := os.waitpid(-1, os.WNOHANG)[0]:
+                forks.discard(ended)
     for fork in forks:  # the workflow was killed: its next run must not find somebody else writing its files
         with suppress(ProcessLookupError):
             os.kill(fork, signal.SIGKILL)
-    _wait_for_forks(forks, 0)
-
-
-def _wait_for_forks(forks: set[int], options: int) -> None:
-    """Take the exit codes of forks that have ended, so that what they cost counts as this process's."""
-    with suppress(ChildProcessError):
-        while fork := os.waitpid(-1, options)[0]:
-            forks.discard(fork)
+        with suppress(ChildProcessError):
+            os.waitpid(fork, 0)
 
 
 def _run_job(connection: socket.socket) -> None:
