@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,11 +19,20 @@ from shukotsu.simulate.simulation import simulate
 from shukotsu.study.results import Results
 from shukotsu.tables.catalogue import TABLES
 from shukotsu.tables.typed_table import read_table, rows_of
+from shukotsu.tables.whole_files import file_sha256
 
+SHORT_FIT = """model: fitted
+description: a short fit
+joints: {calibration: all}
+planes: {cut: false}
+fit: {whole_hand: true, frames: 40, steps: 1}
+metacarpals: {unmeasured: fitted, measured: fitted}
+"""
+"""A model of a whole hand that costs seconds."""
 HEADER = "subject\thand\ttask\trole\tfile\texclude"
 
 CORES = 1 if "PYTEST_XDIST_WORKER" in os.environ else 2
-"""Of a study, unless a test says how many: workers share the machine."""
+"""For a study, unless a test says how many: workers share the machine."""
 _JOB = re.compile(r"^Job \d+: (\w+): (.*)$", re.MULTILINE)
 
 Row = dict[str, Any]
@@ -40,9 +47,9 @@ class Job:
 
     @property
     def subject(self) -> str | None:
-        """The subject as it stands in paths; None of a job of the whole study."""
-        found = re.match(r"subject ([^,]+)", self.about)
-        return None if found is None else found[1]
+        """The subject as it stands in paths; None for a job of the whole study."""
+        match = re.match(r"subject ([^,]+)", self.about)
+        return match and match[1]
 
 
 @dataclass(frozen=True)
@@ -54,29 +61,24 @@ class StudyRun:
     repository: Path = REPOSITORY
 
     def snakemake(self, *words: str, cores: int = CORES) -> subprocess.CompletedProcess[str]:
-        """Run Snakemake on the study, started from the study's folder; give what it said."""
-        return snakemake(
-            self.folder,
-            "--directory",
-            str(self.folder),
-            "--configfile",
-            str(self.file),
-            *words,
-            cores=cores,
-            repository=self.repository,
+        """Run Snakemake with the program's Snakefile on the study, in the study's folder, to its end."""
+        command = [sys.executable, "-m", "snakemake", "-s", str(self.repository / "Snakefile")]
+        command += ["--directory", str(self.folder), "--configfile", str(self.file), "--cores", str(cores)]
+        return subprocess.run(
+            [*command, *words], cwd=self.folder, capture_output=True, text=True, timeout=1500
         )
 
-    def run(self, cores: int = CORES) -> str:
-        """Run the study, which must end with exit code 0; give what Snakemake said."""
-        done = self.snakemake(cores=cores)
+    def run(self, *targets: str, cores: int = CORES) -> str:
+        """Run the study, or what some targets need, to exit code 0; return what Snakemake wrote."""
+        done = self.snakemake(*targets, cores=cores)
         assert done.returncode == 0, done.stderr
         return done.stderr
 
     def planned(self, *targets: str) -> set[Job]:
-        """Jobs that a run would do now, of those targets alone where some are named."""
+        """Return jobs that a run would do now, of those targets alone where some are named."""
         done = self.snakemake("--dry-run", *targets)
         assert done.returncode == 0, done.stderr
-        return jobs_in(done.stdout + done.stderr)
+        return {Job(match[1], match[2]) for match in _JOB.finditer(done.stdout + done.stderr)}
 
     @property
     def results(self) -> Results:
@@ -84,35 +86,16 @@ class StudyRun:
         return Results(self.folder / Results.of(self.file.stem).folder)
 
     def rows(self, table: str) -> list[Row]:
-        """Rows of a study-wide table, which must be as the contract says."""
+        """Return the rows of a study-wide table, which must be as the contract says."""
         return list(rows_of(read_table(self.results.study_table(table), TABLES[table])))
 
     def rows_where(self, table: str, **wanted: str) -> list[Row]:
-        """Rows of a study-wide table with those values."""
+        """Return the rows of a study-wide table with those values."""
         return [row for row in self.rows(table) if all(row[key] == value for key, value in wanted.items())]
 
     def page(self) -> str:
-        """The report's text."""
+        """Return the report's text."""
         return self.results.report.read_text("utf-8")
-
-    def logs(self) -> set[str]:
-        """Paths of the log files, below the folder of logs."""
-        folder = self.results.folder / "logs"
-        return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-
-
-def snakemake(
-    folder: Path, *words: str, cores: int = CORES, repository: Path = REPOSITORY
-) -> subprocess.CompletedProcess[str]:
-    """Run Snakemake with the program's Snakefile from that working directory."""
-    command = [sys.executable, "-m", "snakemake", "-s", str(repository / "Snakefile")]
-    return subprocess.run(
-        [*command, "--cores", str(cores), *words], cwd=folder, capture_output=True, text=True, timeout=1500
-    )
-
-
-def jobs_in(text: str) -> set[Job]:
-    return {Job(found[1], found[2]) for found in _JOB.finditer(text)}
 
 
 def write_study(folder: Path, name: str, rows: list[str], models: list[str], **keys: str) -> StudyRun:
@@ -157,17 +140,10 @@ def copy_of_the_program(folder: Path) -> Path:
 
 
 def hashes(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file below a folder by its path there; logs left out."""
-    return {
-        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in _files(folder)
-        if "logs" not in path.relative_to(folder).parts
-    }
+    """Return the SHA-256 of every file below a folder by its path there; logs left out."""
+    paths = {path.relative_to(folder): path for path in folder.rglob("*") if path.is_file()}
+    return {n.as_posix(): file_sha256(path) for n, path in paths.items() if "logs" not in n.parts}
 
 
 def leftovers(folder: Path) -> list[Path]:
-    return [path for path in _files(folder) if path.name.endswith(".tmp")]
-
-
-def _files(folder: Path) -> Iterator[Path]:
-    return (path for path in sorted(folder.rglob("*")) if path.is_file())
+    return [path for path in folder.rglob("*.tmp") if path.is_file()]

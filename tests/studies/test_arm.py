@@ -18,7 +18,7 @@ def test_both_arms_are_solved_and_replayed(real_data: Path, tmp_path: Path) -> N
     sides = ("right", "left")
     rows = [f"01\t{side}\tracing\tboth\t{real_data}/upper_limb_poses/racing_{side}.csv" for side in sides]
     study = write_study(tmp_path, "arms", rows, MODELS, layout="arm")
-    study.run()
+    study.run("results/arms/joint_centres.parquet")
     for side in sides:
         joints = study.rows_where("joint_centres", hand=side, model="paper-fig4")
         free = {row["joint"]: row for row in joints if row["joint"] in FREE_GAP_MM}

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from studies.running import Row, StudyRun, copy_of_the_program, leftovers, snakemake
+from studies.running import CORES, REPOSITORY, Row, StudyRun, leftovers
 
 from shukotsu.hand.rotations import Array
 from shukotsu.tables.catalogue import JOINT_CENTRES, TABLES
@@ -25,12 +28,14 @@ GROSS_MM, GOOD_MM = 50, 20
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
-    """The demo study, run without --configfile in a copy of the program that holds no recording yet."""
-    program = copy_of_the_program(tmp_path_factory.mktemp("demo") / "shukotsu")
-    assert not list(program.glob("data/demo/recordings/*"))
-    done = snakemake(program, repository=program)
-    assert done.returncode == 0, done.stderr
-    return StudyRun(program / "config" / "demo.yaml", program, program)
+    """The demo, run by `shukotsu demo` in an empty folder, or where SHUKOTSU_DEMO says that it was run."""
+    folder = Path(os.environ.get("SHUKOTSU_DEMO") or tmp_path_factory.mktemp("demo"))
+    if not (folder / "results").is_dir():
+        command = [sys.executable, "-P", "-m", "shukotsu", "demo", "--cores", str(CORES)]
+        environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    return StudyRun(folder / "config" / "demo.yaml", folder)
 
 
 def _errors(demo: StudyRun, model: str, **wanted: str) -> list[Row]:
@@ -147,4 +152,4 @@ def test_every_column_of_the_tables_is_filled(demo: StudyRun) -> None:
 def test_nothing_went_wrong(demo: StudyRun) -> None:
     assert not demo.rows("problems")
     assert {row["status"] for row in demo.rows("recordings")} == {"used"}
-    assert not leftovers(demo.folder)
+    assert not leftovers(demo.results.folder)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -14,43 +15,47 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from studies.running import REPOSITORY, StudyRun, record, write_study
-
-from shukotsu.tables.whole_files import file_sha256
+from studies.running import REPOSITORY, StudyRun, hashes, leftovers, record, write_study
 
 pytestmark = pytest.mark.slow
 
-KILLS = 5
+KILLS = 3
 
 
-def state(study: StudyRun) -> dict[str, str]:
-    """The SHA-256 of every result; logs and hidden files are none."""
-    folder = study.results.folder
-    names = {path: path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
-    return {
-        name.as_posix(): file_sha256(path)
-        for path, name in names.items()
-        if "logs" not in name.parts and not any(part.startswith(".") for part in name.parts)
-    }
-
-
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> tuple[StudyRun, dict[str, str], float]:
-    """A study of one short recording before it is run; its results, and how long it takes to make them."""
-    folder = tmp_path_factory.mktemp("faults") / "study"
+def test_killed_or_in_trouble_the_same_command_completes_to_the_same_bytes(tmp_path: Path) -> None:
+    """A machine's trouble, as a quota of files' sizes, is no result; nor is what was killed at any moment."""
+    folder, chance = tmp_path / "study", random.Random(5)
     folder.mkdir()
     file = record(folder / "rom.parquet")
     study = write_study(folder, "study", [f"01\tright\trom\tboth\t{file.name}"], ["rigid"], exports="[bvh]")
-    copy = folder.with_name("undisturbed")
-    shutil.copytree(folder, copy)
+    shutil.copytree(folder, tmp_path / "copy")
+    copy = StudyRun(tmp_path / "copy" / study.file.name, tmp_path / "copy")
     began = time.monotonic()
-    run = StudyRun(copy / study.file.name, copy)
-    run.run()
-    return study, state(run), time.monotonic() - began
+    study.run()
+    seconds, expected = time.monotonic() - began, hashes(study.results.folder)
+    process = started(copy, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
+    error = process.communicate(timeout=600)[1]
+    assert process.returncode != 0, error
+    assert not results(copy).items() - expected.items()
+    for _ in range(KILLS):
+        process = started(copy)
+        time.sleep(chance.uniform(0, seconds))
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        assert not results(copy).items() - expected.items()
+    copy.run()
+    assert results(copy) == expected
+    assert not leftovers(copy.results.folder)
+
+
+def results(study: StudyRun) -> dict[str, str]:
+    """SHA-256 of every result; hidden files are none."""
+    digests = hashes(study.results.folder)
+    return {name: digest for name, digest in digests.items() if not re.search(r"(^|/)\.", name)}
 
 
 def started(study: StudyRun, limit: Callable[[], None] | None = None) -> subprocess.Popen[str]:
-    """The study's run in a session of its own, under a limit."""
+    """Start the study's run in a session of its own, under a limit."""
     command = [sys.executable, "-m", "snakemake", "-s", str(REPOSITORY / "Snakefile"), "--cores", "2"]
     return subprocess.Popen(
         [*command, "--configfile", str(study.file)],
@@ -61,36 +66,3 @@ def started(study: StudyRun, limit: Callable[[], None] | None = None) -> subproc
         start_new_session=True,
         preexec_fn=limit,
     )
-
-
-def test_killed_at_any_moment_the_same_command_completes_to_the_same_bytes(
-    undisturbed: tuple[StudyRun, dict[str, str], float], tmp_path: Path
-) -> None:
-    study, expected, seconds = undisturbed
-    shutil.copytree(study.folder, tmp_path / "study")
-    copy, chance = StudyRun(tmp_path / "study" / study.file.name, tmp_path / "study"), random.Random(5)
-    for _ in range(KILLS):
-        process = started(copy)
-        time.sleep(chance.uniform(0, seconds))
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-        half_written = {name for name, digest in state(copy).items() if expected.get(name) != digest}
-        assert half_written == set()
-    copy.run()
-    assert state(copy) == expected
-    assert not list(copy.results.folder.rglob(".*.tmp"))
-
-
-def test_a_machines_trouble_is_no_result(
-    undisturbed: tuple[StudyRun, dict[str, str], float], tmp_path: Path
-) -> None:
-    """As a quota of files' sizes."""
-    study, expected, _ = undisturbed
-    shutil.copytree(study.folder, tmp_path / "study")
-    copy = StudyRun(tmp_path / "study" / study.file.name, tmp_path / "study")
-    process = started(copy, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)))
-    error = process.communicate(timeout=600)[1]
-    assert process.returncode != 0, error
-    assert {name for name, digest in state(copy).items() if expected.get(name) != digest} == set()
-    copy.run()
-    assert state(copy) == expected

@@ -1,196 +1,384 @@
-"""What is run again after a change, as Snakemake decides: nothing is hidden from it."""
+"""What a study's jobs open is what their rules declare, and what changed is made again: nothing is hidden."""
 
 from __future__ import annotations
 
+import json
 import os
+import re
+import shlex
 import shutil
-from collections.abc import Callable
+import socket
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from studies.running import Job, StudyRun, copy_of_the_program, hashes, record, write_study
+from program_files import BESIDE
+from sample_files import RECORDINGS, midi_of
+from studies.running import SHORT_FIT, Job, StudyRun, copy_of_the_program, hashes, record, write_study
 
+from shukotsu import job
+from shukotsu.errors import InputError
 from shukotsu.study.results import FIT_TABLES, SUBJECT_TABLES
+from shukotsu.workflow.study_files import StudyFiles
 
 pytestmark = pytest.mark.slow
 
-PLAIN, CORRECTED, FITTED = "plain", "corrected", "fitted"
-ROWS = ["01\tright\trom\tboth\t01.csv", "02\tright\trom\tboth\t02.csv", "late\tright\trom\tboth\tlate.csv"]
-CORRECTIONS = "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t1\t0\t0\n"
+CONFIGURED = {"plan"}
+"""Rules of which the content of the study file and its sheets is a parameter."""
+OF_THE_STUDY = ("gather", "compare_models", "compare_movement", "export_dataset", "report", "print_figures")
+"""Rules that read the study file and its sheets."""
 EVERYTHING = {"capture", "check_recordings", "align_events", "solve_joints", "fit_hand", "project_planes"}
 EVERYTHING |= {"estimate_metacarpals", "evaluate_tips", "evaluate_skeletons", "measure_movement", "gather"}
 EVERYTHING |= {"compare_models", "compare_movement", "report", "subject_pages", "print_figures"}
+EVERYTHING |= {"export", "export_dataset", "export_tables", "collect_exports"}
+UP_TO_JOINTS = {"plan", "capture", "check_recordings", "solve_joints"}
+NEEDED = {
+    "sub-01/right/rom/poses.parquet": {"capture"},
+    "sub-01/joint_solutions.parquet": UP_TO_JOINTS,
+    "sub-01/fits/right/fitted/receivers.parquet": UP_TO_JOINTS - {"solve_joints"} | {"fit_hand"},
+    "sub-01/tips.parquet": UP_TO_JOINTS
+    | {"project_planes", "fit_hand", "estimate_metacarpals", "evaluate_tips"},
+}
+"""What makes a table that is asked for."""
 FRAMES = 700  # a CSV recording above 1 MB, the size from which Snakemake goes by the time of a file
+Command = tuple[str, ...]
+
+
+def every_format(folder: Path) -> list[str]:
+    """Write a recording of each format, the capture with events; return rows of the sheet."""
+    pulses = f"{midi_of(folder, np.arange(3) / 100).name}\tnote 24 = sync"
+    rows = []
+    for name, sample in RECORDINGS.items():
+        recording, task, mapping = sample(), name.replace(" ", "-"), ""
+        (folder / task).mkdir()
+        (folder / task / recording.path).write_bytes(recording.content)
+        if recording.mapping is not None:
+            mapping = f"{task}.yaml"
+            (folder / mapping).write_text(json.dumps(recording.mapping))
+        events = pulses if name == "capture" else "\t"
+        rows.append(f"all\tright\t{task}\tboth\t{task}/{recording.path}\t{mapping}\t{events}")
+    return rows
+
+
+def written_study(base: Path) -> StudyRun:
+    """Write a study with sheets and recordings of all kinds beside a copy of the program."""
+    program, folder = copy_of_the_program(base / "the program"), base / "study"
+    folder.mkdir()
+    rows = ["subject\thand\ttask\trole\tfile\tmapping\tevents\tpulses", *every_format(folder)]
+    record(folder / "01.csv", frames=FRAMES)
+    record(folder / "left.parquet", hand="left")
+    record(folder / "02.parquet", subject="02")
+    rows += ["01\tright\trom\tboth\t01.csv\t\t\t", "01\tleft\trom\tboth\tleft.parquet\t\t\t"]
+    rows += ["02\tright\trom\tboth\t02.parquet\t\t\t", "02\tleft\trom\tboth\tmissing.csv\t\t\t"]
+    (folder / "corrections.tsv").write_text(
+        "subject\thand\tjoint\tdx_mm\tdy_mm\tdz_mm\n01\tright\tring_dip\t1\t0\t0\n"
+    )
+    (folder / "participants.tsv").write_text("subject\tgroup\n01\ta\n02\tb\n")
+    (folder / "events.tsv").write_text("subject\thand\ttask\tonset_s\tname\n01\tright\trom\t0.5\ttap\n")
+    for name in ("fitted", "another"):
+        (folder / f"{name}.yaml").write_text(SHORT_FIT.replace("fitted", name, 1))
+    sheets = {name: f"{name}.tsv" for name in ("corrections", "participants", "events")}
+    models = ["paper-fig4", "paper-fig4-corrected", "fitted.yaml"]
+    study = write_study(folder, "open", rows, models, exports="[bvh, bids, csv]", factors="[group]", **sheets)
+    return replace(study, repository=program)
 
 
 @pytest.fixture(scope="module")
-def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of a copy of the program and of a study, run: three models, two subjects and one to come."""
-    folder = tmp_path_factory.mktemp("reruns") / "base"
-    program = copy_of_the_program(folder / "the program")
-    study = folder / "study"
-    for subject in ("01", "02"):
-        record(study / f"{subject}.csv", subject=subject, frames=FRAMES)
-    (study / "corrections.tsv").write_text(CORRECTIONS)
-    head = "description: a model of this study\nown_cmc: [thumb_cmc]\n"
-    (study / f"{PLAIN}.yaml").write_text(f"model: {PLAIN}\n{head}")
-    (study / f"{CORRECTED}.yaml").write_text(f"model: {CORRECTED}\n{head}planes: {{corrections: true}}\n")
-    for name in (FITTED, "another"):
-        (study / f"{name}.yaml").write_text(
-            f"model: {name}\ndescription: a short fit\njoints: {{calibration: all}}\n"
-            "planes: {cut: false}\nfit: {whole_hand: true, frames: 40, steps: 1}\n"
-            "metacarpals: {unmeasured: fitted, measured: fitted}\n"
+def watched(tmp_path_factory: pytest.TempPathFactory) -> tuple[StudyRun, Mapping[Command, set[Path]]]:
+    """The study, run, and what each job opened below the study's folder, by its command."""
+    study = written_study(tmp_path_factory.mktemp("reruns") / "base")
+    with (
+        TemporaryDirectory() as folder,  # a socket's path must be short
+        socket.socket(socket.AF_UNIX) as listener,
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        address, listed = str(Path(folder, "jobs")), Path(folder, "opened.jsonl")
+        listener.bind(address)
+        listener.listen(128)
+        environment = os.environ | {"PYTHONPATH": str(study.repository), "OMP_NUM_THREADS": "1"}
+        script = Path(__file__).with_name("opening_jobs.py")
+        server = subprocess.Popen(
+            [sys.executable, str(script), str(listener.fileno()), str(listed)],
+            stdin=subprocess.PIPE,
+            pass_fds=[listener.fileno()],
+            env=environment,
         )
-    models = [f"{PLAIN}.yaml", f"{CORRECTED}.yaml", f"{FITTED}.yaml"]
-    written = write_study(study, "twice", ROWS, models, corrections="corrections.tsv")
-    StudyRun(written.file, written.folder, program).run()
-    return folder
-
-
-@pytest.fixture
-def study(base: Path, tmp_path: Path) -> StudyRun:
-    """A copy of the base study, times of files kept, with a program of its own."""
-    shutil.copytree(base, tmp_path / "copy", symlinks=True)
-    folder = tmp_path / "copy" / "study"
-    return StudyRun(folder / "twice.yaml", folder, tmp_path / "copy" / "the program")
-
-
-@pytest.fixture
-def unchanged(base: Path) -> StudyRun:
-    """The base study itself, for tests that change nothing in it."""
-    return StudyRun(base / "study" / "twice.yaml", base / "study", base / "the program")
-
-
-def _rules(jobs: set[Job]) -> set[str]:
-    return {job.rule for job in jobs}
-
-
-def _subjects(jobs: set[Job]) -> set[str]:
-    return {job.subject for job in jobs if job.subject is not None}
-
-
-def _edit(file: Path, change: Callable[[str], str]) -> None:
-    before = file.read_text("utf-8")
-    after = change(before)
-    assert after != before
-    file.write_text(after, "utf-8")
-
-
-def test_a_second_run_does_nothing(unchanged: StudyRun) -> None:
-    assert unchanged.planned() == set()
-    assert "Nothing to be done" in unchanged.run()
-
-
-def test_every_table_is_declared(unchanged: StudyRun) -> None:
-    """What lies in the results folder is what `--summary` lists: nothing is hidden from Snakemake."""
-    done = unchanged.snakemake("--summary")
-    assert done.returncode == 0, done.stderr
-    listed = {line.split("\t")[0] for line in done.stdout.splitlines()[1:]}
-    tables = {
-        path.relative_to(unchanged.folder).as_posix() for path in unchanged.results.folder.rglob("*.parquet")
+        patch.setenv(job.ADDRESS, address)
+        study.run()
+        server.communicate()
+        lines = [json.loads(line) for line in listed.read_text("utf-8").splitlines()]
+    return study, {
+        tuple(line["argv"]): {path for path in map(Path, line["opened"]) if study.folder in path.parents}
+        for line in lines
     }
-    assert tables <= listed
-    subject = unchanged.results.subject("01")
-    names = [path.name for path in subject.rglob("*.parquet")]
-    assert sorted(names) == sorted(
-        f"{name}.parquet" for name in ("poses", *SUBJECT_TABLES, *FIT_TABLES, *FIT_TABLES)
-    ), "of the fitted model, and of the hand that anatomy expects"
+
+
+@pytest.fixture(scope="module")
+def study(watched: tuple[StudyRun, object]) -> StudyRun:
+    return watched[0]
+
+
+@pytest.fixture(scope="module")
+def opened(watched: tuple[object, Mapping[Command, set[Path]]]) -> Mapping[Command, set[Path]]:
+    return watched[1]
+
+
+@pytest.fixture(scope="module")
+def declared(study: StudyRun) -> dict[Command, tuple[str, set[Path]]]:
+    """Every job's rule and input, output and log files, by its command, as a dry run lists them."""
+    with TemporaryDirectory() as program:
+        for name in ("shukotsu", *BESIDE[1:]):
+            Path(program, name).symlink_to(study.repository / name)
+        text = (study.repository / "Snakefile").read_text("utf-8")
+        text += "for each in workflow.rules:\n    each.message = None\n"  # shown are either messages or files
+        Path(program, "Snakefile").write_text(text, "utf-8")
+        done = replace(study, repository=Path(program)).snakemake(
+            "--dry-run", "--forceall", "--printshellcmds"
+        )
+    assert done.returncode == 0, done.stderr
+    jobs = {}
+    for block in re.split(r"\n\n(?=\[)", done.stdout + done.stderr):
+        command = re.search(r'"\$SHUKOTSU_STAGES"/(\w+\.py .*)$', block, re.MULTILINE)
+        rule = re.search(r"^(?:local)?rule (\w+):", block, re.MULTILINE)
+        if command is None or rule is None:
+            continue
+        words = shlex.split(command[1])
+        argv = tuple(words[: next((at for at, word in enumerate(words) if word in (">", "2>")), len(words))])
+        files = re.findall(r"^    (?:input|output|log): (.*)$", block, re.MULTILINE)
+        jobs[argv] = rule[1], {study.folder / name for line in files for name in line.split(", ")}
+    return jobs
+
+
+def undeclared(
+    opened: Mapping[Command, set[Path]], jobs: Mapping[Command, tuple[str, set[Path]]]
+) -> dict[str, set[Path]]:
+    """Return the files that jobs opened and that are no file, nor in a folder, that their rules declare."""
+    hidden: dict[str, set[Path]] = {}
+    for argv, paths in opened.items():
+        rule, files = jobs[argv]
+        for path in paths:
+            passing = path.name.endswith(".tmp") or path.is_dir()  # half written, or a folder's names
+            if not passing and rule not in CONFIGURED and not files & {path, *path.parents}:
+                hidden.setdefault(rule, set()).add(path)
+    return hidden
+
+
+def test_every_job_opens_what_its_rule_declares(
+    opened: Mapping[Command, set[Path]], declared: dict[Command, tuple[str, set[Path]]]
+) -> None:
+    assert opened.keys() == declared.keys()
+    assert any(path.name == "plan.json" for path in set().union(*opened.values()))
+    assert undeclared(opened, declared) == {}
 
 
 @pytest.mark.parametrize(
-    ("table", "rules"),
+    ("rule", "name"),
     [
-        ("sub-01/right/rom/poses.parquet", {"capture"}),
-        ("sub-01/joint_solutions.parquet", {"plan", "capture", "check_recordings", "solve_joints"}),
-        (
-            f"sub-01/fits/right/{FITTED}/receivers.parquet",
-            {"plan", "capture", "check_recordings", "fit_hand"},
-        ),
-        (
-            "sub-01/tips.parquet",
-            {"plan", "capture", "solve_joints", "project_planes", "fit_hand"}
-            | {"check_recordings", "estimate_metacarpals", "evaluate_tips"},
-        ),
+        ("measure_movement", "events.parquet"),
+        ("fit_hand", "findings.parquet"),
+        ("solve_joints", "poses.parquet"),
+        ("subject_pages", "poses.parquet"),
+        ("report", "problems.parquet"),
     ],
 )
-def test_a_table_asked_for_is_made_with_what_it_needs(study: StudyRun, table: str, rules: set[str]) -> None:
-    shutil.rmtree(study.results.folder)
-    jobs = study.planned(f"results/twice/{table}")
-    assert _rules(jobs) == rules
-    assert _subjects(jobs) == {"01"}
-    assert _rules(study.planned("--until", f"results/twice/{table}")) >= rules
-
-
-def test_a_changed_recording_runs_its_subject_only(study: StudyRun) -> None:
-    """Run for real: the other's tables keep their bytes, and then nothing is left to do."""
-    before = hashes(study.results.folder)
-    record(study.folder / "01.csv", subject="01", frames=FRAMES - 20)
-    jobs = study.planned()
-    assert _rules(jobs) == EVERYTHING
-    assert _subjects(jobs) == {"01"}
-    study.run()
-    after = hashes(study.results.folder)
-    changed = {name for name in after if after[name] != before[name]}
-    assert changed >= {"report.html", "tip_errors.parquet", "sub-01/right/rom/poses.parquet"}
-    assert not [name for name in changed if "sub-02" in name]
-    assert study.planned() == set()
-
-
-def test_one_model_more_fits_that_model_only(study: StudyRun) -> None:
-    """The cheap stages of each subject run again; no recording is imported, and no other hand fitted."""
-    fits = study.results.folder / "sub-01" / "fits" / "right" / FITTED
-    before = {path: path.stat().st_mtime_ns for path in fits.iterdir()}
-    _edit(study.file, lambda text: text.replace("models: [", "models: [another.yaml, "))
-    jobs = study.planned()
-    assert {job.about for job in jobs if job.rule == "fit_hand"} == {
-        f"subject {subject}, right hand, model another" for subject in ("01", "02", "late")
+def test_an_input_that_a_rule_leaves_out_is_found(
+    opened: Mapping[Command, set[Path]],
+    declared: dict[Command, tuple[str, set[Path]]],
+    rule: str,
+    name: str,
+) -> None:
+    jobs = {
+        argv: (other, {path for path in files if other != rule or path.name != name})
+        for argv, (other, files) in declared.items()
     }
-    assert not _rules(jobs) & {"capture", "check_recordings", "align_events"}
-    study.run()
-    assert {path: path.stat().st_mtime_ns for path in fits.iterdir()} == before
-    assert {row["model"] for row in study.rows("receivers")} == {FITTED, "another"}
-    assert study.planned() == set()
+    assert undeclared(opened, jobs).keys() == {rule}
 
 
-def test_another_state_of_the_program_reruns_all_but_the_plans(study: StudyRun) -> None:
-    _edit(study.repository / "shukotsu/paper/plane.py", lambda before: f"{before}\nassert True\n")
-    jobs = study.planned()
-    assert _rules(jobs) == EVERYTHING
-    assert _subjects(jobs) == {"01", "02", "late"}
+def digests(study: StudyRun) -> dict[str, set[str]]:
+    """Return, by rule, what tells Snakemake whether the user's files are what they were."""
+    files = StudyFiles(study.file)
+    each = [
+        SimpleNamespace(subject=plan.who.token, hand=recording.hand.hand, recording=recording.name)
+        for plan in files.subjects
+        for recording in plan.recordings
+    ]
+    return {
+        "plan": set(map(files.plan, each)),
+        "capture": set(map(files.recording_digest, each)),
+        "align_events": set(map(files.event_digest, each)),
+        **{rule: {files.configuration_digest} for rule in OF_THE_STUDY},
+    }
 
 
-@pytest.mark.parametrize("memory", [True, False])
-def test_a_copy_makes_nothing_again(base: Path, tmp_path: Path, memory: bool) -> None:
-    """Also in a folder at another depth, with other times."""
-    leave = None if memory else shutil.ignore_patterns(".snakemake")
-    folder = tmp_path / "deeper" / "copy"
-    shutil.copytree(base, folder, ignore=leave, copy_function=shutil.copyfile)
-    assert StudyRun(folder / "study/twice.yaml", folder / "study", folder / "the program").planned() == set()
+def test_an_input_is_known_by_its_content(
+    study: StudyRun,
+    opened: Mapping[Command, set[Path]],
+    declared: dict[Command, tuple[str, set[Path]]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A changed byte of a user's file that a job opened is seen by the job's rule, or refused at once."""
+    monkeypatch.chdir(study.folder)
+    before = digests(study)
+    inputs: dict[Path, set[str]] = {}
+    for argv, paths in opened.items():
+        for path in paths:
+            if path.is_file() and path.relative_to(study.folder).parts[0] not in ("results", ".snakemake"):
+                inputs.setdefault(path, set()).add(declared[argv][0])
+    assert len(inputs) > len(RECORDINGS) + 10
+    unseen = []
+    for path, rules in inputs.items():
+        original = path.with_name(f".original {path.name}")
+        shutil.copy2(path, original)
+        content, state = bytearray(path.read_bytes()), path.stat()
+        content[len(content) // 2] ^= 1
+        path.write_bytes(content)
+        os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
+        with suppress(InputError):
+            after = digests(study)
+            unseen += [(rule, path.name) for rule in rules if before[rule] == after[rule]]
+        original.replace(path)
+    assert unseen == []
+    assert digests(study) == before
 
 
-def test_what_no_run_left_so_is_made_anew(study: StudyRun) -> None:
+def test_a_second_run_does_nothing(study: StudyRun) -> None:
+    assert "Nothing to be done" in study.run()
+
+
+def test_every_table_is_declared(study: StudyRun) -> None:
+    """What lies in the results folder is what `--summary` lists: nothing is hidden from Snakemake."""
+    done = study.snakemake("--summary")
+    assert done.returncode == 0, done.stderr
+    listed = {line.split("\t")[0] for line in done.stdout.splitlines()[1:]}
+    tables = {path.relative_to(study.folder).as_posix() for path in study.results.folder.rglob("*.parquet")}
+    assert tables <= listed
+    names = Counter(path.stem for path in study.results.subject("01").rglob("*.parquet"))
+    # Of two hands, with the fitted model and the hand that anatomy expects.
+    assert names == Counter([*SUBJECT_TABLES]) + Counter({"poses": 2, **dict.fromkeys(FIT_TABLES, 4)})
+
+
+def test_report_of_the_workflow(study: StudyRun, tmp_path: Path) -> None:
+    """With what `make demo` installs: the report's own dependencies are in the lock."""
+    done = study.snakemake("--report", str(tmp_path / "workflow.html"))
+    assert done.returncode == 0, done.stderr
+    assert "solve_joints" in (tmp_path / "workflow.html").read_text("utf-8")
+
+
+@pytest.fixture(scope="module")
+def copy(study: StudyRun, tmp_path_factory: pytest.TempPathFactory) -> StudyRun:
+    """A copy of the study and its program in a folder at another depth, with other times."""
+    base = tmp_path_factory.mktemp("deeper") / "and" / "copy"
+    shutil.copytree(study.folder.parent, base, copy_function=shutil.copyfile)
+    return StudyRun(base / "study" / study.file.name, base / "study", base / study.repository.name)
+
+
+def rules(jobs: set[Job]) -> set[str]:
+    return {job.rule for job in jobs}
+
+
+def subjects(jobs: set[Job]) -> set[str]:
+    return {job.subject for job in jobs if job.subject is not None}
+
+
+def test_a_copy_makes_nothing_again(copy: StudyRun) -> None:
+    """Also without what Snakemake remembers."""
+    assert copy.planned() == set()
+    memory = copy.folder / ".snakemake"
+    memory.rename(copy.folder.parent / "memory")
+    assert copy.planned() == set()
+    shutil.rmtree(memory)
+    (copy.folder.parent / "memory").rename(memory)
+
+
+def test_a_table_asked_for_is_made_with_what_it_needs(copy: StudyRun) -> None:
+    results = copy.results.folder
+    results.rename(copy.folder / "results" / "aside")
+    for table, needed in NEEDED.items():
+        jobs = copy.planned(f"results/open/{table}")
+        assert rules(jobs) == needed
+        assert subjects(jobs) == {"01"}
+    assert rules(copy.planned("--until", f"results/open/{table}")) >= needed
+    shutil.rmtree(results, ignore_errors=True)
+    (copy.folder / "results" / "aside").rename(results)
+
+
+def test_another_state_of_the_program_reruns_all_but_the_plans(copy: StudyRun) -> None:
+    module = copy.repository / "shukotsu/paper/plane.py"
+    text = module.read_text("utf-8")
+    module.write_text(f"{text}\nassert True\n", "utf-8")
+    jobs = copy.planned()
+    assert rules(jobs) == EVERYTHING
+    assert subjects(jobs) == {"01", "02", "all"}
+    module.write_text(text, "utf-8")
+
+
+def test_what_changed_is_made_again_as_a_fresh_run_makes_it(copy: StudyRun) -> None:
+    """An exchanged recording, a model more, other participants and a subject less."""
+    results = copy.results.folder
+    fits = results / "sub-02" / "fits" / "right" / "fitted"
+    times_ns = {path: path.stat().st_mtime_ns for path in fits.iterdir()}
+    before = hashes(results)
+    record(copy.folder / "01.csv", frames=FRAMES - 20)
+    jobs = copy.planned()
+    assert rules(jobs) == EVERYTHING
+    assert subjects(jobs) == {"01"}
+
+    copy.file.write_text(copy.file.read_text("utf-8").replace("models: [", "models: [another.yaml, "))
+    jobs = copy.planned()
+    refitted = {job.about for job in jobs if job.rule == "fit_hand" and job.subject != "01"}
+    hands = ("subject 02, right", "subject 02, left", "subject all, right")
+    assert refitted == {f"{hand} hand, model another" for hand in hands}
+    assert subjects({job for job in jobs if job.rule in UP_TO_JOINTS - {"plan", "solve_joints"}}) == {"01"}
+
+    (copy.folder / "participants.tsv").write_text("subject\tgroup\n01\tb\n02\tb\n")
+    sheet = copy.folder / "open.tsv"
+    lines = sheet.read_text("utf-8").splitlines(keepends=True)
+    sheet.write_text("".join(line for line in lines if not line.startswith("all\t")))
+    notes = results / "sub-all" / "notes.txt"
+    notes.write_text("the user's own")
+    text = copy.run()
+    assert "changed since the last run: " in text
+    assert "removed results of what the study has no longer: sub-all" in text
+    assert [path for path in notes.parent.rglob("*") if path.is_file()] == [notes]
+    notes.unlink()
+    after = hashes(results)
+    changed = {name for name in before.keys() & after.keys() if after[name] != before[name]}
+    assert changed >= {"report.html", "tip_errors.parquet", "sub-01/right/rom/poses.parquet"}
+    assert not [name for name in changed if name.startswith(("sub-02/right/", "sub-02/fits/"))]
+    assert {path: path.stat().st_mtime_ns for path in fits.iterdir()} == times_ns
+    assert {row["model"] for row in copy.rows("receivers")} == {"fitted", "another"}
+    assert copy.planned() == set()
+
+    shutil.rmtree(results)
+    copy.run()
+    assert hashes(results) == after
+
+
+def test_what_no_run_left_so_is_made_anew(copy: StudyRun) -> None:
     """Cut with its time kept, removed, or of unknown origin: to the same bytes, and nothing is left."""
-    before = hashes(study.results.folder)
+    results = copy.results.folder
+    before = hashes(results)
     for name in ("report.html", "sub-01/plan.json", "sub-01/findings.parquet", "sub-02/tips.parquet"):
-        file = study.results.folder / name
+        file = results / name
         state = file.stat()
         os.truncate(file, state.st_size // 2)
         os.utime(file, ns=(state.st_atime_ns, state.st_mtime_ns))
-    (study.results.folder / "sub-01/joint_centres.parquet").unlink()
-    rules = _rules(study.planned())
-    assert {"check_recordings", "estimate_metacarpals", "evaluate_tips", "gather", "report"} <= rules
-    assert study.planned("results/twice/sub-01/right/rom/poses.parquet") == set(), "and no other target"
-    assert "note: not as a run left them, and made anew: " in study.run()
-    assert hashes(study.results.folder) == before
-    assert study.planned() == set()
-    (study.results.folder / "logs" / "made_from.json").unlink()
-    assert study.planned() == set()
-    shutil.rmtree(study.folder / ".snakemake")
-    assert {"capture", "solve_joints", "report"} <= _rules(study.planned()), "nothing says what made them"
-
-
-def test_report_of_the_workflow(unchanged: StudyRun, tmp_path: Path) -> None:
-    """With what `make demo` installs: the report's own dependencies are in the lock."""
-    done = unchanged.snakemake("--report", str(tmp_path / "workflow.html"))
-    assert done.returncode == 0, done.stderr
-    assert "solve_joints" in (tmp_path / "workflow.html").read_text("utf-8")
+    (results / "sub-01/joint_centres.parquet").unlink()
+    remade = {"check_recordings", "estimate_metacarpals", "evaluate_tips", "gather", "report"}
+    assert remade <= rules(copy.planned())
+    assert copy.planned("results/open/sub-01/right/rom/poses.parquet") == set(), "and no other target"
+    assert "note: not as a run left them, and made anew: " in copy.run()
+    assert hashes(results) == before
+    assert copy.planned() == set()
+    (results / "logs" / "made_from.json").unlink()
+    assert copy.planned() == set()
+    shutil.rmtree(copy.folder / ".snakemake")
+    assert {"capture", "solve_joints", "report"} <= rules(copy.planned()), "nothing says what made them"
