@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from report_samples.made_study import FITTED_MODELS, HOSTILE, NO_SOURCE, MadeStudy, make_study
+from report_samples.made_study import HOSTILE, NO_SOURCE, MadeStudy, make_study
 from report_samples.pages import read_page
 from stage_runs import subject_pages
 
@@ -19,29 +19,25 @@ from shukotsu.tables.typed_table import columns_from_rows
 @pytest.fixture
 def hostile(tmp_path: Path) -> MadeStudy:
     """A study of one subject, whose name is hostile."""
-    return make_study(tmp_path / "made", n_frames=4, models=FITTED_MODELS, subjects=(HOSTILE,))
+    return make_study(tmp_path / "made", n_frames=4, models=("whole-hand",), subjects=(HOSTILE,))
 
 
 def test_the_pages_are_written_or_a_sentence_says_why_not(
     hostile: MadeStudy, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The subject's page and one of each evaluated recording, the same bytes; or one recording's.
+    """The subject's page and one of each evaluated recording; or one recording's, the same bytes.
 
     Without --record-failure one sentence and exit code 2, with it a page.
     """
     plan = hostile.paths.plan(HOSTILE)
-    written = []
-    for name in ("first", "second"):
-        out = tmp_path / name
-        assert subject_pages(["--plan", str(plan), "--out", str(out)]) == 0
-        written.append({p.relative_to(out).as_posix(): p.read_bytes() for p in out.rglob("*") if p.is_file()})
-    assert written[0] == written[1]
-    assert set(written[0]) == {"subject.html", "right/opposition.html", "left/opposition.html"}
-    assert f"Subject {HOSTILE}" in read_page(written[0]["subject.html"].decode("utf-8")).text
-    argv = ["--plan", str(plan), "--out", str(tmp_path / "page"), "--recording", "right", "opposition"]
-    assert subject_pages(argv) == 0
+    out, argv = tmp_path / "all", ["--plan", str(plan), "--out"]
+    assert subject_pages([*argv, str(out)]) == 0
+    written = {p.relative_to(out).as_posix(): p.read_bytes() for p in out.rglob("*") if p.is_file()}
+    assert set(written) == {"subject.html", "right/opposition.html", "left/opposition.html"}
+    assert f"Subject {HOSTILE}" in read_page(written["subject.html"].decode("utf-8")).text
+    assert subject_pages([*argv, str(tmp_path / "page"), "--recording", "right", "opposition"]) == 0
     (page,) = (tmp_path / "page").rglob("*.html")
-    assert page.read_bytes() == written[0]["right/opposition.html"]
+    assert page.read_bytes() == written["right/opposition.html"]
     for file, more, message in (
         (tmp_path / "nothing.json", [], "nothing.json: no such file"),
         (plan, ["--recording", "right", "rom"], "rom: is not evaluated; expected one of: right opposition"),
@@ -55,8 +51,8 @@ def test_the_pages_are_written_or_a_sentence_says_why_not(
 
 def test_a_failed_part_is_told_and_the_rest_is_shown(hostile: MadeStudy) -> None:
     plan = read_plan(hostile.paths.plan(HOSTILE))
-    right, left = plan.part("right", "paper-fig4"), plan.part("left", "paper-fig4")
-    row = hostile.subject(HOSTILE).joints_of[plan.hand("right"), "paper-fig4"][0]
+    right, left = plan.part("right", "whole-hand"), plan.part("left", "whole-hand")
+    row = hostile.subject(HOSTILE).joints_of[plan.hand("right"), "whole-hand"][0]
     path = plan.table("joint_centres")
     with parts_writer(path, JOINT_CENTRES, NO_SOURCE) as writer:
         writer.columns(right, columns_from_rows(JOINT_CENTRES, [row]))
@@ -64,8 +60,8 @@ def test_a_failed_part_is_told_and_the_rest_is_shown(hostile: MadeStudy) -> None
     results = hostile.subject(HOSTILE)
     (problem,) = [p for p in results.problems if p["message"] == "no frame was valid"]
     names = ("hand", "model", "stage")
-    assert [problem[name] for name in names] == ["left", "paper-fig4", "estimate_metacarpals"]
-    assert results.joints_of == {(plan.hand("right"), "paper-fig4"): [row]}
+    assert [problem[name] for name in names] == ["left", "whole-hand", "estimate_metacarpals"]
+    assert results.joints_of == {(plan.hand("right"), "whole-hand"): [row]}
     path.unlink()
     with pytest.raises(InputError, match="joint_centres"):
         hostile.subject(HOSTILE)

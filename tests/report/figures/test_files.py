@@ -64,7 +64,6 @@ def drawings(twelve: StudyResults) -> dict[str, Drawing]:
     ("name", "labels"),
     [
         ("models", ("Joint against the truth [mm]", "n = 12 subjects, held out", "whole-hand", "a")),
-        ("joint-errors", ("Joint error [mm]", "whole-hand; n = 24 hands", "thumb_cmc")),
         ("joint-trust", ("Hands [%]", "ring_dip")),
     ],
 )
