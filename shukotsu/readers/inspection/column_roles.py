@@ -132,7 +132,12 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     counts = [t for t in numeric if _grows(numbers[t]) and (numbers[t] == np.floor(numbers[t])).all()]
     frame = next((t for t in counts if t != time and _FRAME.search(t)), None)
     wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
-    station = _first_goes_round(titles, numbers) and not wide
+    # whether the first column counts a few small whole numbers up again and again; rows may be lost
+    stations, codes = np.unique(numbers.get(titles[0], np.zeros(0)), return_inverse=True)
+    station = not wide and 2 <= len(stations) <= len(codes) / 2 and not np.isnan(stations).any()
+    station = station and bool((stations == np.floor(stations)).all()) and stations[0] >= 0
+    station = station and stations[-1] <= _MOST_STATION
+    station = station and np.mean(np.diff(codes) % len(stations) == 1) > _NORM_SHARE
     receivers = [
         t for t in titles if not wide and t not in (time, frame) and not re.search("stat[eu]", t, re.I)
     ]
@@ -212,18 +217,6 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
             if off < _NORM_OFF or re.search(r"q(uat\w*)?[\W_]*$", before):
                 groups |= dict.fromkeys(group, group if off < _NORM_OFF or off == np.inf else [])
     return groups
-
-
-def _first_goes_round(titles: Sequence[str], numbers: Mapping[str, Array]) -> bool:
-    """Return whether the first column counts a few small whole numbers up again and again, as stations do.
-
-    Rows may be lost.
-    """
-    names, codes = np.unique(numbers.get(titles[0], np.zeros(0)), return_inverse=True)
-    if not 2 <= len(names) <= len(codes) / 2 or np.isnan(names).any():
-        return False
-    small = (names == np.floor(names)).all() and names[0] >= 0 and names[-1] <= _MOST_STATION
-    return bool(small and np.mean(np.diff(codes) % len(names) == 1) > _NORM_SHARE)
 
 
 def _sort(
