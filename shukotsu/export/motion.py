@@ -296,7 +296,8 @@ def continuous(quaternion: Array) -> Array:
     Of every point the first known has w >= 0. NaN stays.
     """
     out = quaternion.copy()
-    for index, finite in enumerate(np.isfinite(quaternion).all(-1).T):
+    for index in range(quaternion.shape[1]):
+        finite = np.isfinite(quaternion[:, index]).all(-1)
         if finite.any():
             series = quaternion[finite, index]
             start = -1.0 if series[0, 0] < 0 else 1.0
