@@ -132,7 +132,7 @@ def copy_of_the_program(folder: Path) -> Path:
     for part in ("shukotsu", *BESIDE):
         source = REPOSITORY / part
         if source.is_dir():
-            leave = shutil.ignore_patterns("recordings")
+            leave = shutil.ignore_patterns("recordings", "*.pyc.*", "*.tmp.*")
             shutil.copytree(source, folder / part, symlinks=True, ignore=leave)
         else:
             shutil.copy2(source, folder / part)
