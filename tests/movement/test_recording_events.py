@@ -1,4 +1,4 @@
-"""Events of one recording from every source, on its clock."""
+"""Events of one recording from every source, on its clock; cycles cut by them; the stage that aligns them."""
 
 from pathlib import Path
 from typing import Any
@@ -8,9 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_files import EVENTS, midi_of, poses_of, records_of
+from small_study import HEADER, write_plans, write_study
+from stage_runs import align_events as main
 
 from shukotsu.errors import InputError
+from shukotsu.movement.events import cut_cycles, within_recording
 from shukotsu.movement.recording_events import READERS, RecordingEvents, read_events
+from shukotsu.study.plan import read_plan
+from shukotsu.tables.catalogue import TABLES
+from shukotsu.tables.typed_table import read_table, rows_of
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 TRUE_S = np.cumsum([1.0, 0.7, 1.9, 1.1, 2.3, 0.9, 1.4, 3.0, 0.8, 1.7])
@@ -108,3 +114,113 @@ def test_a_spoilt_file_is_read_or_refused(
     except InputError:
         return
     assert np.isfinite(events.time_s).all()
+
+
+NAN = float("nan")
+
+
+def test_a_cycle_lasts_to_the_next_event_or_as_long_as_the_event() -> None:
+    cycles = cut_cycles("tap", [3.0, 1.0, 2.0], [NAN, NAN, NAN])
+    assert [(cycle.number, cycle.onset_s, cycle.duration_s) for cycle in cycles] == [
+        (0, 1.0, 1.0),
+        (1, 2.0, 1.0),
+    ]
+    notes = cut_cycles("note", [1.0, 2.0], [0.4, 0.5])
+    assert [(cycle.onset_s, cycle.duration_s) for cycle in notes] == [(1.0, 0.4), (2.0, 0.5)]
+    assert cut_cycles("once", [1.0], [NAN]) == []
+
+
+def test_cycles_of_another_length_are_refused() -> None:
+    cycles = cut_cycles("tap", [0, 1, 2, 3, 3.2, 4.2, 7.2], [NAN] * 7)
+    assert [cycle.refusal.partition(":")[0] for cycle in cycles] == ["", "", "", "too short", "", "too long"]
+
+
+def test_cycles_whose_ends_are_not_known_are_refused() -> None:
+    """By its own onset, by the next one that ends it, and by a weak clock; what nothing says is no error."""
+    cycles = cut_cycles("tap", [0, 1, 2, 3, 4, 5], [NAN] * 6, [NAN, 0.04, 0.06, 0.0, 0.0, np.inf])
+    reasons = ["", "known to 60 ms", "known to 60 ms", "", "clock of its events is weak"]
+    for cycle, reason in zip(cycles, reasons, strict=True):
+        assert reason in cycle.refusal
+        assert bool(reason) == bool(cycle.refusal)
+    cycles = within_recording(cut_cycles("tap", [0.0, 1.0, 2.0], [0.9] * 3), np.array([0.5, 2.5]))
+    assert [bool(cycle.refusal) for cycle in cycles] == [True, False, True]
+
+
+KEY = {"subject": "01", "session": "", "hand": "right", "task": "piece", "trial": "2"}
+
+
+def run(folder: Path, *argv: object) -> int:
+    outputs = ["--out", folder / "events.parquet", "--out-clocks", folder / "clocks.parquet"]
+    return main([str(argument) for argument in (*argv, *outputs)])
+
+
+def rows_in(folder: Path, name: str) -> list[dict[str, Any]]:
+    return list(rows_of(read_table(folder / f"{name}.parquet", TABLES[name])))
+
+
+def test_a_recording_alone(tmp_path: Path) -> None:
+    files = ["--poses", poses_of(tmp_path), "--events", midi_of(tmp_path, TRUE_S + 7)]
+    assert run(tmp_path, *files, "--pulses", "note 24", "--recording", records_of(tmp_path, TRUE_S)) == 0
+    events = rows_in(tmp_path, "events")
+    assert {name: events[0][name] for name in KEY} == KEY
+    notes = [row for row in events if row["name"] == "note 60"]
+    np.testing.assert_allclose([row["onset_s"] for row in notes], TRUE_S + 0.25, atol=0.003)
+    assert [row["event"] for row in events] == list(range(20))
+    (clock,) = rows_in(tmp_path, "clocks")
+    assert {name: clock[name] for name in KEY} == KEY
+    assert (clock["source"], clock["n_pulses"], clock["status"]) == ("midi", 10, "ok")
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        ((), "--plan, or --poses and --events: give the subject's plan"),
+        (("--poses", "{poses}", "--events", "no.mid"), "no.mid: no such file; expected a standard MIDI file"),
+        (("--poses", "{poses}", "--events", "{midi}"), "runs on a clock of its own"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], argv: tuple[str, ...], message: str
+) -> None:
+    files = {"poses": poses_of(tmp_path), "midi": midi_of(tmp_path, TRUE_S)}
+    assert run(tmp_path, *(argument.format(**files) for argument in argv)) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "events.parquet").exists()
+
+
+def test_a_plan_names_files_pulses_and_rows_of_the_sheet(tmp_path: Path) -> None:
+    """A file that cannot be read is its recording's own problem; rows go to the recording that they name."""
+    head = HEADER.replace("\t", " ").split(" ")
+    study = write_study(
+        tmp_path,
+        "01 right piece both a.arrows 2",
+        "01 right scale both b.parquet",
+        "01 left scale both c.parquet",
+        events="subject hand task onset_s name\n01 left scale 3.5 tap\n01 right scale 1 tap",
+    )
+    sheet = tmp_path / "sheets" / "recordings.tsv"
+    lines = [line.split("\t") for line in sheet.read_text().splitlines()]
+    added = [("events", "pulses"), ("take.mid", "note 24"), ("no.mid", ""), ("", "")]
+    whole = [[*line, *[""] * (len(head) - len(line)), *more] for line, more in zip(lines, added, strict=True)]
+    sheet.write_text("\n".join("\t".join(line) for line in whole))
+    midi_of(tmp_path, TRUE_S + 7)
+    records_of(tmp_path, TRUE_S).rename(tmp_path / "a.arrows")
+    path = write_plans(study)["01"]
+    plan = read_plan(path)
+    for recording in plan.recordings:
+        plan.poses(recording).parent.mkdir(parents=True)
+        poses_of(plan.poses(recording).parent, **recording.key)
+    assert run(tmp_path, "--plan", path) == 2
+    assert run(tmp_path, "--record-failure", "--plan", path) == 0
+    events = rows_in(tmp_path, "events")
+    assert [(row["hand"], row["onset_s"]) for row in events if row["task"] == "scale"] == [("left", 3.5)]
+    onsets_s = [row["onset_s"] for row in events if row["name"] == "note 60"]
+    np.testing.assert_allclose(onsets_s, TRUE_S + 0.25, atol=0.003)
+    clocks = {(row["hand"], row["task"]): row for row in rows_in(tmp_path, "clocks")}
+    assert clocks["right", "piece"]["status"] == "ok"
+    assert clocks["right", "scale"]["status"] == "failed"
+    assert "no.mid: no such file" in clocks["right", "scale"]["message"]
+    assert ("left", "scale") not in clocks
