@@ -189,9 +189,9 @@ def planned_subject(
 ) -> PlannedSubject:
     """Simulate a subject's recordings and write their poses, truths and the plan.
 
-    recordings : hand, task and role of each, and its other cells; of a task of the test's own it writes the
-    poses itself. models : names of those that ship, or
-    quick, whose file that is. sheets : rows of measurements and touches, tab-separated.
+    recordings : hand, task and role of each, and its other cells; poses of a task that the simulator has not
+    are left to the test. models : names of those that ship, or quick, whose file that is. sheets : rows of
+    measurements and touches, tab-separated.
     """
     subject, rows = PlannedSubject(folder), []
     for hand, task, role, *cells in recordings:
