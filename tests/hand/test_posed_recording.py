@@ -12,7 +12,6 @@ from simulated_hands import FITTED, REPLAYED, SimulatedHand, simulated_hand
 from shukotsu.errors import InputError
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.tables.catalogue import BONE_POSES, JOINT_CENTRES, METACARPALS
-from shukotsu.tables.typed_table import Table
 
 
 @pytest.fixture
@@ -20,15 +19,14 @@ def hand(tmp_path: Path) -> SimulatedHand:
     return simulated_hand(tmp_path, "right", 20)
 
 
-@pytest.mark.parametrize("model", [REPLAYED, FITTED])
-def test_some_frames_are_those_of_the_whole(hand: SimulatedHand, model: str) -> None:
-    recording = recording_reader(hand.plan, hand.recording, model)
-    whole = recording.bones(hand.poses())
+def test_some_frames_are_those_of_the_whole(hand: SimulatedHand) -> None:
     rows = np.array([3, 4, 11])
-    some = recording.bones(hand.poses().take(rows))
-    np.testing.assert_array_equal(some.position_mm, whole.position_mm[rows])
-    np.testing.assert_array_equal(some.quaternion, whole.quaternion[rows])
-    assert np.isfinite(whole.quaternion).all()
+    for model in (REPLAYED, FITTED):
+        recording = recording_reader(hand.plan, hand.recording, model)
+        whole, some = recording.bones(hand.poses()), recording.bones(hand.poses().take(rows))
+        np.testing.assert_array_equal(some.position_mm, whole.position_mm[rows])
+        np.testing.assert_array_equal(some.quaternion, whole.quaternion[rows])
+        assert np.isfinite(whole.quaternion).all(), model
 
 
 def test_a_frame_that_a_table_lacks_is_not_known(hand: SimulatedHand) -> None:
@@ -38,19 +36,15 @@ def test_a_frame_that_a_table_lacks_is_not_known(hand: SimulatedHand) -> None:
     assert np.flatnonzero(np.isnan(bones.position_mm[:, 0, 0])).tolist() == [4], "frames count from 1"
 
 
-@pytest.mark.parametrize(("model", "table"), [(FITTED, BONE_POSES), (REPLAYED, METACARPALS)])
-def test_a_recording_that_was_not_posed_is_refused(hand: SimulatedHand, model: str, table: Table) -> None:
-    hand.write(model, table, [row | {"task": "rom"} for row in hand.rows(model, table)])
+def test_a_recording_that_was_not_posed_is_refused(hand: SimulatedHand) -> None:
     """With what to do, which is not to give it the role that it has."""
-    for role, why in (
-        ("calibration", "only recordings of role evaluation"),
-        ("both", "nothing of it could be"),
-    ):
-        recording = replace(hand.recording, role=role)
-        with pytest.raises(InputError, match=f"no row of opposition; {why}"):
-            replace(recording_reader(hand.plan, hand.recording, model), recording=recording).bones(
-                hand.poses()
-            )
+    for model, table in ((FITTED, BONE_POSES), (REPLAYED, METACARPALS)):
+        hand.write(model, table, [row | {"task": "rom"} for row in hand.rows(model, table)])
+        reader = recording_reader(hand.plan, hand.recording, model)
+        for role, why in (("calibration", "only recordings of role ev"), ("both", "nothing of it could be")):
+            recording = replace(hand.recording, role=role)
+            with pytest.raises(InputError, match=f"no row of opposition; {why}"):
+                replace(reader, recording=recording).bones(hand.poses())
 
 
 def test_a_failed_or_absent_table_is_refused_with_its_reason(hand: SimulatedHand) -> None:
