@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
 
-from benchmarks.benchmark_table import Cell, TextTable
-from benchmarks.processes import ROOT, Usage, run_process, run_python
+from benchmarks.benchmark_table import ROOT, Cell, TextTable, Usage, run_process, run_python
 from shukotsu.fit.fingertips import fingertips
 from shukotsu.fit.fit import fit_hand
 from shukotsu.fit.fitted_motion import pose_hand

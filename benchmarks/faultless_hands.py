@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks import other_hands
 from benchmarks.other_hands.person import Facing
 from shukotsu.checks.checked_recording import check_recording
-from shukotsu.checks.declared import TIDY, Declared
+from shukotsu.checks.hypotheses import TIDY, Declared
 from shukotsu.hand.rotations import Array, about_axis, conjugate, multiply, rotate
 from shukotsu.simulate import random_hand
 from shukotsu.simulate.random_hand import FLEXION, JOINTS, Hand

@@ -11,18 +11,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from benchmarks import pianist
-from benchmarks.benchmark_table import Cell, TextTable, workers
+from benchmarks.benchmark_table import ROOT, Cell, TextTable, run_python, workers
 from benchmarks.pianist import Struck
-from benchmarks.processes import ROOT, run_python
 from shukotsu.hand.read_results import read
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.realism import Realism
+from shukotsu.simulate.recording import write_recording
 from shukotsu.simulate.simulation import simulate
-from shukotsu.tables.poses import Poses
 
 WRITTEN_TO = "benchmarks.md", "keystrokes"
 FIRST_SEED = 9900
@@ -45,19 +42,9 @@ def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[TextTable]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         truth = write_study(folder, people, seed)
-        command = [
-            "-m",
-            "snakemake",
-            "--snakefile",
-            str(ROOT / "Snakefile"),
-            "--directory",
-            name,
-            "--cores",
-            "2",
-        ]
-        run_python(
-            *command, "--configfile", f"{name}/study.yaml", "--until", "measure_movement", folder=folder
-        )
+        command = ["-m", "snakemake", f"--snakefile={ROOT / 'Snakefile'}", f"--directory={name}", "--cores=2"]
+        study = f"--configfile={folder / 'study.yaml'}"
+        run_python(*command, study, "--until", "measure_movement", folder=folder)
         strokes = pd.concat(
             [
                 read(folder / "results" / "study" / f"sub-{subject}" / "event_strokes.parquet")
@@ -110,26 +97,13 @@ def _recorded(folder: Path, seed: int, number: int) -> Strokes:
     """Record one person: the calibration, and the three tempi."""
     side, person = _side(number), seed + number
     calibration = simulate("01", side, "rom", person, Realism(), round(240 * CALIBRATION_S))
-    _write(folder / f"{number:02}_rom.parquet", calibration.poses())
+    write_recording(folder / f"{number:02}_rom.parquet", calibration)
     strokes = {}
     for task, interval_s in TEMPI.items():
         played = pianist.play(person, side, interval_s, DURATION_S, GOES_ALONG, "")
-        _write(folder / f"{number:02}_{task}.parquet", played.poses)
+        write_recording(folder / f"{number:02}_{task}.parquet", played.poses)
         strokes[task] = played.strokes
     return strokes
-
-
-def _write(path: Path, poses: Poses) -> None:
-    """Write poses as a tidy recording."""
-    n_frames, n_segments = poses.valid.shape
-    columns = {
-        "frame": np.repeat(poses.frame, n_segments),
-        "time_s": np.repeat(poses.time_s, n_segments),
-        "segment": list(poses.segments) * n_frames,
-        **{f"{axis}_mm": poses.position_mm[..., i].ravel() for i, axis in enumerate("xyz")},
-        **{f"q{part}": poses.quaternion[..., i].ravel() for i, part in enumerate("wxyz")},
-    }
-    pq.write_table(pa.table(columns), path)
 
 
 def _row(tempo: str, strokes: pd.DataFrame, truth: Mapping[str, Strokes]) -> tuple[Cell, ...]:

@@ -15,7 +15,7 @@ from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_pers
 from benchmarks.faultless_hands import FINGERS, Planted, changed, exchanged, faultless, other_hand, own_hand
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
 from shukotsu.checks.compared_recordings import compared
-from shukotsu.checks.declared import Declared
+from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand.rotations import Array, about_axis, conjugate, from_matrix, matrix, multiply, unit
 from shukotsu.simulate.simulation import LAYOUT
 from shukotsu.study.layout import read_layout

@@ -10,11 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.checks import timeline
-from shukotsu.checks.declared import TIDY, Declared
 from shukotsu.checks.expected_body import ExpectedBody, expected_body
-from shukotsu.checks.explanation import Explanation
-from shukotsu.checks.hypotheses import Recorded, hypotheses
-from shukotsu.checks.mistake_search import Search, effect, explained, find_mistakes
+from shukotsu.checks.hypotheses import TIDY, Declared, Recorded, hypotheses
+from shukotsu.checks.mistake_search import Explanation, Search, effect, explained, find_mistakes
 from shukotsu.checks.timeline import BLOCK_ROWS, Timeline
 from shukotsu.hand.sampled_motion import motion_of, receiver_axes
 from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding, Values

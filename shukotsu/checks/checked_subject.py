@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 from shukotsu import command_line
 from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_recording
 from shukotsu.checks.compared_recordings import compared
-from shukotsu.checks.declared import Declared
+from shukotsu.checks.hypotheses import Declared
 from shukotsu.study.findings import unchecked
 from shukotsu.study.layout import Layout
 from shukotsu.study.plan import SubjectPlan

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from shukotsu.checks.checked_recording import check_recording
-from shukotsu.checks.declared import Declared
+from shukotsu.checks.hypotheses import Declared
 from shukotsu.coach.live_poses import EvenFrames
 from shukotsu.errors import InputError
 from shukotsu.fit.fingertips import Fingertips, fingertips

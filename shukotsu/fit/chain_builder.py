@@ -173,7 +173,7 @@ class Builder:
     def receiver_steps(
         self,
         segment: str,
-        place: Sequence[Amount],
+        position: Sequence[Amount],
         drives: Sequence[Drive] = (),
         kind: str | None = None,
         lag: Sequence[Step] = (),
@@ -187,7 +187,8 @@ class Builder:
         """
         habit = None if kind is None else "nail" if kind == "distal" else "bone"
         placed = [
-            self._put_on(at, prior.MOUNT_SD_MM[i], "mount", segment, habit, i) for i, at in enumerate(place)
+            self._put_on(at, prior.MOUNT_SD_MM[i], "mount", segment, habit, i)
+            for i, at in enumerate(position)
         ]
         self.mount[segment] = (placed[0], placed[1], placed[2])
         steps: list[Step] = []

@@ -160,7 +160,7 @@ class _Evaluated:
     seen: kernel.Measured
     prior: kernel.Prior
     reached: kernel.Reached
-    found: kernel.Residuals
+    current: kernel.Residuals
 
     @classmethod
     def of(cls, problem: Problem, point: Point) -> _Evaluated:
@@ -183,15 +183,15 @@ def residuals(problem: Problem, point: Point) -> Residuals:
         rows = slice(receiver, receiver + len(receivers))
         parts.append(
             BranchResiduals(
-                at.found.r[rows].swapaxes(1, 2),
-                at.found.weight[rows],
+                at.current.r[rows].swapaxes(1, 2),
+                at.current.weight[rows],
                 Reached(reached[2][marks], reached[3][marks], reached[0][operations], reached[1][operations]),
             )
         )
         operation, mark, receiver = operations.stop, marks.stop, rows.stop
     off_rows = problem.observations.rows @ point.x - problem.observations.values
-    cost = at.found.cost.sum() + (problem.precision * point.x**2).sum() / 2 + (off_rows**2).sum() / 2
-    return Residuals(tuple(parts), float(cost), at.found.cost)
+    cost = at.current.cost.sum() + (problem.precision * point.x**2).sum() / 2 + (off_rows**2).sum() / 2
+    return Residuals(tuple(parts), float(cost), at.current.cost)
 
 
 class Jacobian(NamedTuple):
@@ -212,10 +212,10 @@ def weighted_jacobians(problem: Problem, point: Point) -> list[Jacobian]:
         m, n = 6 * len(receivers), len(point.y)
         J_y, J = np.empty((len(branch.states), m, n)), np.empty((6 + len(problem.unknowns_of(b)), m, n))
         kernel.jacobian(
-            at.chains, at.amounts, at.reached, at.at, at.seen, at.found, problem.temper, b, J_y, J
+            at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
         )
         rows = slice(first, first + len(receivers))
-        r = at.found.r[rows] * np.sqrt(problem.temper * at.found.weight[rows])[:, None]
+        r = at.current.r[rows] * np.sqrt(problem.temper * at.current.weight[rows])[:, None]
         by_rest = _first(J.swapaxes(0, 1))
         by_states = _first(J_y.swapaxes(0, 1))
         out.append(Jacobian(_first(r.reshape(m, n)), by_states, by_rest[..., :6], by_rest[..., 6:]))
@@ -237,9 +237,9 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
         J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(unknowns), 6 * len(receivers), n))
         part = kernel.Eliminated(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
         kernel.jacobian(
-            at.chains, at.amounts, at.reached, at.at, at.seen, at.found, problem.temper, b, J_y, J
+            at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
         )
-        r = kernel.eliminate(at.chains, at.found, at.at, at.prior, dampings, b, J_y, J, part)
+        r = kernel.eliminate(at.chains, at.current, at.at, at.prior, dampings, b, J_y, J, part)
         kernel.add_to_root(at.chains, b, J, r, part, H_rr, H_xr, g_r)
         J_x = J[6:].reshape(len(unknowns), r.size)
         Z_x = part.by_rest[6:].reshape(len(unknowns), part.rhs.size)

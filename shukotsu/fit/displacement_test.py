@@ -249,8 +249,8 @@ def _skin(problem: Problem, point: Point, receivers: Sequence[int], sd: Array) -
     """
     states = next(
         branch.states
-        for branch, own in zip(problem.branches, problem.receivers, strict=True)
-        if receivers[0] in [s for _, s in own]
+        for branch, worn in zip(problem.branches, problem.receivers, strict=True)
+        if receivers[0] in [s for _, s in worn]
     )
     bases = [branch.states[0] for branch in problem.branches if len(branch.states)]
     posture = point.y[:, states if len(states) else bases]

@@ -14,11 +14,10 @@ from shukotsu.fit.empirical_bayes import independent_samples, prior_precision, r
 from shukotsu.fit.free_joints import free_joints
 from shukotsu.fit.gauss_newton import CLOSE, NEARLY, Solution, first_guess, solve
 from shukotsu.fit.measurements import Measurement, observations, planes
-from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, pairs
+from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, RoomField, pairs
 from shukotsu.fit.posterior import Evidence, Posterior
 from shukotsu.fit.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
 from shukotsu.fit.receiver_frames import Convention, concatenated, neighbours, postures, spread_frames
-from shukotsu.fit.room_field import RoomField
 from shukotsu.hand import average_hand as prior
 from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
 from shukotsu.hand.known_digits import known_digits, root_of

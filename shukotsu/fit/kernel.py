@@ -54,10 +54,10 @@ def _inlined(function: _Function) -> _Function:
 
 
 class Plan(NamedTuple):
-    """Steps: kind (P,); place (P,) of the operation or mark; constant (P, 12), axis or whole pose."""
+    """Steps: kind (P,); number (P,) of the operation or mark; constant (P, 12), axis or whole pose."""
 
     kind: Index
-    place: Index
+    number: Index
     constant: Array
 
 
@@ -121,7 +121,7 @@ class Measured(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """Of states: mean (S,), precision (B, most s, most s). Of residuals: temper, and limit."""
+    """Priors of states, mean (S,) and precision (B, most s, most s); temper and limit of residuals."""
 
     mean: Array
     precision: Array
@@ -245,20 +245,20 @@ def reach(chains: FlatChains, plan: Plan, amounts: Amounts, at: Poses, reached: 
     amount = np.empty(R.shape[2])
     depth = 0
     for step in range(len(plan.kind)):
-        kind, place, constant = plan.kind[step], plan.place[step], plan.constant[step]
+        kind, number, constant = plan.kind[step], plan.number[step], plan.constant[step]
         if kind == ROTATE:
-            _amount(chains, amounts, place, at.y, amount)
-            _copy(t, reached.origin_mm[place])
-            _rotate(R, constant, amount, reached.axis[place])
+            _amount(chains, amounts, number, at.y, amount)
+            _copy(t, reached.origin_mm[number])
+            _rotate(R, constant, amount, reached.axis[number])
         elif kind == TRANSLATE:
-            _amount(chains, amounts, place, at.y, amount)
-            _copy(t, reached.origin_mm[place])
-            _translate(R, t, constant, amount, reached.axis[place])
+            _amount(chains, amounts, number, at.y, amount)
+            _copy(t, reached.origin_mm[number])
+            _translate(R, t, constant, amount, reached.axis[number])
         elif kind == MOVE:
             _move(R, t, constant)
         elif kind == MARK:
-            _copy_matrices(R, reached.rotation[place])
-            _copy(t, reached.position_mm[place])
+            _copy_matrices(R, reached.rotation[number])
+            _copy(t, reached.position_mm[number])
         elif kind == LEAVE:
             _copy_matrices(R, left_R[depth])
             _copy(t, left_t[depth])
@@ -303,13 +303,15 @@ def residuals(
     for f in range(len(out.cost)):
         out.cost[f] = 0.0
     for b in range(len(chains.states_from) - 1):
-        own = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
-        for i in range(len(own)):
-            for j in range(len(own)):
+        states = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
+        for i in range(len(states)):
+            for j in range(len(states)):
                 precision = prior.precision[b, i, j]
                 if precision != 0.0:
                     for f in range(len(out.cost)):
-                        off = (at.y[own[i], f] - prior.mean[own[i]]) * (at.y[own[j], f] - prior.mean[own[j]])
+                        off = (at.y[states[i], f] - prior.mean[states[i]]) * (
+                            at.y[states[j], f] - prior.mean[states[j]]
+                        )
                         out.cost[f] += precision * off / 2
     for n in range(len(chains.mark)):
         mark, s = chains.mark[n], chains.receiver[n]
@@ -437,7 +439,7 @@ def jacobian(
     reached: Reached,
     at: Poses,
     seen: Measured,
-    found: Residuals,
+    current: Residuals,
     temper: float,
     b: int,
     J_y: Array,
@@ -454,14 +456,14 @@ def jacobian(
     for i in range(n_receivers):
         n, row = first + i, 6 * i
         top, low = slice(row, row + 3), slice(row + 3, row + 6)
-        place = reached.position_mm[chains.mark[n]]
+        position_mm = reached.position_mm[chains.mark[n]]
         for u in range(chains.upstream_from[n], chains.upstream_from[n + 1]):
             o = chains.upstream[u]
             if not (free_x or chains.moves[o]):
                 continue
             axis = reached.axis[o]
             if chains.rotates[o]:
-                _cross(axis, place, reached.origin_mm[o], velocity)
+                _cross(axis, position_mm, reached.origin_mm[o], velocity)
                 _by_terms(chains, amounts, o, at.y, velocity, row, J_y, J)
                 _by_terms(chains, amounts, o, at.y, axis, row + 3, J_y, J)
             else:
@@ -470,14 +472,14 @@ def jacobian(
             for j in range(3):
                 for f in range(J.shape[2]):
                     J[k, row + j, f] = J[3 + k, row + 3 + j, f] = at.root[j, k, f]
-            _cross(J[k, top], place, at.root_mm, J[3 + k, top])
+            _cross(J[k, top], position_mm, at.root_mm, J[3 + k, top])
         s = chains.receiver[n]
         if free_x:
             n_turned = seen.turned.shape[1]
             for k in range(n_turned):
                 _copy(seen.turned[s, k], J[len(J) - n_turned + k, low])
         by_velocity, by_turn = _to_residuals(
-            seen.rotation[s], seen.valid[s], found.r[n], found.weight[n], seen.sd[s], temper
+            seen.rotation[s], seen.valid[s], current.r[n], current.weight[n], seen.sd[s], temper
         )
         for column in range(len(J_y)):
             if chains.by_state[n, column]:
@@ -534,7 +536,7 @@ def _by_lower(inverse: Array, B: Array, out: Array) -> None:
 @_compiled
 def eliminate(
     chains: FlatChains,
-    found: Residuals,
+    current: Residuals,
     at: Poses,
     prior: Prior,
     damping: Array,
@@ -545,15 +547,15 @@ def eliminate(
 ) -> Array:
     """Eliminate a branch's states; give its weighted residuals (m, F)."""
     first, last = chains.receivers_from[b], chains.receivers_from[b + 1]
-    own = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
+    states = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
     n_states, n_frames = len(J_y), J_y.shape[2]
     r = np.empty((6 * (last - first), n_frames))
     A, B = np.zeros((n_states, n_states, n_frames)), np.zeros((n_states, n_frames))
     for i in range(last - first):
         for k in range(6):
             for f in range(n_frames):
-                r[6 * i + k, f] = found.r[first + i, k, f] * math.sqrt(
-                    prior.temper * found.weight[first + i, f]
+                r[6 * i + k, f] = current.r[first + i, k, f] * math.sqrt(
+                    prior.temper * current.weight[first + i, f]
                 )
     for i in range(n_states):
         for j in range(n_states):
@@ -561,7 +563,7 @@ def eliminate(
             if precision != 0.0:
                 for f in range(n_frames):
                     A[i, j, f] = precision
-                    B[i, f] += precision * (at.y[own[j], f] - prior.mean[own[j]])
+                    B[i, f] += precision * (at.y[states[j], f] - prior.mean[states[j]])
         for n in range(first, last):
             rows = slice(6 * (n - first), 6 * (n - first) + 6)
             if chains.by_state[n, i]:
@@ -591,7 +593,7 @@ def add_to_root(
 ) -> None:
     """Add what a branch says of roots (6, 6, F), also by unknowns (G, 6, F), and their gradient (6, F)."""
     first, last = chains.receivers_from[b], chains.receivers_from[b + 1]
-    own = chains.unknowns[chains.unknowns_from[b] : chains.unknowns_from[b + 1]]
+    unknowns = chains.unknowns[chains.unknowns_from[b] : chains.unknowns_from[b + 1]]
     every, states = slice(0, len(r)), slice(0, len(part.rhs))
     for i in range(6):
         _add_product(J[i], r, every, 1.0, g_r[i])
@@ -600,7 +602,7 @@ def add_to_root(
             _add_product(J[i], J[j], every, 1.0, H_rr[i, j])
             _add_product(part.by_rest[i], part.by_rest[j], states, -1.0, H_rr[i, j])
         for column in range(6, len(J)):
-            out = H_xr[own[column - 6], i]
+            out = H_xr[unknowns[column - 6], i]
             for n in range(first, last):
                 if chains.by_unknown[n, column - 6]:
                     _add_product(J[i], J[column], slice(6 * (n - first), 6 * (n - first) + 6), 1.0, out)
@@ -700,12 +702,16 @@ def _stay(R: Array, t: Array) -> None:
 def condensed(chains: FlatChains, amounts: Amounts) -> Plan:
     """The plan with what stays between moving operations as one constant move."""
     plan = chains.plan
-    kind, place, constant = np.empty_like(plan.kind), np.empty_like(plan.place), np.empty_like(plan.constant)
+    kind, number, constant = (
+        np.empty_like(plan.kind),
+        np.empty_like(plan.number),
+        np.empty_like(plan.constant),
+    )
     R, t, amount, no_axis = np.empty((3, 3, 1)), np.empty((3, 1)), np.empty(1), np.empty((3, 1))
     n, pending = 0, False
     _stay(R, t)
     for step in range(len(plan.kind)):
-        what, o = plan.kind[step], plan.place[step]
+        what, o = plan.kind[step], plan.number[step]
         if what == MOVE or (what in (ROTATE, TRANSLATE) and not chains.moves[o]):
             amount[0] = amounts.steady[o]
             if what == MOVE:
@@ -717,26 +723,26 @@ def condensed(chains: FlatChains, amounts: Amounts) -> Plan:
             pending = True
             continue
         if pending:
-            kind[n], place[n] = MOVE, 0
+            kind[n], number[n] = MOVE, 0
             for i in range(3):
                 constant[n, 9 + i] = t[i, 0]
                 for j in range(3):
                     constant[n, 3 * i + j] = R[i, j, 0]
             _stay(R, t)
             n, pending = n + 1, False
-        kind[n], place[n] = what, o
+        kind[n], number[n] = what, o
         for i in range(12):
             constant[n, i] = plan.constant[step, i]
         n += 1
-    return Plan(kind[:n], place[:n], constant[:n])
+    return Plan(kind[:n], number[:n], constant[:n])
 
 
 class Room(NamedTuple):
-    """Where a block of frames is posed: the point tried and what is found there, by branch; roots' step."""
+    """Where a block of frames is posed: the point tried, residuals at the current one; roots' step."""
 
     tried: Poses
     reached: Reached
-    found: Residuals
+    current: Residuals
     J_y: Array
     J: Array
     inverse: Array
@@ -762,8 +768,8 @@ def _step(
         n_states = chains.states_from[b + 1] - chains.states_from[b]
         part = Eliminated(room.inverse[b, :n_states], room.by_rest[b], room.rhs[b, :n_states])
         J_y = room.J_y[:n_states]
-        jacobian(chains, amounts, room.reached, at, seen, room.found, prior.temper, b, J_y, room.J)
-        r = eliminate(chains, room.found, at, prior, damping, b, J_y, room.J, part)
+        jacobian(chains, amounts, room.reached, at, seen, room.current, prior.temper, b, J_y, room.J)
+        r = eliminate(chains, room.current, at, prior, damping, b, J_y, room.J, part)
         add_to_root(chains, b, room.J, r, part, room.H_rr, room.H_xr, room.g_r)
     _solve_root(room.H_rr, room.g_r, damping, room.root_inverse, room.root_rhs)
     _by_upper(room.root_inverse, room.root_rhs, room.d_root)
@@ -774,9 +780,9 @@ def _step(
     _copy_matrices(at.root, room.tried.root)
     _copy(at.root_mm, room.tried.root_mm)
     for b in range(len(chains.states_from) - 1):
-        own = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
-        part = Eliminated(room.inverse[b, : len(own)], room.by_rest[b], room.rhs[b, : len(own)])
-        step_states(own, part, room.d_root, room.tried.y)
+        states = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
+        part = Eliminated(room.inverse[b, : len(states)], room.by_rest[b], room.rhs[b, : len(states)])
+        step_states(states, part, room.d_root, room.tried.y)
     step_root(room.d_root, room.tried.root, room.tried.root_mm)
 
 
@@ -796,7 +802,7 @@ def _evaluate(
     chains: FlatChains, plan: Plan, amounts: Amounts, seen: Measured, prior: Prior, at: Poses, room: Room
 ) -> None:
     reach(chains, plan, amounts, at, room.reached)
-    residuals(chains, room.reached, at, seen, prior, room.found)
+    residuals(chains, room.reached, at, seen, prior, room.current)
 
 
 @_compiled
@@ -812,20 +818,20 @@ def pose(
     room: Room,
 ) -> None:
     """Fit states and roots, in place, x fixed, each frame while a step gains least_gain; plan : condensed."""
-    n_going = n = len(room.found.cost)
+    n_going = n = len(room.current.cost)
     goes_on, damping, cost = np.ones(n, np.bool_), np.empty(n), np.empty(n)
     _evaluate(chains, plan, amounts, seen, prior, at, room)
     for f in range(n):
-        cost[f], damping[f] = room.found.cost[f], _FIRST_DAMPING
+        cost[f], damping[f] = room.current.cost[f], _FIRST_DAMPING
     for _ in range(steps):
         _step(chains, amounts, seen, prior, damping, at, room)
         _evaluate(chains, plan, amounts, seen, prior, room.tried, room)
         back = False
         for f in range(n):
-            if goes_on[f] and room.found.cost[f] <= cost[f]:
-                goes_on[f] = cost[f] - room.found.cost[f] > least_gain * cost[f]
+            if goes_on[f] and room.current.cost[f] <= cost[f]:
+                goes_on[f] = cost[f] - room.current.cost[f] > least_gain * cost[f]
                 n_going -= not goes_on[f]
-                cost[f] = room.found.cost[f]
+                cost[f] = room.current.cost[f]
                 damping[f] /= _DAMPING_STEP
                 _take(f, room.tried, at)
             elif goes_on[f]:

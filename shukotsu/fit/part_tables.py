@@ -3,21 +3,41 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
 
 from shukotsu.errors import InputError
-from shukotsu.fit.calibration import calibrated_hand, partner_poses, read_thinned
+from shukotsu.fit.calibration import REFERENCE_FRAMES, calibrated_hand, partner_poses, read_thinned
+from shukotsu.fit.chain_builder import KINDS
+from shukotsu.fit.fingertips import BONE, TIP, Fingertips
+from shukotsu.fit.fit import HandFit
+from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of, pose_hand
+from shukotsu.fit.frame_uncertainty import PosedErrors, posed_errors
 from shukotsu.fit.gains import gains
-from shukotsu.fit.hand_tables import bone_rows, joint_rows, moved_rows, receiver_rows
-from shukotsu.fit.loose_receivers import moved_in
-from shukotsu.fit.posed_tables import posed_blocks, posed_sample
+from shukotsu.fit.hand_tables import (
+    bone_rows,
+    digits_carried,
+    joint_rows,
+    joints_beside,
+    moved_rows,
+    receiver_rows,
+)
+from shukotsu.fit.loose_receivers import NORMAL, LooseReceiver, moved_in
+from shukotsu.fit.operations import Index
+from shukotsu.hand.known_digits import known_digits
+from shukotsu.hand.rotations import Array, rotate
+from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.config_files import REFERENCE
+from shukotsu.study.layout import Digit, Layout
 from shukotsu.study.model import read_model
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.tables.parts import Part, PartsWriter
-from shukotsu.tables.poses import recording_name, usable_poses
+from shukotsu.tables.poses import Poses, RecordingName, frame_count, pose_blocks, recording_name, usable_poses
 
 
 def fitted_plan(plan: SubjectPlan, hand: str | None, model: str | None) -> SubjectPlan:
@@ -96,7 +116,214 @@ def write_part(
                 tables[name].columns(part, columns)
     if part.made_without or not plan.is_study:
         return
-    of_calibration = [plan.poses(own) for own in plan.recordings_of(part.hand, "calibration")]
+    of_calibration = [plan.poses(recording) for recording in plan.recordings_of(part.hand, "calibration")]
     for path in usable_poses(of_calibration)[0]:  # their angles alone, which have a range of motion too
         for block in posed_blocks(tips, path, calibrates=True):
             tables["joint_angles"].columns(part, block["joint_angles"])
+
+
+BLOCK_FRAMES = 1 << 14
+LEFT_OUT_FRAMES = 512
+"""Frames of a recording, evenly spaced, that are posed without the distal receivers' positions as well."""
+
+ENDS = {BONE: "tip", TIP: "skin_tip"}
+"""Where a digit ends, and what its columns of posed_tips begin with."""
+
+ERRORS_OF_ANGLES = {
+    "sd_deg": "angles_deg",
+    "change_sd_deg": "changes_deg",
+    "session_sd_deg": "session_deg",
+    "session_change_sd_deg": "session_changes_deg",
+}
+"""Columns of joint_angles, without the angle's name, and what of `PosedErrors` is in them."""
+
+UNSEEN_TURN_DEG = float(np.degrees(NORMAL["phalanx"][1]))
+"""1-sigma (our choice) by which the receiver on a digit's last bone may be turned about the joint before it,
+in another recording than its hand was fitted to: nothing beyond that joint tells."""
+
+Columns = dict[str, Any]
+
+
+def posed_blocks(
+    tips: Fingertips, path: Path, moved: Sequence[LooseReceiver] = (), *, calibrates: bool = False
+) -> Iterator[dict[str, Columns]]:
+    """Pose a recording block by block; yield columns of joint_angles, bone_poses and posed_tips without the
+    part's keys.
+
+    moved : receivers that sit elsewhere in it: from then on they are not used, and what hangs on them is
+    null. calibrates : whether the hand was fitted to it.
+    """
+    fit, name = tips.fit, recording_name(path)
+    step = max(1, -(-frame_count(path) // LEFT_OUT_FRAMES))
+    first, reference_deg = 0, None
+    for recorded in pose_blocks(path, fit.evidence.layout.measured, BLOCK_FRAMES):
+        valid = recorded.valid.copy()
+        for receiver in moved:
+            valid[recorded.frame >= receiver.start.frame, recorded.index(receiver.segment)] = False
+        poses = replace(recorded, valid=valid)
+        posed, left_out = pose_hand(fit, poses), np.arange(-first % step, len(poses.frame), step)
+        ends_mm = _ends_mm(tips, posed, poses)
+        frames = fit.evidence.convention.frames(poses)
+        errors = posed_errors(tips, posed, frames, reference_deg)
+        reference_deg = errors.reference_deg
+        for digit in () if calibrates else known_digits(fit.evidence.layout):
+            flexion_deg = errors.angles_deg[digit.joints[-1]][:, 0]
+            flexion_deg[:] = np.hypot(flexion_deg, UNSEEN_TURN_DEG)
+        angles = angle_columns(name, fit, posed, poses, errors)
+        ends = tip_columns(name, fit, posed, poses, left_out, ends_mm, errors)
+        for receiver in moved:
+            layout, since = fit.evidence.layout, receiver.start.frame
+            _forget(angles, "joint", joints_beside(layout, receiver.segment), since)
+            _forget(ends, "digit", digits_carried(layout, receiver.segment), since)
+        yield {
+            "joint_angles": angles,
+            "bone_poses": bone_columns(name, posed, poses, errors),
+            "posed_tips": ends,
+        }
+        first += len(poses.frame)
+
+
+def _forget(columns: Columns, key: str, names: Sequence[str], since: int) -> None:
+    """Make the numbers of these joints or digits null from a frame on."""
+    gone = np.isin(np.array(columns[key], object), names) & (columns["frame"] >= since)
+    for column, values in columns.items():
+        if column not in ("time_s", "residual_mm") and getattr(values, "dtype", None) == np.float64:
+            columns[column] = np.where(gone, np.nan, values)
+
+
+def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
+    """Columns of bone_poses and posed_tips of a few frames, posed as anatomy expects the hand."""
+    fit, name = tips.fit, recording_name(path)
+    poses = read_thinned(path, fit.evidence.layout.measured, REFERENCE_FRAMES)
+    posed, every = pose_hand(fit, poses), np.arange(len(poses.frame))
+    return {
+        "bone_poses": bone_columns(name, posed, poses),
+        "posed_tips": tip_columns(name, fit, posed, poses, every, _ends_mm(tips, posed)),
+    }
+
+
+def angle_columns(
+    name: RecordingName, fit: HandFit, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
+) -> Columns:
+    """Columns of joint_angles for the frames of poses, joint after joint; errors : where they are known."""
+    angles = _turns_deg(posed, fit.evidence.layout) | joint_angles_of(fit, posed)
+    unknown = np.full((len(poses.frame), 3), np.nan)
+    columns = _keys(name, "joint", list(angles), poses)
+    by_suffix: dict[str, Mapping[str, Array]] = {"deg": angles}
+    for suffix, attribute in ERRORS_OF_ANGLES.items():
+        by_suffix[suffix] = {} if errors is None else getattr(errors, attribute)
+    for suffix, values in by_suffix.items():
+        stacked = np.concatenate([*(values.get(joint, unknown) for joint in angles), np.empty((0, 3))])
+        for index, part in enumerate(("flexion", "abduction", "rotation")):
+            columns[f"{part}_{suffix}"] = stacked[:, index]
+    return columns
+
+
+def bone_columns(
+    name: RecordingName, posed: PosedHand, poses: Poses, errors: PosedErrors | None = None
+) -> Columns:
+    """Columns of bone_poses for the frames of poses, bone after bone; errors : where they are known."""
+    columns = _keys(name, "segment", posed.bones, poses)
+    position, turn = _stacked(posed.bone_position_mm), _stacked(posed.bone_quaternion)
+    columns |= {f"{axis}_mm": position[:, index] for index, axis in enumerate("xyz")}
+    columns |= {f"q{part}": turn[:, index] for index, part in enumerate("wxyz")}
+    if errors is None:
+        return columns | dict.fromkeys(("sd_mm", "turn_sd_deg"), np.full(len(turn), np.nan))
+    return columns | {"sd_mm": _stacked(errors.centre_mm), "turn_sd_deg": _stacked(errors.turn_deg)}
+
+
+def tip_columns(
+    name: RecordingName,
+    fit: HandFit,
+    posed: PosedHand,
+    poses: Poses,
+    left_out: Index,
+    ends_mm: Mapping[str, Array],
+    errors: PosedErrors | None = None,
+) -> Columns:
+    """Columns of posed_tips, digit after digit; left_out : rows posed without distal receivers as well."""
+    digits = tipped(fit)
+    receivers = [posed.receivers.index(digit.tip) for digit in digits]
+    measured = poses.position_mm[:, [poses.index(digit.tip) for digit in digits]]
+    valid = poses.valid[:, [poses.index(digit.tip) for digit in digits]]
+    blind = pose_hand(fit, poses.take(left_out), [digit.tip for digit in digits])
+    error_mm = np.linalg.norm(posed.receiver_mm[:, receivers] - measured, axis=-1)
+    ends_sd_mm = np.full((*valid.shape, len(ENDS)), np.nan)
+    if errors is not None:
+        by_anatomy = [digit.name for digit in known_digits(fit.evidence.layout) if digit in digits]
+        ends_sd_mm[:, [[d.name for d in digits].index(digit_name) for digit_name in by_anatomy]] = (
+            errors.tips_mm
+        )
+    left_out_mm = np.full(valid.shape, np.nan)
+    left_out_mm[left_out] = np.linalg.norm(blind.receiver_mm[:, receivers] - measured[left_out], axis=-1)
+    return {
+        **_keys(name, "digit", [digit.name for digit in digits], poses),
+        "time_s": np.tile(poses.time_s, len(digits)),
+        **{
+            f"{prefix}_{axis}_mm": _stacked(ends_mm[part])[:, index]
+            for part, prefix in ENDS.items()
+            for index, axis in enumerate("xyz")
+        },
+        **{f"{prefix}_sd_mm": _stacked(ends_sd_mm[..., index]) for index, prefix in enumerate(ENDS.values())},
+        "error_mm": _stacked(np.where(valid, error_mm, np.nan)),
+        "error_left_out_mm": _stacked(np.where(valid, left_out_mm, np.nan)),
+        "residual_mm": np.tile(posed.residual_mm, len(digits)),
+    }
+
+
+def tipped(fit: HandFit) -> list[Digit]:
+    """Digits whose last bone carries a receiver that the fit knows."""
+    evidence = fit.evidence
+    return [digit for digit in evidence.layout.digits.values() if digit.tip in evidence.model.receivers]
+
+
+def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None = None) -> dict[str, Array]:
+    """Ends (T, D, 3) of last bones and of the skin beyond them, by part (`ENDS`); NaN without known anatomy.
+
+    Carried by the posed bone or, where poses have it, by the distal receiver, which follows its bone better.
+    """
+    fit, digits = tips.fit, list(tips.digits)
+    mirrored_y = MIRROR if fit.evidence.convention.left else np.ones(3)
+    ends_mm = {part: np.full((len(posed.posed), len(tipped(fit)), 3), np.nan) for part in ENDS}
+    for part, out in ends_mm.items():
+        carried_mm = None if poses is None else tips.in_transmitter(poses, part)
+        for index, digit in enumerate(tipped(fit)):
+            if digit.name not in digits:
+                continue
+            last, along = posed.bones.index(digit.tip), np.array([fit.bones[digit.tip].length_mm, 0.0, 0.0])
+            if part == TIP:
+                along += tips.offsets_mm[digits.index(digit.name), 0] * mirrored_y
+            turned = rotate(posed.bone_quaternion[:, last], along)
+            out[:, index] = posed.bone_position_mm[:, last] + turned
+            if carried_mm is not None:
+                by_receiver = carried_mm[:, digits.index(digit.name)]
+                out[:, index] = np.where(np.isfinite(by_receiver), by_receiver, out[:, index])
+    return ends_mm
+
+
+def _keys(name: RecordingName, key: str, values: Sequence[str], poses: Poses) -> Columns:
+    """Key columns of several joints, segments or digits after each other, every one over all frames."""
+    n_frames = len(poses.frame)
+    texts = {"task": name.task, "trial": name.trial}
+    columns: Columns = {text: pa.repeat(value, n_frames * len(values)) for text, value in texts.items()}
+    columns[key] = pa.array(np.repeat(np.array(values, object), n_frames), pa.string())
+    return columns | {"frame": np.tile(poses.frame, len(values))}
+
+
+def _stacked(values: Array) -> Array:
+    """(T, N, ...) as (N T, ...), name after name."""
+    return np.swapaxes(values, 0, 1).reshape(-1, *values.shape[2:])
+
+
+def _turns_deg(posed: PosedHand, layout: Layout) -> dict[str, Array]:
+    """Turns (T, 3) in degrees about the three axes of each joint of which no anatomy is known.
+
+    An axis that the joint lacks gives NaN.
+    """
+    by_anatomy = {joint for digit in known_digits(layout) for joint in digit.joints}
+    turns: dict[str, Array] = {}
+    for index, (joint, kind) in enumerate(posed.angle_names):
+        if joint not in by_anatomy:
+            of_joint = turns.setdefault(joint, np.full((len(posed.posed), 3), np.nan))
+            of_joint[:, KINDS.index(kind)] = np.degrees(posed.angles_rad[:, index])
+    return turns

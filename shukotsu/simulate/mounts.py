@@ -1,4 +1,7 @@
-"""Place each receiver on its bone."""
+"""Place each receiver on its bone, and let skin move it there, by sizes as in `hand.drawn_hands`.
+
+The law of skin is outside of what any estimator of this project assumes: none is judged by its own.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,11 @@ import numpy.typing as npt
 from shukotsu.hand import drawn_hands as drawn
 from shukotsu.hand import rotations
 from shukotsu.hand.rotations import Array
-from shukotsu.simulate.random_hand import BONES, Hand
+from shukotsu.simulate.forward import bone_poses
+from shukotsu.simulate.random_hand import BONES, FLEXION, JOINTS, PARENT, Hand
 from shukotsu.simulate.realism import Realism, generator
+from shukotsu.simulate.task_motion import RATE_HZ, Motion
+from shukotsu.simulate.tracker_errors import turned
 
 FIRST_WORN = 2
 """First of the bones of digits, which come after forearm and hand."""
@@ -92,3 +98,107 @@ def _nominal_mm(bone: str, hand: Hand) -> tuple[float, float, float]:
 
 def _on_nail(bone: str) -> bool:
     return bone.endswith("_distal")
+
+
+@dataclass(frozen=True)
+class Skin:
+    """Which joints move each of S receivers, and how loosely it sits.
+
+    joint : (S, 2) the bone's own (proximal) joint and the one after it; present : whether there is one.
+    looseness : (S,) 1 for a typical one, scale in it. thumb_place_lag, thumb_turn_lag : shares of the CMC's
+    motion by which the thumb metacarpal's receiver stays behind.
+    """
+
+    bone: npt.NDArray[np.int64]
+    joint: npt.NDArray[np.int64]
+    present: npt.NDArray[np.bool_]
+    looseness: Array
+    scale: float
+    thumb_place_lag: float
+    thumb_turn_lag: float
+
+    @property
+    def distal(self) -> npt.NDArray[np.bool_]:
+        """Which receivers sit on a digit's last bone."""
+        return np.array([BONES[bone].endswith("_distal") for bone in self.bone])
+
+
+def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale: float) -> Skin:
+    """Draw a hand's skin; the same in each of the hand's recordings."""
+    rng = generator(seed, "skin", subject, side)
+    place_lag = rng.uniform(*drawn.THUMB_PLACE_LAG)
+    turn_lag = place_lag + rng.uniform(*drawn.THUMB_TURN_FURTHER)
+    lags = (min(0.9, scale * lag) for lag in (place_lag, turn_lag))
+    bone = np.array([BONES.index(segment) for segment in segments])
+    # the palm carries many joints at its far end, none under its receiver: only the wrist moves its skin
+    after = [np.flatnonzero(carrying == PARENT) for carrying in bone]
+    joint = np.array(
+        [(b - 1, ends[0] if len(ends) == 1 else -1) for b, ends in zip(bone, after, strict=True)]
+    )
+    looseness = np.array([drawn.LITTLE if name.startswith("little") else 1.0 for name in segments])
+    looseness *= [drawn.NAIL if name.endswith("_distal") else 1.0 for name in segments]
+    looseness[[name == "thumb_metacarpal" for name in segments]] = drawn.THENAR
+    looseness *= scale
+    return Skin(bone, np.maximum(joint, 0), joint >= 0, looseness, scale, *lags)
+
+
+def on_skin(
+    hand: Hand, mounts: Mounts, motion: Motion, relaxed_rad: Array, bones: tuple[Array, Array], skin: Skin
+) -> tuple[Array, Array]:
+    """The receivers' poses; the thumb metacarpal's as if its CMC went less far from relaxed angles (J, 3)."""
+    position, quaternion = mounts.poses(*bones)
+    if "thumb_metacarpal" in mounts.segments:
+        receiver, cmc = mounts.segments.index("thumb_metacarpal"), JOINTS.index("thumb_cmc")
+        for part, lag in enumerate((skin.thumb_place_lag, skin.thumb_turn_lag)):
+            followed = motion.angles_rad.copy()
+            followed[:, cmc] -= lag * (followed[:, cmc] - relaxed_rad[cmc])
+            under = mounts.poses(*bone_poses(hand, followed, motion.wrist_mm, motion.forearm))
+            (position, quaternion)[part][:, receiver] = under[part][:, receiver]
+    return position, quaternion
+
+
+def displaced(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: Array) -> tuple[Array, Array]:
+    """Let receivers (T, S, 3), (T, S, 4) slide and turn by (T, S, 3) each, in their own frames."""
+    return position_mm + rotations.rotate(quaternion, slide_mm), turned(quaternion, turn_rad)
+
+
+def lagged(signal: Array, lag_s: float) -> Array:
+    """The exponential average over the past of a signal (T, N) that was 0 before, through the FFT."""
+    keep = np.exp(-1.0 / (lag_s * RATE_HZ))
+    n = len(signal)
+    kernel = (1.0 - keep) * keep ** np.arange(min(n, int(20 * lag_s * RATE_HZ)))
+    size = 1 << (n + len(kernel)).bit_length()
+    spectrum = np.fft.rfft(signal, size, axis=0) * np.fft.rfft(kernel, size)[:, None]
+    return np.asarray(np.fft.irfft(spectrum, size, axis=0)[:n])
+
+
+def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
+    """Stationary first-order autoregressive signals (2, T, S, 3) of sd 1, of place and of turn."""
+    settle = int(8 * drawn.WANDER_S * RATE_HZ)
+    keep = np.exp(-1.0 / (drawn.WANDER_S * RATE_HZ))
+    white = rng.standard_normal((settle + n_frames, n_receivers * 6))
+    smooth = lagged(white, drawn.WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep))
+    return np.moveaxis(smooth.reshape(n_frames, n_receivers, 2, 3), 2, 0)
+
+
+def saturating(
+    angles_rad: Array, skin: Skin, of_hand: np.random.Generator, of_recording: np.random.Generator
+) -> tuple[Array, Array]:
+    """Return slide, mm, and turn, rad, (T, S, 3) of receivers from where they sit on the relaxed hand.
+
+    In proportion to the flexion of both joints, counted from the relaxed hand, ever less as they bend and
+    partly late; beside it, a slow wander. of_hand : draws what all recordings of a hand share.
+    """
+    loose = (skin.looseness[:, None] * skin.present)[..., None]
+    slide = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.SLIDE_SD_MM * loose
+    tilt = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.TILT_SD * loose
+    tilt[skin.distal, 0, 1] += skin.scale * drawn.DISTAL_TILT
+    direct = drawn.SATURATION_RAD * np.tanh(angles_rad[..., FLEXION] / drawn.SATURATION_RAD)
+    start, late = direct[:1], drawn.LAG_SHARE
+    drive = start + (1 - late) * (direct - start) + late * lagged(direct - start, drawn.LAG_S)
+    drive = drive[:, skin.joint]  # (T, S, 2)
+    off = wander(of_recording, len(drive), len(skin.bone)) * skin.looseness[:, None]
+    return (
+        np.einsum("tsa,sax->tsx", drive, slide) + drawn.WANDER_MM * off[0],
+        np.einsum("tsa,sax->tsx", drive, tilt) + np.radians(drawn.WANDER_DEG) * off[1],
+    )

@@ -16,8 +16,7 @@ from shukotsu.errors import InputError
 from shukotsu.hand import rotations
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import bone_poses, flexion_axis, relaxed_angles
-from shukotsu.simulate.mounts import Mounts, mounts_of
-from shukotsu.simulate.moving_skin import displaced, on_skin, saturating, skin_of
+from shukotsu.simulate.mounts import Mounts, displaced, mounts_of, on_skin, saturating, skin_of
 from shukotsu.simulate.random_hand import DIGITS, FLEXION, JOINTS, TIP_BONES, Hand, hand_of
 from shukotsu.simulate.realism import Realism, generator
 from shukotsu.simulate.task_motion import RATE_HZ, TASK_FRAMES, Motion, move

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.faultless_hands import Planted, changed, faultless, other_hand
 from benchmarks.mistakes import MISTAKES
 from shukotsu.checks.checked_recording import check_recording
-from shukotsu.checks.declared import Declared
+from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand.rotations import conjugate, from_matrix, matrix, multiply
 from shukotsu.readers.formats.readers import find_parts_reader
 from shukotsu.readers.samples import joined

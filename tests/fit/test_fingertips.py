@@ -164,11 +164,6 @@ def test_pads_that_meet_are_found_and_count(person: Person) -> None:
     assert len(among.refused) == 1
     assert "contact 1 (thumb and ring)" in among.refused[0]
     np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
-    apart = touch_in(person.tips, poses, np.arange(3), ("thumb", "ring"), CONTACT_SD_MM, PAD)
-    among = with_touches(person.tips, [apart, *contacts])
-    assert len(among.refused) == 1
-    assert "contact 1 (thumb and ring)" in among.refused[0]
-    np.testing.assert_allclose(among.offsets_mm, touched.offsets_mm, atol=1e-9)
 
 
 def acted(tips: Fingertips, pads_mm: Array) -> Poses:

@@ -90,8 +90,8 @@ def test_the_rest_of_the_summary(fitted: HandFit) -> None:
 @pytest.mark.parametrize(
     "dead",
     [
-        "hand",
-        pytest.param("index_middle", marks=pytest.mark.slow),
+        pytest.param("hand", marks=pytest.mark.slow),
+        "index_middle",
         pytest.param("little_distal", marks=pytest.mark.slow),
     ],
 )

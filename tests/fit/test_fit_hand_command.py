@@ -33,7 +33,7 @@ class HandAlone:
         self.model.write_text(QUICK.replace("frames: 30", "frames: 40"))
         drawn, poses = recorded("right", "rom", seed=6)
         self.poses = write_poses(folder / "rom.parquet", drawn, "right", "rom")
-        self.short = write_poses(folder / "short.parquet", poses.take(slice(None, None, 40)), "right", "rom")
+        self.short = write_poses(folder / "short.parquet", poses.take(slice(None, None, 24)), "right", "rom")
 
     def fit(self, out: Path, *options: str, poses: Path | None = None) -> int:
         """Run the stage; return its exit code."""
@@ -54,7 +54,7 @@ def test_tables_of_a_hand_alone_and_of_a_recording_posed_with_it(hand: HandAlone
     task = recorded("right", "opposition", seed=6, n_frames=800)[1].take(slice(REPLAYED))
     replayed = write_poses(hand.folder / "replayed.parquet", task, "right", "opposition")
     fitted = tmp_path / "fitted"
-    assert hand.fit(fitted, f"--replay={replayed}") == 0
+    assert hand.fit(fitted, f"--replay={replayed}", poses=hand.short) == 0
     joints = {row["joint"]: row for row in rows(fitted, "fitted_joints")}
     assert set(joints) == {*read_layout("liberty16").joints}
     assert {row["status"] for row in joints.values()} <= {"ok", "weak"}

@@ -110,7 +110,7 @@ ALL = ""
         ALL,
         *(
             pytest.param(segment, marks=pytest.mark.slow)
-            for segment in ("hand", "thumb_metacarpal", "index_proximal", "ring_middle", "little_distal")
+            for segment in ("hand", "thumb_metacarpal", "ring_middle")
         ),
     ],
 )
@@ -124,7 +124,7 @@ def test_a_receiver_may_sit_at_another_angle(layout: Layout, segment: str) -> No
     assert np.median(moves) < (0.3 if segment else 1.0)
 
 
-@pytest.mark.parametrize("anatomy", [pytest.param("blend", marks=pytest.mark.slow), "myohand"])
+@pytest.mark.parametrize("anatomy", ["blend", pytest.param("myohand", marks=pytest.mark.slow)])
 def test_what_motion_shows_comes_out_whatever_is_expected(layout: Layout, anatomy: str) -> None:
     """Without skin, noise and field, people of the usual anatomy and of the one that is farthest from it:
     across a hinge's axis, and in all directions elsewhere, a centre is found to 0.25 mm, most to 0.1 mm.

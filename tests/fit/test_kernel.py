@@ -14,9 +14,17 @@ from shukotsu.fit.compiled_equations import (
     residuals,
     weighted_jacobians,
 )
-from shukotsu.fit.normal_equations import HUBER, Frames, Observations, Point, Problem, log_rotation, pairs
+from shukotsu.fit.normal_equations import (
+    HUBER,
+    Frames,
+    Observations,
+    Point,
+    Problem,
+    RoomField,
+    log_rotation,
+    pairs,
+)
 from shukotsu.fit.operations import Branch, Mark, Operation, Side, Step, Term, Turn
-from shukotsu.fit.room_field import RoomField
 from shukotsu.hand.rotations import Array, exp_rotation, unit
 
 UNKNOWNS, STATES, RECEIVERS = 12, (3, 0, 4), 6

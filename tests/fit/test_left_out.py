@@ -5,15 +5,14 @@ from typing import cast
 
 import numpy as np
 import pytest
-from simulated_poses import recorded
+from simulated_poses import fitted, recorded
 
 from shukotsu.fit.field_test import Field
 from shukotsu.fit.fingertips import fingertips
-from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.fit import HandFit
 from shukotsu.fit.hand_tables import receiver_rows
 from shukotsu.fit.left_out import Unsteady, share_left_out, without_displaced
 from shukotsu.fit.loose_receivers import Displaced, LooseReceiver, Moment
-from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import RecordingName
 
 
@@ -61,12 +60,8 @@ def test_the_longer_part_is_kept() -> None:
     }
 
 
-@pytest.fixture(scope="module")
-def left(layout: Layout) -> HandFit:
-    return fit_hand([recorded("left", seed=5)[1]], layout, "left", settings=Settings(n_frames=40, rounds=0))
-
-
-def test_rows_say_what_moved_and_what_was_left_out(left: HandFit) -> None:
+def test_rows_say_what_moved_and_what_was_left_out() -> None:
+    left = fitted("left")
     tips, names = fingertips(left), [RecordingName("01", "left", "rom", "2")]
     step = np.array([0.0, 8.0, 0.0, 0.1, 0.0, 0.0])
     slid = LooseReceiver("hand", Moment(0, 720, 3.0), Moment(0, 5040, 21.0), step)
@@ -84,7 +79,7 @@ def test_rows_say_what_moved_and_what_was_left_out(left: HandFit) -> None:
     kinds = [rows[name]["loose_kind"] for name in ("hand", "ring_middle", "index_middle")]
     assert kinds == ["slide", "step", ""]
     assert (rows["hand"]["loose_from_frame"], rows["hand"]["loose_until_frame"]) == (720, 5040)
-    poses = recorded("left", seed=5)[1]
+    poses = recorded("left", seed=4, n_frames=1600)[1]
     tip_mm = poses.position_mm[0, poses.index("little_distal")]  # the metal is 10 mm beside it
     nearest = left.evidence.convention.world(np.eye(3), tip_mm)[1]
     field = Field(nearest + np.array([0.0, 10.0, 0.0]), nearest, np.array([6.0, 0.0, 0.0, 0.0, 0.0, 0.0]))

@@ -12,7 +12,7 @@ from shukotsu.fit.fingertips import fingertips
 from shukotsu.fit.fit import HandFit, Settings, fit_hand
 from shukotsu.fit.hand_tables import moved_rows
 from shukotsu.fit.loose_receivers import LooseReceiver, Moment, moved_in
-from shukotsu.fit.posed_tables import UNSEEN_TURN_DEG, posed_blocks
+from shukotsu.fit.part_tables import UNSEEN_TURN_DEG, posed_blocks
 from shukotsu.hand.rotations import about_axis, multiply, rotate
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import Poses, recording_name
@@ -42,9 +42,8 @@ def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...
 @pytest.mark.parametrize(
     ("segment", "axis", "deg", "shift_mm", "first"),
     [
-        ("ring_proximal", Y, 15.0, (3.0, 0.0, 0.0), 150),
-        pytest.param("index_middle", Z, 25.0, (4.0, 4.0, 0.0), 0, marks=pytest.mark.slow),
-        pytest.param("little_distal", Y, 0.0, (0.0, 4.0, 0.0), 0, marks=pytest.mark.slow),
+        ("index_middle", Z, 25.0, (4.0, 4.0, 0.0), 0),
+        pytest.param("ring_proximal", Y, 15.0, (3.0, 0.0, 0.0), 150, marks=pytest.mark.slow),
     ],
 )
 def test_it_is_named_with_mm_deg_and_since_when(

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.faultless_hands import facing_the_nail, nail_turn
 from shukotsu.fit.fit import HandFit, Settings, fit_hand
 from shukotsu.fit.fitted_motion import pose_hand
-from shukotsu.fit.posed_tables import angle_columns
+from shukotsu.fit.part_tables import angle_columns
 from shukotsu.hand.rotations import Array, rotate
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import Simulated, simulate

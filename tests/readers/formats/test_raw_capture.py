@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from benchmarks.processes import run_python
+from benchmarks.benchmark_table import run_python
 from shukotsu.commands.import_file import main
 from shukotsu.errors import InputError
 from shukotsu.readers.formats.raw_capture import read_capture
