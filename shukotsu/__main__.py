@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 
 from shukotsu import command_line
@@ -12,17 +13,18 @@ from shukotsu.left import instead
 
 def main(argv: list[str] | None = None) -> int:
     """Hand the arguments after the first to the command that the first one names; return its exit code."""
-    return command_line.ended(lambda: _command(sys.argv[1:] if argv is None else argv))
+    words = sys.argv[1:] if argv is None else argv
 
+    def command() -> int:
+        if not words:
+            build_parser().print_help()
+            return command_line.EXIT_BAD_INPUT
+        if why := instead("command", words[0]):
+            raise InputError(why)
+        module = importlib.import_module(COMMANDS[build_parser().parse_args(words[:1]).command].module)
+        return int(module.main(words[1:]))
 
-def _command(argv: list[str]) -> int:
-    if not argv:
-        build_parser().print_help()
-        return command_line.EXIT_BAD_INPUT
-    if why := instead("command", argv[0]):
-        raise InputError(why)
-    command = COMMANDS[build_parser().parse_args(argv[:1]).command]
-    return command_line.dispatched(command.module, argv[1:])
+    return command_line.ended(command)
 
 
 if __name__ == "__main__":

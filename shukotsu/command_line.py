@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import errno
-import importlib
 import io
 import os
 import runpy
@@ -259,12 +258,6 @@ def begin() -> None:
         with suppress(ValueError):  # not in the main thread
             if signal.getsignal(number) is signal.SIG_DFL:
                 signal.signal(number, lambda number, _: sys.exit(128 + number))
-
-
-def dispatched(module: str, argv: Sequence[str]) -> int:
-    """Hand over to the `main` of a module."""
-    status: int = importlib.import_module(module).main(argv)
-    return status
 
 
 def run_script(path: str | Path, argv: Sequence[str]) -> int:

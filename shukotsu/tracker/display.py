@@ -36,14 +36,14 @@ class Receiver:
 class Statistics:
     """Counts what comes; start_ns is the host's monotonic time at which the stream was started.
 
-    heard_ns : when the newest bytes were counted. told : receiver, from and to [s since the start] of each
-    time that it was absent; 0 where nothing came for longer than jitter.
+    heard_ns : when the newest bytes were counted. silences : receiver, from and to [s since the start] of
+    each time that it was absent; receiver 0 where nothing came for longer than jitter.
     """
 
     def __init__(self, settings: StreamSettings, start_ns: int) -> None:
         self.receivers = {station: Receiver() for station in settings.stations}
         self.skipped_bytes = self.received_bytes = 0
-        self.told: list[tuple[int, float, float]] = []
+        self.silences: list[tuple[int, float, float]] = []
         self._losses = Losses(settings)
         self._settings = settings
         self._start_ns = self.heard_ns = start_ns
@@ -58,7 +58,7 @@ class Statistics:
             rows = np.flatnonzero((block.records.station == station) & block.good)
             if len(rows):
                 self._count(receiver, station, block, rows)
-        self.told += self._to_tell(self._losses.add(block)[0])
+        self.silences += self._silences(self._losses.add(block)[0])
 
     def absent(self) -> set[int]:
         """Receivers that are silent while others are heard."""
@@ -75,7 +75,7 @@ class Statistics:
         """
         losses, gaps, _ = self._losses.closed()
         end_s, ends_s = self._seconds(now_ns), losses.silent_ends_s(self._start_ns, now_ns)
-        gaps_s = [(0, 0.0, ends_s[0]), *self.told, *self._to_tell(gaps), (0, end_s - ends_s[1], end_s)]
+        gaps_s = [(0, 0.0, ends_s[0]), *self.silences, *self._silences(gaps), (0, end_s - ends_s[1], end_s)]
 
         def silent(station: int, newest_ns: float) -> list[list[float | None]]:
             newest_s = min(self._seconds(newest_ns), end_s)
@@ -106,7 +106,7 @@ class Statistics:
             "receivers": receivers,
         }
 
-    def _to_tell(self, gaps: Wholes) -> list[tuple[int, float, float]]:
+    def _silences(self, gaps: Wholes) -> list[tuple[int, float, float]]:
         least = JITTER_S * self._settings.rate_hz
         return [
             (station, self._seconds(from_ns), self._seconds(to_ns))
@@ -170,21 +170,6 @@ def check_line(settings: StreamSettings, baud: int | None, name: str) -> None:
             f"{name}: the line is too slow: {arithmetic(settings, baud)}; {what_fits(settings, baud)}; or "
             "use the tracker's USB"
         )
-
-
-def too_slow(settings: StreamSettings, bytes_per_s: float, missing_percent: float) -> str | None:
-    """The sentence that the line is too slow by what it has brought; None where it is not to blame.
-
-    missing_percent : of all records. Where they are missing and the bytes are not, something damages them.
-    """
-    need, count = needed_bytes_per_s(settings), len(settings.stations)
-    if missing_percent <= MUCH_MISSING_PERCENT or bytes_per_s > (1 - MUCH_MISSING_PERCENT / 100) * need:
-        return None
-    who = f"{count} receivers need" if count > 1 else "1 receiver needs"
-    return (
-        f"the line brought {bytes_per_s / 1000:.3g} kB/s of the {need / 1000:.3g} kB/s that {who}: "
-        f"it is too slow; see {FAMILIES[settings.family].remedies}"
-    )
 
 
 def what_fits(settings: StreamSettings, baud: int) -> str:
@@ -264,12 +249,22 @@ def totals_table(totals: Mapping[str, Any]) -> list[str]:
 
 
 def advice(totals: Mapping[str, Any], settings: StreamSettings) -> list[str]:
-    """Return what was wrong with a recording and can be bettered."""
+    """Return what was wrong with a recording and can be bettered.
+
+    A line is too slow where records are missing and bytes are; where bytes are not, something damages them.
+    """
+    sentences = []
     missing_percent = 100 * totals["lost_frames"] / max(totals["records"] + totals["lost_frames"], 1)
-    slow = too_slow(settings, totals["received_bytes"] / max(totals["seconds"], 1e-9), missing_percent)
+    need, came = needed_bytes_per_s(settings), totals["received_bytes"] / max(totals["seconds"], 1e-9)
+    if missing_percent > MUCH_MISSING_PERCENT and came <= (1 - MUCH_MISSING_PERCENT / 100) * need:
+        count = len(settings.stations)
+        who = f"{count} receivers need" if count > 1 else "1 receiver needs"
+        sentences.append(
+            f"the line brought {came / 1000:.3g} kB/s of the {need / 1000:.3g} kB/s that {who}: "
+            f"it is too slow; see {FAMILIES[settings.family].remedies}"
+        )
     margins = {s: counts["least_hemisphere_margin"] for s, counts in totals["receivers"].items()}
     edge = [station for station, margin in margins.items() if margin is not None and margin < AT_THE_EDGE]
-    sentences = [slow] if slow else []
     if edge:
         sentences.append(
             f"receiver {', '.join(edge)}: came to the edge of the hemisphere: positions may have jumped; "

@@ -117,7 +117,7 @@ class _Session:
     _view_failed: bool = False
     _failure: str = ""
     _dropped_bytes: int = 0
-    _told: int = 0
+    _announced: int = 0
 
     def __post_init__(self) -> None:
         self._absent: set[int] = set()
@@ -224,10 +224,10 @@ class _Session:
     def _look(self) -> None:
         """Count what came since the last look, and print how things stand."""
         self._count(final=False)
-        for receiver, from_s, to_s in self._statistics.told[self._told :]:
+        for receiver, from_s, to_s in self._statistics.silences[self._announced :]:
             if receiver == 0:
                 self._notice(f"no record at all from {from_s:.1f} s to {to_s:.1f} s")
-        self._told = len(self._statistics.told)
+        self._announced = len(self._statistics.silences)
         absent = self._statistics.absent()
         for station in sorted(absent ^ self._absent):
             name = "receiver-absent" if station in absent else "receiver-back"
