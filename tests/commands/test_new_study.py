@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from shukotsu.commands.check_file import main as check
-from shukotsu.commands.drafts import parts_of_names
 from shukotsu.commands.new_study import main as new
+from shukotsu.commands.new_study import parts_of_names
 from shukotsu.report.figures import style
 
 ROW = "P1\tright\trom\tboth\trom.csv\n"
