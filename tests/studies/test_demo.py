@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -13,17 +14,15 @@ import pyarrow.parquet as pq
 import pytest
 from studies.running import CORES, REPOSITORY, Row, StudyRun, leftovers
 
-from shukotsu.hand.rotations import Array
 from shukotsu.tables.catalogue import JOINT_CENTRES, TABLES
 from shukotsu.tables.typed_table import read_table, rows_of
 
 pytestmark = pytest.mark.slow
 
-FINGERS = ("index", "middle", "ring", "little")
-POSED = ("paper-fig3", "paper-fig4", "paper-fig4-corrected")
 FAILS = ("02", "left", "little")
 FAILING_JOINT = ("02", "left", "little_dip")
 GROSS_MM, GOOD_MM = 50, 20
+CENTRE = ("child_x_mm", "child_y_mm", "child_z_mm")
 
 
 @pytest.fixture(scope="module")
@@ -44,55 +43,38 @@ def _errors(demo: StudyRun, model: str, **wanted: str) -> list[Row]:
     return rows
 
 
-def _truth_mm(demo: StudyRun, subject: str, hand: str) -> dict[str, Array]:
-    """True joint centres in the child receiver's frame, by joint."""
-    folder = demo.folder / f"data/demo/recordings/sub-{subject}_hand-{hand}_task-opposition_truth"
-    rows = rows_of(read_table(folder / "joint_centres.parquet", JOINT_CENTRES))
-    return {row["joint"]: _child_mm(row) for row in rows}
+def test_fingers_at_rest_are_centimetres_off_and_estimated_metacarpals_bring_millimetres(
+    demo: StudyRun,
+) -> None:
+    """Table 1: nothing turns the fingers' metacarpals; the thumb's is turned by its receiver. Tables 2 to 4:
+    every digit but the one whose joint fails.
+    """
+    for digit in ("thumb", "index", "middle", "ring", "little"):
+        least, most = (0, 25) if digit == "thumb" else (40, 200)
+        assert all(least < row["mean_mm"] < most for row in _errors(demo, "paper-fig3-rest", digit=digit))
+    for model in ("paper-fig3", "paper-fig4", "paper-fig4-corrected"):
+        rows = [row for row in _errors(demo, model) if (row["subject"], row["hand"], row["digit"]) != FAILS]
+        assert all(row["mean_mm"] < 10 for row in rows)
 
 
-def _child_mm(row: Row) -> Array:
-    return np.array([row[f"child_{axis}_mm"] for axis in "xyz"], float)
-
-
-def _joint_errors_mm(demo: StudyRun, model: str) -> dict[tuple[str, str, str], float]:
-    """How far every finger joint is from where the simulation put it, by subject, hand and joint."""
-    errors = {}
-    for subject, hand in product(("01", "02"), ("right", "left")):
-        truth_mm = _truth_mm(demo, subject, hand)
-        for row in demo.rows_where("joint_centres", subject=subject, hand=hand, model=model):
-            if row["joint"].endswith(("mcp", "pip", "dip")):
-                error_mm = float(np.linalg.norm(_child_mm(row) - truth_mm[row["joint"]]))
-                errors[subject, hand, row["joint"]] = error_mm
-    return errors
-
-
-@pytest.mark.parametrize("digit", ["thumb", *FINGERS])
-def test_fingers_at_rest_in_the_hand_are_centimetres_off(demo: StudyRun, digit: str) -> None:
-    """Table 1: nothing turns the fingers' metacarpals; the thumb's is turned by its receiver."""
-    least, most = (0, 25) if digit == "thumb" else (40, 200)
-    assert all(least < row["mean_mm"] < most for row in _errors(demo, "paper-fig3-rest", digit=digit))
-
-
-@pytest.mark.parametrize("model", POSED)
-def test_estimated_metacarpals_bring_millimetres(demo: StudyRun, model: str) -> None:
-    """Tables 2 to 4, every digit but the one whose joint fails."""
-    rows = [row for row in _errors(demo, model) if (row["subject"], row["hand"], row["digit"]) != FAILS]
-    assert all(row["mean_mm"] < 10 for row in rows)
-
-
-def test_the_correction_puts_it_right(demo: StudyRun) -> None:
-    errors_mm = _joint_errors_mm(demo, "paper-fig4-corrected")
+def test_the_correction_puts_it_right_and_errors_are_those_of_the_studys_table(demo: StudyRun) -> None:
+    """How far every finger joint is from where the simulation put it, in the child receiver's frame."""
+    for model in ("paper-fig4", "paper-fig4-corrected"):
+        errors_mm = {}
+        for subject, hand in product(("01", "02"), ("right", "left")):
+            folder = demo.folder / f"data/demo/recordings/sub-{subject}_hand-{hand}_task-opposition_truth"
+            truth = rows_of(read_table(folder / "joint_centres.parquet", JOINT_CENTRES))
+            true_mm = {row["joint"]: [row[name] for name in CENTRE] for row in truth}
+            for row in demo.rows_where("joint_centres", subject=subject, hand=hand, model=model):
+                if row["joint"].endswith(("mcp", "pip", "dip")):
+                    centre_mm = [row[name] for name in CENTRE]
+                    errors_mm[subject, hand, row["joint"]] = math.dist(centre_mm, true_mm[row["joint"]])
+        rows = demo.rows_where("joint_errors", model=model, calibrated_on="opposition")
+        table_mm = {(row["subject"], row["hand"], row["joint"]): row["error_mm"] for row in rows}
+        assert {who: table_mm[who] for who in errors_mm} == pytest.approx(errors_mm, abs=0.5)
     assert errors_mm[FAILING_JOINT] < GOOD_MM
     assert max(errors_mm.values()) < GROSS_MM
     assert all(row["mean_mm"] < 10 for row in _errors(demo, "paper-fig4-corrected"))
-
-
-def test_the_errors_stand_in_the_studys_own_table(demo: StudyRun) -> None:
-    errors_mm = _joint_errors_mm(demo, "paper-fig4")
-    rows = demo.rows_where("joint_errors", model="paper-fig4", calibrated_on="opposition")
-    table_mm = {(row["subject"], row["hand"], row["joint"]): row["error_mm"] for row in rows}
-    assert {who: table_mm[who] for who in errors_mm} == pytest.approx(errors_mm, abs=0.5)
 
 
 @pytest.mark.parametrize("calibrated_on", ["rom", "opposition;rom"])
