@@ -1,17 +1,25 @@
-"""One run of a study at a time, by a lock that ends with its process, however that ends."""
+"""A run of a study at a time, by a lock that ends with its process, however that ends; why a job failed.
 
+Of a failed job its own sentence is printed, of a full disk the file, and no command.
+"""
+
+import logging
 import os
+import shutil
 import subprocess
 import sys
+from collections import namedtuple
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
+from program_files import REPOSITORY
 
 from shukotsu.errors import InputError
 from shukotsu.workflow import one_run
+from shukotsu.workflow.one_run import COMMAND_FAILED, FailedJobs, reason
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 STUDY = Path("results", "demo")
 HOLD = (
     "import pathlib; from shukotsu.workflow import one_run; "
@@ -57,3 +65,48 @@ def test_a_killed_run_is_in_nobodys_way(run: subprocess.Popen[str]) -> None:
 def test_a_folder_that_cannot_be_written_to_is_left_to_snakemake(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(one_run, "FOLDER", Path("/dev/null/.snakemake"))
     one_run.hold(STUDY)
+
+
+Usage = namedtuple("Usage", ("total", "used", "free"))
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("warning: a\nerror: a.parquet: is cut off; remove it\n", "a.parquet: is cut off; remove it"),
+        ("Traceback (most recent call last):\n  x\nKeyError: 'a'\n", "internal error: KeyError: 'a'"),
+        ("", "out.parquet: cannot be written (No space left on device); make room and run again"),
+    ],
+)
+def test_a_log_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, why: str) -> None:
+    log = tmp_path / "a.log"
+    log.write_text(text)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(1, 1, 0))
+    assert reason(log, ["out.parquet"]) == why
+
+
+def test_the_sentence_takes_the_place_of_the_command(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging, "raiseExceptions", True)
+    job = SimpleNamespace(message="plan: subject 01")
+    dag = SimpleNamespace(jobs=[job], jobid=lambda _: 1)
+    log = tmp_path / "a.log"
+    shown = FailedJobs(SimpleNamespace(dag=dag), tmp_path)
+    values = {"event": "job_error", "jobid": 1, "output": ["none"], "log": [str(log)], "rule_msg": None}
+    shown.filter(logging.makeLogRecord({"name": "a", "msg": "", **values, "indent": True}))
+    assert caplog.messages == []
+    log.write_text("error: no\n")
+    for indent in (False, True):
+        shown.filter(logging.makeLogRecord({"name": "a", "msg": "", **values, "indent": indent}))
+    assert caplog.messages == [f"error: plan: subject 01: no (log: {log})"] * 2
+    assert not shown.filter(logging.makeLogRecord({"msg": f"{COMMAND_FAILED} in file"}))
+    assert shown.filter(logging.makeLogRecord({"msg": "WorkflowError"}))
+
+
+def test_what_may_not_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "made").touch()
+    one_run.refuse_unwritable([tmp_path / "made", tmp_path / "new" / "file"])
+    monkeypatch.setattr(os, "access", lambda path, _: path != tmp_path / "made")
+    with pytest.raises(InputError, match=r"made: may not be written \(by its rights"):
+        one_run.refuse_unwritable([tmp_path / "made", tmp_path / "new" / "file"])
