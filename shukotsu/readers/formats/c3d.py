@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -221,6 +222,28 @@ def _width(points: Array) -> float:
     return float(width / length) if length > 0 else 0.0
 
 
+def _check_parameters(path: Path, records: bytes, size: int) -> None:
+    """Raise InputError where a parameter counts more bytes than the file has: ezc3d would read on for hours.
+
+    A record is its name's length, its group, the name and the way to the next one; a parameter (of a group
+    above 0) goes on with bytes a value, the number of its dimensions, and these.
+    """
+    order = "big" if records[3:4] == b"\x56" else "little"  # MIPS or SGI
+    at = 4
+    while at + 2 < len(records) and records[at]:
+        length, group = (abs(n) for n in struct.unpack_from("bb", records, at))
+        name, way = records[at + 2 : at + 2 + length], at + 2 + length
+        value_bytes, n_dimensions, *rest = struct.unpack(
+            "b255B", records[way + 2 : way + 258].ljust(256, b"\0")
+        )
+        if records[at + 1] < 128 and abs(value_bytes) * math.prod(n or 1 for n in rest[:n_dimensions]) > size:
+            raise InputError(
+                f"{path}: not a readable C3D file (parameter {name.decode(errors='replace')} of group {group} "
+                "says that it is longer than the file); copy it again"
+            )
+        at = way + (int.from_bytes(records[way : way + 2], order) or len(records))
+
+
 def open_c3d(path: Path) -> C3dFile:
     """Read a C3D file. Raises InputError where it is absent, is none, or is cut off."""
     import ezc3d
@@ -229,6 +252,8 @@ def open_c3d(path: Path) -> C3dFile:
         size = check_regular(path, "a C3D file")
         with path.open("rb") as stream:
             head = stream.read(_BLOCK)
+            stream.seek((head[0] - 1) * _BLOCK if head else 0)
+            _check_parameters(path, stream.read(255 * _BLOCK), size)
     try:
         content = ezc3d.c3d(str(path))
     except MemoryError:

@@ -168,6 +168,16 @@ def test_real_functional_trials_of_a_leg(
     assert (round(joint_gap.gap_rms_free_mm, 1), round(joint_gap.range_deg)) == (gap_mm, range_deg)
 
 
+def test_a_parameter_longer_than_its_file_is_refused(tmp_path: Path) -> None:
+    """Its values are not looked for: that would take hours."""
+    path = write(tmp_path / "a.c3d", SHAPE[None], first=1)
+    data = bytearray(path.read_bytes())
+    data[data.index(b"LABELS") + 9] = 60  # dimensions: whatever comes next
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"parameter LABELS of group 1 says that it is longer"):
+        read(path, ARM, config())
+
+
 def test_frames_beyond_what_is_counted(tmp_path: Path) -> None:
     """Where 16 bits are full, all up to the zeros that fill the last block; else it is said."""
     path = write(tmp_path / "a.c3d", SHAPE + np.arange(1.0, 31)[:, None, None], first=1)
