@@ -63,14 +63,14 @@ class JointAxis:
 class ShownSkeleton:
     """One skeleton over T frames: P points, B bones, D digits.
 
-    place : index of the model in the study, which its colour goes by. points : names of joints, then of tips.
+    model_index : of the model in the study, which its colour goes by. points : names of joints, then of tips.
     position_mm : (T, P, 3) in the transmitter frame, NaN in gaps. on_receivers : the points as fixed on
     receivers; None for a fitted skeleton. sd_mm : (P,) 1-sigma error of each point in 3-D, NaN where none is
     stated. believed : (P,) one of BELIEFS; tips are. tip_error_mm : (T, D) of the replay, NaN in gaps.
     """
 
     model: str
-    place: int
+    model_index: int
     points: tuple[str, ...]
     position_mm: Array
     on_receivers: tuple[ReceiverPoint, ...] | None
@@ -152,7 +152,7 @@ def view_base(layout: Layout) -> str:
 
 
 def receiver_skeleton(
-    layout: Layout, model: SkeletonModel, place: int, joints: Rows, tip_error_mm: Array, poses: Poses
+    layout: Layout, model: SkeletonModel, model_index: int, joints: Rows, tip_error_mm: Array, poses: Poses
 ) -> ShownSkeleton:
     """Return a skeleton whose joints receivers carry.
 
@@ -162,14 +162,14 @@ def receiver_skeleton(
     points = {point.name: point for of_digit in by_digit for point in of_digit}
     positions = {name: point.position_mm(poses) for name, point in points.items()}
     bones = _bones(list(points), [[point.name for point in of_digit] for of_digit in by_digit], None)
-    skeleton = _skeleton(layout, model, place, positions, bones, joints, {}, tip_error_mm)
+    skeleton = _skeleton(layout, model, model_index, positions, bones, joints, {}, tip_error_mm)
     return replace(skeleton, on_receivers=tuple(points.values()))
 
 
 def fitted_skeleton(
     layout: Layout,
     model: SkeletonModel,
-    place: int,
+    model_index: int,
     joints: Rows,
     worn: Rows,
     posed: PosedRecording,
@@ -190,7 +190,7 @@ def fitted_skeleton(
         for name, digit in layout.digits.items()
     }
     lines = _bones(list(positions), chains, wrist)
-    return _skeleton(layout, model, place, positions, lines, joints, sd_of_tip, tip_error_mm)
+    return _skeleton(layout, model, model_index, positions, lines, joints, sd_of_tip, tip_error_mm)
 
 
 def shown_first(motion: HandMotion) -> tuple[int, ...]:
@@ -253,12 +253,6 @@ def open_frame(blocks: Iterable[Poses], layout: Layout) -> Poses | None:
     return open_pose
 
 
-def receivers_at(motion: HandMotion, frame: int) -> Array:
-    """Valid receivers (n, 3) of the frame of that index in the view's axes, mm."""
-    receivers = seen(motion, np.array([frame]), motion.receiver_mm[frame : frame + 1])[0]
-    return np.asarray(receivers[np.isfinite(receivers).all(-1)])
-
-
 def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None) -> tuple[BoneLine, ...]:
     bones = []
     starts = Counter(chain[0] for chain in chains)
@@ -274,7 +268,7 @@ def _bones(points: list[str], chains: Sequence[Sequence[str]], wrist: str | None
 def _skeleton(
     layout: Layout,
     model: SkeletonModel,
-    place: int,
+    model_index: int,
     positions: Mapping[str, Array],
     bones: tuple[BoneLine, ...],
     joints: Rows,
@@ -285,7 +279,7 @@ def _skeleton(
     sd = [sd_of_tip.get(p, _number(joints.get(p, {}).get("sd_mm"))) for p in points]
     return ShownSkeleton(
         model=model.name,
-        place=place,
+        model_index=model_index,
         points=points,
         position_mm=np.stack(list(positions.values()), 1),
         on_receivers=None,

@@ -46,7 +46,7 @@ class JudgedModels:
 
 def judged_models(results: StudyResults) -> list[JudgedModels]:
     """Return the numbers that there are, METRICS in turn."""
-    found = []
+    judged = []
     for metric in METRICS:
         rows = [row for row in results.model_values if (row["metric"], row["digit"]) == (metric, ALL_DIGITS)]
         values: dict[str, dict[str, float]] = defaultdict(dict)
@@ -61,8 +61,8 @@ def judged_models(results: StudyResults) -> list[JudgedModels]:
             for row in results.model_differences
             if (row["metric"], row["digit"]) == (metric, ALL_DIGITS) and row["n_compared_subjects"]
         ]
-        found.append(JudgedModels(metric, rows[0]["held_out"], dict(values), references, differences))
-    return found
+        judged.append(JudgedModels(metric, rows[0]["held_out"], dict(values), references, differences))
+    return judged
 
 
 def model_to_take(results: StudyResults) -> str:
@@ -83,27 +83,30 @@ def model_to_take(results: StudyResults) -> str:
         )
     ours = [row for row in judged.differences if row["model"] == leading]
     if not ours:
-        own = judged.values[leading].values()
-        sentence = _amount(judged, leading, sum(own) / len(own))
-        return tr(
-            "{claim} ({test}).",
-            claim=sentence,
-            test=ngettext("{n} subject", "{n} subjects", len(own)),
-        )
+        values = [*judged.values[leading].values()]
+        claim = _amount(judged, leading, sum(values) / len(values))
+        subjects = ngettext("{n} subject", "{n} subjects", len(values))
+        return tr("{claim} ({test}).", claim=claim, test=subjects)
     paper = the_papers(results.models.values())
     row = min(ours, key=lambda row: (round(row["other_mean"], 6), row["other"] != paper))
     if row["mean_difference"] > 0 and row["p_holm"] <= LEVEL:
         leading = row["other"]
-        row = next(
-            own for own in judged.differences if (own["model"], own["other"]) == (leading, row["model"])
-        )
+        pair = leading, row["model"]
+        row = next(each for each in judged.differences if (each["model"], each["other"]) == pair)
     sentence = _amount(judged, leading, row["mean"])
-    values = {"other": row["other"], "amount": shown(judged.metric, row["other_mean"])}
+    amounts = {"other": row["other"], "amount": shown(judged.metric, row["other_mean"])}
     if row["other"] == PRIOR:
-        sentence += tr("; anatomy alone, without data, by {amount} mm", **values)
+        sentence += tr("; anatomy alone, without data, by {amount} mm", **amounts)
     else:
-        sentence += tr("; those of the model {other} are {amount} mm off", **values)
-    return tr("{claim} ({test}).", claim=sentence, test=_test(row))
+        sentence += tr("; those of the model {other} are {amount} mm off", **amounts)
+    test = ngettext("{n} subject", "{n} subjects", row["n_compared_subjects"])
+    if row["smallest_p_holm"] > LEVEL:
+        test = tr("{subjects}, too few to test the difference", subjects=test)
+    elif row["p_holm"] > LEVEL:
+        test = tr("{subjects}; no difference is shown, {p}", subjects=test, p=p_text(row["p_holm"]))
+    else:
+        test = tr("{subjects}; {p}, corrected by Holm", subjects=test, p=p_text(row["p_holm"]))
+    return tr("{claim} ({test}).", claim=sentence, test=test)
 
 
 def _amount(judged: JudgedModels, model: str, mean: float) -> str:
@@ -116,16 +119,6 @@ def _amount(judged: JudgedModels, model: str, mean: float) -> str:
             **values,
         )
     return tr("Take the model {model}: its fingertips are {mean} mm from the true ones on average", **values)
-
-
-def _test(row: Row) -> str:
-    """How far a difference can be relied on."""
-    subjects = ngettext("{n} subject", "{n} subjects", row["n_compared_subjects"])
-    if row["smallest_p_holm"] > LEVEL:
-        return tr("{subjects}, too few to test the difference", subjects=subjects)
-    if row["p_holm"] > LEVEL:
-        return tr("{subjects}; no difference is shown, {p}", subjects=subjects, p=p_text(row["p_holm"]))
-    return tr("{subjects}; {p}, corrected by Holm", subjects=subjects, p=p_text(row["p_holm"]))
 
 
 class BigNumber(NamedTuple):
@@ -187,12 +180,8 @@ def hands_counted(results: StudyResults, n: int) -> str:
     return ngettext("{n} hand", "{n} hands", n) if results.of_hands else ngettext("{n} side", "{n} sides", n)
 
 
-def opening(results: StudyResults) -> str:
-    """Return the numbers in a line of text."""
-    return " ".join(_numbers(results))
-
-
-def _numbers(results: StudyResults) -> list[str]:
+def numbers_texts(results: StudyResults) -> list[str]:
+    """Return the numbers, a sentence each."""
     return [tr("{value} {unit} {of}.", **number._asdict()) for number in big_numbers(results)]
 
 
@@ -203,7 +192,7 @@ WIDTH, MOST_PROBLEMS = 79, 3
 def outcome_text(results: StudyResults) -> str:
     """Return the study's numbers and its sentence as plain text, then the gravest problems."""
     problems = all_problems(results)
-    lines = [f"Study {results.name}: {used_text(results)}.", *_numbers(results), model_to_take(results)]
+    lines = [f"Study {results.name}: {used_text(results)}.", *numbers_texts(results), model_to_take(results)]
     lines += [
         f"- {problem.where}: {in_quotes(problem.text)} {problem.places}".rstrip()
         for problem in problems[:MOST_PROBLEMS]

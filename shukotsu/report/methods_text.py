@@ -15,7 +15,6 @@ from shukotsu.report.study_results import StudyResults
 from shukotsu.resources import VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS
 from shukotsu.study.mapping import read_mapping
-from shukotsu.tables.subjects import Hand
 
 REFERENCES = (
     "M. Saito, K. Mitobe, M. Suzuki, N. Yoshimura: Modeling of Hand Skeletal Structure from Magnetic Motion "
@@ -70,7 +69,8 @@ def _recorded(results: StudyResults) -> str:
     if lost := len(results.recordings) - len(used):
         text += f"; {lost} more could not be used"
     if results.suspect:
-        hands = ", ".join(sorted(map(_hand_text, results.suspect)))
+        sessions = {hand: f", session {hand.session}" if hand.session else "" for hand in results.suspect}
+        hands = ", ".join(sorted(f"subject {h.subject}{at}, {h.hand} hand" for h, at in sessions.items()))
         text += f". Left out of every statistic, for what was found in their recordings: {hands}"
     if results.simulated:
         return f"{text}. The simulator knows the true skeleton; no person's hand is behind these numbers."
@@ -81,11 +81,6 @@ def _recorded(results: StudyResults) -> str:
         f" {_count(n, 'recording')} of another program: read as {path.name} declares{_declared(path)}."
         for path, n in sorted((path, n) for path, n in mappings.items() if path)
     )
-
-
-def _hand_text(hand: Hand) -> str:
-    session = f", session {hand.session}" if hand.session else ""
-    return f"subject {hand.subject}{session}, {hand.hand} hand"
 
 
 def _declared(path: Path) -> str:

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
 
 from shukotsu.report.belief import NOT, study_beliefs
 from shukotsu.report.study_results import StudyResults, recording_key
@@ -48,13 +49,6 @@ class Movement:
         sessions = self.ranges.groupby([*whose, "session"], sort=False)[RANGE].mean()
         return sessions.groupby(whose, sort=False).mean().reset_index()
 
-    @property
-    def why_nothing(self) -> str:
-        """Why no joint angle counts: none was measured, or all hands are left out."""
-        if self.measured:
-            return tr("every hand that has joint angles has a suspect finding, and counts in nothing")
-        return tr("no recording of this study has joint angles")
-
     def differences_table(self) -> DataTable | None:
         """Differences between two levels of a factor that are shown, of joints that can be believed; None
         where no two levels were compared.
@@ -88,10 +82,18 @@ class Movement:
 
 
 def read_movement(results: StudyResults) -> Movement:
-    """Read the study's tables of movement under the leading model; InputError where one is another table."""
+    """Read the study's tables of movement under the leading model; InputError where one is another table.
+
+    Ranges are of recordings that do more than calibrate, and of hands that count in statistics.
+    """
     model = results.leading
-    measured = _evaluated(_frame(results, RANGES_OF_MOTION, model), results)
-    ranges = _judged(measured, results)
+    measured = _frame(results, RANGES_OF_MOTION, model)
+    calibrating = {recording_key(each) for each in results.recordings if each.role == "calibration"}
+    keys = zip(*(measured[name] for name in (*SUBJECT, "task", "trial")), strict=True)
+    measured = measured[np.array([key not in calibrating for key in keys], bool)]
+    suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
+    keys = zip(*(measured[name] for name in SUBJECT), strict=True)
+    ranges = measured[np.array([key not in suspect for key in keys], bool)]
     return Movement(
         model=model,
         ranges=ranges[ranges[RANGE].notna()],
@@ -104,25 +106,9 @@ def read_movement(results: StudyResults) -> Movement:
 
 def _frame(results: StudyResults, table: Table, model: str) -> pd.DataFrame:
     """The table's rows of a model; none where the study has no such table."""
-    import pyarrow as pa
-
     names = [column.name for column in table.columns]
     path = results.paths.study_table(table.name)
     if not path.is_file():
         return pa.table({name: pa.array([], table.column(name).type) for name in names}).to_pandas()
     frame = read_table(path, table, names).replace_schema_metadata().to_pandas()
     return frame[frame["model"] == model].reset_index(drop=True)
-
-
-def _judged(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
-    """Rows of hands that count in statistics."""
-    suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
-    keys = zip(*(rows[name] for name in SUBJECT), strict=True)
-    return rows[np.array([key not in suspect for key in keys], bool)] if suspect else rows
-
-
-def _evaluated(rows: pd.DataFrame, results: StudyResults) -> pd.DataFrame:
-    """Rows of recordings that are compared: not of those that only calibrate."""
-    calibrating = {recording_key(own) for own in results.recordings if own.role == "calibration"}
-    keys = zip(*(rows[name] for name in (*SUBJECT, "task", "trial")), strict=True)
-    return rows[np.array([key not in calibrating for key in keys], bool)]

@@ -70,8 +70,10 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
 
     Recordings that were not used for a reason that no problem tells come last, one item a reason.
     """
+    apart = {id(row) for row in (*results.findings, *results.accepted)}
+    others = [row for row in results.problems if id(row) not in apart]
     rows = sorted(
-        [*results.findings, *results.other_problems],
+        [*results.findings, *others],
         key=lambda row: (row["stage"] != STAGE, _GRAVITY.index(row["severity"])),
     )
     messages = {row["message"] for row in results.problems}
@@ -82,15 +84,12 @@ def all_problems(results: StudyResults) -> list[ListedFault]:
             unused[": ".join(filter(None, (word(status), translated(message))))].append(
                 recording.file_as_written
             )
-    others = [
-        ListedFault(files[0], "note", reason)
-        if len(files) == 1
-        else ListedFault(
-            ngettext("{n} recording", "{n} recordings", len(files)), "note", reason, "; ".join(files)
-        )
-        for reason, files in unused.items()
-    ]
-    return [*faults_listed(rows), *others]
+    listed = faults_listed(rows)
+    for reason, files in unused.items():
+        several = ngettext("{n} recording", "{n} recordings", len(files))
+        file, files_text = (files[0], "") if len(files) == 1 else (several, "; ".join(files))
+        listed.append(ListedFault(file, "note", reason, files_text))
+    return listed
 
 
 def where(problem: Row) -> str:

@@ -4,7 +4,7 @@ model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -195,11 +195,6 @@ def _angles(reader: RecordingReader) -> dict[str, Callable[[], Array]]:
     return reader.series(JOINT_ANGLES, [f"{angle}_deg" for angle in ANGLES])
 
 
-def angles_of(models: Iterable[ModelResults]) -> list[JointAngles]:
-    """The joint angles of those models that state any, in their order."""
-    return [model.angles for model in models if model.angles is not None]
-
-
 def _model_results(results: StudyResults, reader: RecordingReader, every: int) -> ModelResults:
     recording, name, part = reader.recording, reader.model.name, reader.part
     hand = recording.hand
@@ -227,7 +222,8 @@ def _skeleton(
     A fitted hand that was not posed in a recording that only calibrates is shown as its receivers carry it.
     """
     key = reader.recording.hand, reader.model.name
-    layout, model, place = reader.layout, reader.model, list(results.models).index(reader.model.name)
+    layout, model = reader.layout, reader.model
+    model_index = list(results.models).index(model.name)
     joints = {row["joint"]: row for row in results.joints_of.get(key, [])}
     errors: dict[str, Array] = {}
     if not still:
@@ -244,8 +240,8 @@ def _skeleton(
         try:
             bones = reader.bones(poses, Skeleton(layout, model, joints, {}))
             worn = {row["segment"]: row for row in results.receivers_of.get(key, [])}
-            return fitted_skeleton(layout, model, place, joints, worn, bones, replayed)
+            return fitted_skeleton(layout, model, model_index, joints, worn, bones, replayed)
         except InputError:
             if not still:
                 raise
-    return receiver_skeleton(layout, model, place, joints, replayed, poses)
+    return receiver_skeleton(layout, model, model_index, joints, replayed, poses)

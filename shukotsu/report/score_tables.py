@@ -69,18 +69,16 @@ class Skeleton(NamedTuple):
 Scored = tuple[Skeleton, list[Row]]
 
 
-def tasks_text(calibrated_on: str) -> str:
-    """The tasks of a column calibrated_on."""
-    return ", ".join(calibrated_on.split(";")) or DASH
-
-
 def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
     """Return the scores of one subject's task, means over digits and hands; None where it has none.
 
     Held-out skeletons come first, then in-sample ones, then references. Empty columns are left out.
     """
     groups: dict[Skeleton, list[Row]] = defaultdict(list)
-    for row in results.scores_in(trial):
+    wanted = (*trial.who, trial.task, trial.trial)
+    for row in sorted(results.scores, key=lambda row: bool(row["hand"] != "right")):
+        if tuple(row[name] for name in ("subject", "session", "task", "trial")) != wanted:
+            continue
         groups[Skeleton(row["model"], row["calibrated_on"], row["held_out"], row["reference"])].append(row)
     if not groups:
         return None
@@ -93,7 +91,11 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
     columns = (
         Column(tr("Skeleton"), lambda each: each[0].model, is_text=True),
         Column(tr("Made from"), _made_from, is_text=True),
-        Column(tr("Held out"), _held_out, is_text=True),
+        Column(
+            tr("Held out"),
+            lambda each: DASH if each[0].reference else tr("yes") if each[0].held_out else tr(IN_SAMPLE),
+            is_text=True,
+        ),
         *(Column(heading(name), partial(_mean_text, name)) for name in names),
     )
     caption = tr("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
@@ -108,11 +110,8 @@ def _blocks(scored: Iterable[Scored]) -> dict[str, list[Scored]]:
 
 
 def _made_from(scored: Scored) -> str:
-    return DASH if scored[0].reference else tasks_text(scored[0].calibrated_on)
-
-
-def _held_out(scored: Scored) -> str:
-    return DASH if scored[0].reference else tr("yes") if scored[0].held_out else tr(IN_SAMPLE)
+    tasks = "" if scored[0].reference else ", ".join(scored[0].calibrated_on.split(";"))
+    return tasks or DASH
 
 
 def _mean_text(name: str, scored: Scored) -> str:
@@ -210,7 +209,13 @@ def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Da
         digits = tuple(results.layouts[recording.hand].digits)
         rows = {d: results.tip_error(recording, model.name, d, FIRST_FRAME) for d in digits}
         cells = (
-            (f"{tr(words)} [cm]", *(_cm(row, f"{name}_mm") for row in rows.values()))
+            (
+                f"{tr(words)} [cm]",
+                *(
+                    number(row[f"{name}_mm"] / 10 if row and row[f"{name}_mm"] is not None else None)
+                    for row in rows.values()
+                ),
+            )
             for name, words in STATISTICS.items()
         )
         blocks.append(Block(_header(recording.hand.hand, digits), tuple(cells)))
@@ -271,10 +276,6 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
     caption = tr("Tip error, least-squares binding, mean and 95th percentile (p95) [mm]: {who}, {title}.",
                  who=trial.who, title=trial.title)  # fmt: skip
     return DataTable(caption, tuple(blocks))
-
-
-def _cm(row: Row | None, name: str) -> str:
-    return number(None if row is None or row[name] is None else row[name] / 10)
 
 
 def _header(hand: str, digits: tuple[str, ...]) -> tuple[str, ...]:

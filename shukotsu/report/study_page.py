@@ -63,9 +63,12 @@ class SubjectCard(NamedTuple):
 def render_study(results: StudyResults, study: Study, movement: Movement | None = None) -> str:
     """Return the study's page; the same results give the same text."""
     panels = model_panels(results)
+    with_lengths = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
+    ends = [f"{end:g}" for end in CLASSES_MM]
+    packages = (f"{package} {metadata.version(package)}" for package in PACKAGES)
     parts: dict[str, Any] = {
         "view": _front(results),
-        "schema": _schema(results),
+        "schema": small_hand(results, with_lengths[0], results.leading) if with_lengths else None,
         "pictures": [page_picture(panel) for panel in panels],
         "ranges": [page_picture(panel) for panel in range_panels(movement)] if movement else [],
     }
@@ -81,7 +84,7 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         panels=panels,
         fewest=FEWEST_SUBJECTS,
         joints=joint_picture(results),
-        classes=class_texts(),
+        classes=[f"< {ends[0]}", *(f"{low}–{high}" for low, high in pairwise(ends)), f"> {ends[-1]}"],
         problems=all_problems(results),
         accepted=faults_listed(results.accepted),
         differences=movement.differences_table() if movement else None,
@@ -92,13 +95,7 @@ def render_study(results: StudyResults, study: Study, movement: Movement | None 
         references=REFERENCES,
         files=study_files(results),
         exports=exported_files(results) if study.exports else {},
-        versions=", ".join(
-            [
-                f"shukotsu {VERSION}",
-                f"python {platform.python_version()}",
-                *(f"{package} {metadata.version(package)}" for package in PACKAGES),
-            ]
-        ),
+        versions=", ".join([f"shukotsu {VERSION}", f"python {platform.python_version()}", *packages]),
         **parts,
     )
 
@@ -112,15 +109,8 @@ def _front(results: StudyResults) -> View | None:
             motion = read_stretch(results, recording, results.leading)
         except InputError:
             continue
-        title = f"{recording.hand}, {recording.task}, {results.leading}"
-        return view_of(title, motion)
+        return view_of(f"{recording.hand}, {recording.task}, {results.leading}", motion)
     return None
-
-
-def _schema(results: StudyResults) -> Markup | None:
-    """The first hand with lengths as a schema, for where none can be shown in motion."""
-    hands = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
-    return small_hand(results, hands[0], results.leading) if hands else None
 
 
 def _card(results: StudyResults, who: SubjectSession) -> SubjectCard:
@@ -162,11 +152,7 @@ def exported_files(results: StudyResults) -> dict[str, list[Link]]:
 
 def render_failure(message: str) -> str:
     """Return a page that says only why there is no report."""
-    return render(
-        "base.html.j2",
-        title=tr("No report"),
-        message=translated(message),
-    )
+    return render("base.html.j2", title=tr("No report"), message=translated(message))
 
 
 CLASSES_MM = (0.5, 1.0, 2.0, 4.0, 8.0)
@@ -248,16 +234,6 @@ def _cell(rows: Sequence[Row]) -> JointCell | None:
     level = -1 if sd is None else sum(sd >= end for end in CLASSES_MM)
     why = "; ".join(reasons_of(rows[0])) if verdict != BELIEVE and len(rows) == 1 else ""
     return JointCell(shown("sd_mm", sd), level, MARKS[verdict], why)
-
-
-def class_texts() -> list[str]:
-    """Return the classes of colour in words, mm."""
-    ends = [f"{end:g}" for end in CLASSES_MM]
-    return [
-        f"< {ends[0]}",
-        *(f"{low}–{high}" for low, high in pairwise(ends)),
-        f"> {ends[-1]}",
-    ]
 
 
 def small_hand(results: StudyResults, hand: Hand, model: str) -> Markup:

@@ -172,12 +172,6 @@ class StudyResults:
         """Add what went wrong while the page is made, before its problems are asked for."""
         self.problems.append(_problem(SubjectSession(""), stage, message, task=task))
 
-    @cached_property
-    def other_problems(self) -> list[Row]:
-        """Problems that are neither findings to be settled nor accepted ones."""
-        apart = {id(row) for row in (*self.findings, *self.accepted)}
-        return [row for row in self.problems if id(row) not in apart]
-
     joints_of = _by_hand_and_model("joints")
     bones_of = _by_hand_and_model("bones")
     receivers_of = _by_hand_and_model("receivers")
@@ -225,13 +219,6 @@ class StudyResults:
         for (task, trial), by_hand in groups.items():
             recordings = {hand: by_hand[hand] for hand in HANDS if hand in by_hand}
             yield Trial(SubjectSession(subject, session), task, trial, recordings)
-
-    def scores_in(self, trial: Trial) -> list[Row]:
-        """The rows of skeleton_scores of a subject's task, in the table's order, right hand first."""
-        wanted = (*trial.who, trial.task, trial.trial)
-        names = ("subject", "session", "task", "trial")
-        rows = [row for row in self.scores if tuple(row[name] for name in names) == wanted]
-        return sorted(rows, key=lambda row: bool(row["hand"] != "right"))
 
     def hands_of(self, subject: str, session: str = "") -> list[Hand]:
         """The subject's hands, right first."""

@@ -17,7 +17,7 @@ from shukotsu.report import provenance
 from shukotsu.report.belief import believed_counts, gain_lines, joint_table
 from shukotsu.report.figures.panels import hand_panel, page_picture, taken_failures
 from shukotsu.report.figures.study_figures import lengths_panel
-from shukotsu.report.judged_models import opening, used_text
+from shukotsu.report.judged_models import numbers_texts, used_text
 from shukotsu.report.recording_page import failure_page, recording_links, recording_page, recording_title
 from shukotsu.report.recording_results import read_recording, read_still
 from shukotsu.report.score_tables import (
@@ -56,7 +56,7 @@ def render_subject(results: StudyResults) -> str:
         study=results.name,
         to_study=link(results.name, page, results.paths.report),
         recordings=recording_links(results, page, who),
-        opening=opening(results),
+        opening=" ".join(numbers_texts(results)),
         used=used_text(results),
         problems=provenance.all_problems(results),
         accepted=provenance.faults_listed(results.accepted),
@@ -134,10 +134,7 @@ def _folded(results: StudyResults, who: SubjectSession) -> dict[str, list[Folded
     ranges = []
     for hand in hands:
         if rows := measured_ranges(results, hand, results.leading):
-            caption = tr(
-                "Range of motion, posture and speed, with 1-sigma errors: {name}.",
-                name=hand,
-            )
+            caption = tr("Range of motion, posture and speed, with 1-sigma errors: {name}.", name=hand)
             ranges.append(Folded(names[hand], measured_table(caption, rows, with_recording=True)))
     return {
         "lengths": [Folded(names[hand], bone_table(results, hand)) for hand in hands],

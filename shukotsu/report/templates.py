@@ -54,7 +54,7 @@ def coded(text: object) -> Markup:
 
 
 def _environment() -> jinja2.Environment:
-    made = jinja2.Environment(
+    environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(FOLDER),
         extensions=["jinja2.ext.i18n"],
         autoescape=True,
@@ -62,14 +62,14 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.policies["ext.i18n.trimmed"] = True
-    made.install_gettext_callables(tr, ngettext, newstyle=True)  # type: ignore[attr-defined]
-    made.globals |= {"language": language, "tr": tr}
-    made.globals["script_texts"] = lambda: {name: tr(text) for name, text in SCRIPT_TEXTS.items()}
-    made.filters["coded"] = coded
-    for name in made.list_templates(extensions=("j2", "css", "js")):
-        made.get_template(name)
-    return made
+    environment.policies["ext.i18n.trimmed"] = True
+    environment.install_gettext_callables(tr, ngettext, newstyle=True)  # type: ignore[attr-defined]
+    environment.globals |= {"language": language, "tr": tr}
+    environment.globals["script_texts"] = lambda: {name: tr(text) for name, text in SCRIPT_TEXTS.items()}
+    environment.filters["coded"] = coded
+    for name in environment.list_templates(extensions=("j2", "css", "js")):
+        environment.get_template(name)
+    return environment
 
 
 ENVIRONMENT = _environment()  # here, before any fork: to compile one takes longer than to fill it in
@@ -77,8 +77,8 @@ ENVIRONMENT = _environment()  # here, before any fork: to compile one takes long
 
 def render(template: str | jinja2.Template, **content: Any) -> str:
     """Fill in a template, by its path in this folder; text is escaped, a name not given is an error."""
-    made = ENVIRONMENT.get_template(template)
-    return typeset(made.render(version=VERSION, palette=Markup(css()), **content) + "\n")
+    text = ENVIRONMENT.get_template(template).render(version=VERSION, palette=Markup(css()), **content)
+    return typeset(text + "\n")
 
 
 CATALOGUES = Path(__file__).parent / "languages"

@@ -36,7 +36,7 @@ from shukotsu.report.figures.style import (
     without_controls,
     wrapped,
 )
-from shukotsu.report.hand_motion import Array, HandMotion, ShownSkeleton, receivers_at, seen
+from shukotsu.report.hand_motion import Array, HandMotion, ShownSkeleton, seen
 from shukotsu.report.palette import INK, PAPER, SOFT, Look, Mark, as_custom_property, digit_looks
 from shukotsu.report.table_cells import number
 from shukotsu.translation import ENGLISH, language, listed, tr, translated, word
@@ -304,7 +304,8 @@ _HIGHEST_MM, _FOOT_MM = 92.0, 10.0
 def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: int) -> Panel:
     """Return the panel of the hand under a skeleton in the frame of that index."""
     joints = seen(motion, np.array([frame]), skeleton.position_mm[frame : frame + 1])[0]
-    receivers = receivers_at(motion, frame)
+    receivers = seen(motion, np.array([frame]), motion.receiver_mm[frame : frame + 1])[0]
+    receivers = np.asarray(receivers[np.isfinite(receivers).all(-1)])
     low, high = receivers.min(axis=0) - _NEAR_MM, receivers.max(axis=0) + _NEAR_MM
     near = np.asarray(((joints >= low) & (joints <= high)).all(axis=1))
     everything = np.concatenate([receivers, joints[near]])

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from shukotsu.errors import InputError
 from shukotsu.report.figures.panels import PLAIN, Panel, in_rows, locator, print_figure, value_scale
-from shukotsu.report.figures.study_figures import Drawing, NoDataError, count_range, drawn
+from shukotsu.report.figures.study_figures import Drawing, NoDataError, count_range, drawn, not_drawn
 from shukotsu.report.figures.style import SMALL_PT
 from shukotsu.report.hand_motion import view_base
 from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
@@ -43,11 +43,8 @@ def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawin
         name = f"joint-angles_{path_token(model)}"
         yield drawn(name, partial(joint_angles, results, recording, model))
     if not results.fitted:
-        yield drawn("joint-angles", _no_angles)
-
-
-def _no_angles() -> tuple[Figure, str]:
-    raise NoDataError(tr("joint angles need a model that fits the whole hand, and this study has none"))
+        reason = tr("joint angles need a model that fits the whole hand, and this study has none")
+        yield not_drawn("joint-angles", reason)
 
 
 def find_recording(results: StudyResults, subject: str, hand: str, name: str) -> Recording:

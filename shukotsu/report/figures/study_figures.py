@@ -378,7 +378,11 @@ def range_panels(movement: Movement) -> list[Panel]:
 def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Figure, str]:
     """Draw a row a joint angle, a dot a subject. Raises NoDataError without joint angles."""
     if movement.ranges.empty:
-        raise NoDataError(movement.why_nothing)
+        if movement.measured:
+            raise NoDataError(
+                tr("every hand that has joint angles has a suspect finding, and counts in nothing")
+            )
+        raise NoDataError(tr("no recording of this study has joint angles"))
     return print_figure([range_panels(movement)]), tr(
         "Range of motion (2.5th to 97.5th percentile) of every joint angle [deg]. {study_text} Model "
         "{model}. A dot is a subject, the mean over recordings; mark: median; bar: quartiles. Hands "

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from shukotsu.report.belief import belief, believed_counts
+from shukotsu.report.figures.recording_figures import recording_text
 from shukotsu.report.palette import MARK_PATHS
-from shukotsu.report.recording_results import ModelResults, RecordingResults, angles_of
+from shukotsu.report.recording_results import ModelResults, RecordingResults
 from shukotsu.report.skeleton_tables import measured_ranges, measured_table
 from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.report.table_cells import (
@@ -35,7 +36,8 @@ ANGLE_STEP_DEG = 0.1
 
 def recording_page(results: RecordingResults) -> str:
     """Return the recording's page; the same results give the same text."""
-    title, motion, angles = recording_title(results.recording), results.motion, angles_of(results.models)
+    title, motion = recording_title(results.recording), results.motion
+    angles = [model.angles for model in results.models if model.angles is not None]
     row, facts = results.row, []
     if row["n_frames"]:
         facts.append(ngettext("{n} frame", "{n} frames", row["n_frames"]))
@@ -90,8 +92,7 @@ def failure_page(title: str, message: str) -> str:
 
 def recording_title(recording: Recording) -> str:
     """Format subject, hand, task and trial in words."""
-    trial = tr(", trial {trial}", trial=recording.trial) if recording.trial else ""
-    return capital(tr("{hand}, {task}{trial}", hand=recording.hand, task=recording.task, trial=trial))
+    return capital(recording_text(recording))
 
 
 def _ranges(results: RecordingResults, model: ModelResults) -> Folded | None:

@@ -19,7 +19,6 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from shukotsu.hand.posing import ReceiverPoint
 from shukotsu.report.belief import BELIEFS
 from shukotsu.report.figures.panels import hand_panel, page_picture
 from shukotsu.report.hand_motion import (
@@ -103,7 +102,7 @@ def view_of(
         title=title,
         digits=tuple(map(word, motion.digits)),
         models=tuple(skeleton.model for skeleton in motion.skeletons),
-        places=tuple(skeleton.place for skeleton in motion.skeletons),
+        places=tuple(skeleton.model_index for skeleton in motion.skeletons),
         shown=shown,
         still=page_picture(hand_panel(title, motion, first, frame)),
         still_caption=tr("{models}, frame {frame}", models=first.model, frame=motion.frame[frame]),
@@ -233,24 +232,23 @@ def _extent(motion: HandMotion) -> tuple[Array, Array]:
 
 def _skeleton(motion: HandMotion, skeleton: ShownSkeleton) -> dict[str, Any]:
     carried = skeleton.on_receivers
+    seats = [  # the receiver that carries a point, and where in its frame, mm
+        (motion.receivers.index(point.segment), [round(float(part), 3) for part in point.point_mm])
+        if point.segment in motion.receivers and np.linalg.norm(point.point_mm) <= FARTHEST_MM
+        else None
+        for point in carried or ()
+    ]
     return {
         "model": skeleton.model,
-        "place": skeleton.place,
+        "place": skeleton.model_index,
         "points": skeleton.points,
         "tips": [skeleton.points.index(f"{digit}_tip") for digit in motion.digits],
         "sd": [round(float(sd), 2) if np.isfinite(sd) else None for sd in skeleton.sd_mm],
         "belief": [BELIEFS.index(belief) for belief in skeleton.believed],
         "bones": [(b.start, b.end, b.digit, b.level, b.shared) for b in skeleton.bones],
         "axes": [_axis(motion, axis) for axis in skeleton.axes if axis.segment in motion.receivers],
-        "seats": None if carried is None else [_seat(motion, point) for point in carried],
+        "seats": None if carried is None else seats,
     }
-
-
-def _seat(motion: HandMotion, point: ReceiverPoint) -> tuple[int, list[float]] | None:
-    """Return the receiver that carries a point, and where in its frame, mm; None where there is none."""
-    if point.segment not in motion.receivers or np.linalg.norm(point.point_mm) > FARTHEST_MM:
-        return None
-    return motion.receivers.index(point.segment), [round(float(part), 3) for part in point.point_mm]
 
 
 def _axis(motion: HandMotion, axis: JointAxis) -> dict[str, Any]:
