@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from report_samples.pages import ReadTable, read_page, rows_where, table_called
+from report_samples.pages import read_page, rows_where, table_called
 
 from shukotsu.report.study_results import StudyResults
 
@@ -14,13 +14,8 @@ TRUTH = "Joints against the true ones, both hands: subject S01."
 
 
 def _mean(rows: list[dict[str, Any]], name: str) -> str:
-    known = [row[name] for row in rows if row[name] is not None]
-    return f"{np.mean(known):.2f}" if known else "–"
-
-
-def _truth_table(page: str) -> ReadTable:
-    (found,) = [table for table in read_page(page).tables if table.caption.startswith(TRUTH)]
-    return found
+    values = [row[name] for row in rows if row[name] is not None]
+    return f"{np.mean(values):.2f}" if values else "–"
 
 
 def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -> None:
@@ -49,7 +44,7 @@ def test_scores_are_means_of_the_table(fitted: StudyResults, fitted_page: str) -
 
 def test_joints_against_the_truth(fitted: StudyResults, fitted_page: str) -> None:
     """Median, 90th percentile, worst, share far off, parts, axis, bones and coverage, a row a skeleton."""
-    table = _truth_table(fitted_page)
+    (table,) = [table for table in read_page(fitted_page).tables if table.caption.startswith(TRUTH)]
     assert [row[0] for row in table.rows[1:]] == ["paper-fig4"] * 2 + ["whole-hand"] * 2 + [
         "Reference",
         "prior-only",

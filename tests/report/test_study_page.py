@@ -87,13 +87,13 @@ def test_every_joint_of_every_hand_stands_in_the_picture(
     assert [row[:2] for row in rows] == [[hand.subject, hand.hand] for hand in fitted.hands]
     assert digits[2:7] == ["thumb", "index", "middle", "ring", "little"]
     for hand, cells in zip(fitted.hands, rows, strict=True):
-        known = rows_where(fitted.joints, model="whole-hand", hand=hand.hand)
+        joints = rows_where(fitted.joints, model="whole-hand", hand=hand.hand)
         shown = [
-            ("–" if row["sd_mm"] is None else f"{row['sd_mm']:.2f}") + MARKS[row["verdict"]] for row in known
+            ("–" if row["sd_mm"] is None else f"{row['sd_mm']:.2f}") + MARKS[row["verdict"]] for row in joints
         ]
         assert sorted(cells[2:-1]) == sorted(shown)
-        believed = Counter(row["verdict"] for row in known)["believe"]
-        assert cells[-1] == f"{believed}/{len(known)}"
+        believed = Counter(row["verdict"] for row in joints)["believe"]
+        assert cells[-1] == f"{believed}/{len(joints)}"
     assert 'title="has no place: too few frames (3)"' in fitted_study_page
 
 
@@ -111,10 +111,10 @@ def test_bone_lengths_stand_side_by_side(fitted: StudyResults, fitted_study_page
     caption = "Bone lengths [mm] with 1-sigma error: whole-hand."
     header, *rows = table_called(fitted_study_page, caption).rows
     for row in rows:
-        known = rows_where(fitted.bones, hand=row[1], model="whole-hand")
+        bones = rows_where(fitted.bones, hand=row[1], model="whole-hand")
         cells = dict(zip(header[3:], row[3:], strict=True))
-        assert len(cells) == len(known) == 19
-        for bone in known:
+        assert len(cells) == len(bones) == 19
+        for bone in bones:
             start = f"{bone['length_mm']:.1f} ± {bone['sd_mm']:.1f}"
             assert cells[bone["bone"].replace("_", " ")].rstrip(" ◆✕") == start
 

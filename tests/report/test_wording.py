@@ -33,8 +33,8 @@ def _extracted() -> set[str]:
     with (REPOSITORY / "babel.cfg").open(encoding="utf-8") as stream:
         methods, options = parse_mapping_cfg(stream)
     keywords = DEFAULT_KEYWORDS | {"tr": None, "N_": None, "plural": (1, 2)}
-    found = extract_from_dir(REPOSITORY, methods, options, keywords)
-    return {message[0] if isinstance(message, tuple) else message for _, _, message, _, _ in found}
+    messages = extract_from_dir(REPOSITORY, methods, options, keywords)
+    return {message[0] if isinstance(message, tuple) else message for _, _, message, _, _ in messages}
 
 
 @cache

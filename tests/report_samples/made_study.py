@@ -20,13 +20,14 @@ import pandas as pd
 import pyarrow as pa
 from simulated_poses import write_poses
 
+from report_samples.pages import rows_where
 from shukotsu.paper.hand import is_whole
 from shukotsu.report.hand_motion import HandMotion
 from shukotsu.report.recording_results import RecordingResults, read_recording
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import StudyResults, read_results, read_subject
 from shukotsu.report.subject_page import render_subject
-from shukotsu.scores.comparisons import ComparedModels, compare_models, compare_study
+from shukotsu.scores.comparisons import compare_models, compare_study
 from shukotsu.scores.observations import ScoredStudy
 from shukotsu.simulate.random_hand import BONES, DIGITS
 from shukotsu.simulate.realism import Realism
@@ -121,8 +122,7 @@ class MadeStudy:
         """Return rows of a table of S01's right hand under a model, of which columns have these values."""
         wanted |= {"hand": "right", "model": model}
         plan = read_plan(self.paths.plan("S01"))
-        rows = rows_of(read_table(plan.table(table.name, "right", model), table))
-        return [row for row in rows if all(row[name] == value for name, value in wanted.items())]
+        return rows_where(rows_of(read_table(plan.table(table.name, "right", model), table)), **wanted)
 
 
 @cache
@@ -146,7 +146,7 @@ def make_study(
     spoiled: tuple[str, str] = ("S01", "left"),
 ) -> MadeStudy:
     """Write a study and its results; until `compare_study` compares its models these tables are empty."""
-    made = MadeStudy(folder / "study.yaml", folder / "results" / "made")
+    sample = MadeStudy(folder / "study.yaml", folder / "results" / "made")
     second = folder / f"{SECOND_FIT}.yaml"
     if SECOND_FIT in models:
         shipped = Path("config/models/whole-hand.yaml").read_text("utf-8")
@@ -162,16 +162,16 @@ def make_study(
     names = ", ".join(str(second) if name == SECOND_FIT else name for name in models)
     more = "simulation: {folder: ., seed: 1}\n" if simulated else ""
     text = f"study: made\nrecordings: sheet.tsv\nlayout: liberty16\nmodels: [{names}]\nexports: [bvh]\n{more}"
-    write_text(made.file, text)
-    plans = StudyPlans(made.study, made.folder)
+    write_text(sample.file, text)
+    plans = StudyPlans(sample.study, sample.folder)
     for subject in subjects:
-        write_text(made.paths.plan(subject), plan_text(plans.content(subject)))
+        write_text(sample.paths.plan(subject), plan_text(plans.content(subject)))
         failed = "left" if len(subjects) > 1 and subject == subjects[-1] else ""
-        _write_subject(read_plan(made.paths.plan(subject)), n_frames, simulated, failed, spoiled)
-    gather_study(made.study, made.paths)
+        _write_subject(read_plan(sample.paths.plan(subject)), n_frames, simulated, failed, spoiled)
+    gather_study(sample.study, sample.paths)
     for name in MODEL_COMPARISONS:
-        write(made.paths.study_table(name), TABLES[name], [])
-    return made
+        write(sample.paths.study_table(name), TABLES[name], [])
+    return sample
 
 
 def write(path: Path, table: Table, rows: Sequence[Row]) -> None:
@@ -388,9 +388,11 @@ def score_rows(
 def joint_error_rows(models: Sequence[str], *, spoiled: bool) -> list[Row]:
     """Return rows of joint_errors: each model made from either task, and prior-only without stated error."""
     rows: list[Row] = []
+    optional = {name for name, segment in LAYOUT.segments.items() if segment.optional}
+    seen = [each.name for each in LAYOUT.solvable if not {each.parent_receiver, each.child} & optional]
     skeletons = [(model, tasks) for model in models for tasks in ("opposition", "rom")]
     for name, tasks in [*skeletons, ("prior-only", "")]:
-        for index, joint in enumerate(seen_joints()):
+        for index, joint in enumerate(seen):
             row = {"model": name, "calibrated_on": tasks, "joint": joint, "bone": ""}
             error = (0.12 if name == "whole-hand" else 0.6) * (index + 1)
             if not (spoiled and joint == "ring_dip"):
@@ -435,12 +437,6 @@ def gain_rows() -> list[Row]:
     return rows
 
 
-def seen_joints() -> list[str]:
-    """Return joints between two receivers that are always worn."""
-    optional = {name for name, segment in LAYOUT.segments.items() if segment.optional}
-    return [joint.name for joint in LAYOUT.solvable if not {joint.parent_receiver, joint.child} & optional]
-
-
 FIRST = "S001"
 SCALED = ("skeleton_scores", "joint_errors", "bone_lengths")
 
@@ -449,7 +445,7 @@ def many_subjects(
     folder: Path, n_subjects: int, models: Sequence[str] = FITTED_MODELS, *, simulated: bool = True
 ) -> MadeStudy:
     """Write a study whose subjects are one, its numbers scaled; only the first has tables of its own."""
-    made = make_study(folder, models=models, subjects=(FIRST,), simulated=simulated)
+    sample = make_study(folder, models=models, subjects=(FIRST,), simulated=simulated)
     rng = np.random.default_rng(3)
     names = [f"S{index + 1:03}" for index in range(n_subjects)]
     header, *lines = (folder / "sheet.tsv").read_text("utf-8").splitlines()
@@ -457,7 +453,7 @@ def many_subjects(
     write_text(folder / "sheet.tsv", "\n".join(sheet) + "\n")
     factors = {(name, model): rng.lognormal(0.0, 0.2) for name in names for model in models}
     for name in STUDY_TABLES:
-        table, path = TABLES[name], made.paths.study_table(name)
+        table, path = TABLES[name], sample.paths.study_table(name)
         scaled = [
             column.name
             for column in table.columns
@@ -471,14 +467,17 @@ def many_subjects(
                 numbers = {column: factor * row[column] for column in scaled if row[column] is not None}
                 repeated.append(row | {"subject": subject} | numbers)
         write(path, table, repeated)
-    many = MadeStudy(made.file, made.folder)
+    many = MadeStudy(sample.file, sample.folder)
     compare_study(many.study, many.paths)
     return many
 
 
 def compared(results: StudyResults) -> StudyResults:
-    """Return the results with their models compared anew."""
-    return with_comparisons(results, compare_models(scored_study(results)))
+    """Return the results with their models compared anew, every column as the tables have it."""
+    models = compare_models(scored_study(results))
+    empty = dict.fromkeys(("interval_95_low", "interval_95_high", "effect_size", "p"))
+    differences = [empty | row for row in models.differences]
+    return replace(results, model_values=models.values, model_differences=differences)
 
 
 def scored_study(results: StudyResults) -> ScoredStudy:
@@ -493,10 +492,3 @@ def scored_study(results: StudyResults) -> ScoredStudy:
         for name, rows in tables.items()
     ]
     return ScoredStudy(tuple(results.subjects), results.models, results.layouts, *frames)
-
-
-def with_comparisons(results: StudyResults, models: ComparedModels) -> StudyResults:
-    """Return the results with these comparisons, every column as the tables have it."""
-    empty = dict.fromkeys(("interval_95_low", "interval_95_high", "effect_size", "p"))
-    differences = [empty | row for row in models.differences]
-    return replace(results, model_values=models.values, model_differences=differences)

@@ -22,7 +22,7 @@ def main(folder: str, picture: str) -> None:
     nbformat.validate(notebook)
     resources = {"metadata": {"path": folder}}
     nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3", resources=resources).execute()
-    for output in (one for cell in notebook.cells for one in cell.get("outputs", [])):
+    for output in (output for cell in notebook.cells for output in cell.get("outputs", [])):
         print(output.get("text") or output.get("data", {}).get("text/plain", ""))
         if drawn := output.get("data", {}).get("image/png"):
             Path(picture).write_bytes(base64.b64decode(drawn))

@@ -81,7 +81,7 @@ def test_joint_errors_and_stated_ones_are_the_tables(twelve: StudyResults) -> No
 
 
 def test_trust_counts_every_hand_of_the_study(results: StudyResults) -> None:
-    """Of four hands one failed wholly, and on another the ring DIP joint failed, the little one is weak."""
+    """One of four hands failed wholly, and on another the ring DIP joint failed, the little one is weak."""
     axes = joint_trust(results)[0].axes[-1]
     bars = [bar for bar in axes.containers if isinstance(bar, BarContainer)]
     shares = {name: [bar.patches[row].get_width() for bar in bars] for row, name in enumerate(names_of(axes))}
