@@ -10,7 +10,6 @@ from statistics import median
 from urllib.parse import unquote
 
 import pytest
-from finding_examples import EVIDENCE
 from hypothesis import given
 from hypothesis import strategies as st
 from report_samples.made_study import MadeStudy, many_subjects
@@ -125,7 +124,8 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
     notes = [
         problem_row("capture", worded("recording", NOTE, f"{n} stray"), task=f"rom{n}") for n in range(5)
     ]
-    seen = {"rotates": "transmitter-to-receiver", "seen": "gap", **EVIDENCE["gap"]}
+    gap = {"seen": "gap", "joint": "index_pip", "before": 31.2, "after": 1.4}
+    seen = {"rotates": "transmitter-to-receiver", **gap}
     finding = Finding("quaternion-inverse", SUSPECT, "", seen)
     faults = [problem_row(STAGE, finding, subject=f"S{i:02}", hand="left", task="rom") for i in range(11)]
     accepted = problem_row(STAGE, finding.accept("a doll"), subject="S11", hand="left", task="rom")
