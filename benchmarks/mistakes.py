@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_person
 from benchmarks.faultless_hands import FINGERS, Planted, changed, exchanged, faultless, other_hand, own_hand
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
-from shukotsu.checks.compared_recordings import compared
+from shukotsu.checks.checked_subject import compared
 from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand.rotations import Array, about_axis, conjugate, from_matrix, matrix, multiply, unit
 from shukotsu.simulate.simulation import LAYOUT

@@ -1,19 +1,25 @@
-"""All recordings of a subject, checked each alone and against each other."""
+"""All recordings of a subject, checked each alone and against each other.
+
+What needs several: one file named twice, a recording of another person.
+"""
 
 from __future__ import annotations
 
 from argparse import Namespace
 from collections import Counter
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pyarrow.compute as pc
 
 from shukotsu import command_line
 from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_recording
-from shukotsu.checks.compared_recordings import compared
 from shukotsu.checks.hypotheses import Declared
-from shukotsu.study.findings import unchecked
+from shukotsu.hand import average_hand as average
+from shukotsu.hand.rotations import Array
+from shukotsu.study.findings import NOTE, SUSPECT, Finding, same_file, unchecked
 from shukotsu.study.layout import Layout
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
@@ -63,3 +69,114 @@ def _checked(plan: SubjectPlan, recording: Recording, arguments: Namespace) -> C
     with command_line.recorded(arguments, arguments.record_failure) as messages:
         return checked_poses(plan.poses(recording), plan.layouts[recording.hand.hand])
     return CheckedRecording((unchecked(messages[0]),), "", None, None)
+
+
+FINGERS = tuple(name for name in average.DIGITS if name != "thumb")
+PHALANX_MM, KNUCKLE_MM = ((2.0, 5.2), (1.9, 3.5)), ((1.9, 3.5), (1.3, 2.9), (1.4, 2.7))
+SCALE = (0.025, 0.105)
+"""Sd of a difference between recordings, of one person and of two: proximal and middle phalanges;
+knuckles about their middle, distally, sideways, dorsally; the hand's scale. From simulated hands (ours)."""
+WORN_AGAIN_MM = 0.68
+"""Median difference of joints' coordinates in the receivers' frames, beyond which they were put on anew."""
+OTHER_PERSON = 2.0
+"""Log of the odds from which on lengths are another person's."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A hand as one recording has it. sizes : (N,) what differs between people. centre_mm : (J, 2, 3)."""
+
+    sizes: Array
+    centre_mm: Array
+    joints: tuple[str, ...]
+    scale: float
+
+
+def compared(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> list[CheckedRecording]:
+    """Add what a comparison says to a subject's recordings: task, hand and findings each, as in the sheet.
+
+    Of one file named twice, that is the copy of which more is found: a right hand's under the name of a left.
+    """
+    first_of: dict[str, tuple[str, str]] = {}
+    for task, hand, checked in sorted(
+        recordings, key=lambda entry: any(f.severity != NOTE for f in entry[2].findings)
+    ):
+        first_of.setdefault(checked.digest, (hand, task))
+    named = []
+    for task, hand, checked in recordings:
+        first = first_of[checked.digest] if checked.digest else (hand, task)
+        more = (same_file(*first),) if first != (hand, task) else ()
+        named.append(replace(checked, findings=(*more, *checked.findings)))
+    for index, finding in _other_people(recordings).items():
+        if not any(finding_there.kind == "same-file" for finding_there in named[index].findings):
+            named[index] = replace(named[index], findings=(*named[index].findings, finding))
+    return named
+
+
+def copies(recordings: Iterable[tuple[Recording, str]]) -> Iterator[tuple[Recording, Finding]]:
+    """Name recordings, each with its poses' digest, that are another subject's, or another session's."""
+    first_of: dict[str, Recording] = {}
+    for recording, digest in recordings:
+        first = first_of.setdefault(digest, recording) if digest else recording
+        if first.hand.who != recording.hand.who:
+            yield recording, same_file(first.hand.hand, first.title, *first.hand.who).accept(recording.accept)
+
+
+def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> dict[int, Finding]:
+    """Findings, by index, on recordings whose receivers sit elsewhere than in most others."""
+    findings: dict[int, Finding] = {}
+    for hand in dict.fromkeys(hand for _, hand, _ in recordings):
+        measured = {
+            index: sizes
+            for index, (_, side, checked) in enumerate(recordings)
+            if side == hand and (sizes := measure(checked)) is not None
+        }
+        judging = {
+            index: sizes
+            for index, sizes in measured.items()
+            if not any(finding.kind == "sudden-change" for finding in recordings[index][2].findings)
+        }
+        differ = {
+            index: sum(_worn_elsewhere(sizes, other) for other in judging.values())
+            for index, sizes in judging.items()
+        }
+        if not judging:
+            continue
+        usual = min(judging, key=lambda index: (differ[index], index))
+        for index, sizes in measured.items():
+            if _worn_elsewhere(sizes, measured[usual]):
+                first = {"subject": "", "session": "", "hand": hand, "task": recordings[usual][0]}
+                same, others = np.array(
+                    [sd for sd in (*PHALANX_MM, *KNUCKLE_MM) for _ in FINGERS] + [SCALE]
+                ).T
+                difference = sizes.sizes - measured[usual].sizes
+                odds = 0.5 * difference**2 * (same**-2 - others**-2) - np.log(others / same)
+                if odds.sum() > OTHER_PERSON:
+                    scales = {"scale": sizes.scale, "usual": measured[usual].scale}
+                    findings[index] = Finding("other-person", SUSPECT, "another", {**first, **scales})
+                else:
+                    findings[index] = Finding("other-person", NOTE, "put-on-anew", first)
+    return findings
+
+
+def _worn_elsewhere(first: Measured, second: Measured) -> bool:
+    apart = np.abs(first.centre_mm - second.centre_mm) if first.joints == second.joints else np.zeros(1)
+    return bool(np.median(apart) > WORN_AGAIN_MM)
+
+
+def measure(checked: CheckedRecording) -> Measured | None:
+    """Measure a hand whose four fingers are seen; None of any other body."""
+    body, explained = checked.body, checked.explanation
+    needed = [f"{finger}_{kind}" for finger in FINGERS for kind in ("mcp", "pip", "dip")]
+    if body is None or explained is None or not ({*needed} <= {*body.names} and body.has_anatomy.any()):
+        return None
+    centre = dict(zip(body.names, explained.centre_mm[0], strict=True))
+    phalanges = [
+        centre[f"{finger}_{after}"][0, 0] - centre[f"{finger}_{before}"][1, 0]
+        for before, after in (("mcp", "pip"), ("pip", "dip"))
+        for finger in FINGERS
+    ]
+    knuckles = np.array([centre[f"{finger}_mcp"][0] for finger in FINGERS])
+    spread = (knuckles - knuckles.mean(0)).T.ravel()
+    scale = float(explained.scale[0])
+    return Measured(np.array([*phalanges, *spread, scale]), explained.centre_mm[0], body.names, scale)

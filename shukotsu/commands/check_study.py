@@ -13,8 +13,7 @@ from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
 
-from shukotsu.checks.checked_subject import check_subject
-from shukotsu.checks.compared_recordings import copies
+from shukotsu.checks.checked_subject import check_subject, copies
 from shukotsu.commands import import_file, read_files
 from shukotsu.errors import InputError, listed
 from shukotsu.study.config_files import CONFIG_FOLDER

@@ -16,9 +16,8 @@ import numpy as np
 from shukotsu.fit.chain import HandModel
 from shukotsu.fit.compiled_equations import pose, residuals
 from shukotsu.fit.displacement_test import MOMENTS, Displacement, ScoreTest
-from shukotsu.fit.empirical_bayes import FAMILIES
 from shukotsu.fit.field_test import LEAST_FIELD_GAIN, Field, likeliest_field
-from shukotsu.fit.fit import HandFit
+from shukotsu.fit.fit import FAMILIES, HandFit
 from shukotsu.fit.gauss_newton import NEARLY, first_guess, solve
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, Residuals
 from shukotsu.fit.operations import Index

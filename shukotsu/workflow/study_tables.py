@@ -9,7 +9,7 @@ from typing import Any
 
 import pyarrow as pa
 
-from shukotsu.checks.compared_recordings import copies
+from shukotsu.checks.checked_subject import copies
 from shukotsu.errors import INTERNAL
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.config_files import REFERENCE, read_config, yaml_text

@@ -8,7 +8,7 @@ from simulated_poses import hand_of
 
 from benchmarks.faultless_hands import Planted
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
-from shukotsu.checks.compared_recordings import compared
+from shukotsu.checks.checked_subject import compared
 from shukotsu.study.findings import NOTE, SUSPECT
 from shukotsu.study.layout import read_layout
 
