@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import ArchiveWriter
 from shukotsu.tracker.families import FAMILIES, check_family
-from shukotsu.tracker.liberty_replies import FULL_LIST, SHORT_LIST
+from shukotsu.tracker.liberty import FULL_LIST, SHORT_LIST
 from shukotsu.tracker.port import Port, PortGoneError
 
 Answer = TypeVar("Answer")

@@ -11,7 +11,7 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.tracker.families import FAMILIES, StreamSettings
-from shukotsu.tracker.liberty_replies import SHORT_LIST, list_of_all, record_type
+from shukotsu.tracker.liberty import SHORT_LIST, list_of_all, record_type
 from shukotsu.tracker.records import Wholes
 from shukotsu.tracker.stream import ABSENT_S, JITTER_S, Block, Heard, Losses
 

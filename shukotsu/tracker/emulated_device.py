@@ -18,9 +18,9 @@ from fractions import Fraction
 import numpy as np
 
 from shukotsu.hand import rotations
-from shukotsu.tracker import liberty_replies as liberty
+from shukotsu.tracker import liberty
 from shukotsu.tracker.families import MM_PER_UNIT
-from shukotsu.tracker.liberty_replies import ITEMS, MOST_ITEMS, TAGS
+from shukotsu.tracker.liberty import ITEMS, MOST_ITEMS, TAGS
 from shukotsu.tracker.records import Array, Bools, Wholes
 
 MAX_STATION = 16

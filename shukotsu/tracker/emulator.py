@@ -19,7 +19,7 @@ from shukotsu.errors import InputError
 from shukotsu.tracker.archive import ArchiveWriter
 from shukotsu.tracker.emulated_device import FOLLOWING, EmulatedLiberty, Motion
 from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.liberty_replies import FULL_LIST
+from shukotsu.tracker.liberty import FULL_LIST
 
 SECOND_NS, READ_BYTES = 1_000_000_000, 4096
 MOST_WAITING_BYTES = 8 << 20

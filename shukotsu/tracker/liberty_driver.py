@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from shukotsu.errors import InputError
-from shukotsu.tracker import liberty_replies as replies
+from shukotsu.tracker import liberty as replies
 from shukotsu.tracker.conversation import (
     TRACK,
     Conversation,
@@ -25,7 +25,7 @@ from shukotsu.tracker.conversation import (
     shown,
 )
 from shukotsu.tracker.families import FAMILIES, StreamSettings
-from shukotsu.tracker.liberty_replies import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
+from shukotsu.tracker.liberty import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
 
 State = dict[str, Any]
 """Name of a setting -> its value, or station -> value; None where the tracker did not say."""

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import END, EVENT, RECEIVED, SETTINGS, Archive, Piece
 from shukotsu.tracker.families import StreamSettings, settings_from_json
-from shukotsu.tracker.liberty_decoder import BinaryDecoder
+from shukotsu.tracker.liberty import BinaryDecoder
 from shukotsu.tracker.records import (
     NONE,
     Bools,

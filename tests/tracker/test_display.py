@@ -8,7 +8,7 @@ from shukotsu.errors import InputError
 from shukotsu.tracker import display
 from shukotsu.tracker.display import Statistics
 from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.liberty_replies import FULL_LIST
+from shukotsu.tracker.liberty import FULL_LIST
 
 
 def test_the_line_says_what_there_is_to_see() -> None:

@@ -5,12 +5,11 @@ import struct
 import numpy as np
 import pytest
 
-from shukotsu.tracker import liberty_replies as replies
+from shukotsu.tracker import liberty as replies
 from shukotsu.tracker.emulated_device import EmulatedLiberty, Motion, built_in_motion
 from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.liberty_decoder import BinaryDecoder
+from shukotsu.tracker.liberty import FULL_LIST, BinaryDecoder
 from shukotsu.tracker.liberty_driver import SETTINGS
-from shukotsu.tracker.liberty_replies import FULL_LIST
 
 ALL = frozenset(range(1, 17))
 

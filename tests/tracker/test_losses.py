@@ -13,7 +13,7 @@ from shukotsu.tracker.archive import ArchiveWriter, open_archive
 from shukotsu.tracker.display import Statistics
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
 from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.liberty_replies import record_type
+from shukotsu.tracker.liberty import record_type
 from shukotsu.tracker.records import Bools, Wholes
 from shukotsu.tracker.stream import ABSENT_S, STOP_FRAMES, ChunkDecoder
 from shukotsu.tracker.survey import Survey, flagged_records, survey_archive

@@ -1,0 +1,333 @@
+"""LIBERTY and PATRIOT in binary: items, records and replies; bytes -> records, back into step after damage.
+
+An answer has the same header as a record and a length; there is no checksum. A start is a byte where a header
+stands that can be one. It is believed when it follows directly on a good record, when at its end stands
+another start, or when its quaternion has length 1. So garbage between records costs nothing, and a byte that
+is lost or changed costs the record that it was in and no other. Source: LIBERTY User Manual URM03PH156,
+output list command ('O'), tables of output formats, of commands and of errors, reply framing (little-endian,
+8-byte header).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from shukotsu.errors import InputError
+from shukotsu.tracker import records as protocol
+from shukotsu.tracker.families import MM_PER_UNIT, StreamSettings
+from shukotsu.tracker.records import Bools, Bytes, Decoded, Records, Reply, Wholes, doubtful_poses
+
+TAGS = {"liberty": b"LY", "patriot": b"PA"}
+"""First two bytes of a binary record or reply."""
+MAX_BODY_BYTES = 2800
+"""The longest reply (a stored configuration) has 2384 bytes; a longer one is none."""
+STREAMED, SINGLE = ord("C"), ord("P")
+"""The command byte of a record: while streaming, and in answer to a single poll."""
+STATIONS = range(1, 17)
+HEADER = (
+    ("tag", "V2"), ("station", "u1"), ("command", "u1"), ("error", "u1"), ("reserved", "u1"), ("size", "<i2"),
+)  # fmt: skip
+HEADER_BYTES = np.dtype(list(HEADER)).itemsize
+
+QUATERNION = 7
+ITEMS: dict[int, tuple[tuple[str, ...], str]] = {
+    0: (("blank",), "u1"),
+    1: (("cr", "lf"), "u1"),
+    2: (("x", "y", "z"), "f4"),
+    3: (("x", "y", "z"), "f4"),
+    4: (("azimuth", "elevation", "roll"), "f4"),
+    5: (("azimuth", "elevation", "roll"), "f4"),
+    QUATERNION: (("qw", "qx", "qy", "qz"), "f4"),
+    8: (("device_ms",), "u4"),
+    9: (("frame",), "u4"),
+    10: (("button",), "i4"),
+    11: (("distortion",), "i4"),
+    12: (("sync",), "i4"),
+}
+"""Item -> what its numbers are, in turn, and their NumPy letter in binary."""
+MOST_ITEMS = 20
+DEFAULT_LIST = (2, 4, 1)
+FULL_LIST = (8, 9, 11, 10, 12, 3, 7)
+"""What a recorder asks for: both counters, distortion, stylus, sync, position and quaternion; 56 bytes."""
+SHORT_LIST = (9, 2, 7)
+"""Frame count, position and quaternion: 40 bytes, for a line that cannot carry more."""
+
+Value = int | tuple[int, ...] | tuple[float, ...]
+HALVES = "<u2"
+
+ERRORS = dict(
+    enumerate(
+        (
+            *("invalid command", "invalid station", "invalid parameter", "too few parameters"),
+            *("too many parameters", "parameter below its limit", "parameter above its limit"),
+            "no communication with the sensor processor board",
+            *(f"sensor processor {number} did not start" for number in range(1, 5)),
+            *("no sensor processor found", "source processor failed", "memory failed"),
+            *("too many characters in a command", "not in this mode"),
+            "source PROM cannot be read; defaults are used",
+            *("read only", "a message, not an error", "map cannot be loaded", "sensors out of step"),
+            *("firmware versions do not match", "firmware is outdated"),
+        ),
+        1,
+    )
+)
+"""Error code of an answer -> what it means."""
+
+
+def record_type(items: Sequence[int]) -> np.dtype[np.void]:
+    """Return the NumPy type of a whole binary record; an item that is given twice keeps its first numbers."""
+    fields, names = list(HEADER), {name for name, _ in HEADER}
+    for index, item in enumerate(items):
+        numbers, kind = ITEMS[item]
+        for name in numbers:
+            fields.append((f"{name}_{index}" if name in names else name, f"<{kind}"))
+            names.add(name)
+    return np.dtype(fields)
+
+
+def list_of_all(lists: Mapping[int, Sequence[int]]) -> tuple[int, ...]:
+    """Return the output list that all stations have; lists : station -> its list.
+
+    Raises InputError where there is no such station or item, or the lists differ.
+    """
+    for station, items in lists.items():
+        if station not in STATIONS or not items or not ITEMS.keys() >= set(items):
+            raise InputError(
+                f"settings of the tracker: output list {list(items)} of station {station}; a LIBERTY "
+                f"has stations 1 to {STATIONS[-1]} and items {', '.join(map(str, ITEMS))}; correct the lists"
+            )
+    several = {tuple(items) for items in lists.values()}
+    if len(several) != 1:
+        raise InputError(
+            f"settings of the tracker: has {len(several)} output lists; expected one for all stations"
+        )
+    items = several.pop()
+    if QUATERNION not in items or {2, 3}.isdisjoint(items):
+        raise InputError(
+            f"settings of the tracker: output list {list(items)} has no position (2, 3) or no quaternion (7)"
+        )
+    return items
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting that can be asked for, and most of them set.
+
+    command : its letter. kind : of an answer's numbers, as NumPy names it; "<u2" for two halves of bits.
+    count : how many there are, 0 for any. per_station : asked and set for each station.
+    """
+
+    command: bytes
+    kind: str = "<i4"
+    count: int = 1
+    per_station: bool = False
+
+    @property
+    def _has_station(self) -> bool:
+        return self.per_station or self.kind == HALVES
+
+    def question(self, station: int = 0) -> bytes:
+        """Return the bytes that ask for it; of halves, 0 asks for all stations."""
+        return self.command + (str(station).encode() if self._has_station else b"") + b"\r"
+
+    def assignment(self, value: float | Sequence[float], station: int | None = None) -> bytes:
+        """Return the bytes that set it, of one station or (None) of all where it is a station's."""
+        numbers = [value] if isinstance(value, int | float) else value
+        words = [f"{number:g}" for number in numbers]
+        if self._has_station:
+            words.insert(0, "*" if station is None else str(station))
+        return self.command + ",".join(words).encode() + b"\r"
+
+
+def binary_answers(data: bytes, tags: Iterable[bytes] = tuple(TAGS.values())) -> list[Reply]:
+    """Return all that is framed as an answer or record, also inside others."""
+    replies = []
+    for tag in tags:
+        at = data.find(tag)
+        while at >= 0:
+            if at + HEADER_BYTES <= len(data):
+                station, command, error, reserved, size = struct.unpack_from("<4Bh", data, at + 2)
+                body = data[at + HEADER_BYTES : at + HEADER_BYTES + max(size, 0)]
+                if reserved == 0 and 0 <= size <= MAX_BODY_BYTES and len(body) == size:
+                    replies.append(Reply(at, station, command, 0 if error == 0x20 else error, body))
+            at = data.find(tag, at + 1)
+    return sorted(replies, key=lambda reply: reply.offset)
+
+
+def answers(reply: Reply, setting: Setting, station: int) -> bool:
+    """Whether a reply tells that setting, of that station (0: of none)."""
+    expected = station if setting.per_station else 0
+    return reply.command == setting.command[0] and reply.station == expected
+
+
+def binary_value(setting: Setting, reply: Reply) -> Value | None:
+    """Read a binary answer; None where its length cannot be that of one."""
+    size = np.dtype(setting.kind).itemsize
+    if not reply.body or len(reply.body) % size or setting.count not in (0, len(reply.body) // size):
+        return None
+    numbers = tuple(np.frombuffer(reply.body, setting.kind).tolist())
+    if setting.count == 1:
+        value: int = numbers[0]
+        return value
+    return numbers[: numbers.index(-1)] if -1 in numbers and not setting.count else numbers
+
+
+def stations_of(bits: int) -> tuple[int, ...]:
+    """Return stations whose bits are set, the lowest of station 1."""
+    return tuple(station for station in STATIONS if bits & 1 << (station - 1))
+
+
+_IS_RECORD = np.isin(np.arange(256), [STREAMED, SINGLE])
+_IS_LETTER = np.isin(np.arange(256), list(b"\x00 abcdefgABCDEFGIu"))
+"""Error letters of pose records: none, source failure by axes, BIT errors, outside the mapped area."""
+NO, UNKNOWN, YES = 0, 1, 2
+"""Whether a start is believed; UNKNOWN where more bytes are needed to say."""
+_MOST = {"frame": None, "device_ms": None, "button": 1, "distortion": 2, "sync": 1}
+"""What a record has beside its pose, and the most that it can be."""
+
+
+class BinaryDecoder(protocol.PiecewiseDecoder):
+    """Decoder of a LIBERTY or PATRIOT stream in binary; answers to commands count as skipped bytes.
+
+    Raises InputError for output lists that are none.
+    """
+
+    def __init__(self, settings: StreamSettings) -> None:
+        super().__init__(settings)
+        self._kind = record_type(list_of_all(settings.items))
+        self._mm_per_unit = MM_PER_UNIT[settings.unit]
+        self._tag = TAGS[settings.family]
+        self._is_station = np.isin(np.arange(256), list(settings.items))
+        self._trusted = False  # whether the rest begins right after a good record
+
+    def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:
+        at, size = self._starts(b), self._kind.itemsize
+
+        def are_good(indices: Wholes) -> Bools:
+            """Whether starts are all there and their numbers can be right, (M,) both."""
+            good = at[indices] + size <= len(b)
+            good[good] = ~self._records(b, at[indices[good]]).doubtful
+            return good
+
+        walk = _Walk(at, size, len(b), final, are_good)
+        others = np.flatnonzero(walk.believed == NO)
+        walk.believed[others[are_good(others)]] = YES
+        walk.trusted = self._trusted
+        accepted = walk.accepted()
+        self._trusted = walk.trusted
+        first = at[accepted]
+        skipped = protocol.gaps(first, first + size, walk.position)
+        return Decoded(self._records(b, first), skipped), walk.position
+
+    def _starts(self, b: Bytes) -> Wholes:
+        """Return the bytes of headers that can be ones, ascending."""
+        heads = b[: max(0, len(b) - HEADER_BYTES + 1)]
+        tagged = (heads == self._tag[0]) & (b[1 : len(heads) + 1] == self._tag[1])
+        at = np.flatnonzero(tagged).astype(np.int64)
+        station, command, error, reserved = (b[at + index] for index in (2, 3, 4, 5))
+        body_bytes = b[at + 6].astype(np.int64) | b[at + 7].astype(np.int64) << 8
+        possible = self._is_station[station] & _IS_RECORD[command] & _IS_LETTER[error] & (reserved == 0)
+        return np.asarray(at[possible & (HEADER_BYTES + body_bytes == self._kind.itemsize)])
+
+    def _records(self, b: Bytes, at: Wholes) -> Records:
+        """Read the records at those bytes; nothing is checked but what cannot be right."""
+        records = protocol.empty_records(len(at))
+        if not len(at):
+            return records
+        rows = protocol.rows_at(b, at, self._kind.itemsize).view(self._kind)[:, 0]
+        records.offset[:] = at
+        records.size[:] = self._kind.itemsize
+        records.station[:] = rows["station"]
+        records.error[:] = np.where(rows["error"] == ord(" "), 0, rows["error"])
+        with np.errstate(invalid="ignore", over="ignore"):  # signalling NaNs, and floats beyond any tracker
+            for column, axis in enumerate("xyz"):
+                np.multiply(rows[axis], self._mm_per_unit, out=records.position_mm[:, column], dtype=float)
+            records.quaternion[:] = np.stack([rows[f"q{part}"] for part in "wxyz"], -1, dtype=float)
+            records.doubtful[:] = doubtful_poses(records)
+        for name, most in _MOST.items():
+            if name in (self._kind.names or ()):
+                values = getattr(records, name)
+                values[:] = rows[name]
+                records.doubtful[:] |= False if most is None else (values < 0) | (values > most)
+        return records
+
+
+class _Walk:
+    """A walk over a piece of a stream of `length` bytes; `final` : nothing follows it.
+
+    at : (N,) where a record of `size` bytes may start. are_good() : whether starts are all there and their
+    numbers can be right. believed : (N,) whether a start is believed though nothing good stands before it.
+    position : all before it is decided. trusted : whether a record that starts there is believed.
+
+    What the piece is too short to decide is left for the next one, so that the outcome does not depend on
+    where a stream is cut.
+    """
+
+    def __init__(
+        self, at: Wholes, size: int, length: int, final: bool, are_good: Callable[[Wholes], Bools]
+    ) -> None:
+        self.position, self.trusted = 0, False
+        self._at, self._end, self._length, self._final = at, at + size, length, final
+        self._are_good = are_good
+        index = np.searchsorted(at, self._end)
+        self._following = np.where(np.append(at, -1)[index] == self._end, index, -1)  # -1: no start there
+        self._linked = (self._following >= 0) | ((self._end == length) & final)
+        self._cut = (self._end + HEADER_BYTES > length) & (not final)
+        self.believed = np.where(self._linked, YES, np.where(self._cut, UNKNOWN, NO))
+
+    def accepted(self) -> Wholes:
+        """Walk; return the indices of the accepted starts, ascending."""
+        runs = [np.empty(0, np.int64)]
+        believable = np.flatnonzero(self.believed)
+        breaks = np.flatnonzero(self._following != np.arange(1, len(self._at) + 1))
+        # Where less than a header is left nothing is decided, not even that no record starts there.
+        shortest = 1 if self._final else HEADER_BYTES
+        while self.position + shortest <= self._length:
+            index = int(np.searchsorted(self._at, self.position))
+            if self.trusted and index < len(self._at) and self._at[index] == self.position:
+                last = int(breaks[np.searchsorted(breaks, index)])
+                self.position = int(self._at[last])
+                is_record, goes_on = self._judge(last)
+                runs.append(np.arange(index, last + is_record))
+            else:
+                goes_on = self._search(believable[np.searchsorted(believable, index) :])
+            if not goes_on:
+                break
+        return np.concatenate(runs)
+
+    def _judge(self, index: int) -> tuple[bool, bool]:
+        """Whether a trusted start is a record that the next in the list does not simply follow; False for
+        the second to wait for more.
+        """
+        at, end = int(self._at[index]), int(self._end[index])
+        if self._linked[index]:
+            self.position = end
+            return True, True
+        if self._cut[index]:
+            return False, False
+        inside = self.believed[index + 1 : int(np.searchsorted(self._at, end))]
+        within = np.flatnonzero(inside) + index + 1
+        if len(within):  # the next record starts before this one's end: bytes of this one are missing
+            if self.believed[within[0]] == UNKNOWN:
+                return False, False
+            self.position = int(self._at[within[0]])
+            return False, True
+        # Either all of it is there, and what follows is garbage or has a damaged header; or it is none.
+        is_record = bool(self._are_good(np.array([index]))[0])
+        self.position, self.trusted = end if is_record else at + 1, False
+        return is_record, True
+
+    def _search(self, believable: Wholes) -> bool:
+        """Skip to the next start that can be believed; False to wait for more."""
+        self.trusted = False
+        if not len(believable):
+            rest = 0 if self._final else HEADER_BYTES - 1  # where the first bytes of a header may stand
+            self.position = max(self.position, self._length - rest)
+            return False
+        self.position = int(self._at[believable[0]])
+        self.trusted = bool(self.believed[believable[0]] == YES)
+        return self.trusted
