@@ -184,7 +184,6 @@ def test_the_workflow_catalogue_lists_it_as_standardised(clone: Path) -> None:
     assert set(usage["software-stack-deployment"]) == {"conda", "apptainer", "report"}
     programs = Path(sys.executable).parent
     run(programs / "snakemake", "--lint", "--snakefile", "workflow/Snakefile", folder=clone)
-    run(programs / "snakefmt", "--check", "Snakefile", "workflow", folder=clone)
 
 
 @pytest.mark.slow
