@@ -27,7 +27,7 @@ _WIDTH = 110
 
 
 @dataclass(frozen=True)
-class TextTable:
+class PrintedTable:
     """columns : of each "name", or "name:format" as in an f-string; a cell of None prints as a dash.
 
     meaning : what the numbers are and what they say.
@@ -61,7 +61,7 @@ def _text(cell: Cell, form: str) -> str:
     return cell if isinstance(cell, str) else format(cell, form)
 
 
-def write_tables(page: str, tables: Sequence[TextTable], command: str, section: str) -> None:
+def write_tables(page: str, tables: Sequence[PrintedTable], command: str, section: str) -> None:
     """Put the tables of a command into docs/PAGE between its marks, with the machine that they are of.
 
     section : what the marks are called, in a page that holds the tables of several commands.

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from statistics import median
 
-from benchmarks.benchmark_table import ROOT, Cell, TextTable, Usage, run_process, run_python
+from benchmarks.benchmark_table import ROOT, Cell, PrintedTable, Usage, run_process, run_python
 from shukotsu.fit.fingertips import fingertips
 from shukotsu.fit.fit import fit_hand
 from shukotsu.fit.fitted_motion import pose_hand
@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rounds", type=int, default=5, help="of each measurement of a hand (5)")
 
 
-def run(subjects: Sequence[int] = (1, 10), rounds: int = 5) -> Iterator[TextTable]:
+def run(subjects: Sequence[int] = (1, 10), rounds: int = 5) -> Iterator[PrintedTable]:
     """Return the tables; the last study is run again, and with a subject more."""
     with tempfile.TemporaryDirectory() as name:
         simulated, rows = Path(name, "simulated"), list[tuple[Cell, ...]]()
@@ -51,7 +51,7 @@ def run(subjects: Sequence[int] = (1, 10), rounds: int = 5) -> Iterator[TextTabl
             rows.append(_row(f"{count} subjects, cold", run_study(folder, simulated, count)))
         rows.append(_row("then nothing changed", run_study(folder, simulated, count)))
         rows.append(_row("then a subject more", run_study(folder, simulated, count + 1)))
-    yield TextTable(
+    yield PrintedTable(
         f"studies: 6 models, 2 hands x 2 recordings a subject, {CORES} cores",
         ("study", "jobs:d", "s:.1f", "processor s:.0f", "largest process, MB:.0f"),
         rows,
@@ -88,7 +88,7 @@ def _row(name: str, usage: Usage) -> tuple[Cell, ...]:
     return name, int(jobs[1]) if jobs else 0, usage.seconds, usage.processor_s, usage.memory_mb
 
 
-def hand_table(rounds: int, frames: tuple[int, int] = (6000, 4000)) -> TextTable:
+def hand_table(rounds: int, frames: tuple[int, int] = (6000, 4000)) -> PrintedTable:
     """Return what a hand takes; frames : of the calibration and of the task that is posed."""
     calibration, task = (
         simulate("01", "right", name, 1, Realism(), n).poses() for name, n in zip(ROLES, frames, strict=True)
@@ -113,7 +113,7 @@ def hand_table(rounds: int, frames: tuple[int, int] = (6000, 4000)) -> TextTable
             call()
             taken.append(time.process_time() - started)
         rows.append((name, 1e3 * median(taken), count / median(taken) if count else None))
-    return TextTable(
+    return PrintedTable(
         f"a hand: 16 receivers, {frames[0]} frames calibrated, {frames[1]} posed, {rounds} rounds",
         ("work", "ms:.1f", "frames/s:.0f"),
         rows,

@@ -15,10 +15,10 @@ from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.hypotheses import TIDY, Declared
 from shukotsu.hand.rotations import Array, about_axis, conjugate, multiply, rotate
 from shukotsu.simulate import random_hand
-from shukotsu.simulate.random_hand import FLEXION, JOINTS, Hand
+from shukotsu.simulate.random_hand import FLEXION, JOINTS, RandomHand
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import LAYOUT, Simulated, simulate
-from shukotsu.simulate.task_motion import Motion
+from shukotsu.simulate.task_motion import TaskMotion
 from shukotsu.study.findings import NOTE, Finding
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import Poses
@@ -79,7 +79,7 @@ def _other(person: other_hands.Person, seed: int, hand: str, task: str, **record
     return Planted(recording.poses, hand)
 
 
-def true_halves(recording: other_hands.Recording) -> dict[str, Array]:
+def true_halves(recording: other_hands.DrawnRecording) -> dict[str, Array]:
     """Return by joint its true centre (2, 3) in the parent's and the child's receiver, mm."""
     return {
         joint.name: np.array([other_hands.true_centres(recording, joint.name, end) for end in ends])
@@ -124,10 +124,10 @@ def _own_odd(seed: int, hand: str, task: str, rng: np.random.Generator) -> Itera
     yield "with a receiver on the forearm", own_hand(seed, hand, task, forearm=True)
     yield "stiff finger joints (a tenth)", _stiff(seed, hand, task, ("pip", "dip"))
     yield "stiff thumb and index (a tenth)", _stiff(seed, hand, task, ("thumb", "index"))
-    yield "deformed (ulnar drift, a short bone)", _deformed(seed, hand, task, rng)
+    yield "deformed (ulnar drift, a short bone)", _deform_fingers(seed, hand, task, rng)
 
 
-def exchanged(poses: Poses, *pairs: tuple[str, str]) -> Poses:
+def exchange_receivers(poses: Poses, *pairs: tuple[str, str]) -> Poses:
     """Return poses as they come where receivers, two and two, are taken for each other."""
     order = list(range(len(poses.segments)))
     for first, second in pairs:
@@ -161,7 +161,7 @@ def _with_dropouts(planted: Planted, rng: np.random.Generator) -> Planted:
 def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
     """Those joints move a tenth of what they would."""
 
-    def change(motion: Motion) -> Motion:
+    def change(motion: TaskMotion) -> TaskMotion:
         angles = motion.angles_rad.copy()
         for joint in (i for i, name in enumerate(JOINTS) if any(part in name for part in joints)):
             angles[:, joint] = angles[0, joint] + 0.1 * (angles[:, joint] - angles[0, joint])
@@ -170,11 +170,11 @@ def _stiff(seed: int, hand: str, task: str, joints: Sequence[str]) -> Planted:
     return own_hand(seed, hand, task, change=change)
 
 
-def _deformed(seed: int, hand: str, task: str, rng: np.random.Generator) -> Planted:
+def _deform_fingers(seed: int, hand: str, task: str, rng: np.random.Generator) -> Planted:
     """Fingers that drift to the ulna by 20 deg, and a phalanx a quarter shorter."""
     short = int(rng.integers(7, 21))
 
-    def hand_of(*args: Any) -> Hand:
+    def hand_of(*args: Any) -> RandomHand:
         usual = random_hand.hand_of(*args)
         length, rest = usual.length_mm.copy(), usual.rest.copy()
         length[short] *= 0.75

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks import pianist
-from benchmarks.benchmark_table import ROOT, Cell, TextTable, run_python, workers
+from benchmarks.benchmark_table import ROOT, Cell, PrintedTable, run_python, workers
 from benchmarks.pianist import Struck
 from shukotsu.hand.read_results import read
 from shukotsu.hand.rotations import Array
@@ -37,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help=f"of the first ({FIRST_SEED})")
 
 
-def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[TextTable]:
+def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
     """Return the table over that many people."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -51,7 +51,7 @@ def run(people: int = 6, seed: int = FIRST_SEED) -> Iterator[TextTable]:
                 for subject in truth
             ]
         )
-    yield TextTable(
+    yield PrintedTable(
         "keystrokes",
         (
             "tempo", "strokes:d", "used %:.1f", "digit %:.1f", "of used %:.1f", "contact ms:+.1f", "sd:.1f",
@@ -68,7 +68,9 @@ def write_study(folder: Path, people: int, seed: int) -> dict[str, Strokes]:
     """Write recordings, sheets and study file; give what was struck, by subject."""
     subjects = [f"{number:02}" for number in range(people)]
     with workers() as pool:
-        truth = dict(zip(subjects, pool.map(partial(_recorded, folder, seed), range(people)), strict=True))
+        truth = dict(
+            zip(subjects, pool.map(partial(_record_person, folder, seed), range(people)), strict=True)
+        )
     sheet, events = ["subject\thand\ttask\trole\tfile"], ["subject\thand\ttask\tonset_s\tduration_s\tname"]
     for number, subject in enumerate(subjects):
         who = f"{subject}\t{_side(number)}"
@@ -93,7 +95,7 @@ def _side(number: int) -> str:
     return ("right", "left")[number % 2]
 
 
-def _recorded(folder: Path, seed: int, number: int) -> Strokes:
+def _record_person(folder: Path, seed: int, number: int) -> Strokes:
     """Record one person: the calibration, and the three tempi."""
     side, person = _side(number), seed + number
     calibration = simulate("01", side, "rom", person, Realism(), round(240 * CALIBRATION_S))

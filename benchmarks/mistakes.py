@@ -11,10 +11,18 @@ from itertools import permutations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.benchmark_table import Cell, TextTable, add_people, of_each_person
-from benchmarks.faultless_hands import FINGERS, Planted, changed, exchanged, faultless, other_hand, own_hand
+from benchmarks.benchmark_table import Cell, PrintedTable, add_people, of_each_person
+from benchmarks.faultless_hands import (
+    FINGERS,
+    Planted,
+    changed,
+    exchange_receivers,
+    faultless,
+    other_hand,
+    own_hand,
+)
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
-from shukotsu.checks.checked_subject import compared
+from shukotsu.checks.checked_subject import compare_recordings
 from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand.rotations import Array, about_axis, conjugate, from_matrix, matrix, multiply, unit
 from shukotsu.simulate.simulation import LAYOUT
@@ -41,7 +49,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_people(parser, 30, FIRST_SEED)
 
 
-def run(n_hands: int = 30, seed: int = FIRST_SEED) -> Iterator[TextTable]:
+def run(n_hands: int = 30, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
     """Return the tables over that many people."""
     alarms, single, pairs = (
         [row for rows in part for row in rows]
@@ -101,7 +109,7 @@ def _several(
         ("same-file", recordings[0][2]),
         ("other-person", _check(record(seed + 500, hand, "opposition"))),
     ):
-        named = compared([*recordings, ("again", hand, last)])
+        named = compare_recordings([*recordings, ("again", hand, last)])
         kinds = [[finding.kind for finding in recording.findings] for recording in named]
         rows.append((f"{kind}: third of three", kinds[2][:1] == [kind], kind in kinds[2]))
     return rows
@@ -138,11 +146,11 @@ def _times(factor: float) -> Mistake:
     return lambda planted, _: changed(planted, time_s=planted.poses.time_s * factor)
 
 
-def _exchanged(pairs: Callable[[np.random.Generator], Sequence[tuple[str, str]]]) -> Mistake:
+def _exchange_receivers(pairs: Callable[[np.random.Generator], Sequence[tuple[str, str]]]) -> Mistake:
     """Receivers stand for each other's segments."""
 
     def plant(planted: Planted, rng: np.random.Generator) -> Planted:
-        return replace(planted, poses=exchanged(planted.poses, *pairs(rng)))
+        return replace(planted, poses=exchange_receivers(planted.poses, *pairs(rng)))
 
     return plant
 
@@ -172,12 +180,12 @@ def _neighbours(rng: np.random.Generator) -> list[tuple[str, str]]:
     return [(f"{FINGERS[first]}_{bone}", f"{FINGERS[first + 1]}_{bone}") for bone in BONES]
 
 
-def _reversed(_: np.random.Generator) -> list[tuple[str, str]]:
+def _reversal_pairs(_: np.random.Generator) -> list[tuple[str, str]]:
     ends = (("index", "little"), ("middle", "ring"))
     return [(f"{a}_{bone}", f"{b}_{bone}") for a, b in ends for bone in BONES]
 
 
-def _turned(degrees: float) -> Mistake:
+def _turn_receiver(degrees: float) -> Mistake:
     """A receiver turned about an axis of its; not that over the thumb's metacarpal, which may face anyhow."""
 
     def plant(planted: Planted, rng: np.random.Generator) -> Planted:
@@ -251,7 +259,7 @@ def _angles_misread(planted: Planted, rng: np.random.Generator) -> Planted:
     true, read = rng.choice(["".join(order) for order in permutations("XYZ")], 2, replace=False)
     angles = _angles(planted.poses.quaternion, str(true))
     declared = Declared("csv", kind="euler", axes=str(read), angle_unit="deg")
-    return replace(changed(planted, quaternion=_composed(angles, str(read))), declared=declared)
+    return replace(changed(planted, quaternion=_compose_rotations(angles, str(read))), declared=declared)
 
 
 def _angle_unit(unit: str) -> Mistake:
@@ -261,7 +269,7 @@ def _angle_unit(unit: str) -> Mistake:
         convert = np.radians if unit == "deg" else np.degrees
         angles = convert(_angles(planted.poses.quaternion, "ZYX"))
         declared = Declared("csv", kind="euler", axes="ZYX", angle_unit=unit)
-        return replace(changed(planted, quaternion=_composed(angles, "ZYX")), declared=declared)
+        return replace(changed(planted, quaternion=_compose_rotations(angles, "ZYX")), declared=declared)
 
     return plant
 
@@ -272,7 +280,7 @@ def _angles(quaternion: Array, axes: str) -> Array:
     return np.asarray(turn.as_euler(axes).reshape(*quaternion.shape[:-1], 3))
 
 
-def _composed(angles_rad: Array, axes: str) -> Array:
+def _compose_rotations(angles_rad: Array, axes: str) -> Array:
     turn = Rotation.from_euler(axes, angles_rad.reshape(-1, 3))
     return from_matrix(turn.as_matrix().reshape(*angles_rad.shape[:-1], 3, 3))
 
@@ -298,30 +306,30 @@ MISTAKES: Mapping[str, tuple[str, Mistake]] = {
     "a receiver hangs for a while": ("receiver-stuck", _hangs),
     "one to four rows 0.1 to 10 m off": ("spikes", _spikes),
     "random poses": ("spikes", _random_poses),
-    "neighbours on a finger": ("receivers-swapped", _exchanged(_near)),
-    "neighbours on the thumb": ("receivers-swapped", _exchanged(_on_thumb)),
-    "on two fingers": ("receivers-swapped", _exchanged(_far)),
-    "neighbouring fingers": ("digits-swapped", _exchanged(_neighbours)),
-    "fingers in the opposite order": ("digits-swapped", _exchanged(_reversed)),
+    "neighbours on a finger": ("receivers-swapped", _exchange_receivers(_near)),
+    "neighbours on the thumb": ("receivers-swapped", _exchange_receivers(_on_thumb)),
+    "on two fingers": ("receivers-swapped", _exchange_receivers(_far)),
+    "neighbouring fingers": ("digits-swapped", _exchange_receivers(_neighbours)),
+    "fingers in the opposite order": ("digits-swapped", _exchange_receivers(_reversal_pairs)),
     "the other hand": ("wrong-hand", _other_hand),
     "positions negated": ("hemisphere", _positions(-1)),
     "one axis negated": ("axes-mirrored", _positions((1, -1, 1))),
     "axes in another order": ("axes-mirrored", _positions(1, (1, 2, 0))),
     "y up and z up mixed": ("axes-mirrored", _positions((1, 1, -1), (0, 2, 1))),
-    "a receiver by 90 deg": ("receiver-turned", _turned(90)),
-    "a receiver by 180 deg": ("receiver-turned", _turned(180)),
+    "a receiver by 90 deg": ("receiver-turned", _turn_receiver(90)),
+    "a receiver by 180 deg": ("receiver-turned", _turn_receiver(180)),
     "all receivers": ("receiver-turned", _all_turned),
     "2 to 39 frames": ("too-short", _cut),
 }
 """By name: the kind, and what plants it."""
 
 
-def _table(title: str, tallies: Sequence[Tally], meaning: str) -> TextTable:
+def _table(title: str, tallies: Sequence[Tally], meaning: str) -> PrintedTable:
     names = [*dict.fromkeys(name for _, name, _, _ in tallies)]
     rows = [_shares(name, [row for row in tallies if row[1] == name]) for name in names]
     rows += [_shares("all", tallies)] if len(rows) > 1 else []
     shares = [f"{what}, {drawing} %:.1f" for drawing in RECORDERS for what in ("first", "at all")]
-    return TextTable(title, ("planted", "hands:d", *shares), rows, meaning)
+    return PrintedTable(title, ("planted", "hands:d", *shares), rows, meaning)
 
 
 def _shares(name: str, tallies: Sequence[Tally]) -> tuple[Cell, ...]:
@@ -330,21 +338,21 @@ def _shares(name: str, tallies: Sequence[Tally]) -> tuple[Cell, ...]:
     return (name, len(tallies) // len(by_drawing), *shares)
 
 
-def _alarm_table(alarms: Sequence[Alarm]) -> TextTable:
+def _alarm_table(alarms: Sequence[Alarm]) -> PrintedTable:
     groups: dict[tuple[str, str], list[tuple[str, ...]]] = {}
     for drawing, name, kinds in alarms:
         groups.setdefault((drawing, name), []).append(kinds)
         groups.setdefault((drawing, "all"), []).append(kinds)
     rows: list[tuple[Cell, ...]] = [
-        (drawing, name, len(of_hands), sum(map(bool, of_hands)), _counted(of_hands))
+        (drawing, name, len(of_hands), sum(map(bool, of_hands)), _count_alarms(of_hands))
         for (drawing, name), of_hands in sorted(groups.items())
     ]
     columns = ("drawing", "hand", "recordings:d", "accused:d", "kinds")
     share = 1000 * float(np.mean([bool(kinds) for _, _, kinds in alarms]))
     meaning = f"Of 1000 recordings of hands without a fault {share:.1f} are called suspect."
-    return TextTable("False alarms", columns, rows, meaning)
+    return PrintedTable("False alarms", columns, rows, meaning)
 
 
-def _counted(alarms: Sequence[tuple[str, ...]]) -> str:
+def _count_alarms(alarms: Sequence[tuple[str, ...]]) -> str:
     kinds = Counter(kind for kinds in alarms for kind in kinds)
     return ", ".join(f"{kind} {count}" for kind, count in sorted(kinds.items()))

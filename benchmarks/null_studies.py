@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.benchmark_table import Cell, TextTable, workers
+from benchmarks.benchmark_table import Cell, PrintedTable, workers
 from shukotsu.scores.paired_statistics import LEVEL, group_difference, holm, sign_flip_p
 
 Array = npt.NDArray[np.float64]
@@ -23,7 +23,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--studies", type=int, default=STUDIES, help=f"studies a row ({STUDIES})")
 
 
-def run(studies: int = STUDIES) -> Iterator[TextTable]:
+def run(studies: int = STUDIES) -> Iterator[PrintedTable]:
     """Return the tables over that many studies a row."""
     for make in (over_families, within_families):
         yield make(studies)
@@ -61,7 +61,7 @@ def numbers(shape: str, rng: np.random.Generator, size: tuple[int, ...]) -> Arra
     return np.asarray((np.exp(normal_numbers) - math.exp(0.5)) / math.sqrt(math.e * (math.e - 1.0)))
 
 
-def related(shape: str, rng: np.random.Generator, size: tuple[int, ...], shared: float) -> Array:
+def correlate_columns(shape: str, rng: np.random.Generator, size: tuple[int, ...], shared: float) -> Array:
     """Return the same, columns correlated by what is common to a subject."""
     common, rest = numbers(shape, rng, (size[0], 1)), numbers(shape, rng, size)
     return np.asarray(math.sqrt(shared) * common + math.sqrt(1.0 - shared) * rest)
@@ -72,9 +72,9 @@ def any_shown(p: Sequence[float]) -> bool:
     return min(corrected for corrected in holm(p) if corrected is not None) <= LEVEL
 
 
-def over_families(studies: int) -> TextTable:
+def over_families(studies: int) -> PrintedTable:
     """Two groups: studies in which nothing differs that show something in a family of numbers."""
-    return TextTable(
+    return PrintedTable(
         f"Two groups, {studies} studies a number",
         ("subjects", "family:d", *(f"{name}:.1f" for name in MIXTURES), "2 sd found:.1f"),
         over_cores(_family_of_groups, [(*sizes, k, studies) for sizes in SIZES for k in FAMILIES]),
@@ -105,12 +105,12 @@ def _family_of_groups(n: int, m: int, columns: int, studies: int) -> tuple[Cell,
     return (f"{n}, {m}", columns, *shares, percent([p is not None and p <= LEVEL for p in moved]))
 
 
-def within_families(studies: int) -> TextTable:
+def within_families(studies: int) -> PrintedTable:
     """Return the table of the same subjects twice: families of differences, independent and correlated."""
     families = [
         (n, k, r, studies) for n in (6, 8, 12, 20) for k, r in ((1, 0.0), (15, 0.0), (51, 0.0), (51, 0.5))
     ]
-    return TextTable(
+    return PrintedTable(
         f"The same subjects twice, families, {studies} studies a number",
         (
             "subjects:d",
@@ -129,10 +129,10 @@ def _family_of_differences(n: int, columns: int, shared: float, studies: int) ->
     rng = np.random.default_rng((SEED, n, columns, round(10 * shared)))
     shares: list[Cell] = []
     for shape in SHAPES:
-        null = [related(shape, rng, (n, columns), shared) for _ in range(studies)]
+        null = [correlate_columns(shape, rng, (n, columns), shared) for _ in range(studies)]
         shares.append(percent([any_shown([sign_flip_p(d) for d in family.T]) for family in null]))
     shift = SHIFT * (np.arange(columns) == 0)
-    moved = [related("normal", rng, (n, columns), shared) + shift for _ in range(studies)]
+    moved = [correlate_columns("normal", rng, (n, columns), shared) + shift for _ in range(studies)]
     p = [holm([sign_flip_p(d) for d in family.T])[0] for family in moved]
     return (n, columns, shared, *shares, percent([value is not None and value <= LEVEL for value in p]))
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from shukotsu.hand.rotations import Array, from_matrix, rotate
 from shukotsu.simulate.forward import bone_poses, coupled_angles
-from shukotsu.simulate.random_hand import DIGITS, JOINTS, TIP_BONES, Hand, hand_of
+from shukotsu.simulate.random_hand import DIGITS, JOINTS, TIP_BONES, RandomHand, hand_of
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import simulate
-from shukotsu.simulate.task_motion import Motion, posture, rest_posture
+from shukotsu.simulate.task_motion import TaskMotion, posture, rest_posture
 from shukotsu.tables.poses import Poses
 
 KEY_MM, DIP_MM, RATE_HZ = 23.5, 14.0, 240.0
@@ -65,8 +65,8 @@ class _Piece:
     """What is played, as a function of time."""
 
     def __init__(
-        self, hand: Hand, realism: Realism, rng: np.random.Generator, interval_s: float, duration_s: float,
-        goes_along: float,
+        self, hand: RandomHand, realism: Realism, rng: np.random.Generator, interval_s: float,
+        duration_s: float, goes_along: float,
     ) -> None:  # fmt: skip
         self.hand, self.realism, self.rng = hand, realism, rng
         apart = np.abs(np.subtract.outer(np.arange(5), np.arange(5)))
@@ -88,7 +88,7 @@ class _Piece:
             for d, t in zip(digits, at_s, strict=True)
         ]  # fmt: skip
 
-    def played(self, motion: Motion) -> Motion:
+    def played(self, motion: TaskMotion) -> TaskMotion:
         """Return the motion of somebody who plays in place of another, from where its arm begins."""
         time_s = np.arange(len(motion.wrist_mm)) / RATE_HZ
         shifts = np.cumsum(self.rng.choice([-1, 0, 1], 1 + int(time_s[-1] // 4)) * KEY_MM)

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from benchmarks import other_hands
-from benchmarks.benchmark_table import TextTable, add_people, of_each_person
+from benchmarks.benchmark_table import PrintedTable, add_people, of_each_person
 from benchmarks.faultless_hands import FACINGS, true_halves
 from shukotsu.fit.chain_builder import KINDS
 from shukotsu.fit.fit import HandFit, fit_hand
@@ -89,7 +89,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add_people(parser, 24, FIRST_SEED)
 
 
-def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[TextTable]:
+def run(n_hands: int = 24, seed: int = FIRST_SEED) -> Iterator[PrintedTable]:
     """Return the tables over that many hands of each drawing."""
     hands = [
         hand for drawing in (OWN, OTHER) for hand in of_each_person(partial(one_hand, drawing), n_hands, seed)
@@ -109,7 +109,7 @@ def one_hand(drawing: str, seed: int) -> tuple[list[JointErrors], list[Length]]:
     return list(joint_errors(drawing, drawn, fit)), list(length_errors(drawing, drawn, fit))
 
 
-def _own(seed: int, hand: str) -> Drawn:
+def _simulator_drawing(seed: int, hand: str) -> Drawn:
     simulated = simulate("01", hand, "rom", seed, Realism(), round(240 * DURATION_S))
     truth = simulated.truth
     return Drawn(
@@ -135,7 +135,7 @@ def _other(seed: int, hand: str) -> Drawn:
     )
 
 
-DRAWINGS = {OWN: _own, OTHER: _other}
+DRAWINGS = {OWN: _simulator_drawing, OTHER: _other}
 
 
 def joint_errors(drawing: str, drawn: Drawn, fit: HandFit) -> Iterator[JointErrors]:
@@ -184,7 +184,7 @@ def _by_drawing(joints: Sequence[JointErrors]) -> dict[str, list[JointErrors]]:
     return {name: [joint for joint in joints if joint.drawing == name] for name in names}
 
 
-def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> TextTable:
+def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> PrintedTable:
     """Return errors of centres, lengths and angles by drawing."""
     rows = []
     for name, of_drawing in _by_drawing(joints).items():
@@ -220,10 +220,10 @@ def errors_table(joints: Sequence[JointErrors], lengths: Sequence[Length]) -> Te
         "frames, where the field is off as well. Own: this project's simulator; other: a drawing that "
         "shares nothing with it. Believed: what the report believes, and the worst of its worse halves."
     )
-    return TextTable("two drawings: errors", columns, rows, meaning)
+    return PrintedTable("two drawings: errors", columns, rows, meaning)
 
 
-def kinds_table(joints: Sequence[JointErrors]) -> TextTable:
+def kinds_table(joints: Sequence[JointErrors]) -> PrintedTable:
     """Return errors and coverage by kind of joint."""
     kinds = {joint: kind for kind, names in JOINT_TYPES.items() for joint in names}
     rows = []
@@ -233,4 +233,4 @@ def kinds_table(joints: Sequence[JointErrors]) -> TextTable:
             mm = [error.child_mm for error in alike]
             rows.append((name, kind, float(np.median(mm)), float(np.percentile(mm, 90)), _inside(alike)))
     columns = ("drawing", "joints", "median mm:.2f", "p90 mm:.2f", "in 95 %:.1f")
-    return TextTable("two drawings: by kind of joint", columns, rows, "As above.")
+    return PrintedTable("two drawings: by kind of joint", columns, rows, "As above.")

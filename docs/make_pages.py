@@ -17,7 +17,7 @@ from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Any
 
-from shukotsu.study.config_files import json_schema, shipped
+from shukotsu.study.config_files import json_schema, shipped_names
 from shukotsu.study.findings import kinds
 from shukotsu.study.sheets import SHEETS
 from shukotsu.tables.catalogue import HAND_KEY, RECORDING_KEY, TABLES, shared_columns
@@ -87,7 +87,8 @@ def configuration_page() -> str:
         "checked before anything runs: a key or column that is not listed here is refused by name. In",
         "brackets: what a key holds, and what it is where it is left out.",
         "",
-        f"Layouts that ship: {', '.join(shipped('layout'))}. Skeleton models: {', '.join(shipped('model'))}.",
+        f"Layouts that ship: {', '.join(shipped_names('layout'))}. "
+        f"Skeleton models: {', '.join(shipped_names('model'))}.",
     ]
     for kind in ("study", "layout", "model", "mapping"):
         schema = json_schema(kind)

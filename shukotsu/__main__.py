@@ -24,7 +24,7 @@ def main(argv: list[str] | None = None) -> int:
         module = importlib.import_module(COMMANDS[build_parser().parse_args(words[:1]).command].module)
         return int(module.main(words[1:]))
 
-    return command_line.ended(command)
+    return command_line.run_command(command)
 
 
 if __name__ == "__main__":

@@ -92,16 +92,16 @@ def run(
         _refuse_odd_text(arguments)
         _refuse_outputs_over_inputs(arguments)
         asked = record is not None and arguments.record_failure
-        with recorded(arguments, asked, only_bugs=record_failure is None) as messages:
+        with keep_failure(arguments, asked, only_bugs=record_failure is None) as messages:
             status = work(arguments)
         if messages and record is not None:
             record(arguments, messages[0])
         return status
 
-    return ended(command)
+    return run_command(command)
 
 
-def ended(command: Callable[[], int | None]) -> int:
+def run_command(command: Callable[[], int | None]) -> int:
     """Do a command, the one that another one hands over to too, and return its exit code.
 
     0 or what the command gives; 2, and one sentence on stderr, where it is the input, the configuration or
@@ -114,21 +114,21 @@ def ended(command: Callable[[], int | None]) -> int:
         finally:
             sys.stdout.flush()  # and not when Python ends, in its own words
     except InputError as error:
-        return _refused(str(error))
+        return _print_refusal(str(error))
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("shukotsu"):
             raise  # one of this program's own
-        return _refused(
+        return _print_refusal(
             f"{error.name} is not installed for {sys.executable}; install this program again, with all that "
             "it needs (`pip install`, or `make demo` in its folder)"
         )
     except UnicodeEncodeError as error:  # of a path: what is printed was seen to
-        return _refused(
+        return _print_refusal(
             f"{error.object!a}: no file can have this name in this system's encoding ({error.encoding}); set "
             "LC_ALL=C.UTF-8"
         )
     except MemoryError as error:
-        return _refused(
+        return _print_refusal(
             f"not enough memory ({error or 'none is left'}); run fewer jobs at once, give the job more of "
             "it, or cut the recording"
         )
@@ -136,7 +136,7 @@ def ended(command: Callable[[], int | None]) -> int:
         sys.stdout = _nowhere()
         return 128 + _SIGPIPE
     except KeyboardInterrupt:
-        _refused("interrupted")
+        _print_refusal("interrupted")
         return 128 + signal.SIGINT
     except OSError as error:
         if error.filename is None:
@@ -144,10 +144,10 @@ def ended(command: Callable[[], int | None]) -> int:
                 raise
             sys.stdout = _nowhere()
         where = error.filename or "standard output, or a file"
-        return _refused(f"{where}: cannot be read or written ({error.strerror or error})")
+        return _print_refusal(f"{where}: cannot be read or written ({error.strerror or error})")
 
 
-def _refused(why: str) -> int:
+def _print_refusal(why: str) -> int:
     """Print why on stderr, where that can be written; return the exit code."""
     try:
         print(f"error: {why}", file=sys.stderr, flush=True)
@@ -218,7 +218,9 @@ def _same_file(first: Path, second: Path) -> bool:
 
 
 @contextmanager
-def recorded(arguments: argparse.Namespace, record: bool, *, only_bugs: bool = False) -> Iterator[list[str]]:
+def keep_failure(
+    arguments: argparse.Namespace, record: bool, *, only_bugs: bool = False
+) -> Iterator[list[str]]:
     """Keep and print the message of what is raised inside; raise it without `record`.
 
     A TableError is raised, and that memory or the disk's room ran out or a package is not installed: no

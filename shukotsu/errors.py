@@ -29,10 +29,10 @@ class InputError(Exception):
 def on_one_line(text: str) -> str:
     """Return text as a message may quote it: one line of printable letters, not too many."""
     printable = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
-    return shortened(printable, MOST_LETTERS)
+    return shorten(printable, MOST_LETTERS)
 
 
-def shortened(text: str, most: int) -> str:
+def shorten(text: str, most: int) -> str:
     """Leave out the middle of a text that has more letters."""
     if len(text) <= most:
         return text
@@ -65,12 +65,12 @@ def reading_what_was_brought() -> Iterator[None]:
         raise InputError(error.message) from error
 
 
-def joined(reasons: Iterable[str]) -> str:
+def join_reasons(reasons: Iterable[str]) -> str:
     """Return several reasons as one text, each once."""
     return "; ".join(dict.fromkeys(filter(None, reasons)))
 
 
-def listed(names: Sequence[str], most: int = 8) -> str:
+def list_names(names: Sequence[str], most: int = 8) -> str:
     """Name the first of what a file holds, and how many more there are; "none" where it holds nothing."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     short = (name if len(name) <= 40 else f"{name[:37]}..." for name in names[:most])

@@ -51,7 +51,7 @@ def check(arguments: argparse.Namespace) -> None:
 def record_bug(arguments: argparse.Namespace, message: str) -> None:
     """Write a note on every recording that it was not checked, and why."""
     from shukotsu.errors import InputError
-    from shukotsu.study.findings import unchecked
+    from shukotsu.study.findings import unchecked_finding
     from shukotsu.tables.catalogue import FINDINGS
     from shukotsu.tables.typed_table import Provenance, columns_from_rows, write_table
 
@@ -60,7 +60,7 @@ def record_bug(arguments: argparse.Namespace, message: str) -> None:
     recordings = [
         recording for recording in subject_stage.plan_of(arguments).recordings if not recording.exclude
     ]
-    rows = [{**recording.key, **unchecked(message).columns} for recording in recordings]
+    rows = [{**recording.key, **unchecked_finding(message).columns} for recording in recordings]
     write_table(arguments.out, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance((), {"digests": {}}))
 
 

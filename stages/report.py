@@ -39,7 +39,7 @@ def report(arguments: argparse.Namespace) -> None:
     study = read_study(arguments.study)
     results = read_results(study, arguments.results)
     with speaking(study.language):
-        with command_line.recorded(arguments, record=True) as messages:
+        with command_line.keep_failure(arguments, record=True) as messages:
             write_text(arguments.out, render_study(results, study, read_movement(results)))
         for message in messages:
             write_text(arguments.out, render_failure(message))

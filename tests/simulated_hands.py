@@ -16,7 +16,7 @@ from simulated_poses import recorded, write_poses
 from small_study import write_plans, write_study
 
 from shukotsu.export.motion import read_motion
-from shukotsu.export.registry import Settings, prepared
+from shukotsu.export.registry import ExportSettings, prepare
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.readers.samples import NUMBERS
@@ -58,7 +58,7 @@ class SimulatedHand:
 
     def ready(self, model: str = FITTED) -> PosedRecording:
         """The same as a format without gaps is to write it, with y up."""
-        return prepared(self.motion(model), Settings(gaps="cut"), holds_gaps=False, up="y")
+        return prepare(self.motion(model), ExportSettings(gaps="cut"), holds_gaps=False, up="y")
 
     def poses(self) -> Poses:
         """The recording's poses."""

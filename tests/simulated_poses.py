@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.faultless_hands import Planted
-from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.simulate.realism import Realism
 from shukotsu.simulate.simulation import Simulated, simulate
 from shukotsu.study.layout import read_layout
@@ -36,7 +36,7 @@ def recorded(
 def fitted(side: str = "right") -> HandFit:
     """Fit the hand of seed 4 quickly, to 1600 frames."""
     poses = recorded(side, seed=4, n_frames=1600)[1]
-    return fit_hand([poses], read_layout("liberty16"), side, settings=Settings(n_frames=60, rounds=1))
+    return fit_hand([poses], read_layout("liberty16"), side, settings=FitSettings(n_frames=60, rounds=1))
 
 
 @cache

@@ -57,8 +57,8 @@ def add_reader(program: Path) -> None:
         '    commas.write_text(path.read_text().replace(";", ","))\n'
         "    return read_csv(commas, layout, mapping)\n"
     )
-    line = '    "sequence": Format((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),\n'
-    new = '    "semicolons": Format((".ssv",), f"{_FORMATS}.semicolons", "read_semicolons", in_parts=True),\n'
+    line = '    "sequence": FileFormat((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),\n'
+    new = '    "semicolons": FileFormat((".ssv",), f"{_FORMATS}.semicolons", "read_semicolons", in_parts=True),\n'
     edit(formats / "readers.py", line, line + new)
 
 

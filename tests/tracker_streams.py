@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from shukotsu.tracker.families import StreamSettings
-from shukotsu.tracker.records import Decoded, PiecewiseDecoder, Reply, concatenated
+from shukotsu.tracker.records import Decoded, PiecewiseDecoder, Reply, concatenate_records
 
 Numbers = tuple[float, ...]
 
@@ -94,7 +94,7 @@ def decode(decoder: PiecewiseDecoder, data: bytes) -> Decoded:
     half = len(data) // 2
     parts = [decoder.feed(data[:half]), decoder.feed(data[half:]), decoder.feed(b"", final=True)]
     decoded = Decoded(
-        concatenated([part.records for part in parts]),
+        concatenate_records([part.records for part in parts]),
         tuple(skip for part in parts for skip in part.skipped),
         tuple(reply for part in parts for reply in part.replies),
     )

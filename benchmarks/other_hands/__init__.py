@@ -5,6 +5,6 @@ simulator but the table of poses it ends in.
 """
 
 from benchmarks.other_hands.person import Person, draw_person
-from benchmarks.other_hands.recording import Recording, record, true_centres
+from benchmarks.other_hands.recording import DrawnRecording, record, true_centres
 
-__all__ = ["Person", "Recording", "draw_person", "record", "true_centres"]
+__all__ = ["DrawnRecording", "Person", "draw_person", "record", "true_centres"]

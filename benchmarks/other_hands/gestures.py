@@ -209,7 +209,7 @@ def move_joints(
     at_s = np.cumsum(np.append(took_s[:1], hurry * took_s[1:]))
     track = np.column_stack([np.interp(time_s, at_s, column) for column in knots.T])
     width_s = 0.1 if task in ("typing", "piano") else float(np.clip(0.35 * hurry, 0.12, 0.5))
-    track = rounded(track, time_s, width_s)
+    track = round_corners(track, time_s, width_s)
     track += wander(rng, time_s, len(names), (0.2, 1.5)) * rng.uniform(0.3, 1.0, len(names))
     shares = dict.fromkeys(("index_cmc", "middle_cmc"), 0.3) | dict.fromkeys(stiff, 0.06)
     share = np.array([shares.get(name.split(".")[0], 1.0) for name in names])
@@ -239,14 +239,14 @@ def move_arm(
     turns = np.deg2rad(rng.normal(0, tilts_deg, (knots, 3)))
     lies_s = min(rng.uniform(1, 4), time_s[-1] / 6) if task == "calibration" and rng.random() < 0.6 else 0.0
     back_s = time_s[-1] - rng.uniform(1, 3) if lies_s and rng.random() < 0.5 else np.inf
-    on_table = rounded(((time_s < lies_s) | (time_s > back_s)).astype(float), time_s, 0.9)
+    on_table = round_corners(((time_s < lies_s) | (time_s > back_s)).astype(float), time_s, 0.9)
     path = np.column_stack([np.interp(time_s, at_s, column) for column in np.hstack([places, turns]).T])
-    path = rounded(path, time_s, 0.35 * every_s) * (1 - on_table)[:, None]
+    path = round_corners(path, time_s, 0.35 * every_s) * (1 - on_table)[:, None]
     path += wander(rng, time_s, 6, (0.3, 4)) * ([0.6] * 3 + [0.006] * 3) * (1 - 0.95 * on_table)[:, None]
     return middle + path[:, :3], stands * Rotation.from_rotvec(path[:, 3:]), on_table
 
 
-def rounded(track: Array, time_s: Array, width_s: float) -> Array:
+def round_corners(track: Array, time_s: Array, width_s: float) -> Array:
     """Return tracks (T,) or (T, K) with their corners rounded off over a time."""
     half = max(1, round(width_s / (time_s[1] - time_s[0]) / 2))
     weights = np.hanning(2 * half + 3)[1:-1]
@@ -277,12 +277,12 @@ def carry(person: Person, angles_deg: dict[str, Array]) -> tuple[dict[str, Motio
             turning = turning @ Rotation.from_rotvec(angles @ axes.T).as_matrix()
             shift = here - turning @ point
             centre += here / len(joint.turns)
-        bones[joint.child] = outer[0] @ turning, placed(outer, shift)
-        centres[joint.name] = placed(outer, centre)
+        bones[joint.child] = outer[0] @ turning, move_points(outer, shift)
+        centres[joint.name] = move_points(outer, centre)
     return bones, centres
 
 
-def placed(motion: Motion, point: Array) -> Array:
+def move_points(motion: Motion, point: Array) -> Array:
     """Return places (3,) or (T, 3) of the table where a motion takes them, (T, 3)."""
     return np.asarray((motion[0] @ point[..., None])[..., 0] + motion[1])
 
@@ -306,7 +306,7 @@ def touching(person: Person, posture: dict[str, float], finger: str) -> dict[str
         pads, ways = [], []
         for name in ("thumb_distal", f"{finger}_distal"):
             bone = person.bones[name]
-            pads.append(placed(bones[name], bone.base + 0.72 * (bone.end - bone.base) - 7.0 * bone.up))
+            pads.append(move_points(bones[name], bone.base + 0.72 * (bone.end - bone.base) - 7.0 * bone.up))
             ways.append(bones[name][0] @ bone.up)
         facing = 6 * (np.einsum("ti,ti->t", *ways) + 1)
         return np.column_stack([pads[0] - pads[1], facing, (values - start) / easy])

@@ -56,7 +56,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
-class Joint:
+class DrawnJoint:
     """Hold what moves a bone against the one before it: turns about points, and the wander of the joint.
 
     turns : pairs of a point (3,) and a (3, D) matrix that makes the joint's D angles a rotation vector, each
@@ -77,7 +77,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Bone:
+class DrawnBone:
     """A bone as it lies on the table: from the centre at its base to the next (or to the skin of the tip)."""
 
     base: Array
@@ -114,8 +114,8 @@ class Person:
 
     seed: int
     skin: Skin
-    bones: dict[str, Bone]
-    joints: tuple[Joint, ...]
+    bones: dict[str, DrawnBone]
+    joints: tuple[DrawnJoint, ...]
     nail_deg: float
     habits: dict[str, float] = field(repr=False)
     worn: dict[str, tuple[Worn, ...]] = field(repr=False)
@@ -126,7 +126,7 @@ def unit(vector: Array) -> Array:
     return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))
 
 
-def turned(vector: Array, axis: Array, deg: float) -> Array:
+def turn_about_axis(vector: Array, axis: Array, deg: float) -> Array:
     """Return it turned about an axis through the origin."""
     return np.asarray(Rotation.from_rotvec(np.deg2rad(deg) * axis).apply(vector))
 
@@ -191,31 +191,31 @@ class _Drawing:
 
     def __init__(self, rng: np.random.Generator, size: float, nail_deg: float) -> None:
         self.rng, self.size, self.nail_deg = rng, size, nail_deg
-        self.bones: dict[str, Bone] = {}
-        self.joints: list[Joint] = []
+        self.bones: dict[str, DrawnBone] = {}
+        self.joints: list[DrawnJoint] = []
         # two crossing lines: bending through the capitate's head, swaying a few mm farther out
         west, north, zero = np.array([-1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]), np.zeros(3)
         bend, sway = self._off(west, (_UP, 5)), self._off(_UP, (north, 5))
         farther = self.rng.uniform(1, 4) * self.size * north
         turns = ((zero, np.column_stack([bend, zero])), (farther, np.column_stack([zero, sway])))
-        self.joints.append(Joint("wrist", "forearm", "hand", turns, self.rng.normal(0, 0.5, (3, 2))))
+        self.joints.append(DrawnJoint("wrist", "forearm", "hand", turns, self.rng.normal(0, 0.5, (3, 2))))
         self._thumb()
         for digit in FINGERS:
             self._finger(digit)
         palm = self.bones["middle_metacarpal"]
-        self.bones["hand"] = Bone(palm.base, palm.end, _UP)
-        self.bones["forearm"] = Bone(np.array([0.0, -240.0 * size, 4.0]), np.zeros(3), _UP)
+        self.bones["hand"] = DrawnBone(palm.base, palm.end, _UP)
+        self.bones["forearm"] = DrawnBone(np.array([0.0, -240.0 * size, 4.0]), np.zeros(3), _UP)
 
     def _off(self, vector: Array, *turns: tuple[Array, float]) -> Array:
         """Return a direction turned about some others by random angles of these sd, deg."""
         for axis, sd_deg in turns:
-            vector = turned(vector, axis, self.rng.normal(0, sd_deg))
+            vector = turn_about_axis(vector, axis, self.rng.normal(0, sd_deg))
         return vector
 
     def _join(self, name: str, bones: tuple[str, str], at: Array, axes: list[Array], glide_mm: float) -> None:
         """Add a joint that turns about one point, which wanders a little as a cam's does."""
         glide = self.rng.normal(0, glide_mm, (3, 2))
-        self.joints.append(Joint(name, *bones, ((at, np.column_stack(axes)),), glide))
+        self.joints.append(DrawnJoint(name, *bones, ((at, np.column_stack(axes)),), glide))
 
     def _start(self, digit: str) -> tuple[Array, Array]:
         """Return the digit's own lengths and where it begins, mm."""
@@ -227,7 +227,7 @@ class _Drawing:
         """A saddle of two skew lines, one in the trapezium, one in the metacarpal; a ball; a hinge."""
         lengths, base = self._start("thumb")
         along = unit(_table((0.81, 0.35, -0.465)) + self.rng.normal(0, 0.07, 3))
-        up = turned(_back_of_hand(along), along, -self.nail_deg)
+        up = turn_about_axis(_back_of_hand(along), along, -self.nail_deg)
         across = np.cross(up, along)  # turning about it carries the tip away from the nail
         knuckle = base + lengths[0] * along
         middle = knuckle + lengths[1] * along
@@ -241,8 +241,8 @@ class _Drawing:
         )
         ends = [(lines[0][0] + lines[1][0]) / 2, knuckle, middle, tip]
         names = [f"thumb_{bone}" for bone in ("metacarpal", "proximal", "distal")]
-        self.bones |= {name: Bone(ends[i], ends[i + 1], up) for i, name in enumerate(names)}
-        self.joints.append(Joint("thumb_cmc", "hand", names[0], lines, self.rng.normal(0, 0.3, (3, 2))))
+        self.bones |= {name: DrawnBone(ends[i], ends[i + 1], up) for i, name in enumerate(names)}
+        self.joints.append(DrawnJoint("thumb_cmc", "hand", names[0], lines, self.rng.normal(0, 0.3, (3, 2))))
         axes = [self._off(across, (up, 4)), self._off(up, (along, 3), (across, 3))]
         self._join("thumb_mcp", (names[0], names[1]), knuckle, axes, 0.5)
         self._join("thumb_ip", (names[1], names[2]), middle, [self._off(across, (up, 2), (along, 4))], 0.25)
@@ -255,21 +255,23 @@ class _Drawing:
         )
         lengths, base = self._start(digit)
         shaft = unit(_table(_HEAD[digit]) - _table(_BASE[digit]) + rng.normal(0, 1.2, 3))
-        along = unit(turned(np.array([0.0, 1.0, np.sin(np.deg2rad(rng.normal(-4, 3)))]), _UP, fan))
-        up = turned(_back_of_hand(along), along, -nail)
+        along = unit(turn_about_axis(np.array([0.0, 1.0, np.sin(np.deg2rad(rng.normal(-4, 3)))]), _UP, fan))
+        up = turn_about_axis(_back_of_hand(along), along, -nail)
         across = np.cross(up, along)
         ends = [base + (rng.uniform(2, 4) if cups else 0.0) * shaft, base + lengths[0] * shaft]
         for length_mm in lengths[1:3]:
             ends.append(ends[-1] + length_mm * along)
-        ends.append(ends[-1] + (lengths[3] + lengths[4]) * turned(along, up, lean))
+        ends.append(ends[-1] + (lengths[3] + lengths[4]) * turn_about_axis(along, up, lean))
         names = [f"{digit}_{bone}" for bone in ("metacarpal", *_PHALANGES)]
-        self.bones |= {name: Bone(ends[i], ends[i + 1], up) for i, name in enumerate(names)}
+        self.bones |= {name: DrawnBone(ends[i], ends[i + 1], up) for i, name in enumerate(names)}
         cup = self._off(across, (shaft, 8)) + cups * shaft
         self._join(f"{digit}_cmc", ("hand", names[0]), ends[0], [cup], 0.2)
         axes = [self._off(across, (up, 3), (along, 2)), up + rng.normal(0, 0.15) * along]  # it rolls, too
         self._join(f"{digit}_mcp", (names[0], names[1]), ends[1], axes, 0.6)
-        self._join(f"{digit}_pip", (names[1], names[2]), ends[2], [turned(across, up, -oblique[0])], 0.25)
-        dip = turned(turned(across, up, -oblique[1]), along, twist)
+        self._join(
+            f"{digit}_pip", (names[1], names[2]), ends[2], [turn_about_axis(across, up, -oblique[0])], 0.25
+        )
+        dip = turn_about_axis(turn_about_axis(across, up, -oblique[1]), along, twist)
         self._join(f"{digit}_dip", (names[2], names[3]), ends[3], [dip], 0.15)
 
     def possible(self) -> bool:
@@ -301,7 +303,7 @@ class _Drawing:
             along = bone.along
             if segment == "thumb_metacarpal":
                 turn = rng.uniform(*most.get(facing, (-8.0, self.nail_deg + 8)))
-                up = turned(_back_of_hand(along), along, -turn)
+                up = turn_about_axis(_back_of_hand(along), along, -turn)
             height, half_width, fall_deg, share = _SURFACE.get(segment) or _SURFACE[segment.split("_")[1]]
             height, half_width = height * self.size, half_width * self.size
             side = unit(np.cross(up, along))
@@ -315,7 +317,7 @@ class _Drawing:
             foot = bone.base + (share * bone.length_mm + off_mm) * along
             skin = foot + half_width * sine * side + height * cosine * up
             flat = unit(sine / half_width * side + cosine / height * up)
-            z = unit(turned(flat, side, fall_deg))
+            z = unit(turn_about_axis(flat, side, fall_deg))
             x = unit(along - (along @ z) * z)
             skin_axes = np.column_stack([x, np.cross(z, x), z])
             slips_deg = np.clip(rng.normal(0, [2.5, 3.5, 4.0]), -8, 8)

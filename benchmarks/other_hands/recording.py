@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.other_hands.gestures import Motion, carry, move_arm, move_joints, placed, wander
+from benchmarks.other_hands.gestures import Motion, carry, move_arm, move_joints, move_points, wander
 from benchmarks.other_hands.person import SKIN_SHARE, Array, Person, Worn, unit
 from shukotsu.tables.poses import Poses
 
@@ -22,7 +22,7 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
-class Recording:
+class DrawnRecording:
     """What the tracker says, and what it should have said. World: the transmitter's frame, mm.
 
     poses : as measured; true_pose : the same receivers where they really were; true_centre_mm : by joint,
@@ -48,7 +48,7 @@ def record(
     forearm: bool = False,
     stiff: tuple[str, ...] = (),
     dropouts: bool = False,
-) -> Recording:
+) -> DrawnRecording:
     """Record a person's hand at a task of `gestures`, with the receivers as `person.worn` has them.
 
     Recordings of one person share bones, skin, receivers and room; `seed` draws the movement and the noise.
@@ -72,7 +72,9 @@ def record(
     position_mm, turning = (np.stack(parts, axis=1) for parts in zip(*rides, strict=True))
     marks = {name: centre for name, centre in centres.items() if forearm or name != "wrist"}
     points = np.concatenate([position_mm, np.stack(list(marks.values()), axis=1)], axis=1)
-    points -= placed(bones["hand"], np.array([-2.0, 45.0, 0.0]))[:, None]  # the palm, which the arm holds
+    points -= move_points(bones["hand"], np.array([-2.0, 45.0, 0.0]))[
+        :, None
+    ]  # the palm, which the arm holds
     points = np.einsum("tij,tkj->tki", turned.as_matrix(), points) + palm_mm[:, None]
     turning = turned.as_matrix()[:, None] @ turning
     if side == "left":  # cable and skin as on the right hand: so y is the axis that changes its side
@@ -91,7 +93,7 @@ def record(
             seen[first:last, which] = False
         for numbers in measured:
             numbers[~seen] = np.nan
-    return Recording(
+    return DrawnRecording(
         Poses(names, frame, time_s, *measured, seen),
         true_pose,
         {name: points[:, len(names) + column] for column, name in enumerate(marks)},
@@ -100,7 +102,7 @@ def record(
     )
 
 
-def true_centres(recording: Recording, joint: str, segment: str) -> Array:
+def true_centres(recording: DrawnRecording, joint: str, segment: str) -> Array:
     """Return a joint's centre (3,) in a receiver's frame as it rode: the mean over all frames, mm."""
     pose = recording.true_pose
     at = pose.index(segment)
@@ -178,8 +180,8 @@ def carry_receiver(
             outwards @ Rotation.from_rotvec(whole - behind * left).as_matrix()
             for behind in (behind_turn, behind_place)
         )
-        at = less, placed(at, centre) - less @ centre
-    position = placed(at, worn.position_mm + moved[:, :3] @ worn.skin_axes.T)
+        at = less, move_points(at, centre) - less @ centre
+    position = move_points(at, worn.position_mm + moved[:, :3] @ worn.skin_axes.T)
     tilt = Rotation.from_rotvec(moved[:, 3:] @ worn.skin_axes.T).as_matrix() @ worn.axes
     return position, turning @ tilt
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from shukotsu.checks import timeline
 from shukotsu.checks.expected_body import ExpectedBody, expected_body
 from shukotsu.checks.hypotheses import TIDY, Declared, Recorded, hypotheses
-from shukotsu.checks.mistake_search import Explanation, Search, effect, explained, find_mistakes
+from shukotsu.checks.mistake_search import Explanation, Search, effect, explain_joints, find_mistakes
 from shukotsu.checks.timeline import BLOCK_ROWS, Timeline
 from shukotsu.hand.sampled_motion import motion_of, receiver_axes
 from shukotsu.study.findings import NOTE, REFUSED, SUSPECT, Finding, Values
@@ -75,7 +75,7 @@ def check_recording(
     if speed_rad_s > SPEED_LIMIT_RAD_S:
         angles = Finding("units", SUSPECT, "degrees", {"speed_rad_s": speed_rad_s})
         return CheckedRecording((*broken, angles), poses_digest(poses), None, None)
-    findings, search = _explained(line, poses.frame, body, layout, segments, hand, declared)
+    findings, search = _findings_of_hypotheses(line, poses.frame, body, layout, segments, hand, declared)
     if "hemisphere-undecided" in (left_out or {}):  # a repair was tried, or would not help
         findings = [finding for finding in findings if finding.kind != "hemisphere"]
     ends = np.concatenate([poses.position_mm[:1], poses.position_mm[-1:]])
@@ -110,7 +110,7 @@ def poses_digest(poses: Poses) -> str:
     return digest.hexdigest()[:16]
 
 
-def _explained(
+def _findings_of_hypotheses(
     line: Timeline,
     frame: np.ndarray,
     body: ExpectedBody,
@@ -139,7 +139,7 @@ def _explained(
     if flips:
         as_read = motion_of(declared_mm, line.quaternion, usable, axes, hand)
         flipped = np.flatnonzero((sign < 0).any(0)).tolist()
-        matters = effect(body, explained(as_read, body), explained(motion, body), flipped)
+        matters = effect(body, explain_joints(as_read, body), explain_joints(motion, body), flipped)
         flips = [replace(flips[0], values={**flips[0].values, **matters})]
     mistakes = search.mistakes
     if body.has_anatomy.all() and search.explanation.total[0] < UNEXPLAINED * len(body.names):

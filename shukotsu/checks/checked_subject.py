@@ -19,7 +19,7 @@ from shukotsu.checks.checked_recording import LEFT_OUT, CheckedRecording, check_
 from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand import average_hand as average
 from shukotsu.hand.rotations import Array
-from shukotsu.study.findings import NOTE, SUSPECT, Finding, same_file, unchecked
+from shukotsu.study.findings import NOTE, SUSPECT, Finding, same_file, unchecked_finding
 from shukotsu.study.layout import Layout
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
@@ -52,23 +52,23 @@ def check_subject(plan: SubjectPlan, arguments: Namespace) -> list[tuple[Recordi
     arguments : of a command line: stage, record_failure.
     """
     recordings = [r for r in plan.recordings if not r.exclude and usable_poses([plan.poses(r)])[0]]
-    checked = [_checked(plan, recording, arguments) for recording in recordings]
+    checked = [_check_recording(plan, recording, arguments) for recording in recordings]
     named = [
         (" ".join(filter(None, (recording.task, recording.trial))), recording.hand.hand, checks)
         for recording, checks in zip(recordings, checked, strict=True)
     ]
-    with command_line.recorded(arguments, arguments.record_failure) as messages:
-        checked = compared(named)
+    with command_line.keep_failure(arguments, arguments.record_failure) as messages:
+        checked = compare_recordings(named)
     if messages:
-        note = unchecked(messages[0])
+        note = unchecked_finding(messages[0])
         checked = [replace(checks, findings=(*checks.findings, note)) for checks in checked]
     return list(zip(recordings, checked, strict=True))
 
 
-def _checked(plan: SubjectPlan, recording: Recording, arguments: Namespace) -> CheckedRecording:
-    with command_line.recorded(arguments, arguments.record_failure) as messages:
+def _check_recording(plan: SubjectPlan, recording: Recording, arguments: Namespace) -> CheckedRecording:
+    with command_line.keep_failure(arguments, arguments.record_failure) as messages:
         return checked_poses(plan.poses(recording), plan.layouts[recording.hand.hand])
-    return CheckedRecording((unchecked(messages[0]),), "", None, None)
+    return CheckedRecording((unchecked_finding(messages[0]),), "", None, None)
 
 
 FINGERS = tuple(name for name in average.DIGITS if name != "thumb")
@@ -83,7 +83,7 @@ OTHER_PERSON = 2.0
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredHand:
     """A hand as one recording has it. sizes : (N,) what differs between people. centre_mm : (J, 2, 3)."""
 
     sizes: Array
@@ -92,7 +92,7 @@ class Measured:
     scale: float
 
 
-def compared(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> list[CheckedRecording]:
+def compare_recordings(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> list[CheckedRecording]:
     """Add what a comparison says to a subject's recordings: task, hand and findings each, as in the sheet.
 
     Of one file named twice, that is the copy of which more is found: a right hand's under the name of a left.
@@ -159,12 +159,12 @@ def _other_people(recordings: Sequence[tuple[str, str, CheckedRecording]]) -> di
     return findings
 
 
-def _worn_elsewhere(first: Measured, second: Measured) -> bool:
+def _worn_elsewhere(first: MeasuredHand, second: MeasuredHand) -> bool:
     apart = np.abs(first.centre_mm - second.centre_mm) if first.joints == second.joints else np.zeros(1)
     return bool(np.median(apart) > WORN_AGAIN_MM)
 
 
-def measure(checked: CheckedRecording) -> Measured | None:
+def measure(checked: CheckedRecording) -> MeasuredHand | None:
     """Measure a hand whose four fingers are seen; None of any other body."""
     body, explained = checked.body, checked.explanation
     needed = [f"{finger}_{kind}" for finger in FINGERS for kind in ("mcp", "pip", "dip")]
@@ -179,4 +179,4 @@ def measure(checked: CheckedRecording) -> Measured | None:
     knuckles = np.array([centre[f"{finger}_mcp"][0] for finger in FINGERS])
     spread = (knuckles - knuckles.mean(0)).T.ravel()
     scale = float(explained.scale[0])
-    return Measured(np.array([*phalanges, *spread, scale]), explained.centre_mm[0], body.names, scale)
+    return MeasuredHand(np.array([*phalanges, *spread, scale]), explained.centre_mm[0], body.names, scale)

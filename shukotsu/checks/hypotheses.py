@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from shukotsu.hand.rotations import Array, from_matrix, matrix
-from shukotsu.hand.sampled_motion import MIRROR, Motion
+from shukotsu.hand.sampled_motion import MIRROR, SampledMotion
 from shukotsu.study.findings import Values
 from shukotsu.study.layout import Layout
 from shukotsu.tables.limits import MM_PER_UNIT
@@ -81,7 +81,7 @@ class Hypothesis:
     """
 
     kind: str
-    undo: Callable[[Motion], Motion]
+    undo: Callable[[SampledMotion], SampledMotion]
     variant: str = ""
     values: Values = field(default_factory=dict)
     places: frozenset[int] | None = None
@@ -101,17 +101,17 @@ class Recorded:
 
     @property
     def mirror(self) -> Array:
-        """Signs of the axes that `Motion` has turned over."""
+        """Signs of the axes that `SampledMotion` has turned over."""
         return MIRROR if self.hand == "left" else np.ones(3)
 
 
-def hypotheses(recorded: Recorded, motion: Motion) -> list[Hypothesis]:
+def hypotheses(recorded: Recorded, motion: SampledMotion) -> list[Hypothesis]:
     """Every mistake that is looked for by explaining the poses of the motion otherwise."""
     mistakes = [*_orders(recorded), *_euler(recorded), *_units(recorded.declared), *_axes(recorded)]
     mistakes += [*_hemispheres(recorded, motion), *_swaps(recorded)]
     if recorded.is_hand:
         hand = {"hand": "left" if recorded.hand == "right" else "right", "hand_2": recorded.hand}
-        mistakes.append(Hypothesis("wrong-hand", Motion.mirrored, "", hand))
+        mistakes.append(Hypothesis("wrong-hand", SampledMotion.mirrored, "", hand))
         mistakes += [*_digit_swaps(recorded), *_turns(recorded)]
     rivals = Counter((mistake.kind, mistake.places is None) for mistake in mistakes)
     return [
@@ -143,11 +143,13 @@ INVERSE = np.array([1.0, -1.0, -1.0, -1.0])
 """Signs that make a unit quaternion its conjugate."""
 
 
-def _requaternioned(recorded: Recorded, change: Callable[[Array], Array]) -> Callable[[Motion], Motion]:
+def _undo_quaternion_change(
+    recorded: Recorded, change: Callable[[Array], Array]
+) -> Callable[[SampledMotion], SampledMotion]:
     """Undo a mistake of the file's own quaternions, which its mapping may have inverted."""
     sense = INVERSE if recorded.declared.rotates == SENSES[1] else np.ones(4)
 
-    def undo(motion: Motion) -> Motion:
+    def undo(motion: SampledMotion) -> SampledMotion:
         mirror = recorded.mirror
         file_rotation = (motion.rotation * mirror[:, None] * mirror) @ np.swapaxes(recorded.axes, 1, 2)
         turned = matrix(change(from_matrix(file_rotation) * sense) * sense) @ recorded.axes
@@ -170,9 +172,11 @@ def _orders(recorded: Recorded) -> Iterator[Hypothesis]:
             def reordered(q: Array, sign: Array = sign) -> Array:
                 return q[..., columns] * sign
 
-            yield Hypothesis("quaternion-order", _requaternioned(recorded, reordered), variant, values)
+            yield Hypothesis(
+                "quaternion-order", _undo_quaternion_change(recorded, reordered), variant, values
+            )
     if declared.format != "c3d":  # clusters of markers have no orientations that could be inverse
-        undo = _requaternioned(recorded, lambda q: q * INVERSE)
+        undo = _undo_quaternion_change(recorded, lambda q: q * INVERSE)
         yield Hypothesis("quaternion-inverse", undo, "", {"rotates": rotates})
 
 
@@ -184,13 +188,13 @@ def _euler(recorded: Recorded) -> Iterator[Hypothesis]:
         *(("axes", true, true) for true in map("".join, permutations("XYZ")) if true != declared),
         ("fixed", declared[::-1], declared.lower()),
     ):
-        undo = _requaternioned(recorded, _reordered(declared, axes))
+        undo = _undo_quaternion_change(recorded, _undo_angle_order(declared, axes))
         yield Hypothesis("euler-order", undo, variant, {"read": declared, "true": true})
-    undo = _requaternioned(recorded, _reordered(declared, declared, 180 / np.pi))
+    undo = _undo_quaternion_change(recorded, _undo_angle_order(declared, declared, 180 / np.pi))
     yield Hypothesis("units", undo, "radians")
 
 
-def _reordered(declared: str, true: str, factor: float = 1.0) -> Callable[[Array], Array]:
+def _undo_angle_order(declared: str, true: str, factor: float = 1.0) -> Callable[[Array], Array]:
     """Take rotations apart into angles about the declared axes, put them together about the true ones.
 
     true : in small letters of axes that stay where they are, as of scipy's.
@@ -206,7 +210,9 @@ def _reordered(declared: str, true: str, factor: float = 1.0) -> Callable[[Array
     return change
 
 
-def _moved(factor: float | Array, order: Sequence[int] = (0, 1, 2)) -> Callable[[Motion], Motion]:
+def _undo_axes(
+    factor: float | Array, order: Sequence[int] = (0, 1, 2)
+) -> Callable[[SampledMotion], SampledMotion]:
     """Take the positions' axes in another order and scale them."""
     columns = list(order)
     return lambda motion: replace(motion, position_mm=motion.position_mm[..., columns] * factor)
@@ -219,7 +225,7 @@ def _units(declared: Declared) -> Iterator[Hypothesis]:
             factor = mm / MM_PER_UNIT[read]
             variant = "positions-small" if factor > 1 else "positions-large"
             values = {"factor": max(factor, 1 / factor), "true": true, "read": read}
-            yield Hypothesis("units", _moved(factor), variant, values)
+            yield Hypothesis("units", _undo_axes(factor), variant, values)
 
 
 def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
@@ -239,13 +245,13 @@ def _axes(recorded: Recorded) -> Iterator[Hypothesis]:
                 values["negated"] = [n for n, s in zip(names, signs, strict=True) if s < 0]
                 values["count"] = len(values["negated"])
             variant = "negated" if mirrored else "exchanged"
-            yield Hypothesis("axes-mirrored", _moved(sign, order), variant, values)
+            yield Hypothesis("axes-mirrored", _undo_axes(sign, order), variant, values)
 
 
-def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
+def _hemispheres(recorded: Recorded, motion: SampledMotion) -> Iterator[Hypothesis]:
     """One receiver on the other side, all of those that are opposite to most, or all that there are."""
     if recorded.declared.format != "c3d":  # cameras have no hemisphere
-        yield Hypothesis("hemisphere", _moved(-1.0), "whole")
+        yield Hypothesis("hemisphere", _undo_axes(-1.0), "whole")
     centre = np.median(motion.position_mm, axis=0)
     side = centre @ np.linalg.eigh(centre.T @ centre)[1][:, -1]
     behind = side < 0 if (side < 0).sum() <= len(side) / 2 else side > 0  # of the transmitter than most
@@ -258,7 +264,7 @@ def _hemispheres(recorded: Recorded, motion: Motion) -> Iterator[Hypothesis]:
         sign[list(receivers)] = -1.0
         names = [recorded.segments[receiver] for receiver in sorted(receivers)]
         values = {"segments": names, "count": len(names)}
-        yield Hypothesis("hemisphere", _moved(sign), "all-along", values, frozenset(receivers))
+        yield Hypothesis("hemisphere", _undo_axes(sign), "all-along", values, frozenset(receivers))
 
 
 def _swaps(recorded: Recorded) -> Iterator[Hypothesis]:
@@ -267,7 +273,7 @@ def _swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         order = list(range(len(recorded.segments)))
         order[first], order[second] = second, first
         yield Hypothesis(
-            "receivers-swapped", _permuted(recorded, order), "", pair, frozenset({first, second})
+            "receivers-swapped", _undo_permutation(recorded, order), "", pair, frozenset({first, second})
         )  # fmt: skip
 
 
@@ -285,7 +291,7 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         named = (second, first) if second == "thumb" else (first, second)  # the sentence's second is a finger
         digits: dict[str, Any] = dict(zip(("digit", "digit_2"), named, strict=True))
         yield Hypothesis(
-            "digits-swapped", _permuted(recorded, order),
+            "digits-swapped", _undo_permutation(recorded, order),
             "two", {**digits, "pairs": _pairs(recorded, worn[first], worn[second])},
             frozenset({*worn[first], *worn[second]}),
         )  # fmt: skip
@@ -298,7 +304,7 @@ def _digit_swaps(recorded: Recorded) -> Iterator[Hypothesis]:
         half = len(fingers) // 2
         ends = zip(fingers[:half], fingers[: -half - 1 : -1], strict=True)
         pairs = [pair for segment, segment_2 in ends for pair in _pairs(recorded, segment, segment_2)]
-        yield Hypothesis("digits-swapped", _permuted(recorded, order), "reversed", {"pairs": pairs})
+        yield Hypothesis("digits-swapped", _undo_permutation(recorded, order), "reversed", {"pairs": pairs})
 
 
 def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> list[list[str]]:
@@ -306,15 +312,17 @@ def _pairs(recorded: Recorded, first: Sequence[int], second: Sequence[int]) -> l
     return [[recorded.segments[i] for i in pair] for pair in zip(first, second, strict=True)]
 
 
-def _permuted(recorded: Recorded, order: Sequence[int]) -> Callable[[Motion], Motion]:
+def _undo_permutation(recorded: Recorded, order: Sequence[int]) -> Callable[[SampledMotion], SampledMotion]:
     """Each segment takes the pose of the receiver that it stands for, mounted by its own axes."""
     rows = list(order)
     exchange = (
         np.swapaxes(recorded.axes[rows], 1, 2) @ recorded.axes * recorded.mirror[:, None] * recorded.mirror
     )
 
-    def undo(motion: Motion) -> Motion:
-        return Motion(motion.position_mm[:, rows], motion.rotation[:, rows] @ exchange, motion.valid[:, rows])
+    def undo(motion: SampledMotion) -> SampledMotion:
+        return SampledMotion(
+            motion.position_mm[:, rows], motion.rotation[:, rows] @ exchange, motion.valid[:, rows]
+        )
 
     return undo
 
@@ -327,10 +335,10 @@ def _turns(recorded: Recorded) -> Iterator[Hypothesis]:
         # a column is where the bone's axis points in the receiver's frame
         axes = recorded.axes @ (turn * recorded.mirror[:, None] * recorded.mirror)
         if np.ptp(axes, axis=0).max() < ALIKE:
-            yield Hypothesis("receiver-turned", _turned(turn), "all", values | _axes_values(axes[0]))
+            yield Hypothesis("receiver-turned", _undo_turn(turn), "all", values | _axes_values(axes[0]))
         for index, segment in enumerate(recorded.segments):
             yield Hypothesis(
-                "receiver-turned", _turned(turn, index), "one",
+                "receiver-turned", _undo_turn(turn, index), "one",
                 values | _axes_values(axes[index]) | {"segment": segment}, frozenset({index}),
             )  # fmt: skip
 
@@ -348,8 +356,8 @@ def _axes_values(axes: Array) -> dict[str, Any]:
     }
 
 
-def _turned(turn: Array, receiver: int | slice = slice(None)) -> Callable[[Motion], Motion]:
-    def undo(motion: Motion) -> Motion:
+def _undo_turn(turn: Array, receiver: int | slice = slice(None)) -> Callable[[SampledMotion], SampledMotion]:
+    def undo(motion: SampledMotion) -> SampledMotion:
         rotation = motion.rotation.copy()
         rotation[:, receiver] = rotation[:, receiver] @ turn
         return replace(motion, rotation=rotation)

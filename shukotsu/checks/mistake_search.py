@@ -19,7 +19,7 @@ import numpy.typing as npt
 from shukotsu.checks.expected_body import FREE_SCALE_SD, SCALE_SD, SHARED, ExpectedBody
 from shukotsu.checks.hypotheses import Hypothesis
 from shukotsu.hand.rotations import Array
-from shukotsu.hand.sampled_motion import MIRROR, Motion
+from shukotsu.hand.sampled_motion import MIRROR, SampledMotion
 from shukotsu.study.findings import Values
 
 INDEPENDENT_FRAMES = 8.0
@@ -71,7 +71,7 @@ class Explanation:
         return np.asarray((self.closing + self.placed + self.turning).sum(-1) + self.shared)
 
 
-def joint_shares(body: ExpectedBody, series: Sequence[tuple[Rows, Motion]]) -> JointShares:
+def joint_shares(body: ExpectedBody, series: Sequence[tuple[Rows, SampledMotion]]) -> JointShares:
     """Summarise joints' receivers in each motion: (joints, motion) pairs in, shares out."""
     joint = np.concatenate([joints for joints, _ in series])
     parts = []
@@ -95,11 +95,13 @@ def joint_shares(body: ExpectedBody, series: Sequence[tuple[Rows, Motion]]) -> J
     turned = np.einsum("pkij,pki->pkj", turn, offset)
     slope = np.concatenate([mean_offset, -np.einsum("pk,pkj->pj", weight, turned)], -1)
     square = np.einsum("pk,pki,pki->p", weight, offset, offset)
-    turning, angles_deg = _turned(body, joint, turn, weight > 0)
+    turning, angles_deg = _rate_turns(body, joint, turn, weight > 0)
     return JointShares(joint, normal, slope, square, turning, angles_deg)
 
 
-def _turned(body: ExpectedBody, joint: Rows, turn: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
+def _rate_turns(
+    body: ExpectedBody, joint: Rows, turn: Array, seen: npt.NDArray[np.bool_]
+) -> tuple[Array, Array]:
     """Log likelihood (P, F) of how the joints turn, and percentiles (P, F, 3, 3) of their angles, deg."""
     facings = body.rest.shape[1]
     angles_deg = np.zeros((len(joint), facings, 3, 3))
@@ -226,11 +228,11 @@ class Search:
     """The mistakes found, likeliest first, and how well the motion is explained without them."""
 
     mistakes: tuple[Mistake, ...]
-    motion: Motion
+    motion: SampledMotion
     explanation: Explanation
 
 
-def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Search:
+def find_mistakes(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Search:
     """Find the mistakes of a motion, each decisively likelier than none with those before it undone."""
     mistakes: list[Mistake] = []
     left = list(hypotheses)
@@ -266,7 +268,7 @@ def find_mistakes(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypot
     return Search(tuple(mistakes), motion, explanation)
 
 
-def _away(motion: Motion, hypotheses: Sequence[Hypothesis]) -> Array:
+def _away(motion: SampledMotion, hypotheses: Sequence[Hypothesis]) -> Array:
     """Return how much likelier (H,) hypotheses make the receivers' distance from the transmitter."""
     distances_mm = []
     for moved in (motion, *(hypothesis.undo(motion) for hypothesis in hypotheses)):
@@ -281,12 +283,12 @@ def _away(motion: Motion, hypotheses: Sequence[Hypothesis]) -> Array:
     return np.asarray(unlikely[0] - unlikely[1:])
 
 
-def explained(motion: Motion, body: ExpectedBody) -> Joints:
+def explain_joints(motion: SampledMotion, body: ExpectedBody) -> Joints:
     """The joints of a motion as it is."""
     return Joints.of(motion, _explain(motion, body, []))
 
 
-def _explain(motion: Motion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Explanation:
+def _explain(motion: SampledMotion, body: ExpectedBody, hypotheses: Sequence[Hypothesis]) -> Explanation:
     """Explain the motion as it is (first) and with each hypothesis undone; what it leaves alone is shared."""
     every: Rows = np.arange(len(body.names))
     ends = body.ends.tolist()
@@ -305,8 +307,10 @@ def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: 
     """The evidence of the joint and the measure that gain most."""
     if hypothesis.kind == "units" and hypothesis.variant.startswith("positions"):
         if body.has_anatomy.any():
-            return _seen("scale", explained.scale, row)
-        return _seen("reach", np.median(np.linalg.norm(explained.centre_mm, axis=-1), axis=(1, 2)), row)
+            return _compare_measure("scale", explained.scale, row)
+        return _compare_measure(
+            "reach", np.median(np.linalg.norm(explained.centre_mm, axis=-1), axis=(1, 2)), row
+        )
     gained = [part[row] - part[0] for part in (explained.closing, explained.placed, explained.turning)]
     closes = explained.gap_mm[row] < 0.8 * explained.gap_mm[0]
     if body.has_anatomy.all():  # of a hand whose size was absurd a gap may close better and be as wide
@@ -314,9 +318,9 @@ def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: 
     measure, joint = np.unravel_index(int(np.argmax(gained)), np.shape(gained))
     name = body.names[joint]
     if measure == 0 or not body.has_anatomy[joint]:
-        return _seen("gap", explained.gap_mm[:, joint], row) | {"joint": name}
+        return _compare_measure("gap", explained.gap_mm[:, joint], row) | {"joint": name}
     if measure == 1:
-        return _seen("place", explained.off_mm[:, joint], row) | {"joint": name}
+        return _compare_measure("place", explained.off_mm[:, joint], row) | {"joint": name}
     before, after = explained.angles_deg[0, joint], explained.angles_deg[row, joint]
     part = int(np.argmax(np.abs(before - after).max(0)))
     return {
@@ -330,7 +334,7 @@ def _evidence(body: ExpectedBody, explained: Explanation, row: int, hypothesis: 
     }
 
 
-def _seen(what: str, of_rows: Array, row: int) -> dict[str, Any]:
+def _compare_measure(what: str, of_rows: Array, row: int) -> dict[str, Any]:
     """A measure as declared and with a hypothesis undone."""
     return {"seen": what, "before": of_rows[0], "after": of_rows[row]}
 
@@ -339,13 +343,13 @@ def _seen(what: str, of_rows: Array, row: int) -> dict[str, Any]:
 class Joints:
     """A motion's J joints as they are explained. centre_mm : (J, 2, 3) in both receivers. gap_mm : (J,)."""
 
-    motion: Motion
+    motion: SampledMotion
     centre_mm: Array
     gap_mm: Array
     scale: float
 
     @classmethod
-    def of(cls, motion: Motion, explanation: Explanation, row: int = 0) -> Joints:
+    def of(cls, motion: SampledMotion, explanation: Explanation, row: int = 0) -> Joints:
         """Those of one hypothesis of an explanation."""
         scale = float(explanation.scale[row])
         return cls(motion, explanation.centre_mm[row], explanation.gap_mm[row], scale)

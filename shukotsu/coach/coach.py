@@ -18,12 +18,12 @@ from shukotsu.checks.hypotheses import Declared
 from shukotsu.coach.live_poses import EvenFrames
 from shukotsu.errors import InputError
 from shukotsu.fit.fingertips import Fingertips, fingertips
-from shukotsu.fit.fit import Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.fit.gains import gains
 from shukotsu.fit.hand_tables import joint_rows
 from shukotsu.fit.loose_receivers import displaced_in
 from shukotsu.fit.measurements import Measurement
-from shukotsu.fit.receiver_frames import concatenated
+from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.report.belief import gain_lines, reasons_of
 from shukotsu.study.findings import NOTE, in_quotes
 from shukotsu.study.layout import Layout
@@ -53,25 +53,26 @@ class Movement:
     seconds: float = 5.0
 
 
-def _bent(fingers: tuple[str, ...] = FINGERS, **range_deg: float) -> dict[str, float]:
+def _bends_deg(fingers: tuple[str, ...] = FINGERS, **range_deg: float) -> dict[str, float]:
     return {f"{finger}_{kind}": deg for finger in fingers for kind, deg in range_deg.items()}
 
 
-_WIDELY = _bent(mcp=25, pip=30, dip=15) | {"thumb_cmc": 12, "thumb_mcp": 12, "thumb_ip": 12}
+_WIDELY = _bends_deg(mcp=25, pip=30, dip=15) | {"thumb_cmc": 12, "thumb_mcp": 12, "thumb_ip": 12}
 _ALL = (
     Movement(FIRST, "Move every finger and the thumb, each its own way, widely: bend, stretch and spread.",
              _WIDELY, 6.0),
-    Movement("fist", "Close the hand to a fist and open it wide, twice.", _bent(mcp=45, pip=55, dip=30)),
+    Movement("fist", "Close the hand to a fist and open it wide, twice.", _bends_deg(mcp=45, pip=55, dip=30)),
     Movement("hook", "Keep the knuckles straight; bend the fingers to a hook and stretch them, twice.",
-             _bent(pip=50, dip=30)),
+             _bends_deg(pip=50, dip=30)),
     Movement("knuckles", "Keep the fingers straight; bend them at the knuckles, then draw them back, twice.",
-             _bent(mcp=50)),
-    Movement("spread", "Keep the fingers straight; spread them apart and close them, twice.", _bent(mcp=10)),
+             _bends_deg(mcp=50)),
+    Movement("spread", "Keep the fingers straight; spread them apart and close them, twice.",
+             _bends_deg(mcp=10)),
     *(Movement(f"fingertip-{finger}",
                f"Bend the {finger} fingertip alone; hold the middle joint with the other hand.",
-               _bent((finger,), dip=30), 4.0) for finger in FINGERS),
+               _bends_deg((finger,), dip=30), 4.0) for finger in FINGERS),
     *(Movement(f"alone-{finger}", f"Bend the {finger} finger alone, all of it, and stretch it, twice.",
-               _bent((finger,), mcp=40, pip=45, dip=25), 4.0) for finger in FINGERS),
+               _bends_deg((finger,), mcp=40, pip=45, dip=25), 4.0) for finger in FINGERS),
     Movement("thumb-circle", "Draw a large circle with the thumb, from its base, both ways.",
              {"thumb_cmc": 25}, 6.0),
     Movement("thumb-middle", "Bend the thumb at its middle joint alone, and stretch it, twice.",
@@ -128,7 +129,7 @@ def estimate(whose: CoachedHand, poses: Poses) -> Estimate:
             hand_length_mm=whose.hand_length_mm,
             hand_breadth_mm=whose.hand_breadth_mm,
             measurements=whose.measurements,
-            settings=Settings(min(MOST_FITTED, whose.fitting.frames), whose.fitting.steps),
+            settings=FitSettings(min(MOST_FITTED, whose.fitting.frames), whose.fitting.steps),
         )
         tips = fingertips(fit)
     except np.linalg.LinAlgError as error:
@@ -246,7 +247,7 @@ class Coach:
         self._kept.add(poses)
         self.frames += len(poses.frame)
         self.time_s = float(poses.time_s[-1])
-        newest = poses if self.newest is None else concatenated([self.newest, poses])
+        newest = poses if self.newest is None else concatenate_poses([self.newest, poses])
         self.newest = newest.take(slice(int(np.searchsorted(newest.time_s, self.time_s - CHECKED_S)), None))
 
     def _step(self, time_s: float, *, late: bool) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.fit.receiver_frames import concatenated
+from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.raw_capture import segments_of_receivers
 from shukotsu.readers.jumps import spikes
@@ -147,7 +147,7 @@ class EvenFrames:
 
     def poses(self) -> Poses:
         """Return the frames kept, in order."""
-        self._parts = [concatenated(self._parts)]
+        self._parts = [concatenate_poses(self._parts)]
         return self._parts[0]
 
 

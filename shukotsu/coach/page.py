@@ -43,7 +43,7 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
         time_s=coach.time_s,
         warnings=[*coach.findings, *coach.loose.values()],
         advice=coach.advice or coach.summary(),
-        hand=_drawn(coach, rows),
+        hand=_draw_hand(coach, rows),
         rows=[(r["joint"], f"{r['sd_mm']:.2f}", belief(r), first_reason(r)) for r in rows.values()],
         wanted_mm=coach.hand.wanted_mm,
         log=coach.log[: -MOST_LINES - 1 : -1],
@@ -51,7 +51,7 @@ def write_page(path: Path, coach: Coach, title: str, message: str = "") -> None:
     write_text(path, text)
 
 
-def _drawn(coach: Coach, rows: Mapping[str, Mapping[str, Any]]) -> Markup | None:
+def _draw_hand(coach: Coach, rows: Mapping[str, Mapping[str, Any]]) -> Markup | None:
     """Draw the hand in the newest frame with most valid receivers, drawn as the report draws it."""
     poses, hand = coach.newest, coach.hand
     if poses is None or not rows:

@@ -20,7 +20,7 @@ from shukotsu.study.sheets import MEASUREMENTS, PARTICIPANTS, RECORDINGS, SHEETS
 from shukotsu.tables import limits
 from shukotsu.tables.limits import read_whole
 from shukotsu.tables.subjects import path_token
-from shukotsu.tables.text_files import decoded, reading
+from shukotsu.tables.text_files import decode_text, reading
 from shukotsu.tables.whole_files import replacing
 
 CAPTURES = "captures"
@@ -101,7 +101,7 @@ def enter_recording(study: Path, whose: Mapping[str, str], archive: Path, exclud
     sheet = Path(os.path.realpath(study.parent / config["recordings"]))  # a link stays one
     with reading(sheet, "the sheet of recordings"):
         data = read_whole(sheet, "the sheet of recordings", limits.SHEET_BYTES)
-    parts = re.split(r"(\r\n|\r|\n)", decoded(sheet, data, "the sheet of recordings"))
+    parts = re.split(r"(\r\n|\r|\n)", decode_text(sheet, data, "the sheet of recordings"))
     at = next(number for number in range(0, len(parts), 2) if parts[number].strip())
     header = [cell.strip() for cell in parts[at].split("\t")]
     new = [name for name, cell in cells.items() if cell and name not in header]

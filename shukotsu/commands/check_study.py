@@ -15,7 +15,7 @@ from pathlib import Path
 
 from shukotsu.checks.checked_subject import check_subject, copies
 from shukotsu.commands import import_file, read_files
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.study.config_files import CONFIG_FOLDER
 from shukotsu.study.findings import Finding
 from shukotsu.study.plan import SubjectPlan
@@ -38,7 +38,7 @@ def check_study(path: Path) -> None:
     for name, sentence in _findings_of_recordings(files.subjects):
         recordings_by_finding.setdefault(sentence, []).append(name)
     for sentence, names in recordings_by_finding.items():
-        print(f"{listed(names)}: {sentence}")
+        print(f"{list_names(names)}: {sentence}")
     print("" if recordings_by_finding else "no finding in any recording\n", end="")
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from shukotsu import command_line
 from shukotsu.commands.inspect_file import describe
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.tables.line_printer import progress
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def new_study(arguments: argparse.Namespace) -> None:
 
     Raises InputError where one is there, for a name or layout that cannot be, and without a recording.
     """
-    from shukotsu.study.config_files import config_path, shipped
+    from shukotsu.study.config_files import config_path, shipped_names
     from shukotsu.tables.whole_files import write_text
 
     folder: Path = arguments.folder
@@ -68,9 +68,9 @@ def new_study(arguments: argparse.Namespace) -> None:
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
         raise InputError(f"{folder}: no study can have this name; use letters, digits, - and _")
     template = (TEMPLATES / STUDY[arguments.language]).read_text("utf-8")
-    sheet, mappings, notes = _drafted(arguments)
+    sheet, mappings, notes = _draft_sheet(arguments)
     subjects = filter(None, dict.fromkeys(row[0] for row in sheet[1:]))
-    shipped_layouts, path = shipped("layout"), config_path(arguments.layout, "layout", Path())
+    shipped_layouts, path = shipped_names("layout"), config_path(arguments.layout, "layout", Path())
     layout = arguments.layout if arguments.layout in shipped_layouts else _from(path, folder)
     texts = {
         "study.yaml": template.replace("{name}", name).replace("{layout}", layout),
@@ -89,7 +89,7 @@ def new_study(arguments: argparse.Namespace) -> None:
     print(f"next: {_next(folder, sheet, list(mappings))}, then: cd {folder}; shukotsu check; shukotsu run")
 
 
-def _drafted(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:
+def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:
     """Draft the sheet of recordings, header first, and the mappings' files; say what is wrong with any."""
     from shukotsu.study.layout import read_layout
 
@@ -119,7 +119,7 @@ def _next(folder: Path, sheet: Sequence[Sequence[str]], mappings: Sequence[str])
     what = f"look over the {len(rows)} rows of {folder / 'recordings.tsv'}, drafted from names{filled}"
     if mappings:
         verb = "says" if len(mappings) == 1 else "say"
-        what += f"; put the truth where {listed(mappings)} in {folder} {verb} CHECK"
+        what += f"; put the truth where {list_names(mappings)} in {folder} {verb} CHECK"
     return what
 
 

@@ -97,7 +97,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
         for start in range(0, len(motion.frame), _TEXT_FRAMES):
             part = numbers[start : start + _TEXT_FRAMES]
             stream.write(pattern * len(part) % tuple(part.ravel().tolist()))
-    dropped = _dropped(motion, moves)
+    dropped = _losses(motion, moves)
     facts = facts_text(motion, "cm", "y", (FORMATS["bvh"].drops, *dropped))
     write_text(path.with_name(f"{path.name}.txt"), facts)
     return dropped
@@ -145,7 +145,7 @@ def _hierarchy(motion: PosedRecording, offset: Array, moves: Array) -> list[str]
     return ["HIERARCHY", *below(0)]
 
 
-def _dropped(motion: PosedRecording, moves: Array) -> tuple[str, ...]:
+def _losses(motion: PosedRecording, moves: Array) -> tuple[str, ...]:
     sentences = []
     moving = [motion.names[i] for i in range(1, len(moves)) if moves[i]]
     if moving:

@@ -94,7 +94,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
         "RATE": [rate_hz],
         "UNITS": ["mm"],
         "LABELS": labels,
-        "DESCRIPTIONS": [_escaped(text)[:LONGEST_LABEL] for text in descriptions],
+        "DESCRIPTIONS": [_escape(text)[:LONGEST_LABEL] for text in descriptions],
     }.items():
         file["parameters"]["POINT"][name]["value"] = value
     file.add_parameter("POINT", "X_SCREEN", ["+X"])
@@ -142,7 +142,7 @@ def _receiver_points(motion: PosedRecording) -> Iterator[tuple[str, str]]:
             yield f"{segment}_receiver_{axis}", f"{ARM_MM:g} mm along {axis} of the receiver on {segment}"
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     r"""ASCII; any other character as Python and JSON write it, \uXXXX."""
     return text.encode("ascii", "backslashreplace").decode("ascii")
 
@@ -185,7 +185,7 @@ def _note(motion: PosedRecording, dropped: Sequence[str]) -> list[str]:
     """Return whose motion it is, in lines."""
     start = f"{motion.time_s[0]:.9g} s" if np.isfinite(motion.time_s[0]) else "not known"
     lines = [
-        *_escaped(facts_text(motion, "mm", "z", dropped)).splitlines(),
+        *_escape(facts_text(motion, "mm", "z", dropped)).splitlines(),
         f"points: joints; of every receiver its origin and what is {ARM_MM:g} mm along its x, y and z",
         "rotations: bones by the joint they start at, in the bone frame above; receivers",
         f"first frame: the tracker's {motion.frame[0]}, device time {start}",

@@ -14,7 +14,7 @@ from shukotsu import command_line
 from shukotsu.errors import InputError, StorageError
 from shukotsu.export.motion import file_stem, read_motion
 from shukotsu.export.motion_bids import write_dataset_files
-from shukotsu.export.registry import FORMATS, Settings, chosen_formats, settings_of, write_format
+from shukotsu.export.registry import FORMATS, ExportSettings, chosen_formats, settings_of, write_format
 from shukotsu.hand.posed_recording import recording_reader
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.sheets import PARTICIPANTS, read_sheet
@@ -74,14 +74,14 @@ def _export_recording(
     recording: Recording,
     model: str,
     formats: Sequence[str],
-    settings: Settings,
+    settings: ExportSettings,
     arguments: argparse.Namespace,
 ) -> Iterator[tuple[str, str]]:
     """Write one recording under one model; yield stem and message of failures."""
     stem = file_stem(plan.who, recording.hand.hand, recording.task, recording.trial, model)
     _forget_failures(arguments.out, stem, *(f"{stem}_{name}" for name in formats))
     reader = recording_reader(plan, recording, model)
-    motion, trouble = _tried(arguments, lambda: read_motion(reader, arguments.licence, arguments.frames))
+    motion, trouble = _try(arguments, lambda: read_motion(reader, arguments.licence, arguments.frames))
     if motion is None:
         yield stem, trouble
         return
@@ -89,7 +89,7 @@ def _export_recording(
         print(f"note: {note}", file=sys.stderr)
     for name in formats:
         path = arguments.out / (FORMATS[name].shared or f"{stem}{FORMATS[name].extensions[0]}")
-        remarks, trouble = _tried(arguments, partial(write_format, motion, settings, name, path))
+        remarks, trouble = _try(arguments, partial(write_format, motion, settings, name, path))
         if remarks is None:
             yield f"{stem}_{name}", trouble
             continue
@@ -98,10 +98,10 @@ def _export_recording(
         print(path)
 
 
-def _tried(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | None, str]:
+def _try(arguments: argparse.Namespace, make: Callable[[], T]) -> tuple[T | None, str]:
     """Make it, or return None and why it cannot be: bad input or, with --record-failure, a bug."""
     try:
-        with command_line.recorded(arguments, arguments.record_failure, only_bugs=True) as messages:
+        with command_line.keep_failure(arguments, arguments.record_failure, only_bugs=True) as messages:
             return make(), ""
     except StorageError:
         raise  # the disk's trouble, and not that of this recording

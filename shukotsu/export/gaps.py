@@ -26,7 +26,7 @@ _WIDEST_STEPS = 1.5
 """Frames further apart than this many usual intervals have a gap between them."""
 
 
-def resampled(motion: PosedRecording, fps: float, widest_s: float = 0.0) -> PosedRecording:
+def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -> PosedRecording:
     """Return the motion at an even rate from its first time on: positions linear, rotations by slerp.
 
     Device times count, not frame numbers. A new frame in a gap that was kept, or between frames that are
@@ -53,13 +53,13 @@ def resampled(motion: PosedRecording, fps: float, widest_s: float = 0.0) -> Pose
             "--frames"
         )
     at = np.minimum(time_s[0] + np.arange(_count(time_s, fps)) / fps, time_s[-1])
-    before, after, share = bracketed(at, time_s)
+    before, after, share = bracket(at, time_s)
     share = np.where(at - time_s[before] < _SAME_S, 0.0, np.where(time_s[after] - at < _SAME_S, 1.0, share))
     apart = time_s[after] - time_s[before] > max(_WIDEST_STEPS / motion.rate_hz, widest_s)
     share = np.where(apart & (share > 0) & (share < 1), np.nan, share)
     out = motion.mapped(
-        lambda places: blended(places[before], places[after], share[:, None]),
-        lambda turns: continuous(slerped(turns[before], turns[after], share[:, None])),
+        lambda places: blend(places[before], places[after], share[:, None]),
+        lambda turns: continuous(slerp_rotations(turns[before], turns[after], share[:, None])),
         frame=motion.frame[np.where(share > 0.5, after, before)],
         time_s=at,
     )
@@ -86,7 +86,7 @@ def largest_time_error_s(motion: PosedRecording) -> float:
     return float(np.abs(motion.time_s - even).max())
 
 
-def bracketed(at: Array, x: Array) -> tuple[Index, Index, Array]:
+def bracket(at: Array, x: Array) -> tuple[Index, Index, Array]:
     """Rows before and after each value of `at` in the growing x (n,), and how far it is between them, 0 to 1.
 
     Beyond either end both rows are that end's.
@@ -98,13 +98,13 @@ def bracketed(at: Array, x: Array) -> tuple[Index, Index, Array]:
     return before, after, np.clip(share, 0.0, 1.0)
 
 
-def blended(first: Array, second: Array, share: Array) -> Array:
+def blend(first: Array, second: Array, share: Array) -> Array:
     """Linear between (..., n) and (..., n) at shares (...) 0 to 1; at 0 and 1 exactly either end's value."""
     part = share[..., None]
     return np.where(part <= 0, first, np.where(part >= 1, second, first + part * (second - first)))
 
 
-def slerped(first: Array, second: Array, share: Array) -> Array:
+def slerp_rotations(first: Array, second: Array, share: Array) -> Array:
     """Unit quaternions (..., 4) on the shortest arc (Shoemake 1985) at shares (...) 0 to 1, constant speed.
 
     At 0 and 1 exactly either end's, so that a NaN beside a sample does not spoil it; signs as of the first.
@@ -146,7 +146,7 @@ class Gap:
         return f"{what} {frames}" + (f" ({self.length_s:.3f} s)" if np.isfinite(self.length_s) else "")
 
 
-def closed(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRecording:
+def close_gaps(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRecording:
     """Return the motion without gaps, by the policy; a note says what was done.
 
     refuse : InputError that names the first gap. hold : the pose before goes on, at the start that after.
@@ -190,7 +190,7 @@ def closed(motion: PosedRecording, policy: str, max_gap_s: float) -> PosedRecord
                 f"{motion.origin}: {gap}, longer than --max-gap-s {max_gap_s:g}; raise it, or use --gaps cut "
                 "or hold"
             )
-    return _filled(with_lost_frames(motion), gaps, policy)
+    return _fill_gaps(with_lost_frames(motion), gaps, policy)
 
 
 def find_gaps(motion: PosedRecording) -> list[Gap]:
@@ -262,7 +262,7 @@ def _cut(motion: PosedRecording) -> PosedRecording:
     )
 
 
-def _filled(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRecording:
+def _fill_gaps(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRecording:
     """Every gap filled, parents before children, so that a child is filled in its parent's frame."""
     whole, times = motion.known, motion.time_s
     x = times if np.isfinite(times).all() else np.arange(len(times), dtype=float)
@@ -277,12 +277,12 @@ def _filled(motion: PosedRecording, gaps: list[Gap], policy: str) -> PosedRecord
             places = rotate(conjugate(above), places - position[:, joint.parent])
             turns = multiply(conjugate(above), turns)
         rows = np.flatnonzero(whole[:, index])
-        before, after, share = bracketed(x, x[rows])
+        before, after, share = bracket(x, x[rows])
         if policy == "hold":
             share = np.where(np.arange(len(x)) >= rows[after], 1.0, 0.0)
         before, after = rows[before], rows[after]
-        places = blended(places[before], places[after], share)
-        turns = slerped(turns[before], turns[after], share)
+        places = blend(places[before], places[after], share)
+        turns = slerp_rotations(turns[before], turns[after], share)
         if joint.parent >= 0:
             places, turns = position[:, joint.parent] + rotate(above, places), multiply(above, turns)
         position[blank, index], turn[blank, index] = places[blank], turns[blank]

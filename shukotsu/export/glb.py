@@ -106,14 +106,14 @@ def _solids(motion: PosedRecording) -> Iterator[_Solid]:
         yield _Solid(index, False, ball * _BALL * usual, ball, ball_triangle)
         if length[index] > _SHORTEST_MM:
             radius = _RADIUS * min(float(length[index]), usual)
-            yield _Solid(joint.parent, False, *_flat(*_tapered(motion.rest_offset_mm[index], radius)))
+            yield _Solid(joint.parent, False, *_flat(*_taper(motion.rest_offset_mm[index], radius)))
         if joint.tip and np.isfinite(motion.neutral[joint.parent]).all():
             corners, faces = _box(_NAIL * usual)
             onto = np.array([0.0, 0.85 * _BALL * usual, 0.6 * _NAIL[2] * usual])
             yield _Solid(index, True, *_flat(corners + onto, faces))
 
 
-def _tapered(along_mm: Array, radius_mm: float) -> tuple[Array, Index]:
+def _taper(along_mm: Array, radius_mm: float) -> tuple[Array, Index]:
     """Corners (V, 3) and faces (F, 3) of a solid from the origin to a point, thickest near the origin."""
     direction = unit(along_mm)
     # any two axes across it; the second helper stands in where the first is along the bone

@@ -231,10 +231,10 @@ def _frame(motion: PosedRecording, index: int, turn: Array) -> tuple[Array, Arra
         return zero, axes, labels
     first = hinge if axes[0] @ hinge >= 0 else -hinge
     seen = unit(rotate(turn, first).mean(0))
-    return multiply(shortest_turn(rotate(zero, first), seen), zero), _completed(first, axes), labels
+    return multiply(shortest_turn(rotate(zero, first), seen), zero), _complete_axes(first, axes), labels
 
 
-def _completed(first: Array, axes: Array) -> Array:
+def _complete_axes(first: Array, axes: Array) -> Array:
     """Right-handed axes (3, 3) of which one is given, the second nearest to that of right-handed `axes`."""
     near = axes[1] if abs(first @ axes[1]) < 0.9 else axes[0]
     second = unit(near - (near @ first) * first)
@@ -247,5 +247,5 @@ def shortest_turn(start: Array, end: Array) -> Array:
     sine = float(np.linalg.norm(across))
     if sine == 0.0 and start @ end > 0:
         return IDENTITY.copy()
-    axis = across / sine if sine else _completed(start, np.eye(3))[1]
+    axis = across / sine if sine else _complete_axes(start, np.eye(3))[1]
     return about_axis(axis, float(np.arctan2(sine, start @ end)))

@@ -17,7 +17,7 @@ digit, skin and all; of other skeletons `<digit>_receiver_tip`, the origin of th
 Translations. Bones are as long as the tables say (`rest_offset_mm`), but joint centres that were solved
 joint by joint leave a gap, and skin leaves one in a fitted hand: what is in a frame beyond the rest offset
 is a joint's own small translation. `position_mm` holds it, so that every joint is where the tables have it.
-`stiffened` gives the skeleton without: the bones' rotations, every bone as long as it is.
+`stiffen` gives the skeleton without: the bones' rotations, every bone as long as it is.
 """
 
 from __future__ import annotations
@@ -271,7 +271,7 @@ def rest_pose(motion: PosedRecording) -> tuple[Array, Array]:
     return position, turn
 
 
-def stiffened(motion: PosedRecording) -> PosedRecording:
+def stiffen(motion: PosedRecording) -> PosedRecording:
     """Return the motion with rotations only: joints at their rest offsets, the root where it is.
 
     For programs that know no stretching bones. Rotations stay; a note says how far a joint is moved at

@@ -62,7 +62,7 @@ _JOINT_ANGLES = (
 )
 
 
-class Channel(NamedTuple):
+class MotionChannel(NamedTuple):
     """A column of motion.tsv: values (T,), NaN or null in gaps, and its row of channels.tsv."""
 
     values: pa.Array
@@ -127,13 +127,13 @@ def _write_system(
     motion: PosedRecording,
     model: str,
     more_facts: Mapping[str, Any],
-    channels_of: Callable[[PosedRecording], Iterable[Channel]],
+    channels_of: Callable[[PosedRecording], Iterable[MotionChannel]],
 ) -> None:
     """Write the four files of a tracking system, motion.tsv last; model : empty of the receivers."""
     timed = motion.time_s[np.isfinite(motion.time_s)]
     name, rates = motion.origin.recording, sampling_rates(motion.rate_hz, motion.time_s)
 
-    def channels(part: PosedRecording) -> list[Channel]:
+    def channels(part: PosedRecording) -> list[MotionChannel]:
         return [*_clock_channels(part, timed), *channels_of(part)]
 
     first = channels(motion.take(slice(0, 1)))
@@ -190,19 +190,19 @@ def sampling_rates(rate_hz: float, time_s: Array) -> dict[str, float]:
     }
 
 
-def _clock_channels(motion: PosedRecording, timed: Array) -> Iterable[Channel]:
+def _clock_channels(motion: PosedRecording, timed: Array) -> Iterable[MotionChannel]:
     """Frame numbers; latency as BIDS wants it, from the recording's first time, and device time."""
     frame = pa.array(motion.frame)
-    yield Channel(frame, "frame", "n/a", "MISC", "n/a", "n/a", "frame number of the tracker")
+    yield MotionChannel(frame, "frame", "n/a", "MISC", "n/a", "n/a", "frame number of the tracker")
     if len(timed):
         latency = [f"{t - timed[0]:.6f}" if np.isfinite(t) else None for t in motion.time_s]
         since = "time since the first sample"
-        yield Channel(pa.array(latency, pa.string()), "latency", "n/a", "LATENCY", "n/a", "s", since)
+        yield MotionChannel(pa.array(latency, pa.string()), "latency", "n/a", "LATENCY", "n/a", "s", since)
         device = pa.array(motion.time_s, from_pandas=True)
-        yield Channel(device, "time", "n/a", "MISC", "n/a", "s", "time of the tracker")
+        yield MotionChannel(device, "time", "n/a", "MISC", "n/a", "s", "time of the tracker")
 
 
-def _receiver_channels(motion: PosedRecording) -> Iterable[Channel]:
+def _receiver_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
     """Every receiver's pose, tracked points being the segments that carry them."""
     receivers = motion.receivers
     for index, segment in enumerate(receivers.segments):
@@ -210,7 +210,7 @@ def _receiver_channels(motion: PosedRecording) -> Iterable[Channel]:
         yield from _numbers(segment, "ORNT", "receiver", receivers.quaternion[:, index])
 
 
-def _skeleton_channels(motion: PosedRecording) -> Iterable[Channel]:
+def _skeleton_channels(motion: PosedRecording) -> Iterable[MotionChannel]:
     """Every joint's position, the rotation of the bone that starts there, and angles of known anatomy."""
     for index, joint in enumerate(motion.joints):
         ends = {SKIN_TIP: "end of the digit, skin and all", RECEIVER_TIP: "distal receiver's origin"}
@@ -224,7 +224,7 @@ def _skeleton_channels(motion: PosedRecording) -> Iterable[Channel]:
         yield from _numbers(joint_name, "JNTANG", signed, angles_deg[:, index])
 
 
-def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[Channel]:
+def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[MotionChannel]:
     """Channels of positions (T, 3) in mm, rotations (T, 4) or joint angles (T, 3) in degrees, NaN in gaps."""
     unit, text, names, digits = {
         "POS": ("m", "position of the {}, {}", ("pos_x", "pos_y", "pos_z"), 12),
@@ -236,7 +236,7 @@ def _numbers(point: str, kind: str, what: str, values: Array) -> Iterable[Channe
         part = {"POS": name[-1:], "ORNT": name}.get(kind, "n/a")
         numbers = pa.array(column, from_pandas=True)
         described = text.format(what, name if kind == "JNTANG" else part)
-        yield Channel(numbers, f"{point}_{name}", part, kind, point, unit, described)
+        yield MotionChannel(numbers, f"{point}_{name}", part, kind, point, unit, described)
 
 
 def check_folder(folder: Path) -> None:

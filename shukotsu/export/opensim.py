@@ -384,7 +384,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
         require_times(motion, time_s, path, "OpenSim")
     forms = joint_forms(motion)
     receivers, unplaced = triads(motion, forms)
-    held = _undetermined(forms, receivers)
+    held = _undetermined_coordinates(forms, receivers)
     remarks = (NOMINAL, *unplaced, *_of_joints(forms, held), *_of_points(motion, receivers))
     title = plain_names([path.stem])[0]
     credit = facts_text(motion, "m", "y", remarks)
@@ -398,7 +398,7 @@ def write(motion: PosedRecording, path: Path) -> tuple[str, ...]:
     return remarks
 
 
-def _undetermined(forms: Sequence[JointForm], receivers: Sequence[Triad]) -> dict[str, float]:
+def _undetermined_coordinates(forms: Sequence[JointForm], receivers: Sequence[Triad]) -> dict[str, float]:
     """Return coordinates that markers do not tell, and where inverse kinematics holds them, rad or mm.
 
     A joint's own translations, at zero. On a bone without a receiver, what goes beyond its degree of freedom,

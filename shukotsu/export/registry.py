@@ -1,6 +1,6 @@
 """The formats that an export can be written in: one table, an entry each, and how one is written.
 
-The module of a format has `write(motion, path)`, which gets the motion ready (by `prepared`: gaps,
+The module of a format has `write(motion, path)`, which gets the motion ready (by `prepare`: gaps,
 rate, rig, world upright) and the path of its main file; files beside it have the same stem. It returns
 sentences on what the file does not hold. It raises InputError where a motion cannot be written, and writes
 files whole or not at all (`tables.whole_files`).
@@ -25,7 +25,7 @@ DIRECTIONS = ("x", "y", "z", "-x", "-y", "-z")
 
 
 @dataclass(frozen=True)
-class Settings:
+class ExportSettings:
     """The words of the command line.
 
     transmitter_up : axis of the transmitter's frame that points up. gaps, max_gap_s : `export.gaps`.
@@ -77,10 +77,10 @@ def add_motion_options(parser: argparse.ArgumentParser) -> None:
     add("--bones", choices=("exact", "stiff"), default="exact", metavar="HOW", help=stiff)
 
 
-def settings_of(arguments: argparse.Namespace) -> Settings:
+def settings_of(arguments: argparse.Namespace) -> ExportSettings:
     """Return the settings that the options of `add_motion_options` hold."""
     options = vars(arguments) | {"stiff": arguments.bones == "stiff"}
-    return Settings(**{field.name: options[field.name] for field in fields(Settings)})
+    return ExportSettings(**{field.name: options[field.name] for field in fields(ExportSettings)})
 
 
 def _positive(text: str) -> float:
@@ -100,7 +100,7 @@ def _frames(text: str) -> tuple[int | None, int | None]:
         raise argparse.ArgumentTypeError(f"{text!r} is not A:B, for example 100:900") from error
 
 
-def prepared(motion: PosedRecording, settings: Settings, *, holds_gaps: bool, up: str) -> PosedRecording:
+def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: bool, up: str) -> PosedRecording:
     """Return the motion as a format is to write it: gaps, rate, rig and upright world.
 
     holds_gaps : whether the format has a place for a frame without a pose; then `refuse` keeps gaps (NaN).
@@ -108,16 +108,16 @@ def prepared(motion: PosedRecording, settings: Settings, *, holds_gaps: bool, up
     Raises InputError as the parts do.
     """
     from shukotsu.errors import InputError
-    from shukotsu.export.gaps import closed, resampled
-    from shukotsu.export.motion import stiffened
+    from shukotsu.export.gaps import close_gaps, resample_evenly
+    from shukotsu.export.motion import stiffen
     from shukotsu.export.rigging import on_rig
     from shukotsu.hand.rotations import multiply, rotate
 
     if not (holds_gaps and settings.gaps == "refuse"):
-        motion = closed(motion, settings.gaps, settings.max_gap_s)
+        motion = close_gaps(motion, settings.gaps, settings.max_gap_s)
     if settings.fps is not None:
         widest_s = settings.max_gap_s if settings.gaps == "interpolate" else 0.0
-        motion = resampled(motion, settings.fps, widest_s)
+        motion = resample_evenly(motion, settings.fps, widest_s)
     if not holds_gaps and not motion.whole.all():  # the recording stood still for long
         row = int(motion.whole.argmin())
         raise InputError(
@@ -127,7 +127,7 @@ def prepared(motion: PosedRecording, settings: Settings, *, holds_gaps: bool, up
     if settings.rig:
         motion = on_rig(motion, settings.rig)
     if settings.stiff:
-        motion = stiffened(motion)
+        motion = stiffen(motion)
     for joint, offset in zip(motion.joints, motion.rest_offset_mm, strict=True):
         if joint.parent > 0 and not offset @ offset > 0:
             raise InputError(
@@ -159,7 +159,7 @@ def upright(transmitter_up: str, up: str) -> Array:
 
 
 @dataclass(frozen=True)
-class Format:
+class ExportFormat:
     """A format, as the command line and the other formats' neighbours need to know it.
 
     module : which writes it, by its whole name, for the workflow to know that it belongs to the stage.
@@ -184,8 +184,8 @@ class Format:
         return import_module(self.module)
 
 
-FORMATS: Mapping[str, Format] = {
-    name: Format(**keys)
+FORMATS: Mapping[str, ExportFormat] = {
+    name: ExportFormat(**keys)
     for name, keys in read_constants(Path(__file__).with_name("formats.yaml"))["formats"].items()
 }
 
@@ -211,7 +211,7 @@ def chosen_formats(names_list: str) -> list[str]:
     return names
 
 
-def write_format(motion: PosedRecording, settings: Settings, name: str, path: Path) -> tuple[str, ...]:
+def write_format(motion: PosedRecording, settings: ExportSettings, name: str, path: Path) -> tuple[str, ...]:
     """Write a motion as it was read into a file of one of FORMATS.
 
     Returns what was done to it and what the file lacks. Raises InputError as getting ready and writing do.
@@ -223,6 +223,6 @@ def write_format(motion: PosedRecording, settings: Settings, name: str, path: Pa
     chosen = FORMATS[name]
     if not chosen.holds_receivers:
         motion = with_receivers(motion, np.zeros(len(motion.receivers.segments), bool))
-    ready = prepared(motion, settings, holds_gaps=chosen.holds_gaps, up=chosen.up)
+    ready = prepare(motion, settings, holds_gaps=chosen.holds_gaps, up=chosen.up)
     dropped = chosen.writers.write(ready, path)
     return (*ready.notes[len(motion.notes) :], f"not in the file: {chosen.drops}", *dropped)

@@ -32,7 +32,7 @@ class Rig:
     root, thumb (4), finger (5) : of the root and of the joints from a digit's base to its tip; empty where
     the rig has no such joint. In them {side} is right or left, {s} its first letter, {digit} a finger, or
     {pinky} where the little one is called so; {Side}, {Digit}, {Pinky} in such letters. Finger metacarpals
-    that it lacks are folded into the bones after them (`folded`). skin_tips : whether its tips
+    that it lacks are folded into the bones after them (`fold_joints`). skin_tips : whether its tips
     are on the skin; else they are the ends of the last bones.
     """
 
@@ -109,7 +109,7 @@ def on_rig(motion: PosedRecording, name: str) -> PosedRecording:
     other_tips = {j.name for j in motion.joints if j.tip} - set(tips.values())
     lacking = {j.name for j in motion.joints if j.name not in new and not j.tip}
     # bones stay as they are without a tip, so that nothing is to be noted
-    motion = folded(replace(folded(motion, other_tips), notes=motion.notes), lacking)
+    motion = fold_joints(replace(fold_joints(motion, other_tips), notes=motion.notes), lacking)
     joints = tuple(replace(j, name=new[j.name]) for j in motion.joints)
     at = "at the ends of the last bones"
     if any(tip.endswith(RECEIVER_TIP) for tip in tips.values()):
@@ -130,7 +130,7 @@ def with_webxr_names(motion: PosedRecording) -> PosedRecording:
     return on_rig(motion, "webxr") if layouts else motion
 
 
-def folded(motion: PosedRecording, lacking: Collection[str]) -> PosedRecording:
+def fold_joints(motion: PosedRecording, lacking: Collection[str]) -> PosedRecording:
     """The motion without those joints; their children hang from what they hung from.
 
     Exact: every other joint keeps its position and rotation in every frame, so that what the bone did is in

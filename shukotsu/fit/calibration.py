@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from shukotsu.errors import InputError, TableError, guess, joined
+from shukotsu.errors import InputError, TableError, guess, join_reasons
 from shukotsu.fit.fingertips import PAD, TIP, Fingertips, fingertips
-from shukotsu.fit.fit import HandFit, Settings, fit_hand, share_lengths
+from shukotsu.fit.fit import FitSettings, HandFit, fit_hand, share_lengths
 from shukotsu.fit.left_out import Unsteady, field_errors, is_elsewhere, share_left_out, without_displaced
 from shukotsu.fit.loose_receivers import Displaced, displaced_in
 from shukotsu.fit.measurements import Measurement, measurable
@@ -113,7 +113,7 @@ def fit_calibration(
     layout, fitting = plan.layouts[part.hand], _fitting(plan, part)
     usable, reasons = usable_poses(poses)
     if not usable:
-        raise InputError(f"no calibration recording: {joined(reasons) or 'the study names none'}")
+        raise InputError(f"no calibration recording: {join_reasons(reasons) or 'the study names none'}")
     for reason in reasons:
         print(f"note: left out of the calibration: {reason}", file=sys.stderr)
     names = [recording_name(path) for path in usable]
@@ -126,7 +126,7 @@ def fit_calibration(
         hand_length_mm=plan.hand_length_mm,
         hand_breadth_mm=plan.hand_breadth_mm,
         measurements=_measurements(plan, hand, layout),
-        settings=Settings(fitting.frames, fitting.steps, Settings.rounds if fitting.steps else 0),
+        settings=FitSettings(fitting.frames, fitting.steps, FitSettings.rounds if fitting.steps else 0),
     )
     fit = fit_to(recordings)
     displaced, errors, left_out = Displaced(), dict[str, Array](), dict[str, float]()

@@ -24,7 +24,7 @@ from shukotsu.fit.chain_builder import (
     centre,
     receiver,
     straight,
-    tilted,
+    tilt_steps,
 )
 from shukotsu.fit.free_joints import ANGLE_SD_DEG, REACH_SD_MM, WRIST_SD_MM, FreeJoint
 from shukotsu.fit.free_joints import AXIS_SD_RAD as FREE_AXIS_SD_RAD
@@ -133,7 +133,7 @@ def _free(builder: Builder, joint: FreeJoint, others: Sequence[FreeJoint], *, at
     ]
     if joint.joint.dof < 3:  # three rotations reach every posture, wherever their axes are
         tilts = [builder.free(0.0, FREE_AXIS_SD_RAD, "free axis", f"{name} {n}") for n in (1, 2)]
-        turns = tilted((joint.axes[:, 1], joint.axes[:, 2]), tilts, turns)
+        turns = tilt_steps((joint.axes[:, 1], joint.axes[:, 2]), tilts, turns)
     steps += turns
     steps.append(Turn(joint.mean))
     steps += [along(axis, amount) for axis, amount in zip(np.eye(3), far, strict=True)]
@@ -340,7 +340,7 @@ class _Joint:
         mark = [] if lagging or not self.moves else [Mark(axis_frame(self.name))]
         turn = by_state(self.axis, self.flexion, self._lag(self.flexion, lagging))
         held = [about(self.axis, self.bent)] if self.bent.parts else []
-        flex = tilted(across_of(self.axis), self.tilts, [*mark, *held, turn])
+        flex = tilt_steps(across_of(self.axis), self.tilts, [*mark, *held, turn])
         if self.ratio is not None:
             pronation = (
                 Term(prior.PRO_SUPINATION, None, self.flexion),
@@ -355,7 +355,7 @@ class _Joint:
         if self.skew is None:
             return [*steps, *flex, *abduct, roll, *rest]
         back = along(self.skew_axis, self.skew.times(-0.5))
-        abduct = tilted(across_of(self.second), self.second_tilts, abduct)
+        abduct = tilt_steps(across_of(self.second), self.second_tilts, abduct)
         across = along(self.skew_axis, self.skew)
         return [*steps, back, *abduct, across, *flex, roll, back, *rest]
 

@@ -248,7 +248,7 @@ def across_of(axis: Array) -> tuple[Array, Array]:
     return first, np.cross(axis, first)
 
 
-def tilted(across: tuple[Array, Array], tilts: Sequence[Amount], turn: Sequence[Step]) -> list[Step]:
+def tilt_steps(across: tuple[Array, Array], tilts: Sequence[Amount], turn: Sequence[Step]) -> list[Step]:
     """A rotation whose axis is tilted by two small rotations: there, turn, and back."""
     first, second = across
     return [

@@ -52,7 +52,7 @@ class Steps:
     root_inverse: Array
     root_by_x: Array
     root_rhs: Array
-    eliminated: tuple[kernel.Eliminated, ...]
+    eliminated: tuple[kernel.EliminatedStates, ...]
     unknowns: tuple[Index, ...]
 
     def frames_first(self) -> Reduced:
@@ -82,10 +82,10 @@ def _first(values: Array) -> Array:
     return np.moveaxis(values, -1, 0).copy()
 
 
-def _reached_room(problem: Problem, n: int) -> kernel.Reached:
+def _reached_room(problem: Problem, n: int) -> kernel.ReachedFrames:
     n_operations = sum(len(branch.operations) for branch in problem.branches)
     n_marks = sum(len(branch.marks) for branch in problem.branches)
-    return kernel.Reached(
+    return kernel.ReachedFrames(
         np.empty((n_operations, 3, n)),
         np.empty((n_operations, 3, n)),
         np.empty((n_marks, 3, 3, n)),
@@ -93,9 +93,9 @@ def _reached_room(problem: Problem, n: int) -> kernel.Reached:
     )
 
 
-def _residuals_room(problem: Problem, n: int) -> kernel.Residuals:
+def _residuals_room(problem: Problem, n: int) -> kernel.ResidualArrays:
     n_receivers = sum(map(len, problem.receivers))
-    return kernel.Residuals(np.empty((n_receivers, 6, n)), np.empty((n_receivers, n)), np.empty(n))
+    return kernel.ResidualArrays(np.empty((n_receivers, 6, n)), np.empty((n_receivers, n)), np.empty(n))
 
 
 def _posing_room(problem: Problem, n: int) -> kernel.Room:
@@ -104,7 +104,7 @@ def _posing_room(problem: Problem, n: int) -> kernel.Room:
     s = max((len(branch.states) for branch in problem.branches), default=0)
     shapes = ((s, m), (6, m), (b, s, s), (b, 6, s), (b, s), (6, 6), (0, 6), (6,), (6, 6), (6,), (6,))
     return kernel.Room(
-        kernel.Poses(np.empty((len(problem.state_mean), n)), np.empty((3, 3, n)), np.empty((3, n))),
+        kernel.BranchPoses(np.empty((len(problem.state_mean), n)), np.empty((3, 3, n)), np.empty((3, n))),
         _reached_room(problem, n),
         _residuals_room(problem, n),
         *(np.empty((*shape, n)) for shape in shapes),
@@ -123,16 +123,16 @@ def _amounts(chains: kernel.FlatChains, x: Array) -> kernel.Amounts:
     return kernel.Amounts(chains.amount + np.diff(running[chains.terms_from]), slope)
 
 
-def _poses(point: Point) -> kernel.Poses:
-    return kernel.Poses(_last(point.y), _last(point.root), _last(point.root_mm))
+def _poses(point: Point) -> kernel.BranchPoses:
+    return kernel.BranchPoses(_last(point.y), _last(point.root), _last(point.root_mm))
 
 
-def _measured(problem: Problem, x: Array, *, free_x: bool) -> kernel.Measured:
+def _measured_poses(problem: Problem, x: Array, *, free_x: bool) -> kernel.MeasuredPoses:
     frames = problem.frames
     turned = np.zeros((len(frames.valid), frames.valid.shape[1], 3, 0))
     if free_x and problem.field is not None:
         turned = problem.field.by_unknown(frames.position_mm)
-    return kernel.Measured(
+    return kernel.MeasuredPoses(
         _last(problem.rotation(x)),
         _last(frames.position_mm),
         frames.valid.T.copy(),
@@ -156,16 +156,16 @@ class _Evaluated:
 
     chains: kernel.FlatChains
     amounts: kernel.Amounts
-    at: kernel.Poses
-    seen: kernel.Measured
+    at: kernel.BranchPoses
+    seen: kernel.MeasuredPoses
     prior: kernel.Prior
-    reached: kernel.Reached
-    current: kernel.Residuals
+    reached: kernel.ReachedFrames
+    current: kernel.ResidualArrays
 
     @classmethod
     def of(cls, problem: Problem, point: Point) -> _Evaluated:
         chains, at, prior, n_frames = _chains(problem), _poses(point), _prior(problem), len(point.y)
-        amounts, seen = _amounts(chains, point.x), _measured(problem, point.x, free_x=True)
+        amounts, seen = _amounts(chains, point.x), _measured_poses(problem, point.x, free_x=True)
         reached, residuals_there = _reached_room(problem, n_frames), _residuals_room(problem, n_frames)
         kernel.reach(chains, chains.plan, amounts, at, reached)
         kernel.residuals(chains, reached, at, seen, prior, residuals_there)
@@ -235,7 +235,7 @@ def reduce(problem: Problem, point: Point, damping: float = 0.0) -> Steps:
     for b, (branch, receivers) in enumerate(zip(problem.branches, problem.receivers, strict=True)):
         unknowns, s = problem.unknowns_of(b), len(branch.states)
         J_y, J = np.empty((s, 6 * len(receivers), n)), np.empty((6 + len(unknowns), 6 * len(receivers), n))
-        part = kernel.Eliminated(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
+        part = kernel.EliminatedStates(np.empty((s, s, n)), np.empty((len(J), s, n)), np.empty((s, n)))
         kernel.jacobian(
             at.chains, at.amounts, at.reached, at.at, at.seen, at.current, problem.temper, b, J_y, J
         )
@@ -270,7 +270,7 @@ def back_substitute(problem: Problem, point: Point, steps: Steps, dx: Array) -> 
 def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
     """Fit states and roots with x as it is: Levenberg-Marquardt, each frame for no longer than it gains."""
     chains, amounts, prior = _chains(problem), _amounts(_chains(problem), point.x), _prior(problem)
-    plan = kernel.condensed(chains, amounts)
+    plan = kernel.condense(chains, amounts)
     y, root, root_mm = point.y.copy(), point.root.copy(), point.root_mm.copy()
     n_blocks = -(-len(y) // BLOCK_FRAMES)
     rooms = dict[int, kernel.Room]()
@@ -279,7 +279,7 @@ def pose(problem: Problem, point: Point, steps: int = 12) -> Point:
         if len(rows) not in rooms:
             rooms[len(rows)] = _posing_room(problem, len(rows))
         at = _poses(point.take(block))
-        seen = _measured(replace(problem, frames=problem.frames.take(block)), point.x, free_x=False)
+        seen = _measured_poses(replace(problem, frames=problem.frames.take(block)), point.x, free_x=False)
         kernel.pose(chains, plan, amounts, seen, prior, steps, _LEAST_GAIN, at, rooms[len(rows)])
         y[block], root[block], root_mm[block] = _first(at.y), _first(at.root), _first(at.root_mm)
     return Point(point.x, y, root, root_mm)
@@ -311,7 +311,7 @@ def _flat_chains(
     terms_from = _from(map(len, terms))
     x_column = _columns(of_branch, unknown, [branch.unknowns for branch in branches])
     y_column = _columns(of_branch, state, [branch.states for branch in branches])
-    by_unknown = np.pad(_touched(upstream, terms_from, x_column), ((0, 0), (0, len(shared))))
+    by_unknown = np.pad(_moves_receiver(upstream, terms_from, x_column), ((0, 0), (0, len(shared))))
     for row, (b, *_) in zip(by_unknown, measured, strict=True):
         row[len(branches[b].unknowns) :][: len(shared)] = True
     return kernel.FlatChains(
@@ -330,7 +330,7 @@ def _flat_chains(
         np.array([s for *_, s in measured], int),
         _from(map(len, upstream)),
         np.concatenate([np.zeros(0, int), *upstream]),
-        _touched(upstream, terms_from, y_column),
+        _moves_receiver(upstream, terms_from, y_column),
         by_unknown,
         _from(map(len, receivers)),
         _from(len(branch.states) for branch in branches),
@@ -366,7 +366,7 @@ def _columns(of_branch: Index, index: Index, of_branches: Sequence[Index]) -> In
     return np.array([places[b].get(int(i), -1) for b, i in zip(of_branch, index, strict=True)], int)
 
 
-def _touched(upstream: Sequence[Index], terms_from: Index, column: Index) -> npt.NDArray[np.bool_]:
+def _moves_receiver(upstream: Sequence[Index], terms_from: Index, column: Index) -> npt.NDArray[np.bool_]:
     """Whether each receiver (N, columns) is moved by what is in that column."""
     out = np.zeros((len(upstream), int(column.max(initial=-1)) + 1), bool)
     for row, operations in zip(out, upstream, strict=True):

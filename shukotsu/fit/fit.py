@@ -31,7 +31,7 @@ from shukotsu.fit.normal_equations import (
 )
 from shukotsu.fit.posterior import Evidence, Posterior
 from shukotsu.fit.posterior_summary import FittedBone, FittedJoint, HandSummary, summarise
-from shukotsu.fit.receiver_frames import Convention, concatenated, neighbours, postures, spread_frames
+from shukotsu.fit.receiver_frames import Convention, concatenate_poses, neighbours, postures, spread_frames
 from shukotsu.hand import average_hand as prior
 from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
 from shukotsu.hand.known_digits import known_digits, root_of
@@ -160,7 +160,7 @@ NO_PRECISION = 1e-9
 
 
 @dataclass(frozen=True)
-class Settings:
+class FitSettings:
     """Frames fitted, most steps of a solution, rounds that find priors' and residuals' scales."""
 
     n_frames: int = 100
@@ -210,7 +210,7 @@ def fit_hand(
     hand_length_mm: float | None = None,
     hand_breadth_mm: float | None = None,
     measurements: Sequence[Measurement] = (),
-    settings: Settings | None = None,
+    settings: FitSettings | None = None,
 ) -> HandFit:
     """Fit a hand to its calibration recordings, all at once.
 
@@ -219,21 +219,21 @@ def fit_hand(
     measurements : taken on the hand itself. A receiver that is never valid is done without. Raises InputError
     where fewer than two frames have half of the receivers, or a measurement names nothing known.
     """
-    settings = settings or Settings()
+    settings = settings or FitSettings()
     worn = {name for poses in recordings for name in np.array(poses.segments)[poses.valid.any(0)].tolist()}
     worn |= {*layout.expected}  # an optional receiver counts only where it was worn
     root = root_of(layout)
     receivers = [root, *(name for name in layout.measured if name != root and name in worn)]
     convention = Convention.of(layout, receivers, hand)
-    everything = convention.frames(concatenated(recordings))
-    frames, share = _chosen(everything, layout, convention.receivers, settings.n_frames)
+    everything = convention.frames(concatenate_poses(recordings))
+    frames, share = _choose_frames(everything, layout, convention.receivers, settings.n_frames)
     scale = _scale(hand_length_mm, hand_breadth_mm)
     model = _model(layout, convention, everything, frames, scale)
     field = RoomField.among(model.unknowns, frames.position_mm[frames.valid])
     every = observations(model, measurements), planes(model, layout, convention, frames)
     measured = Observations(*(np.concatenate([getattr(o, n) for o in every]) for n in ("rows", "values")))
     problem = _problem(model, frames, measured, field)
-    problem, solution = _solved(problem, model, everything, settings)
+    problem, solution = _solve_scales(problem, model, everything, settings)
     seen = {model.receivers[i] for i in np.flatnonzero(frames.valid.any(0))}
     bones = {name for digit in known_digits(layout) for name in digit.segments}
     if settings.rounds and any(name not in seen and layout.segments[name].measured for name in bones):
@@ -291,8 +291,8 @@ def _problem(model: HandModel, frames: Frames, measured: Observations, field: Ro
     )
 
 
-def _solved(
-    problem: Problem, model: HandModel, everything: Frames, settings: Settings
+def _solve_scales(
+    problem: Problem, model: HandModel, everything: Frames, settings: FitSettings
 ) -> tuple[Problem, Solution]:
     """Solve, find the scales that the hand shows, solve again; return the last problem and solution."""
     published_sd = problem.sd
@@ -333,7 +333,9 @@ def _scale(length_mm: float | None, breadth_mm: float | None) -> tuple[float, fl
     return float(weight @ [scale for scale, _ in measured] / weight.sum()), float(weight.sum() ** -0.5)
 
 
-def _chosen(frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: int) -> tuple[Frames, Array]:
+def _choose_frames(
+    frames: Frames, layout: Layout, receivers: Sequence[str], n_frames: int
+) -> tuple[Frames, Array]:
     """Frames to fit, and the share (F,) of the recording that each stands for."""
     worn = int(frames.valid.any(0).sum())
     count = frames.valid.sum(1)

@@ -106,7 +106,7 @@ def posed_errors(
     none is given.
     """
     chosen, nearest = _postures(posed, frames.valid)
-    few = _joined(
+    few = _join_errors(
         [
             _errors(Postures.of(tips, posed_frames(posed, rows)), frames.take(rows))
             for rows in np.split(chosen, range(_MOST_AT_ONCE, len(chosen), _MOST_AT_ONCE))
@@ -192,7 +192,7 @@ def _norms(maps: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum("...n,...n->...", maps, maps)))
 
 
-def _joined(parts: Sequence[PosedErrors]) -> PosedErrors:
+def _join_errors(parts: Sequence[PosedErrors]) -> PosedErrors:
     """Errors of frames after each other."""
     return PosedErrors(
         np.concatenate([part.centre_mm for part in parts]),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.errors import joined
+from shukotsu.errors import join_reasons
 from shukotsu.fit.fingertips import Fingertips
 from shukotsu.fit.fit import HandFit
 from shukotsu.fit.left_out import Unsteady
@@ -17,7 +17,7 @@ from shukotsu.fit.posterior_summary import FittedJoint
 from shukotsu.hand.joint_angles import joint_angles
 from shukotsu.hand.posing import ZERO_COLUMNS
 from shukotsu.study.layout import Layout
-from shukotsu.study.verdict import UNJUDGED, noted
+from shukotsu.study.verdict import UNJUDGED, note_doubts
 from shukotsu.tables import catalogue
 from shukotsu.tables.poses import RecordingName
 from shukotsu.tables.typed_table import Table, vector_columns
@@ -72,7 +72,7 @@ def _joint_row(joint: FittedJoint) -> Row:
         "axis_sd_deg": joint.axis_sd_deg,
         "n_frames": 0,
         "source": SOURCE,
-        **noted(joint.doubts),
+        **note_doubts(joint.doubts),
         "status": "failed" if joint.message else "ok",
         "message": joint.message,
         **vector_columns("parent_", joint.parent_mm, "_mm"),
@@ -129,7 +129,7 @@ def receiver_rows(tips: Fingertips, unsteady: Unsteady) -> list[Row]:
                 row |= vector_columns(f"{name}_", point, "_mm")
                 row[f"{name}_sd_mm"] = float(np.sqrt(np.trace(covariance)))
             refused = [text for text in tips.refused if f"({digit}, " in text or f" and {digit})" in text]
-            row["message"] = joined([row["message"], *refused])
+            row["message"] = join_reasons([row["message"], *refused])
         rows.append(row)
     return rows
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numba
@@ -33,12 +34,16 @@ _FIRST_DAMPING, _DAMPING_STEP = 1e-3, 10.0
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 
-def _compiled(function: _Function, signature: str | None = None) -> _Function:
+def _compile(function: _Function, signature: str | None = None) -> _Function:
     """Compile when first called, or for a signature now; keep the machine code on disk where that can be."""
     options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     try:
+        folder = Path(numba.njit(cache=True, **options)(function).stats.cache_path)
+        for index in folder.glob(f"kernel.{function.__name__}-*.nbi"):
+            if index.stat().st_mtime < Path(__file__).stat().st_mtime:  # it may name types that are no more
+                index.unlink()
         return cast(_Function, numba.njit(signature, cache=True, **options)(function))
-    except RuntimeError:  # neither this folder nor the user's cache may be written
+    except (RuntimeError, OSError):  # neither this folder nor the user's cache may be written
         return cast(_Function, numba.njit(signature, **options)(function))
 
 
@@ -48,7 +53,7 @@ def _inner(function: _Function) -> _Function:
     return cast(_Function, numba.njit(**options)(function))
 
 
-def _inlined(function: _Function) -> _Function:
+def _inline(function: _Function) -> _Function:
     """Compile only as a part of what calls it."""
     return cast(_Function, numba.njit(inline="always", error_model="numpy")(function))
 
@@ -102,7 +107,7 @@ class Amounts(NamedTuple):
     slope: Array
 
 
-class Poses(NamedTuple):
+class BranchPoses(NamedTuple):
     """States y (S, F) and root (3, 3, F), root_mm (3, F)."""
 
     y: Array
@@ -110,7 +115,7 @@ class Poses(NamedTuple):
     root_mm: Array
 
 
-class Measured(NamedTuple):
+class MeasuredPoses(NamedTuple):
     """Poses of S receivers, valid (S, F), their sd (S, 2); turned : (S, K, 3, F) by the last K unknowns."""
 
     rotation: Array
@@ -129,7 +134,7 @@ class Prior(NamedTuple):
     huber: float
 
 
-class Reached(NamedTuple):
+class ReachedFrames(NamedTuple):
     """Where chains reach: axis, origin_mm (O, 3, F), rotation (M, 3, 3, F), position_mm (M, 3, F)."""
 
     axis: Array
@@ -138,7 +143,7 @@ class Reached(NamedTuple):
     position_mm: Array
 
 
-class Residuals(NamedTuple):
+class ResidualArrays(NamedTuple):
     """r (N, 6, F), their robust weight (N, F), the cost (F,) of residuals and states' priors."""
 
     r: Array
@@ -146,7 +151,7 @@ class Residuals(NamedTuple):
     cost: Array
 
 
-class Eliminated(NamedTuple):
+class EliminatedStates(NamedTuple):
     """A branch's states: inverse (s, s, F), by_rest (s, columns, F) and rhs (s, F) of `Elimination`."""
 
     inverse: Array
@@ -177,7 +182,7 @@ def _fill(value: float, out: Array) -> None:
 
 
 # Compiled now: half a second of what numba then reads is shared by all forks of the warm process.
-_fill = _compiled(_fill, "void(float64, float64[:, ::1])")
+_fill = _compile(_fill, "void(float64, float64[:, ::1])")
 
 
 @_inner
@@ -236,8 +241,8 @@ def _amount(chains: FlatChains, amounts: Amounts, o: int, y: Array, out: Array) 
                 out[f] += amounts.slope[k] * y[state, f]
 
 
-@_compiled
-def reach(chains: FlatChains, plan: Plan, amounts: Amounts, at: Poses, reached: Reached) -> None:
+@_compile
+def reach(chains: FlatChains, plan: Plan, amounts: Amounts, at: BranchPoses, reached: ReachedFrames) -> None:
     """Go through all chains."""
     R, t = at.root.copy(), at.root_mm.copy()
     left_R = np.empty((chains.depth, *R.shape))
@@ -295,9 +300,14 @@ def _residual(
     r[3, f], r[4, f], r[5, f] = a * factor / sd[1], b * factor / sd[1], c * factor / sd[1]
 
 
-@_compiled
+@_compile
 def residuals(
-    chains: FlatChains, reached: Reached, at: Poses, seen: Measured, prior: Prior, out: Residuals
+    chains: FlatChains,
+    reached: ReachedFrames,
+    at: BranchPoses,
+    seen: MeasuredPoses,
+    prior: Prior,
+    out: ResidualArrays,
 ) -> None:
     """Residuals of every receiver, zero where not valid, and what each frame costs."""
     for f in range(len(out.cost)):
@@ -432,14 +442,14 @@ def _by_terms(
                 _add(by, chains.coefficient[k], out)
 
 
-@_compiled
+@_compile
 def jacobian(
     chains: FlatChains,
     amounts: Amounts,
-    reached: Reached,
-    at: Poses,
-    seen: Measured,
-    current: Residuals,
+    reached: ReachedFrames,
+    at: BranchPoses,
+    seen: MeasuredPoses,
+    current: ResidualArrays,
     temper: float,
     b: int,
     J_y: Array,
@@ -533,17 +543,17 @@ def _by_lower(inverse: Array, B: Array, out: Array) -> None:
                 out[i, f] += inverse[i, j, f] * B[j, f]
 
 
-@_compiled
+@_compile
 def eliminate(
     chains: FlatChains,
-    current: Residuals,
-    at: Poses,
+    current: ResidualArrays,
+    at: BranchPoses,
     prior: Prior,
     damping: Array,
     b: int,
     J_y: Array,
     J: Array,
-    out: Eliminated,
+    out: EliminatedStates,
 ) -> Array:
     """Eliminate a branch's states; give its weighted residuals (m, F)."""
     first, last = chains.receivers_from[b], chains.receivers_from[b + 1]
@@ -587,9 +597,16 @@ def eliminate(
     return r
 
 
-@_compiled
+@_compile
 def add_to_root(
-    chains: FlatChains, b: int, J: Array, r: Array, part: Eliminated, H_rr: Array, H_xr: Array, g_r: Array
+    chains: FlatChains,
+    b: int,
+    J: Array,
+    r: Array,
+    part: EliminatedStates,
+    H_rr: Array,
+    H_xr: Array,
+    g_r: Array,
 ) -> None:
     """Add what a branch says of roots (6, 6, F), also by unknowns (G, 6, F), and their gradient (6, F)."""
     first, last = chains.receivers_from[b], chains.receivers_from[b + 1]
@@ -619,7 +636,7 @@ def _solve_root(H_rr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Ar
     _by_lower(inverse, g_r, rhs)
 
 
-@_compiled
+@_compile
 def reduce_roots(
     H_rr: Array, H_xr: Array, g_r: Array, damping: Array, inverse: Array, rhs: Array, by_x: Array
 ) -> None:
@@ -639,8 +656,8 @@ def _by_upper(inverse: Array, B: Array, out: Array) -> None:
                 out[i, f] += inverse[j, i, f] * B[j, f]
 
 
-@_compiled
-def step_states(states: npt.NDArray[np.int64], part: Eliminated, rest: Array, y: Array) -> None:
+@_compile
+def step_states(states: npt.NDArray[np.int64], part: EliminatedStates, rest: Array, y: Array) -> None:
     """Take the step of a branch's states that goes with that of root and unknowns, rest (columns, F)."""
     rhs, step = part.rhs.copy(), np.empty(part.rhs.shape)
     for column in range(len(rest)):
@@ -653,7 +670,7 @@ def step_states(states: npt.NDArray[np.int64], part: Eliminated, rest: Array, y:
             y[states[i], f] -= step[i, f]
 
 
-@_compiled
+@_compile
 def step_root(d_root: Array, root: Array, root_mm: Array) -> None:
     """Move roots by d_root (6, F), mm and rotation vector in their own axes."""
     E, row = np.empty((3, 3)), np.empty(3)
@@ -698,8 +715,8 @@ def _stay(R: Array, t: Array) -> None:
             R[i, j, 0] = 1.0 if i == j else 0.0
 
 
-@_compiled
-def condensed(chains: FlatChains, amounts: Amounts) -> Plan:
+@_compile
+def condense(chains: FlatChains, amounts: Amounts) -> Plan:
     """The plan with what stays between moving operations as one constant move."""
     plan = chains.plan
     kind, number, constant = (
@@ -740,9 +757,9 @@ def condensed(chains: FlatChains, amounts: Amounts) -> Plan:
 class Room(NamedTuple):
     """Where a block of frames is posed: the point tried, residuals at the current one; roots' step."""
 
-    tried: Poses
-    reached: Reached
-    current: Residuals
+    tried: BranchPoses
+    reached: ReachedFrames
+    current: ResidualArrays
     J_y: Array
     J: Array
     inverse: Array
@@ -756,9 +773,15 @@ class Room(NamedTuple):
     d_root: Array
 
 
-@_inlined
+@_inline
 def _step(
-    chains: FlatChains, amounts: Amounts, seen: Measured, prior: Prior, damping: Array, at: Poses, room: Room
+    chains: FlatChains,
+    amounts: Amounts,
+    seen: MeasuredPoses,
+    prior: Prior,
+    damping: Array,
+    at: BranchPoses,
+    room: Room,
 ) -> None:
     """Try the step from a point where `reach` and `residuals` were, x being fixed."""
     for i in range(6):
@@ -766,7 +789,7 @@ def _step(
     _fill(0.0, room.g_r)
     for b in range(len(chains.states_from) - 1):
         n_states = chains.states_from[b + 1] - chains.states_from[b]
-        part = Eliminated(room.inverse[b, :n_states], room.by_rest[b], room.rhs[b, :n_states])
+        part = EliminatedStates(room.inverse[b, :n_states], room.by_rest[b], room.rhs[b, :n_states])
         J_y = room.J_y[:n_states]
         jacobian(chains, amounts, room.reached, at, seen, room.current, prior.temper, b, J_y, room.J)
         r = eliminate(chains, room.current, at, prior, damping, b, J_y, room.J, part)
@@ -781,13 +804,13 @@ def _step(
     _copy(at.root_mm, room.tried.root_mm)
     for b in range(len(chains.states_from) - 1):
         states = chains.states[chains.states_from[b] : chains.states_from[b + 1]]
-        part = Eliminated(room.inverse[b, : len(states)], room.by_rest[b], room.rhs[b, : len(states)])
+        part = EliminatedStates(room.inverse[b, : len(states)], room.by_rest[b], room.rhs[b, : len(states)])
         step_states(states, part, room.d_root, room.tried.y)
     step_root(room.d_root, room.tried.root, room.tried.root_mm)
 
 
-@_inlined
-def _take(f: int, tried: Poses, at: Poses) -> None:
+@_inline
+def _take(f: int, tried: BranchPoses, at: BranchPoses) -> None:
     """Copy one frame of poses."""
     for i in range(len(at.y)):
         at.y[i, f] = tried.y[i, f]
@@ -797,24 +820,30 @@ def _take(f: int, tried: Poses, at: Poses) -> None:
             at.root[i, j, f] = tried.root[i, j, f]
 
 
-@_inlined
+@_inline
 def _evaluate(
-    chains: FlatChains, plan: Plan, amounts: Amounts, seen: Measured, prior: Prior, at: Poses, room: Room
+    chains: FlatChains,
+    plan: Plan,
+    amounts: Amounts,
+    seen: MeasuredPoses,
+    prior: Prior,
+    at: BranchPoses,
+    room: Room,
 ) -> None:
     reach(chains, plan, amounts, at, room.reached)
     residuals(chains, room.reached, at, seen, prior, room.current)
 
 
-@_compiled
+@_compile
 def pose(
     chains: FlatChains,
     plan: Plan,
     amounts: Amounts,
-    seen: Measured,
+    seen: MeasuredPoses,
     prior: Prior,
     steps: int,
     least_gain: float,
-    at: Poses,
+    at: BranchPoses,
     room: Room,
 ) -> None:
     """Fit states and roots, in place, x fixed, each frame while a step gains least_gain; plan : condensed."""

@@ -10,7 +10,7 @@ import numpy as np
 from shukotsu.fit.field_test import Field
 from shukotsu.fit.fit import HandFit
 from shukotsu.fit.loose_receivers import Displaced, LooseReceiver, recording_of_rows
-from shukotsu.fit.receiver_frames import concatenated
+from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.hand.rotations import Array
 from shukotsu.tables.poses import Poses, RecordingName
 
@@ -43,7 +43,7 @@ class Unsteady:
 
 def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Displaced) -> list[Poses]:
     """The recordings, each receiver valid where it sat longest, and where the field was undisturbed."""
-    recording, valid = recording_of_rows(recordings), concatenated(recordings).valid.copy()
+    recording, valid = recording_of_rows(recordings), concatenate_poses(recordings).valid.copy()
     for segment in {receiver.segment for receiver in displaced.loose}:
         moves = [receiver for receiver in displaced.loose if receiver.segment == segment]
         column = valid[:, recordings[0].index(segment)]
@@ -60,7 +60,7 @@ def without_displaced(fit: HandFit, recordings: Sequence[Poses], displaced: Disp
 
 def share_left_out(before: Sequence[Poses], after: Sequence[Poses]) -> dict[str, float]:
     """Share of each receiver's valid frames that is no longer valid, of those that lost any."""
-    was, left = (concatenated(recordings).valid.sum(0) for recordings in (before, after))
+    was, left = (concatenate_poses(recordings).valid.sum(0) for recordings in (before, after))
     return {
         segment: float(1.0 - now / then)
         for segment, then, now in zip(before[0].segments, was, left, strict=True)
@@ -87,7 +87,7 @@ def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Field | None)
     """The largest error (6,), mm and rad, of a disturbed field at each receiver that it reaches."""
     if field is None:
         return {}
-    errors, valid = _errors(fit, recordings, field), concatenated(recordings).valid
+    errors, valid = _errors(fit, recordings, field), concatenate_poses(recordings).valid
     size = np.where(valid, _size(errors, FELT_ERROR), 0.0)
     worst = np.argmax(size, axis=0)
     return {
@@ -99,7 +99,7 @@ def field_errors(fit: HandFit, recordings: Sequence[Poses], field: Field | None)
 
 def _errors(fit: HandFit, recordings: Sequence[Poses], field: Field) -> Array:
     """The field's error (T, S, 6) at every receiver of the recordings, as they name them."""
-    position = concatenated(recordings).position_mm
+    position = concatenate_poses(recordings).position_mm
     error = field.at(fit.evidence.convention.world(np.eye(3), position)[1])
     return np.where(np.isfinite(error), error, 0.0)
 

@@ -22,7 +22,7 @@ from shukotsu.fit.gauss_newton import NEARLY, first_guess, solve
 from shukotsu.fit.normal_equations import Frames, Observations, Point, Problem, Residuals
 from shukotsu.fit.operations import Index
 from shukotsu.fit.posterior import Evidence
-from shukotsu.fit.receiver_frames import concatenated
+from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.hand.known_digits import known_digits, root_of
 from shukotsu.hand.rotations import Array, exp_rotation
 from shukotsu.tables.poses import Poses
@@ -113,10 +113,10 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
     of known anatomy are tested: elsewhere skin would be called loose. Where the field is disturbed none is:
     what it leaves over is not told from it.
     """
-    poses = concatenated(recordings)
+    poses = concatenate_poses(recordings)
     n_even = min(EVEN_FRAMES, len(poses.frame))
     rows = np.unique(np.linspace(0, len(poses.frame) - 1, n_even).round().astype(int))
-    problem, point = _posed(fit, fit.evidence.convention.frames(poses.take(rows)))
+    problem, point = _pose_frames(fit, fit.evidence.convention.frames(poses.take(rows)))
     tested = Tested.of(fit.evidence)
     field, gain = likeliest_field(problem, point)
     if gain > LEAST_FIELD_GAIN and gain > tested.scored(problem, point).most_abnormal():
@@ -126,8 +126,8 @@ def displaced_in(fit: HandFit, recordings: Sequence[Poses]) -> Displaced:
     if np.abs(point.x[skin]).max(initial=0.0) > SWALLOWED_SD:
         problem = replace(problem, precision=np.ones(len(problem.precision)))
         skinless = replace(problem, precision=np.where(skin, STIFF, 1.0))
-        point, start = _uncovered(problem, skinless, point, model, tested)
-    needed = _needed(problem, tested, *_search(problem, point, start, tested))
+        point, start = _uncover(problem, skinless, point, model, tested)
+    needed = _leave_out_explained(problem, tested, *_search(problem, point, start, tested))
     return Displaced(_loose(fit, recordings, poses, rows, problem, *needed))
 
 
@@ -141,7 +141,7 @@ def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
     if len(poses.frame) < MOMENTS:
         return []
     rows = np.unique(np.linspace(0, len(poses.frame) - 1, EVEN_FRAMES).round().astype(int))
-    problem, point = _posed(fit, fit.evidence.convention.frames(poses.take(rows)))
+    problem, point = _pose_frames(fit, fit.evidence.convention.frames(poses.take(rows)))
     posterior = fit.evidence.posterior
     root = np.linalg.cholesky(np.linalg.inv(posterior.covariance)).T
     calibrated = Observations(root, root @ posterior.x)
@@ -154,7 +154,9 @@ def moved_in(fit: HandFit, poses: Poses) -> list[LooseReceiver]:
     gain = likeliest_field(left, put_back)[1]
     if gain > max(LEAST_FIELD_GAIN, likeliest_field(problem, point)[1] / 2):
         return []
-    return _loose(fit, [poses], poses, rows, problem, *_needed(problem, tested, put_back, displaced))
+    return _loose(
+        fit, [poses], poses, rows, problem, *_leave_out_explained(problem, tested, put_back, displaced)
+    )
 
 
 def _loose(
@@ -215,7 +217,7 @@ def recording_of_rows(recordings: Sequence[Poses]) -> Index:
     return np.repeat(np.arange(len(recordings)), [len(poses.frame) for poses in recordings])
 
 
-def _posed(fit: HandFit, frames: Frames) -> tuple[Problem, Point]:
+def _pose_frames(fit: HandFit, frames: Frames) -> tuple[Problem, Point]:
     """The problem on these frames, residuals weighed as they scatter: a loose receiver made its own large."""
     evidence = fit.evidence
     samples = evidence.problem.temper * len(evidence.problem.frames.valid)
@@ -240,7 +242,7 @@ def _momentary_sd(problem: Problem, current: Residuals) -> Array:
     return sd
 
 
-def _uncovered(
+def _uncover(
     problem: Problem, skinless: Problem, point: Point, model: HandModel, tested: Tested
 ) -> tuple[Point, list[Displacement]]:
     """Return where to begin and what is displaced there, if that is likelier than nothing being displaced.
@@ -253,8 +255,8 @@ def _uncovered(
     rivals = tested.scored(skinless, start).rivals()
     if not rivals:
         return point, []
-    as_it_was = _refined(problem, point, tested, [], rivals)
-    with_rivals = [_refined(problem, start, tested, [rival], rivals) for rival in rivals]
+    as_it_was = _refine(problem, point, tested, [], rivals)
+    with_rivals = [_refine(problem, start, tested, [rival], rivals) for rival in rivals]
     _, point, displaced = min((as_it_was, *with_rivals), key=_cost)
     return point, displaced
 
@@ -268,7 +270,9 @@ def _search(
         rivals = tested.scored(corrected, point).rivals()
         if not rivals:
             break
-        with_rivals = [_refined(problem, point, tested, _added(displaced, rival), rivals) for rival in rivals]
+        with_rivals = [
+            _refine(problem, point, tested, _add_displacement(displaced, rival), rivals) for rival in rivals
+        ]
         corrected, point, displaced = min(with_rivals, key=_cost)
         if max(np.linalg.norm(moved.step[:3]) for moved in displaced) > OFF_MM:
             break
@@ -281,19 +285,19 @@ def _cost(refined: tuple[Problem, Point, Sequence[Displacement]]) -> float:
     return residuals(problem, point).cost + sum(moved.cost for moved in displaced)
 
 
-def _needed(
+def _leave_out_explained(
     problem: Problem, tested: Tested, point: Point, displaced: list[Displacement]
 ) -> tuple[list[Displacement], Array]:
     """Leave out what later ones explain; give also x with all receivers put back."""
     for moved in displaced if len(displaced) > 1 else ():
         others = [other for other in displaced if other is not moved]
-        corrected, start, refined = _refined(problem, point, tested, others)
+        corrected, start, refined = _refine(problem, point, tested, others)
         if tested.scored(corrected, start, [moved.receiver]).likeliest(moved.receiver) is None:
-            return _needed(problem, tested, start, refined)
+            return _leave_out_explained(problem, tested, start, refined)
     return displaced, point.x
 
 
-def _refined(
+def _refine(
     problem: Problem,
     point: Point,
     tested: Tested,
@@ -315,7 +319,7 @@ def _refined(
     return corrected, point, refined
 
 
-def _added(displaced: Sequence[Displacement], new: Displacement) -> list[Displacement]:
+def _add_displacement(displaced: Sequence[Displacement], new: Displacement) -> list[Displacement]:
     """The displacements and one more; what is left of one that was already known is added to it."""
     for i, earlier in enumerate(displaced):
         if (

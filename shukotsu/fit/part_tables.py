@@ -224,12 +224,12 @@ def bone_columns(
 ) -> Columns:
     """Columns of bone_poses for the frames of poses, bone after bone; errors : where they are known."""
     columns = _keys(name, "segment", posed.bones, poses)
-    position, turn = _stacked(posed.bone_position_mm), _stacked(posed.bone_quaternion)
+    position, turn = _stack(posed.bone_position_mm), _stack(posed.bone_quaternion)
     columns |= {f"{axis}_mm": position[:, index] for index, axis in enumerate("xyz")}
     columns |= {f"q{part}": turn[:, index] for index, part in enumerate("wxyz")}
     if errors is None:
         return columns | dict.fromkeys(("sd_mm", "turn_sd_deg"), np.full(len(turn), np.nan))
-    return columns | {"sd_mm": _stacked(errors.centre_mm), "turn_sd_deg": _stacked(errors.turn_deg)}
+    return columns | {"sd_mm": _stack(errors.centre_mm), "turn_sd_deg": _stack(errors.turn_deg)}
 
 
 def tip_columns(
@@ -242,7 +242,7 @@ def tip_columns(
     errors: PosedErrors | None = None,
 ) -> Columns:
     """Columns of posed_tips, digit after digit; left_out : rows posed without distal receivers as well."""
-    digits = tipped(fit)
+    digits = digits_with_tip(fit)
     receivers = [posed.receivers.index(digit.tip) for digit in digits]
     measured = poses.position_mm[:, [poses.index(digit.tip) for digit in digits]]
     valid = poses.valid[:, [poses.index(digit.tip) for digit in digits]]
@@ -260,18 +260,18 @@ def tip_columns(
         **_keys(name, "digit", [digit.name for digit in digits], poses),
         "time_s": np.tile(poses.time_s, len(digits)),
         **{
-            f"{prefix}_{axis}_mm": _stacked(ends_mm[part])[:, index]
+            f"{prefix}_{axis}_mm": _stack(ends_mm[part])[:, index]
             for part, prefix in ENDS.items()
             for index, axis in enumerate("xyz")
         },
-        **{f"{prefix}_sd_mm": _stacked(ends_sd_mm[..., index]) for index, prefix in enumerate(ENDS.values())},
-        "error_mm": _stacked(np.where(valid, error_mm, np.nan)),
-        "error_left_out_mm": _stacked(np.where(valid, left_out_mm, np.nan)),
+        **{f"{prefix}_sd_mm": _stack(ends_sd_mm[..., index]) for index, prefix in enumerate(ENDS.values())},
+        "error_mm": _stack(np.where(valid, error_mm, np.nan)),
+        "error_left_out_mm": _stack(np.where(valid, left_out_mm, np.nan)),
         "residual_mm": np.tile(posed.residual_mm, len(digits)),
     }
 
 
-def tipped(fit: HandFit) -> list[Digit]:
+def digits_with_tip(fit: HandFit) -> list[Digit]:
     """Digits whose last bone carries a receiver that the fit knows."""
     evidence = fit.evidence
     return [digit for digit in evidence.layout.digits.values() if digit.tip in evidence.model.receivers]
@@ -284,10 +284,10 @@ def _ends_mm(tips: Fingertips, posed: PosedHand, poses: Poses | None = None) -> 
     """
     fit, digits = tips.fit, list(tips.digits)
     mirrored_y = MIRROR if fit.evidence.convention.left else np.ones(3)
-    ends_mm = {part: np.full((len(posed.posed), len(tipped(fit)), 3), np.nan) for part in ENDS}
+    ends_mm = {part: np.full((len(posed.posed), len(digits_with_tip(fit)), 3), np.nan) for part in ENDS}
     for part, out in ends_mm.items():
         carried_mm = None if poses is None else tips.in_transmitter(poses, part)
-        for index, digit in enumerate(tipped(fit)):
+        for index, digit in enumerate(digits_with_tip(fit)):
             if digit.name not in digits:
                 continue
             last, along = posed.bones.index(digit.tip), np.array([fit.bones[digit.tip].length_mm, 0.0, 0.0])
@@ -310,7 +310,7 @@ def _keys(name: RecordingName, key: str, values: Sequence[str], poses: Poses) ->
     return columns | {"frame": np.tile(poses.frame, len(values))}
 
 
-def _stacked(values: Array) -> Array:
+def _stack(values: Array) -> Array:
     """(T, N, ...) as (N T, ...), name after name."""
     return np.swapaxes(values, 0, 1).reshape(-1, *values.shape[2:])
 

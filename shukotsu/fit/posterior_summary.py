@@ -10,7 +10,7 @@ import numpy as np
 from shukotsu.fit.chain_builder import KINDS, axis_frame, bone, receiver, straight
 from shukotsu.fit.posterior import Evidence, Place, centre_by_unknowns, places_of
 from shukotsu.hand import average_hand as prior
-from shukotsu.hand.joint_angles import mirrored
+from shukotsu.hand.joint_angles import mirror_rotations
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.rotations import Array, about_axis, cross_matrix, from_matrix
 from shukotsu.hand.series import angle_range, flattening
@@ -85,7 +85,7 @@ class AngleAxes:
     def of_hand(self, hand: str, more_rad: float = 0.0) -> tuple[Array, Array]:
         """Rest and turn, (4,) each, in the frames of that hand's bones; more_rad : to turn by in addition."""
         both = self.rest, about_axis(np.array([1.0, 0.0, 0.0]), np.array(self.turn_rad + more_rad))
-        return (mirrored(both[0]), mirrored(both[1])) if hand == "left" else both
+        return (mirror_rotations(both[0]), mirror_rotations(both[1])) if hand == "left" else both
 
 
 @dataclass(frozen=True)
@@ -120,12 +120,12 @@ def summarise(evidence: Evidence) -> HandSummary:
         elif evidence.model.centres.get(joint.name) in places:
             seen = places[receiver(joint.parent_receiver)].sees(places[evidence.model.centres[joint.name]])
             ends = joint.parent_receiver, joint.child
-            fixed[joint.name] = _fixed(joint.name, ends, joint.parent_receiver, seen, evidence)
+            fixed[joint.name] = _anatomical_joint(joint.name, ends, joint.parent_receiver, seen, evidence)
     wrist, base = evidence.layout.wrist, evidence.model.receivers[0]
     if wrist is not None and wrist.joint not in joints and evidence.model.length:
         still = np.zeros((3, len(evidence.posterior.x)))
         seen = places[receiver(base)].sees(Place(np.eye(3), np.zeros(3), still, still))
-        fixed[wrist.joint] = _fixed(wrist.joint, ("", wrist.segment), base, seen, evidence)
+        fixed[wrist.joint] = _anatomical_joint(wrist.joint, ("", wrist.segment), base, seen, evidence)
     bones = {
         segment: FittedBone(*evidence.posterior.of_amount(length))
         for segment, length in evidence.model.length.items()
@@ -196,7 +196,7 @@ def _joint(joint: Joint, places: Mapping[str, Place], evidence: Evidence) -> Fit
     )
 
 
-def _fixed(
+def _anatomical_joint(
     joint: str, ends: tuple[str, str], segment: str, seen: tuple[Array, Array], evidence: Evidence
 ) -> FittedJoint:
     """A centre that anatomy places, `seen` by a receiver; ends : parent and child segment."""

@@ -74,7 +74,7 @@ class Convention:
         return rotation * np.outer(MIRROR, MIRROR), position_mm * MIRROR
 
 
-def concatenated(recordings: Sequence[Poses]) -> Poses:
+def concatenate_poses(recordings: Sequence[Poses]) -> Poses:
     """Recordings of the same receivers as one, one after the other."""
     names = ("frame", "time_s", "position_mm", "quaternion", "valid")
     arrays = [np.concatenate([getattr(poses, name) for poses in recordings]) for name in names]

@@ -113,7 +113,7 @@ def with_touches(tips: Fingertips, touches: Sequence[Touch]) -> Fingertips:
     equations = [_equation(tips, number, touch) for number, touch in enumerate(touches, 1)]
     refused: list[str] = []
     while equations:
-        u, covariance, misfits = _conditioned(tips, equations)
+        u, covariance, misfits = _condition(tips, equations)
         worst = max(range(len(equations)), key=lambda i: misfits[i][0])
         if misfits[worst][0] <= WORST:
             n_unknowns = len(tips.fit.evidence.posterior.x)  # the mean joint angles go along
@@ -146,7 +146,7 @@ def _equation(tips: Fingertips, number: int, touch: Touch) -> _Equation:
     )
 
 
-def _conditioned(
+def _condition(
     tips: Fingertips, equations: Sequence[_Equation]
 ) -> tuple[Array, Array, list[tuple[float, float]]]:
     """Unknowns and offsets (G + 6 D,), their covariance, each equation's misfit, squared in sd, and mm."""

@@ -90,20 +90,22 @@ def _point(row: Mapping[str, Any], side: str) -> Array:
     return np.array([row[f"{side}_{axis}_mm"] for axis in "xyz"], float)
 
 
-def turned(poses: Poses, segment: str) -> Array:
+def segment_quaternions(poses: Poses, segment: str) -> Array:
     """Quaternions (T, 4) of one segment's receiver, each component's frames side by side in memory."""
     return np.asfortranarray(poses.quaternion[:, poses.index(segment)])
 
 
 def carried_mm(poses: Poses, segment: str, point_mm: Array) -> Array:
     """Positions (T, 3) in the transmitter frame of a point fixed in a segment's receiver frame."""
-    return np.asarray(rotate(turned(poses, segment), point_mm) + poses.position_mm[:, poses.index(segment)])
+    return np.asarray(
+        rotate(segment_quaternions(poses, segment), point_mm) + poses.position_mm[:, poses.index(segment)]
+    )
 
 
 def seen_from(poses: Poses, base: str, segment: str, point_mm: Array) -> Array:
     """Positions (T, 3) in the base's receiver frame of a point fixed in a segment's receiver frame."""
     offset = carried_mm(poses, segment, point_mm) - poses.position_mm[:, poses.index(base)]
-    return rotate(conjugate(turned(poses, base)), offset)
+    return rotate(conjugate(segment_quaternions(poses, base)), offset)
 
 
 def all_valid(poses: Poses, segments: tuple[str, ...]) -> npt.NDArray[np.bool_]:

@@ -112,7 +112,7 @@ def _across(along: Array, roll_deg: float = 0.0, obliquity_deg: float = 0.0) -> 
     return np.asarray(np.cos(oblique) * square + np.sin(oblique) * along)
 
 
-def _drawn(name: str, base_mm: Array, directions: Array, lengths_mm: Array, axes: Array) -> DrawnDigit:
+def _drawn_digit(name: str, base_mm: Array, directions: Array, lengths_mm: Array, axes: Array) -> DrawnDigit:
     length_sd_mm = np.array(LENGTH_SD_MM[name])
     return DrawnDigit(base_mm, directions, lengths_mm, length_sd_mm, axes, SOFT_TIP_MM[name])
 
@@ -122,7 +122,7 @@ def _myohand_digit(name: str) -> DrawnDigit:
     scale = _NUMBERS["CT_LENGTH_MM"] / _NUMBERS["MYOHAND_LENGTH_MM"]
     points = scale * np.array(_NUMBERS["MYOHAND_POINTS_MM"][name])
     bones, axes = np.diff(points, axis=0), np.array(_NUMBERS["MYOHAND_AXES"][name])
-    digit = _drawn(name, points[0], unit(bones), np.linalg.norm(bones, axis=-1), axes)
+    digit = _drawn_digit(name, points[0], unit(bones), np.linalg.norm(bones, axis=-1), axes)
     if name != "thumb":
         return digit
     return replace(digit, second_axis=np.array(_NUMBERS["MYOHAND_RADIAL_ABDUCTION"]))
@@ -143,7 +143,7 @@ def _ct_finger(name: str) -> DrawnDigit:
     distal = np.cos(leaning) * along + np.sin(leaning) * _across(along, roll)
     axes[2], axes[3] = _across(along, roll, pip_oblique), _across(distal, roll + twist, dip_oblique)
     directions = np.array([unit(knuckle - base), along, along, distal])
-    return _drawn(name, base, directions, np.array(_NUMBERS["CT_LENGTHS_MM"][name]), axes)
+    return _drawn_digit(name, base, directions, np.array(_NUMBERS["CT_LENGTHS_MM"][name]), axes)
 
 
 def _ct_thumb() -> DrawnDigit:
@@ -153,7 +153,9 @@ def _ct_thumb() -> DrawnDigit:
     axes = np.array([np.cross(along, across), across, across])
     lengths_mm = np.array(_NUMBERS["CT_LENGTHS_MM"]["thumb"])
     base_mm = np.array(_NUMBERS["CT_THUMB_BASE_MM"])
-    return replace(_drawn("thumb", base_mm, np.tile(along, (3, 1)), lengths_mm, axes), second_axis=-across)
+    return replace(
+        _drawn_digit("thumb", base_mm, np.tile(along, (3, 1)), lengths_mm, axes), second_axis=-across
+    )
 
 
 CT: DrawnHand = {"thumb": _ct_thumb(), **{name: _ct_finger(name) for name in ROLL_DEG}}
@@ -179,7 +181,7 @@ def _buchholz_finger(name: str) -> DrawnDigit:
     directions = np.array([unit(knuckle - base), along, along, along])
     lengths_mm = (float(np.linalg.norm(knuckle - base)), *_NUMBERS["BUCHHOLZ_PHALANGES_MM"][name])
     axes = np.tile(_across(along, ROLL_DEG[name]), (4, 1))
-    return _drawn(name, base, directions, np.array(lengths_mm), axes)
+    return _drawn_digit(name, base, directions, np.array(lengths_mm), axes)
 
 
 BUCHHOLZ: DrawnHand = {
@@ -199,7 +201,7 @@ ANATOMIES = (BLEND, *SOURCES)
 """What hands can be drawn from: a blend of the sources, another one for each person, or one hand alone."""
 
 
-def blended(hands: Sequence[DrawnHand], weights: Sequence[float] | Array) -> DrawnHand:
+def blend_hands(hands: Sequence[DrawnHand], weights: Sequence[float] | Array) -> DrawnHand:
     """The weighted mean of whole hands: of places and lengths, and of directions and axes as vectors."""
     return {name: _blended_digit([hand[name] for hand in hands], np.array(weights)) for name in hands[0]}
 

@@ -42,11 +42,11 @@ def joint_angles(
 
     parent, child : (..., 4) unit quaternions (w, x, y, z), bone to transmitter; the shapes broadcast. Any
     frame common to both will do. NaN gives NaN. hand : right or left.
-    rest : (4,) child to parent at neutral, in this hand's own frames (`mirrored` turns a right hand's into a
-    left one's); None where the bones' frames are parallel at neutral. All angles are zero at the rest, and
-    they are about the child's axes: e1 is where the child's y is at neutral, fixed in the parent. A thumb's
-    metacarpal, which stands across the hand, needs one: without it, its flexion would be about the hand's
-    axis, and its angles would hold a large constant.
+    rest : (4,) child to parent at neutral, in this hand's own frames (`mirror_rotations` turns a right hand's
+    into a left one's); None where the bones' frames are parallel at neutral. All angles are zero at the rest,
+    and they are about the child's axes: e1 is where the child's y is at neutral, fixed in the parent. A
+    thumb's metacarpal, which stands across the hand, needs one: without it, its flexion would be about the
+    hand's axis, and its angles would hold a large constant.
 
     axes : (4,) how the joint's axes stand in the child's frame; None where they are that frame's.
 
@@ -84,7 +84,7 @@ def joint_rotation(
     return turn if rest is None else multiply(rest, turn)
 
 
-def mirrored(quaternion: Array) -> Array:
+def mirror_rotations(quaternion: Array) -> Array:
     """Quaternions (..., 4) of one hand as those of the other hand in the mirrored posture.
 
     The mirror is the plane of x and z; x stays distal and z dorsal, so y goes from one side to the other.

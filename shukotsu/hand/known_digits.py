@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from shukotsu.hand.average_hand import DIGITS, DigitAnatomy
-from shukotsu.hand.joint_angles import mirrored
+from shukotsu.hand.joint_angles import mirror_rotations
 from shukotsu.hand.rotations import Array, from_matrix
 from shukotsu.study.layout import Digit, Layout
 from shukotsu.study.model import SkeletonModel
@@ -62,6 +62,6 @@ def rest_rotations(
         above = np.eye(3)
         for joint, frame in zip(digit.joints, anatomy[digit.name].frames(), strict=True):
             rest = from_matrix(above.T @ frame)
-            rests[joint] = mirrored(rest) if hand == "left" else rest
+            rests[joint] = mirror_rotations(rest) if hand == "left" else rest
             above = frame
     return rests

@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from shukotsu.hand.average_hand import DIGITS
-from shukotsu.hand.joint_angles import joint_angles, joint_rotation, mirrored
+from shukotsu.hand.joint_angles import joint_angles, joint_rotation, mirror_rotations
 from shukotsu.hand.known_digits import known_digits, rest_rotations
 from shukotsu.hand.posing import PosedRecording, SkeletonJoint
 from shukotsu.hand.rotations import Array, conjugate, from_matrix, matrix, mean_rotation, multiply, rotate
@@ -139,7 +139,7 @@ def neutral_rotations(layout: Layout, hand: str, joints: Sequence[SkeletonJoint]
 
 def _of_hand(quaternion: Array, hand: str) -> Array:
     """A right hand's rotation between bone frames as that of the hand."""
-    return mirrored(quaternion) if hand == "left" else quaternion
+    return mirror_rotations(quaternion) if hand == "left" else quaternion
 
 
 def faces_nail(relative: Array, at_nail: Array, at_hand: Array) -> bool:

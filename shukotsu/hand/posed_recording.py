@@ -13,7 +13,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from shukotsu.errors import InputError, TableError, joined
+from shukotsu.errors import InputError, TableError, join_reasons
 from shukotsu.hand.posing import Index, Origin, PosedRecording, Skeleton, fitted_bones, receiver_bones
 from shukotsu.hand.rotations import Array
 from shukotsu.study.layout import Layout
@@ -103,7 +103,7 @@ class RecordingReader:
     def unbelieved(self, column: str, name: str) -> str:
         """Return why a joint (column joints) or a digit's tip (digits) is not believed; empty where it is."""
         rows = [row for row in self.moved if name in row[column].split(";")]
-        return joined(f"{row['segment']}: {row['message']}" for row in rows)
+        return join_reasons(f"{row['segment']}: {row['message']}" for row in rows)
 
     @cached_property
     def n_frames(self) -> int:

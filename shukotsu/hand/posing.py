@@ -247,7 +247,7 @@ def receiver_bones(skeleton: Skeleton, poses: Poses, metacarpals: Mapping[str, A
             root_failure = f"{name} failed: {'it was not solved' if row is None else row['message']}"
     axes = layout.segments[segment]
     align = from_matrix(bone_frame(np.array(axes.distal), np.array(axes.dorsal)))
-    root = point.position_mm(poses), _turned(poses, segment, align), NO_AXIS
+    root = point.position_mm(poses), _frame_rotations(poses, segment, align), NO_AXIS
     build = _Builder(SkeletonJoint(name, -1, segment), root)
     for digit in layout.digits.values():
         chain = digit_chain(digit, layout, skeleton.model, skeleton.joints)
@@ -420,11 +420,11 @@ def _receiver_digit(skeleton: Skeleton, digit: Digit, poses: Poses, metacarpal: 
         joint, axis = skeleton.joints.get(name), NO_AXIS
         if joint is not None and joint["dof"] == 1 and joint["axis_child_x"] is not None:  # a hinge's
             axis = rotate(conjugate(align), vector_of(joint, "axis_child_"))
-        placed.append((position, _turned(poses, row["driven_by"], align), axis))
+        placed.append((position, _frame_rotations(poses, row["driven_by"], align), axis))
     return [*placed, (end.position_mm(poses), placed[-1][1], NO_AXIS)]
 
 
-def _turned(poses: Poses, segment: str, align: Array) -> Array:
+def _frame_rotations(poses: Poses, segment: str, align: Array) -> Array:
     """Rotations (T, 4) of a frame that a receiver carries, NaN where it is not valid."""
     index = poses.index(segment)
     turn = multiply(poses.quaternion[:, index], align)

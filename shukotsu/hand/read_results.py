@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shukotsu.errors import InputError, TableError, guess, listed
+from shukotsu.errors import InputError, TableError, guess, list_names
 from shukotsu.hand.joint_angles import joint_rotation
 from shukotsu.hand.neutral_bones import angle_axes, at_rest
 from shukotsu.hand.posed_recording import recording_reader
@@ -151,4 +151,4 @@ def _recording(plan: SubjectPlan, hand: str, task: str, trial: str) -> Recording
         return recording
     there = [" ".join(filter(None, name)) for name in names]
     wanted = " ".join(filter(None, (hand, task, trial)))
-    raise InputError(f"subject {plan.subject} has no recording {wanted}; expected one of {listed(there)}")
+    raise InputError(f"subject {plan.subject} has no recording {wanted}; expected one of {list_names(there)}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from shukotsu.errors import joined
+from shukotsu.errors import join_reasons
 from shukotsu.hand.neutral_bones import bone_angles_deg, to_nail_side
 from shukotsu.hand.posed_recording import BLOCK_FRAMES, RecordingReader
 from shukotsu.hand.posing import Index, PosedRecording
@@ -117,10 +117,10 @@ def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str
                 "the model keeps the metacarpal still in the hand, so the CMC joint's motion is in the MCP "
                 "joint's angles"
             )
-    return status, joined(reasons)
+    return status, join_reasons(reasons)
 
 
-def unsolved(reader: RecordingReader) -> Mapping[str, str]:
+def unsolved_joints(reader: RecordingReader) -> Mapping[str, str]:
     """Return why each joint failed, where no joint of a digit was solved; else nothing."""
     in_digits = {joint for digit in reader.layout.digits.values() for joint in digit.joints}
     rows = {joint: row for joint, row in reader.skeleton.joints.items() if joint in in_digits}

@@ -17,14 +17,14 @@ MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
-class Motion:
+class SampledMotion:
     """Poses (K, S, 3), (K, S, 3, 3) in K frames, columns distal, lateral, dorsal; valid (K, S)."""
 
     position_mm: Array
     rotation: Array
     valid: npt.NDArray[np.bool_]
 
-    def mirrored(self) -> Motion:
+    def mirrored(self) -> SampledMotion:
         """The motion of the other hand: the world and the bones' lateral axes mirrored."""
         rotation = self.rotation * MIRROR[:, None] * MIRROR
         return replace(self, position_mm=self.position_mm * MIRROR, rotation=rotation)
@@ -39,7 +39,7 @@ def receiver_axes(layout: Layout, segments: tuple[str, ...]) -> Array:
 
 def motion_of(
     position_mm: Array, quaternion: Array, valid: npt.NDArray[np.bool_], axes: Array, hand: str
-) -> Motion:
+) -> SampledMotion:
     """Frames of a recording in which most receivers are seen, spread over it; a left hand is mirrored."""
     seen = valid.sum(1)
     rows = np.flatnonzero(seen >= 0.8 * seen.max()) if len(seen) and seen.max() else np.zeros(0, int)
@@ -47,5 +47,5 @@ def motion_of(
     usable = valid[rows]
     usable_mm = np.where(usable[..., None], position_mm[rows], 0.0)
     turn = np.where(usable[..., None], quaternion[rows], [1.0, 0.0, 0.0, 0.0])
-    motion = Motion(usable_mm, matrix(turn) @ axes, usable)
+    motion = SampledMotion(usable_mm, matrix(turn) @ axes, usable)
     return motion.mirrored() if hand == "left" else motion

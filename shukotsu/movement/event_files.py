@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.tables.limits import check_regular
 from shukotsu.tables.text_files import reading
 from shukotsu.tables.xdf_streams import NUMBERS, TEXT, Floats, load_stream, read_streams
@@ -117,7 +117,7 @@ def read_markers(path: Path) -> Events:
     streams = read_streams(path)
     markers = [s for s in streams if s.format == TEXT or (s.format in _WHOLE and not s.rate_hz)]
     if not markers:
-        have = listed([f"{stream.name} ({stream.type or 'no type'})" for stream in streams])
+        have = list_names([f"{stream.name} ({stream.type or 'no type'})" for stream in streams])
         raise InputError(f"{path}: has no stream of markers (of texts, or of whole numbers); it has {have}")
     rows: list[tuple[Any, ...]] = []
     notes: list[str] = []

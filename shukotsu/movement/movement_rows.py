@@ -26,12 +26,12 @@ from shukotsu.hand.recorded_movement import (
     AngleSeries,
     FingertipPath,
     read_movement,
-    unsolved,
+    unsolved_joints,
 )
 from shukotsu.hand.rotations import Array
 from shukotsu.hand.series import HIGH_PERCENT, LOW_PERCENT
 from shukotsu.movement.events import TimedEvent, cycles_of, events_of, struck_events
-from shukotsu.movement.sampling import Grid, bridged, grid_of, speed
+from shukotsu.movement.sampling import Grid, bridge_gaps, grid_of, speed
 from shukotsu.movement.strokes import stroke_rows
 from shukotsu.study import subject_stage
 from shukotsu.study.plan import SubjectPlan
@@ -125,7 +125,7 @@ def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
     if grid is not None:
         row |= _speed_columns(_speeds(series.angle_deg[:, None, None], grid), "deg_s")
     status = "weak" if series.status == "weak" or series.errors_deg is None else "ok"
-    yield row | _judged(row, status, series.message, grid)
+    yield row | _judge(row, status, series.message, grid)
 
 
 def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
@@ -155,7 +155,7 @@ def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[
                 "path_sd_mm": path_sd_mm,
             }
             row |= _speed_columns(way, "mm_s")
-        yield row | _judged(row, "weak" if tip.message else "ok", tip.message, grid)
+        yield row | _judge(row, "weak" if tip.message else "ok", tip.message, grid)
 
 
 def _coverage(finite: npt.NDArray[np.bool_]) -> Row:
@@ -166,7 +166,7 @@ def _coverage(finite: npt.NDArray[np.bool_]) -> Row:
     }
 
 
-def _judged(row: Row, status: str, message: str, grid: Grid | None) -> Row:
+def _judge(row: Row, status: str, message: str, grid: Grid | None) -> Row:
     """Status and message of a row that has numbers."""
     reasons = [message] if message else []
     if row["valid_percent"] < LEAST_VALID_PERCENT:
@@ -186,7 +186,7 @@ def _speed_columns(speeds: Array, unit: str) -> Row:
 
 def _speeds(columns: Array, grid: Grid) -> Array:
     """Speeds (n,) of columns (T, D, 1)."""
-    series = (bridged(grid.spread(columns[:, index]), grid.step_s) for index in range(columns.shape[1]))
+    series = (bridge_gaps(grid.spread(columns[:, index]), grid.step_s) for index in range(columns.shape[1]))
     return speed(series, grid.step_s)
 
 
@@ -238,7 +238,7 @@ def _measure_recording(
     def write(name: str, rows: Iterable[dict[str, Any]]) -> None:
         tables[name].rows(part, [{**recording.key, **row} for row in rows])
 
-    if reasons := unsolved(reader):
+    if reasons := unsolved_joints(reader):
         write("ranges_of_motion", left_out_rows(reasons) if evaluated else ())
         return
     movement = read_movement(reader, with_tips=evaluated)

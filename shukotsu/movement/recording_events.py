@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu import command_line
-from shukotsu.errors import InputError, guess, listed, reading_what_was_brought
+from shukotsu.errors import InputError, guess, list_names, reading_what_was_brought
 from shukotsu.movement.event_files import (
     FARTHEST_S,
     Array,
@@ -107,7 +107,7 @@ class RecordingEvents:
         pulses = events.named(name)
         if not pulses.any():
             names = list(dict.fromkeys(events.names))
-            raise InputError(f"{self.file}: has no event named {name!r}; it has {listed(names)}")
+            raise InputError(f"{self.file}: has no event named {name!r}; it has {list_names(names)}")
         if pulses.sum() > MOST_PULSES:
             raise InputError(
                 f"{self.file}: has {pulses.sum()} events {name!r}; expected at most {MOST_PULSES} pulses"
@@ -154,7 +154,7 @@ class RecordingEvents:
         wanted = other or "sync"
         if not tracker.named(wanted).any():
             raise InputError(
-                f"{self.recording}: has no {wanted} pulse; it has {listed(sorted(set(tracker.names)))}"
+                f"{self.recording}: has no {wanted} pulse; it has {list_names(sorted(set(tracker.names)))}"
             )
         return tracker.time_s[tracker.named(wanted)]
 
@@ -222,7 +222,7 @@ def aligned_rows(
     event_rows: list[dict[str, Any]] = []
     clock_rows: list[dict[str, Any]] = []
     key = recording.key
-    with command_line.recorded(arguments, arguments.record_failure) as messages:
+    with command_line.keep_failure(arguments, arguments.record_failure) as messages:
         event_rows, clock_rows = recording.aligned()
     for message in messages:
         failed = {"source": "", "n_pulses": 0, "n_missing": 0, "n_extra": 0}
@@ -331,7 +331,7 @@ def fit_clock(r: Array, o: Array) -> ClockFit | str:
     if chance >= 1:
         counts = f"the {len(o)} pulses of the file fit the {len(r)} of the recording nowhere"
         return f"{counts}; are they the same pulses?"
-    i, j = _followed(r, o, i, j, within_s)
+    i, j = _follow(r, o, i, j, within_s)
     sd_s = USUAL_JITTER_S
     for _ in range(3):
         line = Line.through(o[j], r[i], sd_s)
@@ -383,7 +383,7 @@ def _best_window(r: Array, o: Array, within_s: float) -> tuple[Integers, Integer
     return best
 
 
-def _followed(r: Array, o: Array, i: Integers, j: Integers, within_s: float) -> tuple[Integers, Integers]:
+def _follow(r: Array, o: Array, i: Integers, j: Integers, within_s: float) -> tuple[Integers, Integers]:
     """Follow the line through a window's pairs both ways, as far as it is known."""
     while True:
         line = Line.through(o[j], r[i], min(USUAL_JITTER_S, within_s / 5))

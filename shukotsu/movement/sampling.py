@@ -79,7 +79,7 @@ def grid_of(time_s: Array) -> Grid | None:
     return Grid(positions, int(positions[-1]) + 1, step_s)
 
 
-def bridged(values: Array, step_s: float, most_s: float = MOST_GAP_S) -> Array:
+def bridge_gaps(values: Array, step_s: float, most_s: float = MOST_GAP_S) -> Array:
     """Series (T, C) with gaps of at most most_s filled by straight lines; longer ones stay NaN.
 
     A gap before a series' first value or after its last stays, too.

@@ -19,7 +19,7 @@ from scipy.signal import savgol_filter
 from shukotsu.hand.recorded_movement import RecordedMovement
 from shukotsu.hand.rotations import Array, rotate, unit
 from shukotsu.movement.events import StruckEvent
-from shukotsu.movement.sampling import bridged, grid_of
+from shukotsu.movement.sampling import bridge_gaps, grid_of
 
 Row = dict[str, Any]
 
@@ -117,7 +117,7 @@ def _window(movement: RecordedMovement, time_s: Array, event: StruckEvent) -> _W
         columns.append(tip.pointing[rows][..., 0])
         sd_mm = tip.sd_mm[rows]
         sds.append(np.nanmedian(sd_mm) if np.isfinite(sd_mm).any() else np.nan)
-    even = bridged(grid.spread(np.concatenate(columns, -1)), grid.step_s, BRIDGED_S)
+    even = bridge_gaps(grid.spread(np.concatenate(columns, -1)), grid.step_s, BRIDGED_S)
     paths = even.reshape(grid.count, len(sds), 6)
     even_s = own_s[0] + grid.step_s * np.arange(grid.count)
     return _Window(even_s, paths[..., :3], paths[..., 3:], np.array(sds))
@@ -170,7 +170,7 @@ def _stroke(
     if not event.digit and not most[digit] >= LEAST_FALL_MM_S:
         return {"message": "no digit of this hand went down: another hand's, or no stroke"}
     row: Row = {"digit": digits[digit]}
-    measured = _measured(window, digit, float(time_s[best[digit]]), down)
+    measured = _measure_stroke(window, digit, float(time_s[best[digit]]), down)
     if measured is None:
         return row | {"message": "the fingertip has no way down here: it did not move, or poses are missing"}
     others = np.delete(most, digit)
@@ -184,7 +184,7 @@ def _stroke(
     return row | measured | {"used": not message, "status": "weak" if message else "ok", "message": message}
 
 
-def _measured(window: _Window, digit: int, about_s: float, down: Array) -> Row | None:
+def _measure_stroke(window: _Window, digit: int, about_s: float, down: Array) -> Row | None:
     """Measure a stroke's way down to its contact; None without one."""
     time_s, tip = window.time_s, window.tips_mm[:, digit]
     path = np.concatenate([tip, window.pointing[:, digit]], -1)

@@ -21,7 +21,7 @@ from typing import Any
 
 import pandas as pd
 
-from shukotsu.errors import listed
+from shukotsu.errors import list_names
 from shukotsu.scores.paired_statistics import (
     FEWEST_IN_GROUP,
     FEWEST_REPEATED,
@@ -46,7 +46,7 @@ from shukotsu.tables.typed_table import Provenance, Table, columns_from_rows, re
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ComparedColumn:
     """A column of a table that is compared. of : the columns that say whose it is."""
 
     table: Table
@@ -61,11 +61,11 @@ class Quantity:
 
 QUANTITIES = (
     *(
-        Quantity(RANGES_OF_MOTION, name, ("joint", "angle"))
+        ComparedColumn(RANGES_OF_MOTION, name, ("joint", "angle"))
         for name in ("range_deg", "full_range_deg", "median_deg", "speed_median_deg_s", "speed_p95_deg_s")
     ),
     *(
-        Quantity(FINGERTIP_PATHS, name, ("digit",))
+        ComparedColumn(FINGERTIP_PATHS, name, ("digit",))
         for name in ("path_length_mm", "speed_median_mm_s", "speed_p95_mm_s")
     ),
 )
@@ -79,7 +79,7 @@ SESSION, TRIAL = "session", "trial"
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordingLevels:
     """The study's recordings with their levels.
 
     rows : RECORDING, a column a factor (`level_column`; empty where a recording has no level), and
@@ -119,7 +119,9 @@ def level_column(factor: str) -> str:
     return factor if factor in OWN_FACTORS else f"level of {factor}"
 
 
-def recorded(rows: Sequence[Mapping[str, str]], factors: Collection[str], problems: pd.DataFrame) -> Recorded:
+def mark_suspect(
+    rows: Sequence[Mapping[str, str]], factors: Collection[str], problems: pd.DataFrame
+) -> RecordingLevels:
     """Mark in the recordings with their levels those of hands that a problem calls suspect.
 
     rows : as `factor_levels` returns them. problems : as the table has them.
@@ -130,10 +132,10 @@ def recorded(rows: Sequence[Mapping[str, str]], factors: Collection[str], proble
     hand = ["subject", "session", "hand"]
     suspect = set(problems.loc[problems["severity"] == SUSPECT, hand].itertuples(index=False, name=None))
     reasons = [SUSPECT if key in suspect else "" for key in levels[hand].itertuples(index=False, name=None)]
-    return Recorded(levels.assign(left_out=reasons), tuple(factors))
+    return RecordingLevels(levels.assign(left_out=reasons), tuple(factors))
 
 
-def numbers_of(quantity: Quantity, whole: pd.DataFrame, counted: pd.DataFrame) -> pd.DataFrame:
+def numbers_of(quantity: ComparedColumn, whole: pd.DataFrame, counted: pd.DataFrame) -> pd.DataFrame:
     """A quantity's numbers in the recordings that count: those' columns, model, of and value.
 
     whole : the quantity's table. Sessions come one after the other, see `in_order`, and so do the trials of
@@ -211,11 +213,11 @@ class LevelPair:
                 reasons.setdefault(reason, []).append(subject)
         if self.without:
             reasons[f"no level of {self.factor}"] = list(self.without)
-        text = "; ".join(f"{reason}: {listed(subjects)}" for reason, subjects in reasons.items())
+        text = "; ".join(f"{reason}: {list_names(subjects)}" for reason, subjects in reasons.items())
         return sum(name not in used for name in self.levels_of) + len(self.without), text
 
 
-def level_pairs(everything: Recorded) -> Iterator[LevelPair]:
+def level_pairs(everything: RecordingLevels) -> Iterator[LevelPair]:
     """Pairs of every factor's levels, in every hand and task of the study, less the one that is the factor.
 
     Levels stand in the sheet's order, which is one for all places.
@@ -251,7 +253,9 @@ def _levels_of(rows: pd.DataFrame, column: str) -> dict[str, frozenset[str]]:
 SHOWN, NOT_SHOWN = "shown", "not-shown"
 
 
-def difference_rows(quantity: Quantity, numbers: pd.DataFrame, pairs: Sequence[LevelPair]) -> Iterator[Row]:
+def difference_rows(
+    quantity: ComparedColumn, numbers: pd.DataFrame, pairs: Sequence[LevelPair]
+) -> Iterator[Row]:
     """Rows of movement_differences for one quantity, over all pairs of levels, but for what `judge` adds.
 
     numbers : as `numbers_of` gives them.
@@ -329,7 +333,9 @@ def _difference_row(values: pd.DataFrame, pair: LevelPair) -> Row:
 CELL = ["hand", "task", "model", "of"]
 
 
-def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Recorded) -> Iterator[Row]:
+def reliability_rows(
+    quantity: ComparedColumn, numbers: pd.DataFrame, everything: RecordingLevels
+) -> Iterator[Row]:
     """Rows of movement_reliability for one quantity; numbers : as `numbers_of` gives them."""
     reasons = _reasons(everything)
     keys = ["subject", "hand", "task"]
@@ -352,7 +358,7 @@ def reliability_rows(quantity: Quantity, numbers: pd.DataFrame, everything: Reco
                 yield where | named | row
 
 
-def _reasons(everything: Recorded) -> dict[tuple[str, str], dict[str, str]]:
+def _reasons(everything: RecordingLevels) -> dict[tuple[str, str], dict[str, str]]:
     """Return by hand and task every subject who was recorded, and why they would have no value."""
     subjects_of: dict[tuple[str, str], dict[str, str]] = {}
     for row in everything.rows.itertuples():
@@ -372,7 +378,7 @@ def _reliability_row(values: pd.DataFrame, absent: dict[str, str]) -> Row:
         return {}
     complete = values[shared].dropna()
     dropped = [str(key[-1]) for key in values.index.difference(complete.index, sort=False)]
-    reasons = {subject: f"not in every one of {listed(list(shared))}" for subject in dropped} | absent
+    reasons = {subject: f"not in every one of {list_names(list(shared))}" for subject in dropped} | absent
     by_reason: dict[str, list[str]] = {}
     for subject, reason in reasons.items():
         by_reason.setdefault(reason, []).append(subject)
@@ -380,7 +386,7 @@ def _reliability_row(values: pd.DataFrame, absent: dict[str, str]) -> Row:
         "n": len(complete),
         "k": len(shared),
         "left_out": len(reasons),
-        "left_out_reason": "; ".join(f"{reason}: {listed(names)}" for reason, names in by_reason.items()),
+        "left_out_reason": "; ".join(f"{reason}: {list_names(names)}" for reason, names in by_reason.items()),
         "message": "",
     }
     if len(complete) < FEWEST_REPEATED or len(shared) < 2:
@@ -409,7 +415,7 @@ def compare_study(
     sheets : where they are from, for the tables' metadata. Raises TableError where a table is damaged.
     """
     problems = _read(results, PROBLEMS, ["subject", "session", "hand", "severity"])
-    everything = recorded(levels, factors, problems)
+    everything = mark_suspect(levels, factors, problems)
     inputs = [results.study_table(name) for name in (PROBLEMS.name, *TABLES)]
     provenance = Provenance.of([*sheets, *inputs], factors=list(factors))
     differences: list[Row] = []
@@ -423,7 +429,7 @@ def compare_study(
         write_table(results.study_table(table.name), table, columns_from_rows(table, rows), provenance)
 
 
-def _numbers(results: Results, everything: Recorded) -> Iterator[tuple[Quantity, pd.DataFrame]]:
+def _numbers(results: Results, everything: RecordingLevels) -> Iterator[tuple[ComparedColumn, pd.DataFrame]]:
     """Every quantity's numbers, of one table after the other."""
     counted = everything.counted
     for name, quantities in groupby(QUANTITIES, key=lambda quantity: quantity.table.name):

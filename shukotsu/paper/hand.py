@@ -17,7 +17,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from shukotsu.errors import InputError, TableError
-from shukotsu.hand.digit_chain import DigitChain, Rows, all_valid, digit_chain, seen_from, turned
+from shukotsu.hand.digit_chain import DigitChain, Rows, all_valid, digit_chain, seen_from, segment_quaternions
 from shukotsu.hand.rotations import Array, about_axis, bone_frame, conjugate, from_matrix, multiply, rotate
 from shukotsu.paper.posture import Posture, Reference, estimate_posture
 from shukotsu.paper.wrist import wrist_row
@@ -178,20 +178,20 @@ def metacarpal_columns(
     """
     chain, mode = metacarpal.chain, metacarpal.mode
     vector_mm = metacarpal_vectors(chain, poses)
-    usable = all_valid(poses, _needed(chain, mode))
+    usable = all_valid(poses, _posture_segments(chain, mode))
     posture = None
     if mode == "estimated":
         quaternion = np.full((len(poses.frame), 4), np.nan)
         if neutral is not None:
             reference, bone = neutral
             posture = _posture(chain, layout, model, poses, reference)
-            hand = turned(poses, chain.digit.base)
+            hand = segment_quaternions(poses, chain.digit.base)
             quaternion = multiply(hand, multiply(posture.change, bone))
     elif mode == "fitted":
         assert fitted is not None, "the fit of the whole hand poses this metacarpal"
         quaternion, usable = fitted, np.isfinite(fitted[:, 0])
     else:
-        quaternion = _carried(metacarpal, layout, model, poses)
+        quaternion = _carried_postures(metacarpal, layout, model, poses)
     seen = all_valid(poses, (chain.digit.base, chain.digit.segments[1]))
     return {
         "frame": poses.frame,
@@ -201,7 +201,7 @@ def metacarpal_columns(
     }
 
 
-def _needed(chain: DigitChain, mode: str) -> tuple[str, ...]:
+def _posture_segments(chain: DigitChain, mode: str) -> tuple[str, ...]:
     """Segments whose poses the metacarpal's posture needs."""
     first, proximal = chain.digit.segments[:2]
     return {
@@ -213,7 +213,9 @@ def _needed(chain: DigitChain, mode: str) -> tuple[str, ...]:
     }[mode]
 
 
-def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, poses: Poses) -> Array:
+def _carried_postures(
+    metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, poses: Poses
+) -> Array:
     """Postures (T, 4) of a metacarpal that a receiver or the hand carries, or that stays at rest."""
     if metacarpal.mode == "rest":
         direction = np.array(model.metacarpals.rest_direction)
@@ -222,7 +224,7 @@ def _carried(metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, p
     bone = metacarpal.bone
     assert bone.vector_mm is not None, "a bone that is carried has a vector"
     align = from_matrix(bone_frame(bone.vector_mm, np.array(layout.segments[bone.driven_by].dorsal)))
-    return multiply(turned(poses, bone.driven_by), align)
+    return multiply(segment_quaternions(poses, bone.driven_by), align)
 
 
 def neutral_posture(
@@ -238,7 +240,7 @@ def neutral_posture(
     if frame is None:
         return None
     bone, proximal = chain.digit.segments[:2]
-    vector_mm, hand = metacarpal_vectors(chain, frame)[0], turned(frame, chain.digit.base)
+    vector_mm, hand = metacarpal_vectors(chain, frame)[0], segment_quaternions(frame, chain.digit.base)
     dorsal = np.array(layout.segments[chain.digit.base].dorsal)
     if bone in chain.receivers:
         dorsal = _dorsal_seen_from(hand, bone, layout, frame)[0]
@@ -260,14 +262,16 @@ def neutral_posture(
 def _posture(
     chain: DigitChain, layout: Layout, model: SkeletonModel, poses: Poses, reference: Reference
 ) -> Posture:
-    normal = _dorsal_seen_from(turned(poses, chain.digit.base), chain.digit.segments[1], layout, poses)
+    normal = _dorsal_seen_from(
+        segment_quaternions(poses, chain.digit.base), chain.digit.segments[1], layout, poses
+    )
     vector_mm = metacarpal_vectors(chain, poses)
     return estimate_posture(vector_mm, normal, reference, model.metacarpals.twist_factor)
 
 
 def _dorsal_seen_from(hand: Array, segment: str, layout: Layout, poses: Poses) -> Array:
     """A segment's dorsal direction, (T, 3), in the hand receiver's frame; hand : (T, 4)."""
-    turn = multiply(conjugate(hand), turned(poses, segment))
+    turn = multiply(conjugate(hand), segment_quaternions(poses, segment))
     return rotate(turn, np.array(layout.segments[segment].dorsal))
 
 
@@ -390,7 +394,7 @@ def failed_joints(projected_rows: Sequence[Mapping[str, Any]], message: str) -> 
     return [{name: row[name] for name in _KEPT_OF_FAILED} | failed for row in projected_rows]
 
 
-def judged(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
+def judge_hand(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
     """The hand with the verdict on every joint and bone; suspicion : of a suspect recording, or empty."""
     wanted_mm = layout.wanted_mm
     close = knuckles_too_close({row["joint"]: row for row in hand.joints}, layout)
@@ -446,7 +450,7 @@ def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter])
     parameters = {"calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration]}
     keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}
     suspects = [recording.title for recording in plan.suspect if recording.hand.hand == part.hand]
-    hand = judged(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {})
+    hand = judge_hand(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {})
     tables["joint_centres"].rows(part, [{**row, **keys} for row in hand.joints], **parameters)
     tables["bone_lengths"].rows(part, [{**row, **keys} for row in hand.bones], **parameters)
     tables["metacarpals"].rows(part, [], **parameters)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from shukotsu.errors import TableError, joined
+from shukotsu.errors import TableError, join_reasons
 from shukotsu.paper.closed import JointSolution, is_solvable, solve_closed
 from shukotsu.paper.moments import BLOCK_FRAMES, JointMoments, relative_poses
 from shukotsu.paper.stacked import solve_stacked
@@ -149,7 +149,7 @@ def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[R
     recordings = stream_recordings(usable, layout)
     rows = {setting: solution_rows(layout, solve_recordings(recordings, setting)) for setting in settings}
     if not usable:
-        why = f"no calibration recording: {joined(reasons) or 'the study names none'}"
+        why = f"no calibration recording: {join_reasons(reasons) or 'the study names none'}"
         rows = {setting: [{**row, "message": why} for row in failed] for setting, failed in rows.items()}
     return rows
 

@@ -16,7 +16,7 @@ from shukotsu.paper.plane import Projection
 from shukotsu.study.layout import Joint, Layout
 from shukotsu.study.model import SkeletonModel
 from shukotsu.study.plan import SubjectPlan
-from shukotsu.study.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, noted
+from shukotsu.study.verdict import ACROSS, AXIS_IN_PLANE, BY_HAND, UNJUDGED, Values, note_doubts
 from shukotsu.tables.catalogue import JOINT_SOLUTIONS
 from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.typed_table import rows_of, vector_columns, vector_of
@@ -168,7 +168,7 @@ def place_joint(
     if correction_mm is not None:
         row["source"], row["correction_mm"] = "fit, corrected by hand", float(np.linalg.norm(shift_mm))
         doubts[BY_HAND] = {"correction_mm": row["correction_mm"]}
-    return row | noted(doubts)
+    return row | note_doubts(doubts)
 
 
 def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> plane.Projection | None:

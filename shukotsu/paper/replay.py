@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shukotsu.errors import InputError, TableError
-from shukotsu.hand.digit_chain import DigitChain, all_valid, carried_mm, digit_chain, turned
+from shukotsu.hand.digit_chain import DigitChain, all_valid, carried_mm, digit_chain, segment_quaternions
 from shukotsu.hand.posed_recording import read_skeleton
 from shukotsu.hand.posing import PosedRecording, Skeleton, receiver_bones, rigid_positions, root_names
 from shukotsu.hand.rotations import Array, conjugate, multiply, rotate
@@ -74,7 +74,7 @@ def tip_first_frame(
         bone = end - start
         turn, start = metacarpal, posture
         if index or turn is None or start is None:
-            turn, start = turned(poses, segment), turned(frame, segment)
+            turn, start = segment_quaternions(poses, segment), segment_quaternions(frame, segment)
         if turn is metacarpal and at_rest:
             tip = tip + rotate(turn, np.array([np.linalg.norm(bone), 0.0, 0.0]))
         else:

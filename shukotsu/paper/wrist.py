@@ -13,7 +13,7 @@ from shukotsu.hand.digit_chain import Rows, all_valid, seen_from
 from shukotsu.hand.rotations import Array
 from shukotsu.study.layout import Layout, Wrist
 from shukotsu.study.model import SkeletonModel
-from shukotsu.study.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, noted
+from shukotsu.study.verdict import BY_ANATOMY, FROM_DOUBTFUL, NO, Values, judged_joint, note_doubts
 from shukotsu.tables.poses import PosesReader
 from shukotsu.tables.typed_table import vector_columns, vector_of
 
@@ -160,7 +160,7 @@ def _point_row(
         "dof": 0,
         "n_frames": 0,
         "source": source,
-        **noted(doubts or {}),
+        **note_doubts(doubts or {}),
         "status": status,
         "message": how,
     }

@@ -87,7 +87,7 @@ def sides(
     expected.
     """
     links = [(parents[name], name) for name in receivers if parents.get(name, "") in receivers]
-    settled = _settled(receivers, poses, links)
+    settled = _settle(receivers, poses, links)
     tables = {}
     for parent, child in links:
         pair = _pair(settled[parent], poses(parent), settled[child], poses(child))
@@ -177,7 +177,7 @@ def _between(parent: Integers, child: Integers) -> tuple[Integers, Integers, Int
     return rows, right[rows] - 1, right[rows], past[rows] / apart[rows]
 
 
-def _settled(
+def _settle(
     receivers: Mapping[str, OwnSides], poses: Callable[[str], Poses], links: Sequence[tuple[str, str]]
 ) -> dict[str, OwnSides]:
     """Put runs of a receiver on one side by its joints, where its own positions let guess only."""
@@ -246,7 +246,7 @@ class _Link:
         for _ in range(8):
             root = np.sqrt(weight)[:, None]
             turn, apart = self.turn * root[..., None], self.apart[:, 0] * root
-            centre = _solved(turn.reshape(-1, 6), apart.reshape(1, -1))[0]
+            centre = _solve_centres(turn.reshape(-1, 6), apart.reshape(1, -1))[0]
             gap_mm = self.gaps_mm(centre)[:, 0]
             usual_mm = float(np.median(gap_mm))
             weight = 1 / (1 + np.square(gap_mm / max(2 * usual_mm, 1e-6)))
@@ -273,7 +273,7 @@ class _Link:
             rows, chosen = np.arange(len(gaps_mm)), gaps_mm.argmin(1)
             closes = gaps_mm[rows, chosen] < LARGEST_GAP_MM
             apart = few.apart[rows, chosen][closes].reshape(1, -1)
-            best = np.asarray(_solved(few.turn[closes].reshape(-1, 6), apart)[0])
+            best = np.asarray(_solve_centres(few.turn[closes].reshape(-1, 6), apart)[0])
         return best
 
     def _trial(self, rows: Integers) -> Array:
@@ -281,14 +281,14 @@ class _Link:
         choices = np.indices((self.apart.shape[1],) * len(rows)).reshape(len(rows), -1)
         apart = self.apart[rows[:, None], choices].swapaxes(0, 1).reshape(choices.shape[1], -1)
         turn = self.turn[rows].reshape(-1, 6)
-        centres = _solved(turn, apart)
+        centres = _solve_centres(turn, apart)
         gap_mm = np.sqrt(np.square(centres @ turn.T - apart).mean(1) * 3)
         near = np.linalg.norm(centres.reshape(-1, 2, 3), axis=-1).max(1) < LONGEST_LEVER_MM
         good = np.flatnonzero(near & (gap_mm < LARGEST_GAP_MM))
         return centres[good[np.argsort(gap_mm[good])[:8]]]
 
 
-def _solved(turn: Array, apart: Array) -> Array:
+def _solve_centres(turn: Array, apart: Array) -> Array:
     """Return least-squares centres (M, 6) of turn (3 N, 6) centre = apart (M, 3 N); see LEVER_MM."""
     normal = turn.T @ turn + len(turn) / 3 / LEVER_MM**2 * np.eye(6)
     return np.asarray(np.linalg.solve(normal, turn.T @ apart.T).T)

@@ -54,7 +54,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     from shukotsu.readers.formats.readers import find_parts_reader
     from shukotsu.readers.hemispheres import expected_joints
     from shukotsu.readers.poses_table import poses_table
-    from shukotsu.readers.samples import joined
+    from shukotsu.readers.samples import join_samples
     from shukotsu.study.config_files import config_path
     from shukotsu.study.layout import read_layout
     from shukotsu.study.mapping import read_mapping
@@ -77,7 +77,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
     expected_mm, repair = expected_joints(layout), arguments.repair_hemisphere
     table = poses_table(parts(), parents, folder, expected_mm=expected_mm, repair_hemisphere=repair)
     with closing(table) as poses:
-        remarks = joined(parts_without_rows)
+        remarks = join_samples(parts_without_rows)
         # Expected are the layout's segments, or of these the mapping's: nobody wore a receiver on the others.
         seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
         worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)

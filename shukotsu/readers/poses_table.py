@@ -200,7 +200,7 @@ def poses_table(
         frames.append(np.unique(samples.frame))
         start += len(samples.segment)
     frame = np.unique(np.concatenate(frames))
-    segments = {names[index]: _checked(files[index]) for index in sorted(files)}
+    segments = {names[index]: _check_segment(files[index]) for index in sorted(files)}
     _refuse_nonsense(segments, places)
     files_by_name = {names[index]: files[index] for index in sorted(files)}
     segments = _on_one_side(segments, files_by_name, parents, expected_mm or {}, repair=repair_hemisphere)
@@ -219,7 +219,7 @@ def poses_table(
     )
 
 
-def _checked(file: _RowFile) -> _Segment:
+def _check_segment(file: _RowFile) -> _Segment:
     """Bring a segment's rows into order, flag them and say what they say together."""
     rows = file.rows()
     rows, twice = _one_a_frame(rows[np.argsort(rows["frame"], kind="stable")])
@@ -252,7 +252,7 @@ def _checked(file: _RowFile) -> _Segment:
         first,
         int(bad.sum()),
         twice,
-        _counted(poses[:, :3]),
+        _whole_number_axis(poses[:, :3]),
         side,
     )
 
@@ -397,7 +397,7 @@ def _normalise(rows: Rows) -> tuple[Array, Bools]:
     return length, bad
 
 
-def _counted(position_mm: Array) -> str:
+def _whole_number_axis(position_mm: Array) -> str:
     """Return the axis along which many positions (N, 3) only have whole numbers, of mm or inches, while they
     move along both others; empty: none. Where all are whole they are rounded.
     """

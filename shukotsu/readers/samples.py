@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, shortened
+from shukotsu.errors import InputError, shorten
 from shukotsu.study.layout import Layout
 
 NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
@@ -55,7 +55,7 @@ class Samples:
         return replace(self, flags=flags, **{name: getattr(self, name)[rows] for name in names})
 
 
-def joined(parts: Iterable[Samples]) -> Samples:
+def join_samples(parts: Iterable[Samples]) -> Samples:
     """Put the parts of a recording together, at least one, in order."""
     every = list(parts)
     starts = [0, *itertools.accumulate(len(part.segment) for part in every)]
@@ -99,7 +99,7 @@ def segments_of_names(
         why = f"is not in layout {layout.name}, which knows {', '.join(worn)}{did_you_mean(name, worn)}"
         if name in layout.segments:
             why = f"carries no receiver in layout {layout.name} (measured: false); leave its rows out"
-        raise InputError(f"{locate(first)}: segment {shortened(name, 60)!r} {why}")
+        raise InputError(f"{locate(first)}: segment {shorten(name, 60)!r} {why}")
     return segment
 
 

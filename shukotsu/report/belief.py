@@ -6,9 +6,9 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from shukotsu.report.palette import AMBER, INK, NO, WEAK_LINE, Mark
+from shukotsu.report.palette import AMBER, INK, NO, WEAK_LINE, PlotMark
 from shukotsu.report.study_results import Row, StudyResults
-from shukotsu.report.table_cells import Column, DataTable, number, quantity_column, table_of, text_column
+from shukotsu.report.table_cells import DataTable, PageColumn, number, quantity_column, table_of, text_column
 from shukotsu.study import verdict
 from shukotsu.study.layout import Layout
 from shukotsu.tables.subjects import Hand
@@ -18,10 +18,10 @@ BELIEVED, CARE, NOT = N_("✓ yes"), N_("◆ with care"), N_("✕ no")
 BELIEFS = (BELIEVED, CARE, NOT)
 """From good to bad; a picture marks them by shape and colour, see BELIEF_MARKS."""
 
-BELIEF_MARKS: Mapping[str, Mark] = {
-    BELIEVED: Mark("o", INK, INK),
-    CARE: Mark("D", AMBER, WEAK_LINE),
-    NOT: Mark("X", NO, NO),
+BELIEF_MARKS: Mapping[str, PlotMark] = {
+    BELIEVED: PlotMark("o", INK, INK),
+    CARE: PlotMark("D", AMBER, WEAK_LINE),
+    NOT: PlotMark("X", NO, NO),
 }
 
 NO_JOINT = N_("no joint was solved")
@@ -103,9 +103,9 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
     rows = results.joints_of.get((hand, model), [])
     columns = (
         text_column(tr("Joint"), "joint"),
-        Column(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
+        PageColumn(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
         *(quantity_column(name) for name in _NUMBERS if any(row[name] is not None for row in rows)),
-        Column(tr("Why"), lambda row: "; ".join(reasons_of(row)), is_text=True),
+        PageColumn(tr("Why"), lambda row: "; ".join(reasons_of(row)), is_text=True),
     )
     return table_of(tr("Joints of {hand}, {model}.", model=model, hand=hand), columns, rows, tr(NO_JOINT))
 

@@ -215,7 +215,7 @@ def upright(motion: HandMotion) -> Array:
     return np.stack([np.cross(distal, dorsal), distal, dorsal])
 
 
-def seen(motion: HandMotion, frames: npt.NDArray[np.int64], world_mm: Array) -> Array:
+def view_points(motion: HandMotion, frames: npt.NDArray[np.int64], world_mm: Array) -> Array:
     """Points (F, n, 3) of the frames (F,), indices, in the view's axes; NaN where the base has no pose."""
     turn = matrix(motion.receiver_quaternion[frames, motion.base])
     origin = motion.receiver_mm[frames, motion.base]

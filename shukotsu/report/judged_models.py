@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from shukotsu.report.provenance import all_problems
 from shukotsu.report.study_results import Row, StudyResults, hand_of
-from shukotsu.report.table_cells import p_text, shown
+from shukotsu.report.table_cells import format_value, p_text
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
 from shukotsu.study.findings import in_quotes
@@ -94,7 +94,7 @@ def model_to_take(results: StudyResults) -> str:
         pair = leading, row["model"]
         row = next(each for each in judged.differences if (each["model"], each["other"]) == pair)
     sentence = _amount(judged, leading, row["mean"])
-    amounts = {"other": row["other"], "amount": shown(judged.metric, row["other_mean"])}
+    amounts = {"other": row["other"], "amount": format_value(judged.metric, row["other_mean"])}
     if row["other"] == PRIOR:
         sentence += tr("; anatomy alone, without data, by {amount} mm", **amounts)
     else:
@@ -110,7 +110,7 @@ def model_to_take(results: StudyResults) -> str:
 
 
 def _amount(judged: JudgedModels, model: str, mean: float) -> str:
-    values = {"model": model, "mean": shown(judged.metric, mean)}
+    values = {"model": model, "mean": format_value(judged.metric, mean)}
     if judged.metric == TRUTH:
         return tr("Take the model {model}: its joints are {mean} mm from the true ones on average", **values)
     if judged.metric == LEFT_OUT:
@@ -152,7 +152,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
     for judged in judged_models(results):
         if judged.metric == TRUTH and model in judged.values:
             values = list(judged.values[model].values())
-            truth = shown(TRUTH, sum(values) / len(values))
+            truth = format_value(TRUTH, sum(values) / len(values))
             typical += tr(
                 "; the hands are simulated, so the truth is known: {truth} mm on average", truth=truth
             )
@@ -166,7 +166,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
             if rows
             else tr("can be believed: no hand that counts has a joint under {model}", model=model),
         ),
-        BigNumber(shown("sd_mm", median(sds) if sds else None), "mm", typical),
+        BigNumber(format_value("sd_mm", median(sds) if sds else None), "mm", typical),
         BigNumber(
             str(suspects),
             tr("of {total}", total=hands_counted(results, len(results.hands))),

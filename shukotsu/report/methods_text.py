@@ -10,7 +10,7 @@ from pathlib import Path
 from statistics import median
 
 from shukotsu.errors import InputError
-from shukotsu.report.movement_results import Movement
+from shukotsu.report.movement_results import StudyMovement
 from shukotsu.report.study_results import StudyResults
 from shukotsu.resources import VERSION
 from shukotsu.scores.paired_statistics import FEWEST_SUBJECTS
@@ -33,13 +33,13 @@ REFERENCES = (
 )
 
 
-def methods_text(results: StudyResults, movement: Movement | None = None) -> list[str]:
+def methods_text(results: StudyResults, movement: StudyMovement | None = None) -> list[str]:
     """Return the paragraphs, in the past tense; on movement where any was measured."""
     moved = [movement_paragraph(movement)] if movement is not None and len(movement.ranges) else []
     return [
-        _recorded(results),
-        _solved(results),
-        _compared(results),
+        _describe_recordings(results),
+        _describe_models(results),
+        _describe_comparison(results),
         *moved,
         f"All computations were made with Shukotsu {VERSION}; configuration, versions and the SHA-256 of "
         "every input file stand in the study's tables.",
@@ -50,7 +50,7 @@ def _count(n: int, name: str) -> str:
     return f"{n} {name}" + ("" if n == 1 else "s")
 
 
-def _recorded(results: StudyResults) -> str:
+def _describe_recordings(results: StudyResults) -> str:
     used = [row for row in results.recording_rows if row["status"] == "used"]
     rates = [
         (row["n_frames"] - 1) / row["duration_s"] for row in used if row["duration_s"] and row["n_frames"] > 1
@@ -78,12 +78,13 @@ def _recorded(results: StudyResults) -> str:
     text += f". The tracker was: {trackers or '[name it here]'}."
     mappings = Counter(recording.mapping for recording in results.recordings if not recording.exclude)
     return text + "".join(
-        f" {_count(n, 'recording')} of another program: read as {path.name} declares{_declared(path)}."
+        f" {_count(n, 'recording')} of another program: read as {path.name} declares"
+        f"{_describe_mapping(path)}."
         for path, n in sorted((path, n) for path, n in mappings.items() if path)
     )
 
 
-def _declared(path: Path) -> str:
+def _describe_mapping(path: Path) -> str:
     """Units and convention of a mapping; empty where it cannot be read."""
     try:
         mapping = read_mapping(path)
@@ -94,7 +95,7 @@ def _declared(path: Path) -> str:
     return f": positions in {mapping.config['position_unit']}" + (f", {turning}" if turning else "")
 
 
-def _solved(results: StudyResults) -> str:
+def _describe_models(results: StudyResults) -> str:
     """Describe the models; where no layout has a thumb, nothing is said of one."""
     thumb = any("thumb" in layout.digits for layout in results.layouts.values())
     text = (
@@ -113,7 +114,7 @@ def _solved(results: StudyResults) -> str:
     return text
 
 
-def _compared(results: StudyResults) -> str:
+def _describe_comparison(results: StudyResults) -> str:
     fresh = any(row["held_out"] and not row["reference"] for row in results.scores)
     seen = (
         "of tasks that they were not made from" if fresh else "that they were made from; nothing was held out"
@@ -126,7 +127,7 @@ def _compared(results: StudyResults) -> str:
     )
 
 
-def movement_paragraph(movement: Movement) -> str:
+def movement_paragraph(movement: StudyMovement) -> str:
     """Describe how movement was measured and compared: filters, statistics, n."""
     subjects = _count(movement.ranges["subject"].nunique(), "subject")
     text = (

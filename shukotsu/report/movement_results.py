@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from shukotsu.report.belief import NOT, study_beliefs
 from shukotsu.report.study_results import StudyResults, recording_key
-from shukotsu.report.table_cells import Column, DataTable, number, p_text, table_of, text_column
+from shukotsu.report.table_cells import DataTable, PageColumn, number, p_text, table_of, text_column
 from shukotsu.tables.catalogue import MOVEMENT_DIFFERENCES, MOVEMENT_RELIABILITY, RANGES_OF_MOTION
 from shukotsu.tables.typed_table import Table, read_table
 from shukotsu.translation import tr
@@ -27,7 +27,7 @@ SUBJECT = ["subject", "session", "hand"]
 
 
 @dataclass(frozen=True)
-class Movement:
+class StudyMovement:
     """A study's movement under one model, hands with a suspect finding left out.
 
     ranges : a row a recording and angle. differences, reliability : of that model. believed : one of BELIEFS
@@ -60,18 +60,18 @@ class Movement:
             return None
         shown = rows[rows["verdict"] == "shown"].sort_values("p_holm", kind="stable")
         columns = (
-            Column(
+            PageColumn(
                 tr("Levels"),
                 lambda row: f"{row['factor']}: {row['level']} − {row['other_level']}",
                 is_text=True,
             ),
-            Column(tr("Of"), lambda row: f"{row['quantity']}, {row['of']}", is_text=True),
+            PageColumn(tr("Of"), lambda row: f"{row['quantity']}, {row['of']}", is_text=True),
             text_column(tr("Hand"), "hand"),
             text_column(tr("Task"), "task"),
-            Column(tr("Subjects"), lambda row: "/".join(str(n) for n in (row["n"], row["n_other"]) if n)),
-            Column(tr("Difference"), lambda row: f"{number(row['difference'])} {row['unit']}"),
-            Column(tr("95 % interval"), lambda row: f"{number(row['low'])} – {number(row['high'])}"),
-            Column(tr("p, corrected"), lambda row: p_text(row["p_holm"])),
+            PageColumn(tr("Subjects"), lambda row: "/".join(str(n) for n in (row["n"], row["n_other"]) if n)),
+            PageColumn(tr("Difference"), lambda row: f"{number(row['difference'])} {row['unit']}"),
+            PageColumn(tr("95 % interval"), lambda row: f"{number(row['low'])} – {number(row['high'])}"),
+            PageColumn(tr("p, corrected"), lambda row: p_text(row["p_holm"])),
         )
         caption = tr(
             "Differences shown, {n} of {n_all} numbers that were tested (movement_differences.parquet).",
@@ -81,7 +81,7 @@ class Movement:
         return table_of(caption, columns, shown.to_dict("records"))
 
 
-def read_movement(results: StudyResults) -> Movement:
+def read_movement(results: StudyResults) -> StudyMovement:
     """Read the study's tables of movement under the leading model; InputError where one is another table.
 
     Ranges are of recordings that do more than calibrate, and of hands that count in statistics.
@@ -94,7 +94,7 @@ def read_movement(results: StudyResults) -> Movement:
     suspect = {(hand.subject, hand.session, hand.hand) for hand in results.suspect}
     keys = zip(*(measured[name] for name in SUBJECT), strict=True)
     ranges = measured[np.array([key not in suspect for key in keys], bool)]
-    return Movement(
+    return StudyMovement(
         model=model,
         ranges=ranges[ranges[RANGE].notna()],
         differences=_frame(results, MOVEMENT_DIFFERENCES, model),

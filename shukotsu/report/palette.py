@@ -84,7 +84,7 @@ PRINT_ON_PAPER = {
 """What a page changes on top of the light values when it is printed."""
 
 
-class Mark(NamedTuple):
+class PlotMark(NamedTuple):
     """A shape (a key of MARK_PATHS) with the colours of its face and its edge."""
 
     shape: str

@@ -28,12 +28,12 @@ from shukotsu.report.study_results import (
 )
 from shukotsu.report.table_cells import (
     DASH,
-    Block,
-    Column,
     DataTable,
+    PageColumn,
+    RowBlock,
+    format_value,
     heading,
     number,
-    shown,
     table_of,
     title,
 )
@@ -57,7 +57,7 @@ FAR_MM = 5.0
 """A joint farther off than this is of no use: it is half the breadth of a finger's bone or more."""
 
 
-class Skeleton(NamedTuple):
+class SkeletonLabel(NamedTuple):
     """A model with the tasks that it was made from, or a reference, which was made from none."""
 
     model: str
@@ -66,7 +66,7 @@ class Skeleton(NamedTuple):
     reference: bool
 
 
-Scored = tuple[Skeleton, list[Row]]
+Scored = tuple[SkeletonLabel, list[Row]]
 
 
 def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
@@ -74,12 +74,14 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
 
     Held-out skeletons come first, then in-sample ones, then references. Empty columns are left out.
     """
-    groups: dict[Skeleton, list[Row]] = defaultdict(list)
+    groups: dict[SkeletonLabel, list[Row]] = defaultdict(list)
     wanted = (*trial.who, trial.task, trial.trial)
     for row in sorted(results.scores, key=lambda row: bool(row["hand"] != "right")):
         if tuple(row[name] for name in ("subject", "session", "task", "trial")) != wanted:
             continue
-        groups[Skeleton(row["model"], row["calibrated_on"], row["held_out"], row["reference"])].append(row)
+        groups[SkeletonLabel(row["model"], row["calibrated_on"], row["held_out"], row["reference"])].append(
+            row
+        )
     if not groups:
         return None
     order = {name: index for index, name in enumerate(results.models)}
@@ -89,14 +91,14 @@ def score_table(results: StudyResults, trial: Trial) -> DataTable | None:
     )
     names = [name for name in MEANS if any(_is_known(name, row) for _, rows in scored for row in rows)]
     columns = (
-        Column(tr("Skeleton"), lambda each: each[0].model, is_text=True),
-        Column(tr("Made from"), _made_from, is_text=True),
-        Column(
+        PageColumn(tr("Skeleton"), lambda each: each[0].model, is_text=True),
+        PageColumn(tr("Made from"), _made_from, is_text=True),
+        PageColumn(
             tr("Held out"),
             lambda each: DASH if each[0].reference else tr("yes") if each[0].held_out else tr(IN_SAMPLE),
             is_text=True,
         ),
-        *(Column(heading(name), partial(_mean_text, name)) for name in names),
+        *(PageColumn(heading(name), partial(_mean_text, name)) for name in names),
     )
     caption = tr("Mean over digits and hands: {who}, {title}.", who=trial.who, title=trial.title)
     return table_of(caption, columns, _blocks(scored), notes=_shortfalls(results, trial, scored, names))
@@ -115,7 +117,7 @@ def _made_from(scored: Scored) -> str:
 
 
 def _mean_text(name: str, scored: Scored) -> str:
-    return shown(name, mean(row[name] for row in scored[1] if _is_known(name, row)))
+    return format_value(name, mean(row[name] for row in scored[1] if _is_known(name, row)))
 
 
 def _is_known(name: str, row: Row) -> bool:
@@ -148,36 +150,38 @@ def _shortfalls(
 def truth_table(results: StudyResults, who: SubjectSession) -> DataTable | None:
     """Return the joints of both of a subject's hands against the truth, a row a skeleton; None without it."""
     order = {name: index for index, name in enumerate(results.models)}
-    groups: dict[Skeleton, list[Row]] = defaultdict(list)
+    groups: dict[SkeletonLabel, list[Row]] = defaultdict(list)
     for row in results.joint_errors:
         if hand_of(row).who == who:
             model = row["model"]
-            skeleton = Skeleton(model, row["calibrated_on"], held_out=False, reference=model not in order)
+            skeleton = SkeletonLabel(
+                model, row["calibrated_on"], held_out=False, reference=model not in order
+            )
             groups[skeleton].append(row)
     if not groups:
         return None
     scored = sorted(groups.items(), key=lambda each: order.get(each[0].model, len(order)))
 
-    def quantile(title: str, share: float, name: str = "error_mm") -> Column:
+    def quantile(title: str, share: float, name: str = "error_mm") -> PageColumn:
         def cell(each: Scored) -> str:
             values = _sizes(each, name)
             return number(float(np.quantile(values, share)) if values else None)
 
-        return Column(title, cell)
+        return PageColumn(title, cell)
 
     columns = (
-        Column(tr("Skeleton"), lambda each: each[0].model, is_text=True),
-        Column(tr("Made from"), _made_from, is_text=True),
-        Column(tr("Joints"), lambda each: f"{len(_sizes(each, 'error_mm'))}/{len(each[1])}"),
+        PageColumn(tr("Skeleton"), lambda each: each[0].model, is_text=True),
+        PageColumn(tr("Made from"), _made_from, is_text=True),
+        PageColumn(tr("Joints"), lambda each: f"{len(_sizes(each, 'error_mm'))}/{len(each[1])}"),
         quantile(heading("median_mm"), 0.5),
         quantile("90 % [mm]", 0.9),
         quantile(heading("max_mm"), 1.0),
-        Column(
+        PageColumn(
             f"> {FAR_MM:.0f} mm [%]", lambda each: _percent([e > FAR_MM for e in _sizes(each, "error_mm")])
         ),
         quantile(tr("Axis [deg]"), 0.5, "axis_deg"),
         quantile(heading("bone_error_percent"), 0.5, "bone_error_percent"),
-        Column(
+        PageColumn(
             tr("In the stated 95 % [%]"),
             lambda each: _percent([row["within_95"] for row in each[1] if row["within_95"] is not None]),
         ),
@@ -218,14 +222,14 @@ def study_table(results: StudyResults, trial: Trial, model: SkeletonModel) -> Da
             )
             for name, words in STATISTICS.items()
         )
-        blocks.append(Block(_header(recording.hand.hand, digits), tuple(cells)))
+        blocks.append(RowBlock(_header(recording.hand.hand, digits), tuple(cells)))
         notes += _notes(results, recording, rows)
     caption = f"{trial.who}, {trial.title}, {tr('model {model}', model=model.name)}."
     return DataTable(caption, tuple(blocks), tuple(notes))
 
 
 @cache
-def _printed() -> dict[tuple[int, str, str], tuple[str, ...]]:
+def _printed_numbers() -> dict[tuple[int, str, str], tuple[str, ...]]:
     with PRINTED.open(encoding="utf-8", newline="") as stream:
         return {
             (int(row["table"]), row["hand"], row["statistic"]): tuple(row[digit] for digit in PAPER_DIGITS)
@@ -236,10 +240,11 @@ def _printed() -> dict[tuple[int, str, str], tuple[str, ...]]:
 def printed_table(table: int) -> DataTable:
     """Return one of the paper's Tables 1 to 4, as printed, cm."""
     blocks = (
-        Block(
+        RowBlock(
             _header(hand, PAPER_DIGITS),
             tuple(
-                (f"{tr(words)} [cm]", *_printed()[table, hand, name]) for name, words in STATISTICS.items()
+                (f"{tr(words)} [cm]", *_printed_numbers()[table, hand, name])
+                for name, words in STATISTICS.items()
             ),
         )
         for hand in HANDS
@@ -272,7 +277,7 @@ def least_squares_table(results: StudyResults, trial: Trial) -> DataTable:
             cells = [number(row[name] if row else None) for row in errors for name in ("mean_mm", "p95_mm")]
             seen = {tr("yes") if row["held_out"] else tr("no") for row in errors if row is not None}
             rows.append((model, *cells, "/".join(sorted(seen)) or number(None)))
-        blocks.append(Block((tr("{hand} hand", hand=title(hand)), *titles, tr("Held out")), tuple(rows)))
+        blocks.append(RowBlock((tr("{hand} hand", hand=title(hand)), *titles, tr("Held out")), tuple(rows)))
     caption = tr("Tip error, least-squares binding, mean and 95th percentile (p95) [mm]: {who}, {title}.",
                  who=trial.who, title=trial.title)  # fmt: skip
     return DataTable(caption, tuple(blocks))

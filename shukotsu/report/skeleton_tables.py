@@ -9,10 +9,10 @@ from shukotsu.report.belief import BELIEVED, NO_JOINT, belief
 from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.table_cells import (
     DASH,
-    Block,
-    Column,
     DataTable,
     Folded,
+    PageColumn,
+    RowBlock,
     anchor,
     error_column,
     heading,
@@ -46,7 +46,7 @@ def bone_table(results: StudyResults, hand: Hand) -> DataTable:
     }
     return DataTable(
         tr("Bone lengths [mm] with 1-sigma error: {name}.", name=hand),
-        (Block((heading("length_mm"), *results.models), rows),),
+        (RowBlock((heading("length_mm"), *results.models), rows),),
         tuple(messages) if rows else (tr("No bone length was computed."),),
     )
 
@@ -59,7 +59,7 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
         (
             anchor(link(hand.who.label, results.paths.report, results.paths.subject_page(*hand.who))),
             word(hand.hand),
-            _believed(results, hand, bones),
+            _count_believed(results, hand, bones),
             *(_length(bones.get(name)) for name in names),
         )
         for hand, bones in of_hands.items()
@@ -67,7 +67,7 @@ def lengths_table(results: StudyResults, model: str) -> DataTable:
     header = (tr("Subject"), tr("Hand"), tr("Believed"))
     return DataTable(
         tr("Bone lengths [mm] with 1-sigma error: {name}.", name=model),
-        (Block((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
+        (RowBlock((*header, *(word(name).replace("_", " ") for name in names)), rows if names else ()),),
         () if names else (tr("No bone length was computed."),),
         frozenset(range(2)),
     )
@@ -88,7 +88,7 @@ def _in_order(results: StudyResults, names: set[str]) -> list[str]:
     return sorted(names, key=lambda name: (order.get(name.split(" ")[0], len(order)), name))
 
 
-def _believed(results: StudyResults, hand: Hand, bones: dict[str, Row]) -> str:
+def _count_believed(results: StudyResults, hand: Hand, bones: dict[str, Row]) -> str:
     """How many of a hand's lengths to believe; none of one with a finding."""
     if not bones:
         return DASH
@@ -111,13 +111,13 @@ def receiver_tables(results: StudyResults, hand: Hand) -> list[Folded]:
     """Tabulate where the receivers of a hand sit on their bones, for each model that fits the whole hand."""
     columns = (
         text_column(tr("Receiver"), "segment"),
-        Column(tr("Status"), lambda row: _STATUS[row["status"]], is_text=True),
+        PageColumn(tr("Status"), lambda row: _STATUS[row["status"]], is_text=True),
         error_column(tr("Along the bone [mm]"), "along", "mm", 2),
         error_column(tr("To the thumb's side [mm]"), "lateral", "mm", 2),
         error_column(tr("Over the bone [mm]"), "height", "mm", 2),
         quantity_column("residual_mm"),
         quantity_column("residual_deg"),
-        Column(tr("Came loose"), _loose, is_text=True),
+        PageColumn(tr("Came loose"), _loose, is_text=True),
         text_column(tr("Message"), "message"),
     )
     folded = []
@@ -156,7 +156,9 @@ def measured_ranges(results: StudyResults, hand: Hand, model: str) -> list[Row]:
 
 def measured_table(caption: str, rows: list[Row], *, with_recording: bool) -> DataTable:
     """Tabulate range, posture and speed of every joint angle, each range with its stated 1-sigma error."""
-    task = Column(tr("Task"), lambda row: ", ".join(filter(None, (row["task"], row["trial"]))), is_text=True)
+    task = PageColumn(
+        tr("Task"), lambda row: ", ".join(filter(None, (row["task"], row["trial"]))), is_text=True
+    )
     columns = (
         text_column(tr("Joint"), "joint"),
         text_column(tr("Angle"), "angle"),

@@ -20,13 +20,13 @@ from shukotsu.report.figures.panels import page_picture, taken_failures
 from shukotsu.report.figures.study_figures import joints_in_order, model_panels, range_panels
 from shukotsu.report.judged_models import big_numbers, model_to_take, used_text
 from shukotsu.report.methods_text import REFERENCES, methods_text
-from shukotsu.report.movement_results import Movement
+from shukotsu.report.movement_results import StudyMovement
 from shukotsu.report.provenance import all_problems, faults_listed
 from shukotsu.report.recording_page import recording_links
 from shukotsu.report.recording_results import read_stretch
 from shukotsu.report.skeleton_tables import lengths_table
 from shukotsu.report.study_results import Row, StudyResults
-from shukotsu.report.table_cells import Link, link, shown
+from shukotsu.report.table_cells import Link, format_value, link
 from shukotsu.report.templates import render
 from shukotsu.report.viewer import View, view_of
 from shukotsu.resources import VERSION
@@ -60,7 +60,7 @@ class SubjectCard(NamedTuple):
     recordings: list[Link]
 
 
-def render_study(results: StudyResults, study: Study, movement: Movement | None = None) -> str:
+def render_study(results: StudyResults, study: Study, movement: StudyMovement | None = None) -> str:
     """Return the study's page; the same results give the same text."""
     panels = model_panels(results)
     with_lengths = [hand for hand in results.hands if results.bones_of.get((hand, results.leading))]
@@ -233,7 +233,7 @@ def _cell(rows: Sequence[Row]) -> JointCell | None:
     verdict = sorted((row["verdict"] for row in rows), key=list(MARKS).index)[len(rows) // 2]
     level = -1 if sd is None else sum(sd >= end for end in CLASSES_MM)
     why = "; ".join(reasons_of(rows[0])) if verdict != BELIEVE and len(rows) == 1 else ""
-    return JointCell(shown("sd_mm", sd), level, MARKS[verdict], why)
+    return JointCell(format_value("sd_mm", sd), level, MARKS[verdict], why)
 
 
 def small_hand(results: StudyResults, hand: Hand, model: str) -> Markup:

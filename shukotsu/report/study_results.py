@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from shukotsu.errors import InputError
 from shukotsu.hand.known_digits import leading_model
-from shukotsu.study.findings import NOTE, REFUSED, STAGE, problem_row, worded
+from shukotsu.study.findings import NOTE, REFUSED, STAGE, finding_of_text, problem_row
 from shukotsu.study.layout import Layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.plan import SubjectPlan
@@ -305,7 +305,7 @@ def _failed_pages(study: Study, paths: Results) -> Iterator[Row]:
 
 
 def _problem(who: SubjectSession, stage: str, message: str, **where: str) -> Row:
-    return problem_row(stage, worded("", REFUSED, message), **who._asdict(), **where)
+    return problem_row(stage, finding_of_text("", REFUSED, message), **who._asdict(), **where)
 
 
 def _study_rows(path: Path, table: Table, failures: list[Row]) -> list[Row]:

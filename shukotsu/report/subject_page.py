@@ -66,7 +66,7 @@ def render_subject(results: StudyResults) -> str:
         trials=[_trial_part(results, trial) for trial in results.trials(*who)],
         truth=truth_table(results, who),
         lengths=page_picture(lengths) if lengths else "",
-        folded=_folded(results, who),
+        folded=_folded_tables(results, who),
     )
 
 
@@ -127,7 +127,7 @@ def _trial_part(results: StudyResults, trial: Trial) -> dict[str, Any]:
     }
 
 
-def _folded(results: StudyResults, who: SubjectSession) -> dict[str, list[Folded]]:
+def _folded_tables(results: StudyResults, who: SubjectSession) -> dict[str, list[Folded]]:
     """Folded tables by their section: lengths, ranges, receivers, recordings."""
     hands = results.hands_of(*who)
     names = {hand: tr("{hand} hand", hand=hand.hand.capitalize()) for hand in hands}
@@ -156,14 +156,16 @@ def write_pages(arguments: argparse.Namespace) -> None:
         pages: dict[Path, Page] = {}
         if not arguments.recording:
             pages[Path("subject.html")] = partial(render_subject, results), render_failure
-        for recording in [_named(results, *arguments.recording)] if arguments.recording else results.shown:
+        for recording in (
+            [_select_recording(results, *arguments.recording)] if arguments.recording else results.shown
+        ):
             pages[_page(recording)] = (
                 partial(_recording_page, results, recording),
                 partial(failure_page, recording_title(recording)),
             )
         failures = []
         for page, (make, say_why) in pages.items():
-            with command_line.recorded(arguments, arguments.record_failure) as messages:
+            with command_line.keep_failure(arguments, arguments.record_failure) as messages:
                 write_text(arguments.out / page, make())
             failures += [f"{page.as_posix()}: {message}" for message in taken_failures()]
             for message in messages:
@@ -186,7 +188,7 @@ def _write_failures(folder: Path, failures: Sequence[str]) -> None:
         (folder / FAILED_PAGES).unlink(missing_ok=True)
 
 
-def _named(results: StudyResults, hand: str, name: str) -> Recording:
+def _select_recording(results: StudyResults, hand: str, name: str) -> Recording:
     for recording in results.shown:
         if (recording.hand.hand, recording.name) == (hand, name):
             return recording

@@ -70,13 +70,13 @@ def heading(name: str) -> str:
     return tr(quantity.label) + (f" [{quantity.unit}]" if quantity.unit else "")
 
 
-def shown(name: str, value: float | None) -> str:
+def format_value(name: str, value: float | None) -> str:
     """Return a value of a quantity with its decimals; a dash where there is none."""
     return number(value, QUANTITIES[name].decimals)
 
 
 @dataclass(frozen=True)
-class Block:
+class RowBlock:
     """Rows under one header; the first cell of the header and of every row is their heading."""
 
     header: tuple[str, ...]
@@ -88,7 +88,7 @@ class DataTable:
     """A captioned table of one block or more; columns are numbers except those named in text_columns."""
 
     caption: str
-    blocks: tuple[Block, ...]
+    blocks: tuple[RowBlock, ...]
     notes: tuple[str, ...] = ()
     text_columns: frozenset[int] = frozenset({0})
 
@@ -101,7 +101,7 @@ class Folded:
     table: DataTable
 
 
-class Column(NamedTuple):
+class PageColumn(NamedTuple):
     """A column of a table made row by row: its heading, and the text of its cell in a row."""
 
     heading: str
@@ -109,22 +109,24 @@ class Column(NamedTuple):
     is_text: bool = False
 
 
-def quantity_column(name: str) -> Column:
+def quantity_column(name: str) -> PageColumn:
     """Return the numbers of a quantity under its heading."""
-    return Column(heading(name), lambda row: shown(name, row.get(name)))
+    return PageColumn(heading(name), lambda row: format_value(name, row.get(name)))
 
 
-def number_column(heading: str, name: str, decimals: int = 2) -> Column:
+def number_column(heading: str, name: str, decimals: int = 2) -> PageColumn:
     """Return the numbers of that name in the rows; a dash where there is none."""
-    return Column(heading, lambda row: number(row.get(name), decimals))
+    return PageColumn(heading, lambda row: number(row.get(name), decimals))
 
 
-def error_column(heading: str, name: str, unit: str, decimals: int = 1) -> Column:
+def error_column(heading: str, name: str, unit: str, decimals: int = 1) -> PageColumn:
     """Return the numbers of the column `name_unit` with their 1-sigma errors, `name_sd_unit`."""
-    return Column(heading, lambda row: with_error(row[f"{name}_{unit}"], row[f"{name}_sd_{unit}"], decimals))
+    return PageColumn(
+        heading, lambda row: with_error(row[f"{name}_{unit}"], row[f"{name}_sd_{unit}"], decimals)
+    )
 
 
-def text_column(heading: str, name: str) -> Column:
+def text_column(heading: str, name: str) -> PageColumn:
     """Return the text of that name in the rows: sentences and names of the project translated."""
 
     def cell(row: Any) -> str:
@@ -132,7 +134,7 @@ def text_column(heading: str, name: str) -> Column:
             return translated(row[name])
         return word(row[name]) if name in _NAMES else str(row[name])
 
-    return Column(heading, cell, is_text=True)
+    return PageColumn(heading, cell, is_text=True)
 
 
 _SENTENCES = frozenset({"message", "question", "test"})
@@ -142,7 +144,7 @@ _NAMES = frozenset({"hand", "digit", "angle", "binding", "across", "Hand"})
 
 def table_of(
     caption: str,
-    columns: Sequence[Column],
+    columns: Sequence[PageColumn],
     rows: Iterable[Any] | Mapping[str, Sequence[Any]],
     if_empty: str = "",
     notes: Iterable[str] = (),
@@ -153,7 +155,7 @@ def table_of(
     """
     groups = rows if isinstance(rows, Mapping) else {columns[0].heading: list(rows)}
     blocks = tuple(
-        Block(
+        RowBlock(
             (heading, *(column.heading for column in columns[1:])),
             tuple(tuple(column.cell(row) for column in columns) for row in group),
         )

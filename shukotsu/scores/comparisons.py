@@ -103,7 +103,7 @@ def _compare(
             rows: list[Row] = []
             for model in models:
                 for digit in family if model != other else ():
-                    shared = _shared(scopes[digit], model, other)
+                    shared = _shared_means(scopes[digit], model, other)
                     of_pair = of_metric | {"digit": digit, "model": model, "other": other}
                     compared.pairs += [of_pair | pair for pair in shared]
                     rows.append(of_pair | {"baseline": other == baseline} | _difference(shared))
@@ -163,7 +163,7 @@ def _values(
             }
 
 
-def _shared(places: pd.DataFrame, model: str, other: str) -> list[Row]:
+def _shared_means(places: pd.DataFrame, model: str, other: str) -> list[Row]:
     """Each subject's means of two models over the places in which both have a number."""
     values = places["value"].reindex(columns=[model, other]).astype(float).dropna().groupby(level="subject")
     counts = values.size()

@@ -11,17 +11,17 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import joined
+from shukotsu.errors import join_reasons
 from shukotsu.hand.digit_chain import Rows, all_valid, carried_mm
 from shukotsu.hand.known_digits import known_digits
 from shukotsu.hand.posed_recording import QUATERNION, Opened, RecordingReader, readable
 from shukotsu.hand.rotations import Array, conjugate, rotate
 from shukotsu.scores.truth import (
     TIP,
+    RecordingTruth,
     Row,
     Stated,
     TrueDigit,
-    Truth,
     at_frames,
     directions,
     joint_errors,
@@ -116,7 +116,9 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
         errors = readable(lambda: reader.rows(TIP_ERRORS), reasons) or []
         tip_messages = {(row["task"], row["trial"], row["digit"]): row["message"] for row in errors}
     tasks = tuple(recording.task for recording in calibrating)
-    return ScoredSkeleton(reader, calibrated_on, tasks, stated, tip_messages, joined(reasons), reference)
+    return ScoredSkeleton(
+        reader, calibrated_on, tasks, stated, tip_messages, join_reasons(reasons), reference
+    )
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ class EvaluatedRecording:
     layout: Layout
     poses: Poses | None
     truth: Mapping[str, TrueDigit]
-    stated_truth: Truth | None
+    stated_truth: RecordingTruth | None
     message: str = ""
 
     @property
@@ -149,11 +151,13 @@ class EvaluatedRecording:
             "reference": True,
             "digit": digit,
             "n_frames": 0,
-            "message": joined([self.message, message]),
+            "message": join_reasons([self.message, message]),
         }
 
 
-def evaluated_recording(plan: SubjectPlan, recording: Recording, truth: Truth | None) -> EvaluatedRecording:
+def evaluated_recording(
+    plan: SubjectPlan, recording: Recording, truth: RecordingTruth | None
+) -> EvaluatedRecording:
     """Read a recording and its truth. Raises InputError where the truth is not that of the recording."""
     layout = plan.layouts[recording.hand.hand]
     reasons: list[str] = []
@@ -186,7 +190,7 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
             table, of = (BONE_POSES, digit.segments[0]) if skeleton.reference else (METACARPALS, digit.name)
             bone = numbers(table, ("frame", *QUATERNION), of)
         message = skeleton.tip_messages.get((name.task, name.trial, digit.name), "")
-        row = recording.row(digit.name, reader.part.model, joined([*reasons, message]))
+        row = recording.row(digit.name, reader.part.model, join_reasons([*reasons, message]))
         tip = np.empty((0, len(columns))) if posed is None else posed
         frame, poses = tip[:, 1].astype(np.int64), recording.poses
         if skeleton.reference and poses is not None:
@@ -216,9 +220,9 @@ def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) ->
     hand its error is the left-out one, too.
     """
     nothing = np.empty(0)
-    replay = nothing if replayed is None else known(replayed[:, 0])
+    replay = nothing if replayed is None else finite_values(replayed[:, 0])
     row = mean_and_p95("replay", replay)
-    error_mm = nothing if not fitted or posed is None else known(posed[:, 0])
+    error_mm = nothing if not fitted or posed is None else finite_values(posed[:, 0])
     if fitted:
         left_out = mean_and_p95("left_out", nothing if posed is None else posed[:, -1])
     else:
@@ -241,7 +245,7 @@ def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDig
     """Return the mean angle of directions (T, 3) to the metacarpal's true ones; None without a frame."""
     truth = at_frames(true.metacarpal, true.frame, frame)
     apart, together = (np.linalg.norm(vector, axis=-1) for vector in (direction - truth, direction + truth))
-    angle = known(np.degrees(2 * np.arctan2(apart, together)))
+    angle = finite_values(np.degrees(2 * np.arctan2(apart, together)))
     return float(angle.mean()) if len(angle) else None
 
 
@@ -259,14 +263,14 @@ def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows
     return float(apart_mm.std()) if len(apart_mm) > 1 else None
 
 
-def known(values: Array) -> Array:
+def finite_values(values: Array) -> Array:
     """Return those of the values (T,) that are finite."""
     return values[np.isfinite(values)]
 
 
 def mean_and_p95(name: str, values_mm: Array) -> Row:
     """Return the mean and 95th percentile of the finite values (T,); nothing where there is none."""
-    values_mm = known(values_mm)
+    values_mm = finite_values(values_mm)
     if not len(values_mm):
         return {}
     return {f"{name}_mean_mm": float(values_mm.mean()), f"{name}_p95_mm": float(np.percentile(values_mm, 95))}
@@ -375,7 +379,7 @@ def _first_of_each(rows: Sequence[Row], key: Sequence[str]) -> list[Row]:
     return list(first.values())
 
 
-def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, Truth]:
+def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, RecordingTruth]:
     """Truths of a hand's recordings that are there; one that is not costs its columns and no more."""
     truths = {}
     for recording in plan.recordings_of(hand, "calibration", "evaluation", "both"):

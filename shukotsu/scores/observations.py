@@ -98,7 +98,7 @@ def observations(
     rows = rows.assign(counts=counts, value=rows["number"].where(counts))
     means = rows.groupby(_PLACE, sort=False)["value"].mean().reset_index()
     means = means.merge(_reasons(rows, held_out=held_out), how="left", on=_PLACE).fillna({"reason": ""})
-    absent = [] if metric.table == "joint_errors" else list(_unscored(study, names))
+    absent = [] if metric.table == "joint_errors" else list(_unscored_recordings(study, names))
     if not absent:
         return means
     others = pd.DataFrame(absent, columns=Observation._fields).astype({"value": float})
@@ -157,7 +157,7 @@ def _recordings(rows: pd.DataFrame) -> pd.Series[str]:
     return _sessions(rows) + rows["hand"] + " hand, " + rows["task"] + trials
 
 
-def _unscored(study: ScoredStudy, names: Collection[str]) -> Iterator[Observation]:
+def _unscored_recordings(study: ScoredStudy, names: Collection[str]) -> Iterator[Observation]:
     """Return the evaluated recordings without any score, with what became of them."""
     key = ["subject", "session", "hand", "task", "trial"]
     scored = set(study.scores[key].itertuples(index=False, name=None))

@@ -206,7 +206,7 @@ def _agreement(n: int, k: int, of_subjects: float, of_sessions: float, rest: flo
     """
     spread = of_subjects + (k - 1) * rest + k * (of_sessions - rest) / n
     if spread <= 0 or (rest <= 0 and of_sessions <= 0):
-        return _undefined(of_subjects, rest)
+        return _undefined_icc(of_subjects, rest)
     value = (of_subjects - rest) / spread
     freedom = float(k - 1)
     if rest > 0:
@@ -228,13 +228,13 @@ def _agreement(n: int, k: int, of_subjects: float, of_sessions: float, rest: flo
 def _consistency(n: int, k: int, of_subjects: float, rest: float) -> Icc:
     """ICC(3,1)."""
     if rest <= 0:
-        return _undefined(of_subjects, rest)
+        return _undefined_icc(of_subjects, rest)
     ratio, freedom, share = of_subjects / rest, (n - 1) * (k - 1), 1 - LEVEL / 2
     low, high = ratio / _f(share, n - 1, freedom), ratio * _f(share, freedom, n - 1)
     return Icc((ratio - 1) / (ratio + k - 1), ((low - 1) / (low + k - 1), (high - 1) / (high + k - 1)))
 
 
-def _undefined(of_subjects: float, rest: float) -> Icc:
+def _undefined_icc(of_subjects: float, rest: float) -> Icc:
     """Return 1 of sessions that repeat exactly, and nothing of values that are all the same."""
     value = 1.0 if of_subjects > 0 and rest <= 0 else math.nan
     return Icc(value, (value, value))

@@ -52,7 +52,7 @@ class TrueDigit:
 
 
 @dataclass(frozen=True)
-class Truth:
+class RecordingTruth:
     """A recording's truth. stated : its joints, seen from the receivers as they rode, and its bones."""
 
     folder: Path
@@ -81,11 +81,11 @@ class Truth:
         return {digit: replace(true, frame=true.frame + shift) for digit, true in of_digit.items()}
 
 
-def read_truth(folder: Path, name: RecordingName) -> Truth:
+def read_truth(folder: Path, name: RecordingName) -> RecordingTruth:
     """Read a folder's truth of a recording's hand. Raises InputError where it is another's."""
     joints, bones = _rows(folder, JOINT_CENTRES, name), _rows(folder, BONE_LENGTHS, name)
     stated = Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
-    return Truth(folder, name, stated)
+    return RecordingTruth(folder, name, stated)
 
 
 def _rows(folder: Path, table: Table, name: RecordingName) -> list[Row]:
@@ -149,20 +149,20 @@ def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str
     return float(np.median(finite)) if len(finite) else float("inf")
 
 
-def truth_for(tasks: Sequence[str], truths: Sequence[Truth]) -> Stated | None:
+def truth_for(tasks: Sequence[str], truths: Sequence[RecordingTruth]) -> Stated | None:
     """A skeleton's reference: joints' means over its calibrations' truths, else over all, if any."""
     stated = [truth.stated for truth in truths if truth.name.task in tasks]
     stated = stated or [truth.stated for truth in truths]
     if not stated:
         return None
     joints = {
-        name: _averaged([each.joints[name] for each in stated if name in each.joints])
+        name: _average_rows([each.joints[name] for each in stated if name in each.joints])
         for name in stated[0].joints
     }
     return replace(stated[0], joints=joints)
 
 
-def _averaged(rows: Sequence[Mapping[str, Any]]) -> Row:
+def _average_rows(rows: Sequence[Mapping[str, Any]]) -> Row:
     """Return one joint's rows of several recordings as one."""
     frames = [row["n_frames"] for row in rows]
     mean = dict(rows[0])

@@ -16,12 +16,12 @@ from shukotsu.simulate.random_hand import (
     LEVELS,
     PARENT,
     WRIST,
-    Hand,
+    RandomHand,
 )
 from shukotsu.simulate.realism import Realism
 
 
-def coupled_angles(voluntary_rad: Array, hand: Hand, realism: Realism) -> Array:
+def coupled_angles(voluntary_rad: Array, hand: RandomHand, realism: Realism) -> Array:
     """Joint angles (T, J, 3) that follow from the voluntary flexion and abduction, locked ones left out."""
     flexion, abduction = voluntary_rad[..., FLEXION], voluntary_rad[..., ABDUCTION]
     bent = 1.0 - np.cos(flexion)
@@ -43,7 +43,7 @@ def coupled_angles(voluntary_rad: Array, hand: Hand, realism: Realism) -> Array:
     return angles
 
 
-def relaxed_angles(hand: Hand, realism: Realism) -> Array:
+def relaxed_angles(hand: RandomHand, realism: Realism) -> Array:
     """The joint angles (J, 3) of the relaxed hand."""
     voluntary = np.zeros((1, len(JOINTS), 3))
     voluntary[0, :, FLEXION] = hand.relaxed_rad
@@ -51,7 +51,7 @@ def relaxed_angles(hand: Hand, realism: Realism) -> Array:
 
 
 def bone_poses(
-    hand: Hand, angles_rad: Array, root_position_mm: Array, root_quaternion: Array
+    hand: RandomHand, angles_rad: Array, root_position_mm: Array, root_quaternion: Array
 ) -> tuple[Array, Array]:
     """Pose every bone: origins (T, B, 3) in mm and orientations (T, B, 4) in the transmitter frame.
 
@@ -81,7 +81,7 @@ def bone_poses(
     return position, quaternion
 
 
-def poses_in_hand(hand: Hand, angles_rad: Array) -> tuple[Array, Array]:
+def poses_in_hand(hand: RandomHand, angles_rad: Array) -> tuple[Array, Array]:
     """Pose every bone with the hand's own frame as the transmitter's: shapes as `bone_poses`."""
     n_frames = len(angles_rad)
     still = angles_rad.copy()
@@ -89,7 +89,7 @@ def poses_in_hand(hand: Hand, angles_rad: Array) -> tuple[Array, Array]:
     return bone_poses(hand, still, np.zeros((n_frames, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (n_frames, 1)))
 
 
-def flexion_axis(hand: Hand, joint: int, angles_rad: Array, bone_quaternion: Array) -> Array:
+def flexion_axis(hand: RandomHand, joint: int, angles_rad: Array, bone_quaternion: Array) -> Array:
     """Unit flexion axis (T, 3) of a joint in the transmitter frame: abduction may carry it."""
     axis = hand.axes[joint, FLEXION]
     if hand.order[joint, 0] == ABDUCTION:

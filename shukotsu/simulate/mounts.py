@@ -14,10 +14,10 @@ from shukotsu.hand import drawn_hands as drawn
 from shukotsu.hand import rotations
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import bone_poses
-from shukotsu.simulate.random_hand import BONES, FLEXION, JOINTS, PARENT, Hand
+from shukotsu.simulate.random_hand import BONES, FLEXION, JOINTS, PARENT, RandomHand
 from shukotsu.simulate.realism import Realism, generator
-from shukotsu.simulate.task_motion import RATE_HZ, Motion
-from shukotsu.simulate.tracker_errors import turned
+from shukotsu.simulate.task_motion import RATE_HZ, TaskMotion
+from shukotsu.simulate.tracker_errors import turn_poses
 
 FIRST_WORN = 2
 """First of the bones of digits, which come after forearm and hand."""
@@ -45,7 +45,7 @@ def mounts_of(
     subject: str,
     side: str,
     seed: int,
-    hand: Hand,
+    hand: RandomHand,
     segments: tuple[str, ...],
     realism: Realism,
     session: str = "",
@@ -82,7 +82,7 @@ def _off(rng: np.random.Generator, habit: float) -> tuple[Array, Array]:
     return offset_mm, np.radians(turn)
 
 
-def _nominal_mm(bone: str, hand: Hand) -> tuple[float, float, float]:
+def _nominal_mm(bone: str, hand: RandomHand) -> tuple[float, float, float]:
     if bone == "hand":
         return drawn.HAND_MOUNT_MM
     if bone == "forearm":
@@ -143,7 +143,12 @@ def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale
 
 
 def on_skin(
-    hand: Hand, mounts: Mounts, motion: Motion, relaxed_rad: Array, bones: tuple[Array, Array], skin: Skin
+    hand: RandomHand,
+    mounts: Mounts,
+    motion: TaskMotion,
+    relaxed_rad: Array,
+    bones: tuple[Array, Array],
+    skin: Skin,
 ) -> tuple[Array, Array]:
     """The receivers' poses; the thumb metacarpal's as if its CMC went less far from relaxed angles (J, 3)."""
     position, quaternion = mounts.poses(*bones)
@@ -157,12 +162,12 @@ def on_skin(
     return position, quaternion
 
 
-def displaced(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: Array) -> tuple[Array, Array]:
+def displace(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: Array) -> tuple[Array, Array]:
     """Let receivers (T, S, 3), (T, S, 4) slide and turn by (T, S, 3) each, in their own frames."""
-    return position_mm + rotations.rotate(quaternion, slide_mm), turned(quaternion, turn_rad)
+    return position_mm + rotations.rotate(quaternion, slide_mm), turn_poses(quaternion, turn_rad)
 
 
-def lagged(signal: Array, lag_s: float) -> Array:
+def lag_signal(signal: Array, lag_s: float) -> Array:
     """The exponential average over the past of a signal (T, N) that was 0 before, through the FFT."""
     keep = np.exp(-1.0 / (lag_s * RATE_HZ))
     n = len(signal)
@@ -177,7 +182,7 @@ def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
     settle = int(8 * drawn.WANDER_S * RATE_HZ)
     keep = np.exp(-1.0 / (drawn.WANDER_S * RATE_HZ))
     white = rng.standard_normal((settle + n_frames, n_receivers * 6))
-    smooth = lagged(white, drawn.WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep))
+    smooth = lag_signal(white, drawn.WANDER_S)[settle:] * np.sqrt((1.0 + keep) / (1.0 - keep))
     return np.moveaxis(smooth.reshape(n_frames, n_receivers, 2, 3), 2, 0)
 
 
@@ -195,7 +200,7 @@ def saturating(
     tilt[skin.distal, 0, 1] += skin.scale * drawn.DISTAL_TILT
     direct = drawn.SATURATION_RAD * np.tanh(angles_rad[..., FLEXION] / drawn.SATURATION_RAD)
     start, late = direct[:1], drawn.LAG_SHARE
-    drive = start + (1 - late) * (direct - start) + late * lagged(direct - start, drawn.LAG_S)
+    drive = start + (1 - late) * (direct - start) + late * lag_signal(direct - start, drawn.LAG_S)
     drive = drive[:, skin.joint]  # (T, S, 2)
     off = wander(of_recording, len(drive), len(skin.bone)) * skin.looseness[:, None]
     return (

@@ -56,7 +56,7 @@ OPEN_DEG = {"mcp": 12.0, "pip": 14.0, "dip": 6.0}
 
 
 @dataclass(frozen=True)
-class Hand:
+class RandomHand:
     """How each bone hangs from its parent, and about what it turns, in the parent's frame at neutral.
 
     J = len(JOINTS), B = len(BONES). origin_mm : (J, 3) the joint's centre. rest : (J, 4) child bone to parent
@@ -116,12 +116,12 @@ class _Straight:
         )
 
 
-def hand_of(subject: str, side: str, seed: int, realism: Realism) -> Hand:
+def hand_of(subject: str, side: str, seed: int, realism: Realism) -> RandomHand:
     """The hand of a subject; a digit whose bones run through another's is drawn again, as another person."""
     people = itertools.chain([subject], (f"{subject}, drawn again {again}" for again in itertools.count(1)))
     person = next(person for person in people if _possible(_straight(person, "right", seed, realism)))
     straight = _straight(person, side, seed, realism)
-    return _assembled(side, straight.mirrored() if side == "left" else straight, realism)
+    return _assemble(side, straight.mirrored() if side == "left" else straight, realism)
 
 
 def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight:
@@ -129,10 +129,10 @@ def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight
     average = drawn.SOURCES.get(realism.anatomy)
     if average is None:  # a blend that is the person's own
         weights = generator(seed, "sources", subject).dirichlet(drawn.BLEND_SHARES)
-        average = drawn.blended(list(drawn.SOURCES.values()), weights)
+        average = drawn.blend_hands(list(drawn.SOURCES.values()), weights)
     rng = generator(seed, "anatomy", subject)
-    scale = float(np.exp(drawn.SCALE_SD * _clipped(rng, ())))
-    depth_mm = drawn.CENTRES_SD_MM * float(_clipped(generator(seed, "joint depth", subject), ()))
+    scale = float(np.exp(drawn.SCALE_SD * _clipped_normal(rng, ())))
+    depth_mm = drawn.CENTRES_SD_MM * float(_clipped_normal(generator(seed, "joint depth", subject), ()))
     sides = drawn.SIDE_SD * generator(seed, "side", subject, side).standard_normal(len(BONES))
     sides = 1.0 + np.clip(sides, -drawn.SIDE_LIMIT, drawn.SIDE_LIMIT)
     lengths, sd = np.zeros(len(BONES)), np.zeros(len(BONES))
@@ -140,11 +140,11 @@ def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight
         bones = np.array(_chain(digit)) + 1
         lengths[bones], sd[bones] = average[digit].lengths_mm, average[digit].length_sd_mm
         lengths[bones[[0, -1]]] += depth_mm * np.array([-1.0, 1.0])
-    lengths = scale * (lengths + sd * _clipped(rng, (len(BONES),))) * sides
+    lengths = scale * (lengths + sd * _clipped_normal(rng, (len(BONES),))) * sides
     centres = _centres_mm(rng, average, lengths, scale)
     axes, facing = _flexion_axes(rng, average, centres, realism)
     soft_tip = scale * np.array([digit.soft_tip_mm for digit in average.values()])
-    soft_tip += drawn.SOFT_TIP_SD_MM * _clipped(generator(seed, "soft tip", subject), (len(DIGITS),))
+    soft_tip += drawn.SOFT_TIP_SD_MM * _clipped_normal(generator(seed, "soft tip", subject), (len(DIGITS),))
     second = average["thumb"].second_axis
     assert second is not None  # of every source
     coupling, relaxed = _coupling(rng), _relaxed_rad(generator(seed, "relaxed", subject))
@@ -179,7 +179,7 @@ def _possible(straight: _Straight) -> bool:
     )
 
 
-def _clipped(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+def _clipped_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
     """Standard normal numbers, none beyond 2.2 sd: nobody's bone is half as long."""
     return np.clip(rng.standard_normal(shape), -2.2, 2.2)
 
@@ -194,9 +194,11 @@ def _centres_mm(rng: np.random.Generator, average: drawn.DrawnHand, lengths_mm: 
     centres = np.zeros((len(BONES), 2, 3))
     for digit, drawn_digit in average.items():
         base_sd_mm = drawn.THUMB_BASE_SD_MM if digit == "thumb" else drawn.BASE_SD_MM
-        here = drawn_digit.base_mm * scale + base_sd_mm * _clipped(rng, (3,))
+        here = drawn_digit.base_mm * scale + base_sd_mm * _clipped_normal(rng, (3,))
         # one tilt for the whole digit keeps it straight
-        directions = rotations.unit(drawn_digit.directions + drawn.DIRECTION_SD_RAD * _clipped(rng, (3,)))
+        directions = rotations.unit(
+            drawn_digit.directions + drawn.DIRECTION_SD_RAD * _clipped_normal(rng, (3,))
+        )
         for joint, direction in zip(_chain(digit), directions, strict=True):
             there = here + lengths_mm[joint + 1] * direction
             centres[joint + 1] = here, there
@@ -212,7 +214,7 @@ def _flexion_axes(
     axes[WRIST] = drawn.WRIST_AXES[FLEXION]
     for digit, drawn_digit in average.items():
         axes[_chain(digit)] = drawn_digit.flexion_axes
-    off = drawn.AXIS_SD_RAD * _clipped(rng, (len(JOINTS), 3))
+    off = drawn.AXIS_SD_RAD * _clipped_normal(rng, (len(JOINTS), 3))
     untilted = rotations.unit(axes)
     axes = rotations.unit(untilted + off)
     if realism.perpendicular_mcp:
@@ -233,7 +235,7 @@ def _perpendicular(vector: Array, to: Array) -> Array:
 
 def _coupling(rng: np.random.Generator) -> Array:
     """Involuntary motion of each joint (see Hand.coupling)."""
-    numbers = _clipped(rng, (len(JOINTS), 4))
+    numbers = _clipped_normal(rng, (len(JOINTS), 4))
     coupling = np.zeros((len(JOINTS), 4))
     for j, joint in enumerate(JOINTS):
         if joint == "thumb_cmc" or joint.endswith("_mcp"):
@@ -271,7 +273,7 @@ def _glide_mm(rng: np.random.Generator, axes: Array) -> Array:
     return glide
 
 
-def _assembled(side: str, straight: _Straight, realism: Realism) -> Hand:
+def _assemble(side: str, straight: _Straight, realism: Realism) -> RandomHand:
     """Turn the neutral hand, given in the hand's frame, into joints in their parents' frames."""
     centres, axes = straight.centres_mm, straight.axes
     frames = np.tile(np.eye(3), (len(BONES), 1, 1))
@@ -293,7 +295,7 @@ def _assembled(side: str, straight: _Straight, realism: Realism) -> Hand:
     pads = np.zeros((len(DIGITS), 3))  # under the distal third of the last bones
     pads[:, 0] = 0.7 * straight.lengths_mm[TIP_BONES] + 0.3 * straight.soft_tip_mm
     pads[:, 2] = [-drawn.PAD_DEPTH_MM[digit] * straight.scale for digit in DIGITS]
-    return Hand(
+    return RandomHand(
         side=side,
         origin_mm=np.einsum("jab,jb->ja", to_parent, origin),
         rest=rotations.from_matrix(to_parent @ frames[1:]),

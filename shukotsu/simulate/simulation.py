@@ -16,11 +16,11 @@ from shukotsu.errors import InputError
 from shukotsu.hand import rotations
 from shukotsu.hand.rotations import Array
 from shukotsu.simulate.forward import bone_poses, flexion_axis, relaxed_angles
-from shukotsu.simulate.mounts import Mounts, displaced, mounts_of, on_skin, saturating, skin_of
-from shukotsu.simulate.random_hand import DIGITS, FLEXION, JOINTS, TIP_BONES, Hand, hand_of
+from shukotsu.simulate.mounts import Mounts, displace, mounts_of, on_skin, saturating, skin_of
+from shukotsu.simulate.random_hand import DIGITS, FLEXION, JOINTS, TIP_BONES, RandomHand, hand_of
 from shukotsu.simulate.realism import Realism, generator
-from shukotsu.simulate.task_motion import RATE_HZ, TASK_FRAMES, Motion, move
-from shukotsu.simulate.tracker_errors import distorted, faulty, noisy
+from shukotsu.simulate.task_motion import RATE_HZ, TASK_FRAMES, TaskMotion, move
+from shukotsu.simulate.tracker_errors import distort, faulty, noisy
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.tables.poses import Poses
 
@@ -57,7 +57,7 @@ class Truth:
     each receiver points, in its frame.
     """
 
-    hand: Hand
+    hand: RandomHand
     mounts: Mounts
     angles_rad: Array
     bone_position_mm: Array
@@ -71,7 +71,7 @@ class Truth:
     def of(
         cls,
         layout: Layout,
-        hand: Hand,
+        hand: RandomHand,
         mounts: Mounts,
         angles_rad: Array,
         bones: tuple[Array, Array],
@@ -175,7 +175,7 @@ def simulate(
     *,
     forearm: bool = False,
     session: str = "",
-    change: Callable[[Motion], Motion] | None = None,
+    change: Callable[[TaskMotion], TaskMotion] | None = None,
 ) -> Simulated:
     """Simulate one recording with 16 receivers, 17 with `forearm`, at 240 Hz.
 
@@ -184,7 +184,7 @@ def simulate(
     task's own is the same script, faster or slower. change : of what the task makes the hand do. Raises
     InputError where an argument is not usable.
     """
-    n_frames = _checked(hand, task, seed, n_frames)
+    n_frames = _check_arguments(hand, task, seed, n_frames)
     layout, in_session = read_layout(LAYOUT), [session] * bool(session)
     segments = tuple(s for s in layout.measured if forearm or not layout.segments[s].optional)
     anatomy = hand_of(subject, hand, seed, realism)
@@ -200,10 +200,10 @@ def simulate(
         of_hand = generator(seed, "saturating skin", subject, hand)
         of_recording = generator(seed, "wander", subject, hand, task, *in_session)
         off = saturating(motion.angles_rad - relaxed, skin, of_hand, of_recording)
-        ridden = displaced(*on_skin(anatomy, mounts, motion, relaxed, bones, skin), *off)
+        ridden = displace(*on_skin(anatomy, mounts, motion, relaxed, bones, skin), *off)
     recorded = ridden
     if realism.field_distortion:
-        recorded = distorted(*recorded, seed, realism.field_distortion)
+        recorded = distort(*recorded, seed, realism.field_distortion)
     if realism.noise:
         rng = generator(seed, "noise", subject, hand, task, *in_session)
         recorded = noisy(*recorded, realism.noise, rng)
@@ -215,7 +215,7 @@ def simulate(
     return Simulated(subject, hand, task, frame, frame / RATE_HZ, segments, *recorded, truth, session)
 
 
-def _checked(hand: str, task: str, seed: int, n_frames: int | None) -> int:
+def _check_arguments(hand: str, task: str, seed: int, n_frames: int | None) -> int:
     """The number of frames; InputError where an argument is not usable."""
     if hand not in ("right", "left"):
         raise InputError(f"hand {hand!r} is not known; expected right or left")

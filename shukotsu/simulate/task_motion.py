@@ -20,7 +20,7 @@ from shukotsu.simulate.random_hand import (
     JOINTS,
     OPEN_DEG,
     TIP_BONES,
-    Hand,
+    RandomHand,
 )
 from shukotsu.simulate.realism import Realism, generator
 
@@ -58,7 +58,7 @@ _ANGLES = (
 
 
 @dataclass(frozen=True)
-class Motion:
+class TaskMotion:
     """Joint angles (T, J, 3); wrist centre (T, 3) and forearm (T, 4) in the transmitter frame."""
 
     angles_rad: Array
@@ -71,11 +71,11 @@ def move(
     side: str,
     task: str,
     seed: int,
-    hand: Hand,
+    hand: RandomHand,
     realism: Realism,
     n_frames: int,
     session: str = "",
-) -> Motion:
+) -> TaskMotion:
     """Let the hand do its task; a recording of another length is the same script, faster or slower."""
     rng = generator(seed, "motion", subject, side, task, *[session] * bool(session))
     if task == "opposition":
@@ -93,7 +93,7 @@ def move(
     postures = script[i] + share * (script[i + 1] - script[i])
     voluntary = np.concatenate([np.radians(postures), np.zeros((*postures.shape[:2], 1))], -1)
     wrist, forearm = _arm(rng, n_frames)
-    return Motion(coupled_angles(voluntary, hand, realism), wrist, forearm)
+    return TaskMotion(coupled_angles(voluntary, hand, realism), wrist, forearm)
 
 
 def posture(**angles_deg: float | tuple[float, float]) -> Array:
@@ -114,18 +114,22 @@ def rest_posture() -> Array:
     return np.asarray(fingers + posture(thumb_cmc=(2.0, 4.0), thumb_mcp=6.0, thumb_ip=6.0))
 
 
-def _cupped() -> Array:
+def _cup_posture() -> Array:
     return posture(**{f"{digit}_cmc": angle for digit, angle in _CUP_DEG.items()})
 
 
 def _opposition(
-    rng: np.random.Generator, stiffness: np.random.Generator, hand: Hand, realism: Realism, n_frames: int
+    rng: np.random.Generator,
+    stiffness: np.random.Generator,
+    hand: RandomHand,
+    realism: Realism,
+    n_frames: int,
 ) -> tuple[Array, Array]:
     """Script of the thumb's tip meeting each fingertip in turn: keyframes (K, J, 2), durations (K - 1,)."""
     rest = rest_posture()
     starts = np.repeat(rest[None], len(FINGERS), 0)
     for i, digit in enumerate(FINGERS):
-        starts[i, :, FLEXION] += _CUPPING[digit] * _cupped()[:, FLEXION]
+        starts[i, :, FLEXION] += _CUPPING[digit] * _cup_posture()[:, FLEXION]
     dips = [JOINTS.index(f"{digit}_dip") for digit in FINGERS]
     ranges_deg, stiff_deg = (stiffness.uniform(*limits, len(FINGERS)) for limits in ((4.0, 10.0), (2.0, 3.0)))
     if hand.side == "left":
@@ -162,12 +166,12 @@ def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
     ]
     bent = [posture(thumb_mcp=(48.0, 6.0)), posture(thumb_ip=60.0), posture(thumb_mcp=(20.0, -8.0))]
     across = posture(thumb_cmc=(25.0, -8.0), thumb_mcp=35.0, thumb_ip=45.0)
-    grasp = _fingers("mcp", 40.0) + _fingers("pip", 45.0) + _fingers("dip", 32.0) + _cupped()
+    grasp = _fingers("mcp", 40.0) + _fingers("pip", 45.0) + _fingers("dip", 32.0) + _cup_posture()
     grasp = grasp + posture(thumb_cmc=(28.0, -10.0), thumb_mcp=25.0, thumb_ip=25.0)
     wrist = [posture(wrist=bend) for bend in ((35.0, 0.0), (-35.0, 0.0), (0.0, 14.0), (0.0, -18.0))]
     fingers = [_fingers("mcp", 54.0), hook, fist, spread, -spread, _fingers("mcp", -25.0), *alone]
     turned = grasp + posture(wrist=(-20.0, 5.0))
-    poses = [*fingers, *circle, *bent, across, _cupped(), grasp, *wrist, turned]
+    poses = [*fingers, *circle, *bent, across, _cup_posture(), grasp, *wrist, turned]
     rest = rest_posture()
     keyframes = [rest]
     for pose in poses:
@@ -208,7 +212,7 @@ def _arm(rng: np.random.Generator, n_frames: int) -> tuple[Array, Array]:
     return place_mm + 14.0 * sway[:, :3], rotations.multiply(base, turned)
 
 
-def contact_postures(hand: Hand, starts_deg: Array, realism: Realism) -> Array:
+def contact_postures(hand: RandomHand, starts_deg: Array, realism: Realism) -> Array:
     """Bend thumb and fingers (4, J, 2) until their pads meet, if they can; regularised Gauss-Newton."""
     named = [[name if name in JOINTS else f"{digit}_{name}" for name, *_ in _ANGLES] for digit in FINGERS]
     joints = np.array([[JOINTS.index(name) for name in names] for names in named])
@@ -234,7 +238,7 @@ def contact_postures(hand: Hand, starts_deg: Array, realism: Realism) -> Array:
     return met
 
 
-def _misfit(hand: Hand, postures_deg: Array, realism: Realism) -> Array:
+def _misfit(hand: RandomHand, postures_deg: Array, realism: Realism) -> Array:
     """Residuals, zero at contact, (4, N, 6): pad distance and pads' normals, over their spreads."""
     fingers, n = postures_deg.shape[:2]
     voluntary = np.radians(postures_deg.reshape(fingers * n, len(JOINTS), 2))

@@ -32,13 +32,13 @@ FIELD_TURN_DEG_PER_MM = 0.3 / 50.0
 FIELD_CENTRE_MM = np.array([220.0, 90.0, -110.0])
 
 
-def turned(quaternion: Array, rotation_vector_rad: Array) -> Array:
+def turn_poses(quaternion: Array, rotation_vector_rad: Array) -> Array:
     """Poses (..., 4) turned by small rotation vectors (..., 3) given in their own frames."""
     angle = np.linalg.norm(rotation_vector_rad, axis=-1)
     return rotations.multiply(quaternion, rotations.about_axis(rotations.unit(rotation_vector_rad), angle))
 
 
-def distorted(position_mm: Array, quaternion: Array, seed: int, scale: float) -> tuple[Array, Array]:
+def distort(position_mm: Array, quaternion: Array, seed: int, scale: float) -> tuple[Array, Array]:
     """See the poses through the room's field: smooth, static, nearly the same for neighbouring receivers."""
     rng = generator(seed, "field")
     strain = scale * FIELD_STRAIN * rng.standard_normal((3, 3))
@@ -57,7 +57,7 @@ def noisy(
     """Add the tracker's white noise."""
     noise_mm = scale * NOISE_MM * rng.standard_normal(position_mm.shape)
     turn = scale * np.radians(NOISE_DEG) * rng.standard_normal(position_mm.shape)
-    return position_mm + noise_mm, turned(quaternion, turn)
+    return position_mm + noise_mm, turn_poses(quaternion, turn)
 
 
 def faulty(
@@ -68,7 +68,7 @@ def faulty(
     position, turn = position_mm.copy(), quaternion.copy()
     spikes = rng.random(shape) < scale * SPIKE_SHARE
     position[spikes] += SPIKE_MM * rng.standard_normal((spikes.sum(), 3))
-    turn[spikes] = turned(turn[spikes], np.radians(SPIKE_DEG) * rng.standard_normal((spikes.sum(), 3)))
+    turn[spikes] = turn_poses(turn[spikes], np.radians(SPIKE_DEG) * rng.standard_normal((spikes.sum(), 3)))
     turn[bursts(rng, shape, 0.5, LOST_S)] *= -1.0
     position[bursts(rng, shape, scale * FLIPPED_SHARE, FLIPPED_S)] *= -1.0
     lost = bursts(rng, shape, scale * LOST_SHARE, LOST_S)

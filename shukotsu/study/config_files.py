@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from shukotsu.errors import InputError, shortened
+from shukotsu.errors import InputError, shorten
 from shukotsu.left import instead
 from shukotsu.resources import ROOT
 from shukotsu.tables import limits
@@ -210,7 +210,7 @@ def check_config(loaded: object, kind: str, where: str) -> dict[str, Any]:
     return filled
 
 
-def shipped(kind: str) -> list[str]:
+def shipped_names(kind: str) -> list[str]:
     """Names of the layouts or models that ship; `kind` is layout or model."""
     return sorted(path.stem for path in (CONFIG_FOLDER / f"{kind}s").glob("*.yaml"))
 
@@ -222,17 +222,17 @@ def config_path(name: str, kind: str, folder: Path) -> Path:
     """
     if (kind, name) == ("model", REFERENCE):
         return CONFIG_FOLDER / "references" / f"{name}.yaml"
-    if name in shipped(kind):
+    if name in shipped_names(kind):
         return CONFIG_FOLDER / f"{kind}s" / f"{name}.yaml"
     path = folder / name
     if os.path.isfile(path):  # noqa: PTH113 -- False also for what no file can be called
         return path
     if why := instead(kind, name):
         raise InputError(f"{kind}s: {why}")
-    close = difflib.get_close_matches(name, shipped(kind), 1)
+    close = difflib.get_close_matches(name, shipped_names(kind), 1)
     near = f"; did you mean {close[0]!r}?" if close else slash_hint(name)
     raise InputError(
-        f"{kind} {shortened(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped(kind))}) "
+        f"{kind} {shorten(name, 60)!r} is neither a {kind} that ships ({', '.join(shipped_names(kind))}) "
         f"nor a file in {folder}{near}"
     )
 
@@ -260,7 +260,7 @@ def _sentence(error: Any) -> str:
     """Return what an error of jsonschema means, with its key, what is there and what was expected."""
     path, instance, rule, value = error.absolute_path, error.instance, error.validator, error.validator_value
     text = repr(instance) if isinstance(instance, str) else json.dumps(instance, default=str)
-    actual = "is empty" if instance is None else f"is {shortened(text, 100)}"
+    actual = "is empty" if instance is None else f"is {shorten(text, 100)}"
     if rule == "additionalProperties":
         keys = list(error.schema.get("properties", {}))
         odd = sorted(str(key) for key in set(instance) - set(keys))
@@ -286,7 +286,7 @@ def _sentence(error: Any) -> str:
     elif rule == "uniqueItems":
         fault = f"{actual}, which names one thing twice"
     else:
-        fault = shortened(error.message, 200)
+        fault = shorten(error.message, 200)
     return ": ".join(filter(None, (".".join(map(str, path)), fault)))
 
 

@@ -138,7 +138,7 @@ class Finding:
         return replace(self, severity=NOTE, accepted=reason)
 
 
-def worded(kind: str, severity: str, text: str) -> Finding:
+def finding_of_text(kind: str, severity: str, text: str) -> Finding:
     """Make a finding of a message, or of a text of which nothing else is known, as of a reader's refusal."""
     return Finding(kind, severity, values={"text": text})
 
@@ -196,7 +196,7 @@ def same_file(hand: str, task: str, subject: str = "", session: str = "") -> Fin
     return Finding("same-file", SUSPECT, values=other)
 
 
-def unchecked(message: str) -> Finding:
+def unchecked_finding(message: str) -> Finding:
     """Return that a recording could not be checked: of what is not known nobody is suspected."""
     return Finding("unchecked", NOTE, "", {"reason": message})
 

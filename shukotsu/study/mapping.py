@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.study.config_files import check_config, read_yaml
 from shukotsu.tables.limits import MM_PER_UNIT
 
@@ -68,25 +68,25 @@ _UNEDITED = re.compile(r"CHECK(\d+|_\w+)?")
 _SEGMENT_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
-def _unedited(value: object, path: str) -> Iterator[str]:
+def _unedited_keys(value: object, path: str) -> Iterator[str]:
     if isinstance(value, str) and _UNEDITED.fullmatch(value):
         yield path
     elif isinstance(value, list):
         for part in value:
-            yield from _unedited(part, path)
+            yield from _unedited_keys(part, path)
     elif isinstance(value, Mapping):
         for key, part in value.items():
             inner = f"{path}.{key}" if path else str(key)
             if _UNEDITED.fullmatch(str(key)):
                 yield inner
-            yield from _unedited(part, inner)
+            yield from _unedited_keys(part, inner)
 
 
 def _first_faults(loaded: Mapping[str, Any]) -> Iterator[str]:
     """Name, before the schema does, what a draft or a first mapping most often gets wrong."""
-    if places := list(dict.fromkeys(_unedited(loaded, ""))):
+    if places := list(dict.fromkeys(_unedited_keys(loaded, ""))):
         verb = "says" if len(places) == 1 else "say"
-        yield f"{listed(places, 4)} still {verb} CHECK: put the truth there"
+        yield f"{list_names(places, 4)} still {verb} CHECK: put the truth there"
     receivers = loaded.get("receivers")
     for name in receivers if isinstance(receivers, Mapping) else ():
         if not _SEGMENT_NAME.fullmatch(str(name)):

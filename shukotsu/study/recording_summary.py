@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError, TableError
-from shukotsu.study.findings import NOTE, REFUSED, Finding, problem_of, problem_row, worded
+from shukotsu.study.findings import NOTE, REFUSED, Finding, finding_of_text, problem_of, problem_row
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.results import GATHERED_TABLES
 from shukotsu.study.study import Recording
@@ -98,7 +98,7 @@ def part_problems(plan: SubjectPlan, file: Path, table: Table, stage: str) -> It
         kind = "skeleton" if part.model else "hand"
         for name, severity in (("failure", REFUSED), ("note", NOTE)):
             if name in parameters and not part.made_without:
-                yield problem_row(stage, worded(kind, severity, parameters[name]), **where)
+                yield problem_row(stage, finding_of_text(kind, severity, parameters[name]), **where)
 
 
 RECEIVER_KINDS = {"": "receiver", "step": "receiver-loose", "slide": "receiver-slid"}
@@ -182,7 +182,9 @@ def _joint_problems(joints: pa.Table) -> list[Row]:
 def _clock_problems(clocks: pa.Table) -> list[Row]:
     """Recordings whose events were not read, or stand on a clock not sure to be theirs."""
     return [
-        problem_row("align_events", worded("events", NOTE, row["message"]), **_hand_of(row), task=_title(row))
+        problem_row(
+            "align_events", finding_of_text("events", NOTE, row["message"]), **_hand_of(row), task=_title(row)
+        )
         for row in rows_of(clocks)
         if row["status"] in ("weak", "failed")
     ]
@@ -205,9 +207,9 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
     if recording.exclude:
         return row | {"status": "excluded", "message": recording.exclude}, []
     try:
-        n_rows, n_valid, time_s = _summed(poses)
+        n_rows, n_valid, time_s = _sum_poses(poses)
     except InputError as error:
-        failed = worded("recording", REFUSED, str(error))
+        failed = finding_of_text("recording", REFUSED, str(error))
         return row | {"status": "failed", "message": failed.message}, [failed]
     parameters = read_metadata(poses)["parameters"]
     notes, absent, losses = (_texts(poses, parameters, name) for name in ("notes", "absent", "losses"))
@@ -218,7 +220,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
         )
     dead = dict.fromkeys([*absent, *(segment for segment, count in n_valid.items() if not count)])
     problems = [Finding("recording", NOTE, "no-pose", {"segments": [*dead]})] if dead else []
-    problems += [worded("recording", NOTE, loss) for loss in losses]
+    problems += [finding_of_text("recording", NOTE, loss) for loss in losses]
     row["message"] = "; ".join(dict.fromkeys([*(problem.message for problem in problems), *notes]))
     n_frames = n_rows // max(len(n_valid), 1)
     expected = (n_frames + missing) * len({*n_valid, *absent})
@@ -238,7 +240,7 @@ def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
     return texts
 
 
-def _summed(poses: Path) -> tuple[int, dict[str, int], Array]:
+def _sum_poses(poses: Path) -> tuple[int, dict[str, int], Array]:
     """Count rows, and valid ones by segment; return the frames' times (T,), of the first segment with one."""
     n_rows, n_valid, seen, time_s = 0, dict[str, int](), dict[str, int](), np.zeros(0)
     for rows in read_row_groups(poses, POSES, ["segment", "time_s", "valid"]):

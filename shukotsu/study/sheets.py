@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.left import instead
 from shukotsu.resources import ROOT
 from shukotsu.tables import limits
@@ -206,12 +206,12 @@ def _header_fault(sheet: Sheet, header: list[str], more: Collection[str]) -> str
     missing = [cell.name for cell in sheet.cells if cell.needed(header) and cell.name not in header]
     if missing:
         hint = "; are the columns separated by tabs?" if len(header) == 1 else ""
-        return f"column {', '.join(missing)} is missing; found {listed(header)}{hint}"
+        return f"column {', '.join(missing)} is missing; found {list_names(header)}{hint}"
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
-        return f"column {listed(twice)} is given twice"
+        return f"column {list_names(twice)} is given twice"
     if odd and not sheet.more_columns:
-        return f"unknown column {listed(odd)}; known are {', '.join(columns)}"
+        return f"unknown column {list_names(odd)}; known are {', '.join(columns)}"
     return ""
 
 

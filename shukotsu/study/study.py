@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from shukotsu.errors import InputError, guess, listed
+from shukotsu.errors import InputError, guess, list_names
 from shukotsu.study.config_files import REFERENCE, check_config, config_path, read_config
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
@@ -133,7 +133,7 @@ class Study:
         recordings = tuple(r for r in self.recordings if r.hand.who == (subject, session))
         if not recordings:
             label = SubjectSession(subject, session).label
-            names = listed([who.label for who in self.sessions])
+            names = list_names([who.label for who in self.sessions])
             raise InputError(f"study {self.name}: has no subject {label!r}; expected one of {names}")
         return replace(self, recordings=recordings)
 
@@ -150,7 +150,7 @@ class Study:
     @property
     def shown(self) -> tuple[Recording, ...]:
         """Every recording that tips are evaluated on, and so has a page in the report."""
-        return shown(self.recordings)
+        return evaluated_recordings(self.recordings)
 
     def layout_of(self, hand: Hand) -> Path:
         """Return the layout of the hand's recordings; of several that which wears most receivers."""
@@ -165,7 +165,7 @@ class Study:
         return replace(layout, wanted_mm=self.config["wanted_mm"] or layout.wanted_mm)
 
 
-def shown(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
+def evaluated_recordings(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
     """Return those that tips are evaluated on."""
     return tuple(r for r in recordings if r.role in ("evaluation", "both") and not r.exclude)
 
@@ -301,7 +301,7 @@ def unmatched_rows(study: Study) -> list[str]:
     nobody = [name for name in people if name not in recorded]
     missing = [name for name in study.subjects if name not in people]
     if nobody and missing:
-        names = listed([repr(name) for name in missing], 3)
+        names = list_names([repr(name) for name in missing], 3)
         problems.append(
             f"{study.sheets['participants'].name}: has no row of {names}, and row {people[nobody[0]]} is of "
             f"{nobody[0]!r}, who has no recording; write names alike in both sheets, or sizes and factors "
@@ -315,7 +315,7 @@ def columns_handed_on(study: Study) -> list[str]:
     names = [name for name, _ in study.recordings[0].more if name not in study.factors]
     where = study.sheets["recordings"].name
     use = "not used, but handed on to recordings.parquet as they stand"
-    return [f"{where}: further columns, {use}: {listed(names)}"] if names else []
+    return [f"{where}: further columns, {use}: {list_names(names)}"] if names else []
 
 
 def _check_factors(

@@ -274,7 +274,7 @@ def recording_failure(arguments: argparse.Namespace, part: Part, *tables: PartsW
     That holds for a bug too: it must not cost a study its other hands and models, and its traceback stays in
     the log. A TableError is no result of the subject's data, and is raised.
     """
-    with command_line.recorded(arguments, arguments.record_failure) as messages:
+    with command_line.keep_failure(arguments, arguments.record_failure) as messages:
         yield
     for message in messages:
         for table in tables:

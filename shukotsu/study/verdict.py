@@ -73,7 +73,7 @@ LIMITS: Mapping[str, str] = {
     **dict.fromkeys((NOT_THE_BONE, NO_ERROR), CARE),
     AXIS: BELIEVE,
 }
-"""Every kind with the best verdict that it allows; `_judged` says when it is worse. What may be the cause of
+"""Every kind with the best verdict that it allows; `_judge` says when it is worse. What may be the cause of
 a large error stands before that error.
 """
 
@@ -81,7 +81,7 @@ UNJUDGED: Mapping[str, str] = {"verdict": "", "reason": "", "reason_values": ""}
 """Columns of a row that is not judged, such as the truth's or one that is on its way to joint_centres."""
 
 
-def noted(doubts: Doubts) -> dict[str, str]:
+def note_doubts(doubts: Doubts) -> dict[str, str]:
     """Return columns of a row that is judged later: what its stage knows against it."""
     return {**UNJUDGED, "reason_values": _text(doubts)}
 
@@ -99,8 +99,8 @@ def judged_joint(row: Mapping[str, Any], wanted_mm: float, doubts: Doubts | None
     """
     noted_before = {kind: values for kind, values in doubts_of(row).items() if kind not in _BY_NUMBERS}
     if row["status"] == "failed":
-        return _judged(row, {NOT_SOLVED: {}, **(doubts or {})}, wanted_mm)
-    return _judged(row, {**_by_numbers(row, wanted_mm), **noted_before, **(doubts or {})}, wanted_mm)
+        return _judge(row, {NOT_SOLVED: {}, **(doubts or {})}, wanted_mm)
+    return _judge(row, {**_by_numbers(row, wanted_mm), **noted_before, **(doubts or {})}, wanted_mm)
 
 
 def judged_bone(
@@ -112,7 +112,7 @@ def judged_bone(
     starts at the wrist nor ends at a receiver.
     """
     if bone["length_mm"] is None or not np.isfinite(bone["length_mm"]):
-        return _judged(bone, {NO_LENGTH: {}}, wanted_mm)
+        return _judge(bone, {NO_LENGTH: {}}, wanted_mm)
     ends = {
         bone[end]: joints[bone[end]]["verdict"] for end in ("starts_at", "ends_at") if bone[end] in joints
     }
@@ -125,10 +125,10 @@ def judged_bone(
         }
     if not is_whole:
         doubts[NOT_THE_BONE] = {}
-    return _judged(bone, doubts | _error(bone["sd_mm"], None, wanted_mm), wanted_mm)
+    return _judge(bone, doubts | _error(bone["sd_mm"], None, wanted_mm), wanted_mm)
 
 
-def _judged(row: Mapping[str, Any], doubts: Doubts, wanted_mm: float) -> dict[str, Any]:
+def _judge(row: Mapping[str, Any], doubts: Doubts, wanted_mm: float) -> dict[str, Any]:
     """Return the row with the best verdict that all doubts allow, its reason and its status."""
     verdict = BELIEVE
     for kind, values in doubts.items():

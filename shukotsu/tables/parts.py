@@ -19,7 +19,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from shukotsu.errors import InputError, TableError, listed
+from shukotsu.errors import InputError, TableError, list_names
 from shukotsu.tables.parquet_files import open_parquet
 from shukotsu.tables.subjects import Hand, SubjectSession
 from shukotsu.tables.typed_table import (
@@ -136,7 +136,7 @@ def check_subject(path: Path, subject: str, session: str = "") -> None:
     """
     subjects = sorted({(part.subject, part.session) for part in parts_in(path)})
     if subjects and (subject, session) not in subjects:
-        names = listed([SubjectSession(*who).label for who in subjects])
+        names = list_names([SubjectSession(*who).label for who in subjects])
         raise TableError(
             f"{path}: has no rows of {SubjectSession(subject, session)}, but of {names}; remove it and run "
             "the study again"

@@ -183,7 +183,7 @@ def pose_blocks(
         counts = [sum(file.group_rows[group] for group in groups[segment]) for segment in present]
         for segment, count in zip(present, counts, strict=True):
             if count != counts[0]:
-                raise _unshared(path, segment)
+                raise _unshared_frames(path, segment)
         n_frames = counts[0] if counts else 0
         size = block_frames or max(1, n_frames)
         pieces = {segment: _pieces(file, groups[segment], size) for segment in present}
@@ -259,7 +259,7 @@ def _pieces(
             first, start = first + count, start + count
 
 
-def _unshared(path: Path, segment: str) -> TableError:
+def _unshared_frames(path: Path, segment: str) -> TableError:
     return TableError(f"{path}: segment {segment} does not have the frames of the others; make it again")
 
 
@@ -277,7 +277,7 @@ def _fill(
     if first:
         block.frame[rows] = columns["frame"]
     elif not np.array_equal(columns["frame"], block.frame[rows]):
-        raise _unshared(path, segment)
+        raise _unshared_frames(path, segment)
     times = block.time_s[rows]
     np.copyto(times, columns["time_s"], where=np.isnan(times))
     for axis, name in enumerate(_NUMBERS):

@@ -29,11 +29,11 @@ def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: 
     the file is absent, too long, of another kind or not in UTF-8.
     """
     with reading(path, expected, remedy):
-        text = decoded(path, read_whole(path, expected, most_bytes), expected)
+        text = decode_text(path, read_whole(path, expected, most_bytes), expected)
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def decoded(path: Path, data: bytes, expected: str) -> str:
+def decode_text(path: Path, data: bytes, expected: str) -> str:
     """Return the text of a file's bytes. Raises InputError where they are of another kind or not in UTF-8."""
     refuse_other_kind(path, data[:8], expected)
     try:

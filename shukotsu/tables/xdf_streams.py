@@ -49,7 +49,7 @@ class Stream:
 
 
 @dataclass(frozen=True)
-class Channel:
+class StreamChannel:
     """What a stream's header says of one channel; empty where it says nothing."""
 
     index: int
@@ -60,27 +60,27 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Samples:
+class StreamSamples:
     """The T samples of a stream.
 
     time_s : (T,), corrected by the clock offsets where there are any, and not smoothed. values : by sample
     and channel. offsets : (N, 2), time on the stream's clock, and what is to be added to it, in s.
     """
 
-    channels: tuple[Channel, ...]
+    channels: tuple[StreamChannel, ...]
     time_s: Floats
     values: Any
     offsets: Floats
     notes: tuple[str, ...]
 
 
-def owners(channels: tuple[Channel, ...]) -> list[str]:
+def owners(channels: tuple[StreamChannel, ...]) -> list[str]:
     """Return the markers and objects that have a position or an orientation, in the order of the channels."""
     posed = (*POSITION, *QUATERNION, *EULER)
     return list(dict.fromkeys(c.owner for c in channels if c.type in posed and c.owner))
 
 
-def pose_channels(where: str, channels: tuple[Channel, ...], owner: str) -> list[Channel]:
+def pose_channels(where: str, channels: tuple[StreamChannel, ...], owner: str) -> list[StreamChannel]:
     """Return the channels of x, y, z and A, B, C, D of a marker or object. Raises InputError for others."""
     where = f"{where}, {owner}"
     by_owner = [channel for channel in channels if channel.owner == owner]
@@ -102,7 +102,7 @@ def read_streams(path: Path) -> list[Stream]:
     """Return the streams of a file, in its order. Raises InputError where it is no XDF file or is damaged."""
     import pyxdf
 
-    with _opened(path) as (file, _):
+    with _open_file(path) as (file, _):
         infos = pyxdf.resolve_streams(file)
     if len({info["stream_id"] for info in infos}) < len(infos):
         raise InputError(f"{path}: is damaged: a stream begins again; copy it again")
@@ -119,12 +119,12 @@ def read_streams(path: Path) -> list[Stream]:
     ]
 
 
-def load_stream(path: Path, stream: Stream) -> Samples:
+def load_stream(path: Path, stream: Stream) -> StreamSamples:
     """Return the samples of a stream. Raises InputError where it has none, or is damaged."""
     import pyxdf
 
     where = f"{path}: stream {stream.name}"
-    with _opened(path) as (file, damages):
+    with _open_file(path) as (file, damages):
         (loaded,), _ = pyxdf.load_xdf(file, select_streams=stream.number, dejitter_timestamps=False)
     if damages:
         raise InputError(f"{where}: is damaged ({damages[0]}); copy the file again")
@@ -136,7 +136,7 @@ def load_stream(path: Path, stream: Stream) -> Samples:
     if not len(time_s):
         raise InputError(f"{where}: has no samples")
     offsets = np.array([loaded["clock_times"], loaded["clock_values"]], float).T
-    return Samples(_channels(loaded["info"]), time_s, values, offsets, tuple(notes))
+    return StreamSamples(_channels(loaded["info"]), time_s, values, offsets, tuple(notes))
 
 
 class _Complete(io.BufferedReader):
@@ -150,7 +150,7 @@ class _Complete(io.BufferedReader):
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
+def _open_file(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
     """Open a file, packed by gzip or not; list the damages that pyxdf logs before the file's end."""
     damages: list[str] = []
 
@@ -189,12 +189,12 @@ def _opened(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
         file.close()
 
 
-def _channels(info: Any) -> tuple[Channel, ...]:
+def _channels(info: Any) -> tuple[StreamChannel, ...]:
     """Return what a header says of its channels; pyxdf has every element as a list."""
     described = info.get("desc", [None])[0] or {}
     listed = (described.get("channels", [None])[0] or {}).get("channel", [])
     return tuple(
-        Channel(
+        StreamChannel(
             index,
             _text(channel, "label"),
             _text(channel, "marker") or _text(channel, "object"),

@@ -330,15 +330,15 @@ class TrackerDriver:
             same = len(reported) == len(sent) and all(abs(a - b) < 0.01 for a, b in pairs)
         if same:
             return
-        says = "says nothing about it" if reported is None else f"says {shown(reported)}"
+        says = "says nothing about it" if reported is None else f"says {format_setting(reported)}"
         complained = f" (it complained: {', '.join(self._complaints)})" if self._complaints else ""
         raise InputError(
-            f"{self._port_name}: the tracker did not take its {what}: sent was {shown(sent)}, and when "
-            f"asked it {says}{complained}; switch it off and on, and try again"
+            f"{self._port_name}: the tracker did not take its {what}: sent was {format_setting(sent)}, and "
+            f"when asked it {says}{complained}; switch it off and on, and try again"
         )
 
 
-def shown(value: Any) -> str:
+def format_setting(value: Any) -> str:
     """Format a setting for people."""
     if isinstance(value, tuple):
         return ", ".join(f"{round(part, 4):g}" for part in value) or "nothing"

@@ -13,7 +13,7 @@ from shukotsu.errors import InputError
 from shukotsu.tracker.families import FAMILIES, StreamSettings
 from shukotsu.tracker.liberty import SHORT_LIST, list_of_all, record_type
 from shukotsu.tracker.records import Wholes
-from shukotsu.tracker.stream import ABSENT_S, JITTER_S, Block, Heard, Losses
+from shukotsu.tracker.stream import ABSENT_S, JITTER_S, Heard, Losses, RecordBlock
 
 
 @dataclass
@@ -48,7 +48,7 @@ class Statistics:
         self._settings = settings
         self._start_ns = self.heard_ns = start_ns
 
-    def add(self, block: Block, received_bytes: int, now_ns: int) -> None:
+    def add(self, block: RecordBlock, received_bytes: int, now_ns: int) -> None:
         """Count what was decoded of the bytes that came since the last call."""
         self.received_bytes += received_bytes
         self.skipped_bytes += sum(skip.size for skip in block.skipped)
@@ -114,7 +114,7 @@ class Statistics:
             if absent or (station == 0 and last - first + 1 > least)
         ]
 
-    def _count(self, receiver: Receiver, station: int, block: Block, rows: Wholes) -> None:
+    def _count(self, receiver: Receiver, station: int, block: RecordBlock, rows: Wholes) -> None:
         records = block.records
         receiver.last_host_ns = int(block.host_ns[rows[-1]])
         errors = records.error[rows]

@@ -29,7 +29,7 @@ PERIOD_CYCLES = 960
 
 
 @dataclass(frozen=True)
-class Motion:
+class PlayedMotion:
     """Poses of receivers, a frame a cycle.
 
     position_mm, quaternion : (T, S, 3) and (T, S, 4), NaN where the recording has no pose. loop : begin
@@ -60,7 +60,7 @@ class Motion:
         return position, quaternion
 
 
-def built_in_motion() -> Motion:
+def built_in_motion() -> PlayedMotion:
     """Return sixteen receivers that sway and bend smoothly, 0.15-0.45 m before the transmitter, in a loop."""
     phase = 2 * np.pi * np.arange(PERIOD_CYCLES)[:, None] / PERIOD_CYCLES
     index = np.arange(MAX_STATION)
@@ -71,7 +71,9 @@ def built_in_motion() -> Motion:
     position = np.stack([x, y, -120 + 25 * bend + 20 * np.sin(2 * phase)], -1)
     about_y = rotations.about_axis(np.array([0.0, 1.0, 0.0]), bend)
     about_z = rotations.about_axis(np.array([0.0, 0.0, 1.0]), 0.5 * np.cos(phase) + 0.1 * finger)
-    return Motion(tuple(range(1, MAX_STATION + 1)), position, rotations.multiply(about_z, about_y), loop=True)
+    return PlayedMotion(
+        tuple(range(1, MAX_STATION + 1)), position, rotations.multiply(about_z, about_y), loop=True
+    )
 
 
 def recorded_motion(
@@ -82,7 +84,7 @@ def recorded_motion(
     *,
     loop: bool = False,
     notes: Sequence[str] = (),
-) -> Motion:
+) -> PlayedMotion:
     """Return the motion of N poses: frame, station (N,), position_mm (N, 3), quaternion (N, 4).
 
     A pose of station 0 is not played, but its frame counts. Frame numbers are divided by their usual step and
@@ -104,7 +106,7 @@ def recorded_motion(
     columns = np.searchsorted(stations, station[played])
     position[rows[played], columns] = position_mm[played]
     turned[rows[played], columns] = quaternion[played]
-    return Motion(tuple(stations), position, turned, loop, (*remark, *notes))
+    return PlayedMotion(tuple(stations), position, turned, loop, (*remark, *notes))
 
 
 WRAP, BLOCK_CYCLES = 1 << 32, 120
@@ -136,7 +138,7 @@ class EmulatedLiberty:
 
     def __init__(
         self,
-        motion: Motion,
+        motion: PlayedMotion,
         plugged: frozenset[int],
         *,
         family: str = "liberty",
@@ -320,7 +322,7 @@ def _stations(device: EmulatedLiberty, arguments: Arguments) -> list[int]:
 
 
 @dataclass(frozen=True)
-class Setting:
+class DeviceSetting:
     """A setting that can be made and asked for. default : its numbers. text : how these are written, all or
     one group after the other. allowed : what they can be, where they are whole; otherwise they are floats.
     """
@@ -380,21 +382,23 @@ def _obey(device: EmulatedLiberty, code: bytes, arguments: Arguments) -> bytes:
 
 
 SETTINGS = {
-    b"A": Setting((0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0), "%7.2f%7.2f%7.2f\r\n", per_station=True),
-    b"B": Setting((0.0, 0.0, 0.0), "%7.2f ", per_station=True),
-    b"F": Setting((0,), allowed=_FLAG),
-    b"G": Setting((0.0, 0.0, 0.0), "%8.3f "),
-    b"H": Setting((1.0, 0.0, 0.0), "%7.3f", per_station=True),
-    b"L": Setting((0,), allowed=_FLAG, per_station=True),
-    b"N": Setting((0.0, 0.0, 0.0), "%6.3f ", per_station=True),
-    b"O": Setting(liberty.DEFAULT_LIST, "%d ", ITEMS, per_station=True),
-    b"R": Setting((4,), allowed=RATES_HZ),
-    b"U": Setting((0,), allowed=_FLAG),
-    b"X": Setting((0.2, 0.2, 0.8, 0.95), "%6.3f "),
-    b"Y": Setting((0.2, 0.2, 0.8, 0.95), "%6.3f "),
-    b"Z": Setting((0,), allowed=_FLAG),
-    ECHO: Setting((0,), allowed=_FLAG),
-    b"@": Setting((1,), allowed=_FLAG),
+    b"A": DeviceSetting(
+        (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0), "%7.2f%7.2f%7.2f\r\n", per_station=True
+    ),
+    b"B": DeviceSetting((0.0, 0.0, 0.0), "%7.2f ", per_station=True),
+    b"F": DeviceSetting((0,), allowed=_FLAG),
+    b"G": DeviceSetting((0.0, 0.0, 0.0), "%8.3f "),
+    b"H": DeviceSetting((1.0, 0.0, 0.0), "%7.3f", per_station=True),
+    b"L": DeviceSetting((0,), allowed=_FLAG, per_station=True),
+    b"N": DeviceSetting((0.0, 0.0, 0.0), "%6.3f ", per_station=True),
+    b"O": DeviceSetting(liberty.DEFAULT_LIST, "%d ", ITEMS, per_station=True),
+    b"R": DeviceSetting((4,), allowed=RATES_HZ),
+    b"U": DeviceSetting((0,), allowed=_FLAG),
+    b"X": DeviceSetting((0.2, 0.2, 0.8, 0.95), "%6.3f "),
+    b"Y": DeviceSetting((0.2, 0.2, 0.8, 0.95), "%6.3f "),
+    b"Z": DeviceSetting((0,), allowed=_FLAG),
+    ECHO: DeviceSetting((0,), allowed=_FLAG),
+    b"@": DeviceSetting((1,), allowed=_FLAG),
 }
 COMMANDS = (b"C", b"Q", b"\x14", b"\x15", b"\x16")
 """Letters, and control characters, of other commands. P is not here: it acts without an end."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from shukotsu.errors import InputError
 from shukotsu.tracker.archive import ArchiveWriter
-from shukotsu.tracker.emulated_device import FOLLOWING, EmulatedLiberty, Motion
+from shukotsu.tracker.emulated_device import FOLLOWING, EmulatedLiberty, PlayedMotion
 from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty import FULL_LIST
 
@@ -246,7 +246,7 @@ def write_archive(device: EmulatedLiberty, out: Path, about: Mapping[str, Any]) 
     archive.close({"reason": "duration", "duration_s": (end_ns + 1 - begun_ns) / SECOND_NS}, now_ns)
 
 
-def home_hemisphere(motion: Motion) -> tuple[float, float, float]:
+def home_hemisphere(motion: PlayedMotion) -> tuple[float, float, float]:
     """Return the axis on whose side all receivers stay, nearest to where they are; FOLLOWING: none."""
     positions = motion.position_mm.reshape(-1, 3)
     positions = positions[np.isfinite(positions).all(-1)]

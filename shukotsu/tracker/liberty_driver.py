@@ -19,10 +19,10 @@ from shukotsu.tracker.conversation import (
     Conversation,
     RecordingRequest,
     TrackerDriver,
+    format_setting,
     is_default_alignment,
     is_zero,
     same_direction,
-    shown,
 )
 from shukotsu.tracker.families import FAMILIES, StreamSettings
 from shukotsu.tracker.liberty import ERRORS, HALVES, ITEMS, TAGS, Setting, Value
@@ -242,10 +242,10 @@ class LibertyDriver(TrackerDriver):
         for name, (is_default, text) in FRAMES.items():
             odd = [s for s in stations if after[name][str(s)] and not is_default(after[name][str(s)])]
             if odd:
-                value = shown(after[name][str(odd[0])])
+                value = format_setting(after[name][str(odd[0])])
                 self.warnings.append(f"receiver {', '.join(map(str, odd))}: {text} ({value}), left as it is")
         if after["source_frame"] and not is_zero(after["source_frame"]):
-            turned = shown(after["source_frame"])
+            turned = format_setting(after["source_frame"])
             self.warnings.append(f"the transmitter's mounting frame is turned by {turned} deg, left as it is")
         if any(after["bit_errors"] or ()):
             words = " ".join(f"{word:08x}" for word in after["bit_errors"])

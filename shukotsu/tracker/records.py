@@ -65,7 +65,7 @@ def empty_records(count: int = 0) -> Records:
     return Records(*(columns.get(part.name, np.full(count, NONE, np.int64)) for part in fields(Records)))
 
 
-def concatenated(parts: Sequence[Records]) -> Records:
+def concatenate_records(parts: Sequence[Records]) -> Records:
     """Return all records, one after the other."""
     if len(parts) < 2:
         return parts[0] if parts else empty_records()
@@ -136,7 +136,7 @@ class PiecewiseDecoder(ABC):
             records.append(decoded.records)
             skipped += (replace(skip, offset=skip.offset + first) for skip in decoded.skipped)
             replies += (replace(reply, offset=reply.offset + first) for reply in decoded.replies)
-        return Decoded(concatenated(records), tuple(skipped), tuple(replies))
+        return Decoded(concatenate_records(records), tuple(skipped), tuple(replies))
 
     @abstractmethod
     def _decide(self, b: Bytes, final: bool) -> tuple[Decoded, int]:

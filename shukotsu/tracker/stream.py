@@ -24,7 +24,7 @@ from shukotsu.tracker.records import (
     Records,
     Skipped,
     Wholes,
-    concatenated,
+    concatenate_records,
     empty_records,
 )
 from shukotsu.tracker.viper_decoder import ViperDecoder
@@ -36,7 +36,7 @@ DECODERS = {"liberty": BinaryDecoder, "patriot": BinaryDecoder, "viper": ViperDe
 
 
 @dataclass(frozen=True)
-class Block:
+class RecordBlock:
     """Records of one stretch of the stream.
 
     records : offsets count from the first byte that came after the settings; frames are unwrapped.
@@ -129,7 +129,7 @@ class PieceReader:
         return loaded
 
 
-def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) -> Iterator[Block]:
+def blocks_of(archive: Archive, tally: Tally, block_bytes: int = BLOCK_BYTES) -> Iterator[RecordBlock]:
     """Decode an archive block by block; `tally` is filled on the way.
 
     Raises InputError where the archive has no settings before its records, has them twice, or has ones that
@@ -168,7 +168,7 @@ class ChunkDecoder:
         self._ends.append(self._length)
         self._arrivals.append(host_ns)
 
-    def decode(self, *, final: bool) -> Block:
+    def decode(self, *, final: bool) -> RecordBlock:
         """Decode the chunks that wait; `final` says that none follow, so that the rest is decided too."""
         decoded = self._decoder.feed(b"".join(self._waiting), final=final)
         self._waiting, self.waiting_bytes = [], 0
@@ -182,7 +182,7 @@ class ChunkDecoder:
         first = bisect_left(self._ends, decided)
         del self._ends[:first], self._arrivals[:first]
         records, host_ns, out_of_order = self._counter.number(records, host_ns, final=final)
-        return Block(self.settings, records, host_ns, out_of_order, decoded.skipped)
+        return RecordBlock(self.settings, records, host_ns, out_of_order, decoded.skipped)
 
 
 class Counter:
@@ -200,7 +200,7 @@ class Counter:
 
     def number(self, records: Records, host_ns: Wholes, *, final: bool) -> tuple[Records, Wholes, Bools]:
         """Return the records that can be numbered, their arrivals, and which do not fit their neighbours."""
-        records = concatenated([self._held, records])
+        records = concatenate_records([self._held, records])
         host_ns = np.concatenate([self._held_host_ns, host_ns])
         odd = np.zeros(len(records), bool)
         count = len(records) if final else max(0, len(records) - 2)
@@ -225,7 +225,7 @@ class Counter:
         good = np.flatnonzero(~odd[:count]) + earlier
         frame = np.full(len(counter), 0 if self._last is None else self._last[1])
         if len(good):
-            step = _signed(np.diff(counter[good], prepend=counter[0 if earlier else good[0]]))
+            step = _signed_difference(np.diff(counter[good], prepend=counter[0 if earlier else good[0]]))
             step[(step < 0) | (step > self._limit)] = 1
             frame[good] = (frame[0] if earlier else counter[good[0]]) + np.cumsum(step)
             last = good[-1]
@@ -260,7 +260,7 @@ class Counter:
 
     def _follows(self, counter: Wholes, station: Wholes, first: Wholes | int, second: Wholes | int) -> Bools:
         """Whether records can come after others: of a later frame, or a later station of the same."""
-        step = _signed(counter[second] - counter[first])
+        step = _signed_difference(counter[second] - counter[first])
         later = (step > 0) | ((step == 0) & (station[second] > station[first]))
         return np.asarray(later & (step <= self._limit))
 
@@ -268,12 +268,12 @@ class Counter:
         """Whether a record is the very next after another (-1: the first of a frame), none left out."""
         passed = int(self._rank[station[row]])
         if before >= 0:
-            frames = _signed(counter[row] - counter[before])
+            frames = _signed_difference(counter[row] - counter[before])
             passed += frames * len(self._settings.stations) - self._rank[station[before]] - 1
         return bool(passed == 0 and self._active[station[row]])
 
 
-def _signed(difference: Wholes) -> Wholes:
+def _signed_difference(difference: Wholes) -> Wholes:
     """Return differences of 32-bit counts, the short way round."""
     return (difference + 0x80000000 & 0xFFFFFFFF) - 0x80000000
 
@@ -337,7 +337,7 @@ class Losses:
         """Return the newest good frame; 0 where there is none."""
         return int(self._newest[0, -1]) if self._newest.size else 0
 
-    def add(self, block: Block) -> tuple[Wholes, Wholes]:
+    def add(self, block: RecordBlock) -> tuple[Wholes, Wholes]:
         """Count a block's good records.
 
         Return the gaps that have ended, (G, 6): station (0: of none at all), first and last frame without a

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from shukotsu.tracker.archive import Archive, open_archive
 from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.records import Array, Bools, Records, Wholes
-from shukotsu.tracker.stream import JITTER_S, Block, Losses, Tally, blocks_of
+from shukotsu.tracker.stream import JITTER_S, Losses, RecordBlock, Tally, blocks_of
 
 SHORTEST_FIT_S = 30.0
 """Below this the delays' scatter moves the slope by more than a crystal is off (about 1e-4)."""
@@ -140,7 +140,7 @@ class Survey:
         """Good records of each station."""
         return {station: heard.records for station, heard in sorted(self.losses.stations.items())}
 
-    def add(self, block: Block) -> Wholes:
+    def add(self, block: RecordBlock) -> Wholes:
         """Count what a block has beside losses; return frames and times [ns] of arrivals, (2, N)."""
         records, good = block.records, block.good
         for skip in block.skipped:
@@ -282,19 +282,19 @@ def _damage(survey: Survey) -> Iterator[str]:
         (survey.out_of_order, "have a frame or receiver that fits no neighbour"),
     ):
         if sightings.records.total():
-            yield f"{sightings.records.total()} records {what} ({_sighted(survey, sightings)}); not used"
+            yield f"{sightings.records.total()} records {what} ({_seen_text(survey, sightings)}); not used"
 
     for letter, sightings in survey.errors.items():
         yield (
             f"the tracker reported error {letter!r} with {sightings.records.total()} records "
-            f"({_sighted(survey, sightings)})"
+            f"({_seen_text(survey, sightings)})"
         )
     metal = survey.distorted
     if metal.records.total():
         worst, count = metal.records.most_common(1)[0]
         share = 100 * count / max(1, survey.records.get(worst, 0))
         yield (
-            f"the tracker saw its field distorted by metal ({_sighted(survey, metal)}; "
+            f"the tracker saw its field distorted by metal ({_seen_text(survey, metal)}; "
             f"receiver {worst} in {share:.1f} % of its records)"
         )
     clock = survey.clock
@@ -308,7 +308,7 @@ def _damage(survey: Survey) -> Iterator[str]:
         yield f"the host's calendar clock was moved by {moved_s:.2f} s meanwhile; device time is not touched"
 
 
-def _sighted(survey: Survey, sightings: Sightings) -> str:
+def _seen_text(survey: Survey, sightings: Sightings) -> str:
     stations = sorted(sightings.records)
     named = "receiver" if len(stations) == 1 else "receivers"
     first, last = _at(survey, sightings.first), _at(survey, sightings.last)

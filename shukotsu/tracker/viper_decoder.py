@@ -87,7 +87,7 @@ class ViperDecoder(protocol.PiecewiseDecoder):
         pose_at, sizes = at[is_pose], (end - at)[is_pose]
         of_size = [(pose_at[sizes == size], int(size)) for size in np.unique(sizes)]
         parts = [_records_of_size(protocol.rows_at(b, first, size), first) for first, size in of_size]
-        records = protocol.concatenated(parts)
+        records = protocol.concatenate_records(parts)
         records = records if len(parts) < 2 else records.take(np.argsort(records.offset))
         replies = tuple(_reply(b, int(at[row]), int(end[row])) for row in np.flatnonzero(~is_pose))
         return Decoded(records, protocol.gaps(at, end, decided), replies), decided
@@ -120,15 +120,15 @@ def _possible_frames(b: Bytes) -> tuple[Wholes, Wholes, Bools]:
     is_pose = kind == POSE_PREAMBLE[3]
     either = is_pose | (kind == COMMAND_PREAMBLE[3])
     at, is_pose = at[either], is_pose[either]
-    size = _unsigned(b, at + 4) + LEADER_BYTES
-    sensors = _unsigned(b, at + _COUNT_AT)
+    size = _read_unsigned(b, at + 4) + LEADER_BYTES
+    sensors = _read_unsigned(b, at + _COUNT_AT)
     of_poses = size == POSE_HEADER_BYTES + _SENSOR.itemsize * sensors + CRC_BYTES
     of_command = (size >= COMMAND_HEADER_BYTES + CRC_BYTES) & (size <= MAX_FRAME_BYTES)
     possible = np.where(is_pose, of_poses & (sensors <= 2 * SENSORS), of_command)
     return at[possible], (at + size)[possible], is_pose[possible]
 
 
-def _unsigned(b: Bytes, at: Wholes) -> Wholes:
+def _read_unsigned(b: Bytes, at: Wholes) -> Wholes:
     """Return numbers of 4 bytes at `at`."""
     return sum(((b[at + index].astype(np.int64) << 8 * index) for index in range(4)), np.zeros_like(at))
 
@@ -141,7 +141,7 @@ def _sound(b: Bytes, at: Wholes, end: Wholes) -> Bools:
         mine = np.flatnonzero(whole & (end - at == size))
         for some in np.array_split(mine, 1 + len(mine) * int(size) // (1 << 22)):
             rows = protocol.rows_at(b, at[some], int(size))
-            sent = _unsigned(b, end[some] - CRC_BYTES) & 0xFFFF
+            sent = _read_unsigned(b, end[some] - CRC_BYTES) & 0xFFFF
             good[some] = crc16_arc(rows[:, :-CRC_BYTES]) == sent
     return good
 

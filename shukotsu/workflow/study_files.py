@@ -13,7 +13,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.hand.known_digits import known_digits, refusal
 from shukotsu.study import results
 from shukotsu.study.config_files import (
@@ -146,14 +146,14 @@ class StudyFiles:
             return ""
         named = [name for name in changed if not name.startswith("plan of ")]
         again = [token for token in files if {f"plan of {token}", *files[token]} & {*changed}]
-        whose = f"those of {listed([f'sub-{token}' for token in again])} and " if again else ""
-        return f"changed since the last run: {listed(named)}; results made again: {whose}the study's"
+        whose = f"those of {list_names([f'sub-{token}' for token in again])} and " if again else ""
+        return f"changed since the last run: {list_names(named)}; results made again: {whose}the study's"
 
     def remove_former(self) -> str:
         """Remove results that the study has no longer; return whose, empty where there are none."""
         present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders}
         former = remove_former_results(self.results, present)
-        return f"removed results of what the study has no longer: {listed(former)}" if former else ""
+        return f"removed results of what the study has no longer: {list_names(former)}" if former else ""
 
     def what_is_not_as_made(self) -> str:
         """Format which results are not as a run left them and are made anew; empty where there are none.
@@ -171,7 +171,7 @@ class StudyFiles:
             spoiled = recall(self.kept, [*outputs, *simulated], tables, self._digests)
         folder = f"{self.results.folder.as_posix()}/"
         named = [path.removeprefix(folder) for path in spoiled if path not in tables]
-        return f"not as a run left them, and made anew: {listed(named)}" if named else ""
+        return f"not as a run left them, and made anew: {list_names(named)}" if named else ""
 
     def _changed_plans(self) -> dict[Path, str]:
         """Return the texts of plans that say something else than the study, by path."""

@@ -13,7 +13,7 @@ from shukotsu.checks.checked_subject import copies
 from shukotsu.errors import INTERNAL
 from shukotsu.resources import PROGRAM, VERSION
 from shukotsu.study.config_files import REFERENCE, read_config, yaml_text
-from shukotsu.study.findings import NOTE, REFUSED, STAGE, problem_row, worded
+from shukotsu.study.findings import NOTE, REFUSED, STAGE, finding_of_text, problem_row
 from shukotsu.study.layout import read_layout
 from shukotsu.study.plan import SubjectPlan, read_plan
 from shukotsu.study.recording_summary import part_problems, subject_tables
@@ -48,7 +48,9 @@ def gather_study(study: Study, results: Results) -> None:
     of_subjects = [subject_tables(plan) for plan in plans]
     recordings = [row for subject in of_subjects for row in subject.recordings]
     problems: list[Row] = [
-        problem_row("plan", worded("recording", REFUSED, row.message), **vars(row.hand), task=row.task)
+        problem_row(
+            "plan", finding_of_text("recording", REFUSED, row.message), **vars(row.hand), task=row.task
+        )
         for row in study.unusable
     ]
     for plan, subject in zip(plans, of_subjects, strict=True):
@@ -65,9 +67,15 @@ def gather_study(study: Study, results: Results) -> None:
     if (sheet := study.sheets.get("corrections")) is not None:
         layout = read_layout(study.layout.absolute())
         texts = correction_problems(read_sheet(sheet, CORRECTIONS), sheet, study.hands, layout)
-        problems += [problem_row("project_planes", worded("correction", REFUSED, text)) for text in texts]
-    problems += [problem_row("plan", worded("sheet", REFUSED, text)) for text in unmatched_rows(study)]
-    problems += [problem_row("plan", worded("sheet", NOTE, text)) for text in columns_handed_on(study)]
+        problems += [
+            problem_row("project_planes", finding_of_text("correction", REFUSED, text)) for text in texts
+        ]
+    problems += [
+        problem_row("plan", finding_of_text("sheet", REFUSED, text)) for text in unmatched_rows(study)
+    ]
+    problems += [
+        problem_row("plan", finding_of_text("sheet", NOTE, text)) for text in columns_handed_on(study)
+    ]
     for name in GATHERED_TABLES:
         rows = pa.concat_tables([subject.tables[name] for subject in of_subjects])
         files = [file for plan in plans for file in plan.files_of(name)]

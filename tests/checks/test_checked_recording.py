@@ -12,7 +12,7 @@ from shukotsu.checks.checked_recording import check_recording
 from shukotsu.checks.hypotheses import Declared
 from shukotsu.hand.rotations import conjugate, from_matrix, matrix, multiply
 from shukotsu.readers.formats.readers import find_parts_reader
-from shukotsu.readers.samples import joined
+from shukotsu.readers.samples import join_samples
 from shukotsu.study.config_files import config_path, read_config
 from shukotsu.study.findings import SUSPECT
 from shukotsu.study.layout import layout_from_config, read_layout
@@ -92,7 +92,7 @@ def test_sides_that_nothing_decides_are_said_and_no_repair_is_asked_for(planted:
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_a_real_arm(real_data: Path, side: str) -> None:
     path, layout = real_data / "upper_limb_poses" / f"racing_{side}.csv", read_layout("arm")
-    samples = joined(find_parts_reader(path, "auto", None)(path, layout, None))
+    samples = join_samples(find_parts_reader(path, "auto", None)(path, layout, None))
     shape, order = (-1, len(layout.measured)), np.lexsort((samples.segment, samples.frame))
     numbers = samples.numbers[order].reshape(*shape, 7)
     frame, time_s = (array[order].reshape(shape)[:, 0] for array in (samples.frame, samples.time_s))

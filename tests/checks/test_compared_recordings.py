@@ -8,7 +8,7 @@ from simulated_poses import hand_of
 
 from benchmarks.faultless_hands import Planted
 from shukotsu.checks.checked_recording import CheckedRecording, check_recording
-from shukotsu.checks.checked_subject import compared
+from shukotsu.checks.checked_subject import compare_recordings
 from shukotsu.study.findings import NOTE, SUSPECT
 from shukotsu.study.layout import read_layout
 
@@ -29,7 +29,10 @@ def other() -> tuple[str, str, CheckedRecording]:
 
 
 def kinds(recordings: list[tuple[str, str, CheckedRecording]]) -> list[list[tuple[str, str]]]:
-    return [[(each.kind, each.severity) for each in checked.findings] for checked in compared(recordings)]
+    return [
+        [(each.kind, each.severity) for each in checked.findings]
+        for checked in compare_recordings(recordings)
+    ]
 
 
 def test_one_person_is_one(person: list[tuple[str, str, CheckedRecording]]) -> None:
@@ -41,7 +44,7 @@ def test_another_person_is_the_one_that_differs(
 ) -> None:
     assert kinds([*person, other])[3] == [("other-person", SUSPECT)]
     assert kinds([other, *person])[:3] == [[("other-person", SUSPECT)], [], []]
-    sentence = compared([*person, other])[3].findings[0].message
+    sentence = compare_recordings([*person, other])[3].findings[0].message
     assert "another recording (right hand, rom" in sentence
     assert "another person" in sentence
     assert re.search("correct the column subject(?: or file)? of the recordings sheet", sentence)
@@ -65,7 +68,7 @@ def test_one_that_breaks_within_itself_judges_no_other(
 def test_receivers_put_on_anew_are_a_note() -> None:
     """The other hand of a person, mirrored, is as long and wears its receivers elsewhere."""
     first, later = (("rom", "right", checked(hand_of(7, hand))) for hand in ("right", "left"))
-    before, (finding,) = (recording.findings for recording in compared([first, later]))
+    before, (finding,) = (recording.findings for recording in compare_recordings([first, later]))
     assert (before, finding.kind, finding.severity) == ((), "other-person", NOTE)
     assert "give this recording a session of its own in the column session" in finding.message
     assert kinds([later]) == [[]], "a session of its own"
@@ -73,7 +76,7 @@ def test_receivers_put_on_anew_are_a_note() -> None:
 
 def test_the_same_poses_again(person: list[tuple[str, str, CheckedRecording]]) -> None:
     again = ("copy", "right", person[0][2])
-    (finding,) = compared([*person, again])[3].findings
+    (finding,) = compare_recordings([*person, again])[3].findings
     assert (finding.kind, finding.severity) == ("same-file", SUSPECT)
     sentence = finding.message
     assert re.search("those of (the )?right hand('s|,) rom", sentence)

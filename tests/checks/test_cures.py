@@ -24,7 +24,7 @@ from simulated_poses import hand_of
 from benchmarks.faultless_hands import Planted, changed
 from benchmarks.mistakes import BONES, MISTAKES
 from shukotsu.checks.checked_subject import checked_poses
-from shukotsu.fit.fit import Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.hand.rotations import Array, about_axis, conjugate, multiply, unit
 from shukotsu.readers import import_recording
 from shukotsu.simulate import recording
@@ -187,7 +187,7 @@ class Result:
         """Joints as the whole hand's fit has them: (2, 3), along the axes of both bones."""
         if self.layout is None:
             return {}
-        quick, segments = Settings(n_frames=40, rounds=0), self.layout.segments
+        quick, segments = FitSettings(n_frames=40, rounds=0), self.layout.segments
         joints = fit_hand(self.recordings, self.layout, self.hand, settings=quick).joints
         ends = {
             name: ((joint.parent_segment, joint.parent_mm), (joint.child_segment, joint.child_mm))

@@ -6,7 +6,7 @@ import numpy as np
 
 from benchmarks.mistakes import MISTAKES, Planted
 from shukotsu.checks.expected_body import expected_body
-from shukotsu.checks.mistake_search import effect, explained
+from shukotsu.checks.mistake_search import effect, explain_joints
 from shukotsu.hand.sampled_motion import motion_of, receiver_axes
 from shukotsu.study.findings import Finding
 from shukotsu.study.layout import read_layout
@@ -36,7 +36,7 @@ def test_no_mistake_changes_nothing_and_a_mirrored_world_is_none(planted: Plante
     body = expected_body(LAYOUT, planted.poses.segments)
     poses, axes = planted.poses, receiver_axes(LAYOUT, planted.poses.segments)
     motion = motion_of(poses.position_mm, poses.quaternion, poses.valid, axes, planted.hand)
-    clean = explained(motion, body)
+    clean = explain_joints(motion, body)
     mirrored = replace(clean, motion=motion.mirrored(), centre_mm=clean.centre_mm * [1, -1, 1])
     for values in (effect(body, clean, clean), effect(body, clean, mirrored, other_hand=True)):
         assert (values["effect"], values["moved"]) == ("none", 0)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from simulated_poses import recorded
 
-from benchmarks.faultless_hands import exchanged
+from benchmarks.faultless_hands import exchange_receivers
 from shukotsu.__main__ import main as capture
 from shukotsu.coach.coach import ENDED, ENOUGH, FIRST, MOST_VAIN, MOVEMENTS, Coach, Estimate
 from shukotsu.coach.live_poses import MOST_FRAMES, EvenFrames, LivePoses
 from shukotsu.coach.study import hand_alone
-from shukotsu.fit.receiver_frames import concatenated
+from shukotsu.fit.receiver_frames import concatenate_poses
 from shukotsu.simulate.random_hand import FINGERS
 from shukotsu.study.layout import read_layout
 from shukotsu.study.verdict import BELIEVE, CARE
@@ -72,12 +72,12 @@ def test_enough_is_said_where_every_joint_is_as_good_as_asked_and_estimates_are_
 def test_swapped_receivers_are_named_and_when_put_right_it_begins_anew() -> None:
     poses = calibration(5 * RATE_HZ)
     coach = a_coach()
-    lines = coached(coach, exchanged(poses, SWAPPED))
+    lines = coached(coach, exchange_receivers(poses, SWAPPED))
     assert len(lines) == 2
     assert all(name in lines[1] for name in (*SWAPPED, "swapped"))
     assert coach.request is None
     assert coach.estimate is None
-    lines = coached(coach, concatenated([from_frame(poses, 1200), from_frame(poses, 2400)]))
+    lines = coached(coach, concatenate_poses([from_frame(poses, 1200), from_frame(poses, 2400)]))
     assert coach.restarts == 1
     assert any("Put right" in line for line in lines)
     assert coach.findings == []
@@ -142,7 +142,7 @@ def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pyte
     poses = calibration().take(slice(0, 480))
     coach = a_coach()
     monkeypatch.setattr(coach, "_estimate", lambda: None)
-    coached(coach, concatenated([poses, from_frame(poses, 3600 * RATE_HZ)]))
+    coached(coach, concatenate_poses([poses, from_frame(poses, 3600 * RATE_HZ)]))
     assert coach.time_s > 3600.0
     assert coach._kept.poses().frame.size == 960
     frames = EvenFrames()
@@ -154,7 +154,7 @@ def test_a_gap_of_an_hour_is_passed_over_and_memory_is_bounded(monkeypatch: pyte
 def test_they_are_the_poses_of_an_import(archive: Path, tmp_path: Path) -> None:
     live = LivePoses(read_layout("liberty16"), archive)
     parts = [poses for piece in open_archive(archive).pieces() if (poses := live.add(piece)) is not None]
-    poses, table = concatenated(parts), tmp_path / "poses.parquet"
+    poses, table = concatenate_poses(parts), tmp_path / "poses.parquet"
     who = ["--layout=liberty16", "--subject=03", "--hand=right", "--task=rom"]
     assert capture(["import", f"--in={archive}", f"--out={table}", *who]) == 0
     expected = read_poses(table, read_layout("liberty16").measured)

@@ -14,7 +14,7 @@ from stage_runs import of_plan, outputs
 
 from shukotsu.fit.hand_tables import FIT
 from shukotsu.study.config_files import REFERENCE
-from shukotsu.study.findings import SUSPECT, worded
+from shukotsu.study.findings import SUSPECT, finding_of_text
 from shukotsu.study.results import FIT_TABLES, SUBJECT_TABLES
 from shukotsu.tables.catalogue import FINDINGS, POSES, TABLES
 from shukotsu.tables.parts import part_metadata
@@ -33,7 +33,7 @@ ALONE = "fitted without the left hand's bone lengths: "
 
 def find(subject: PlannedSubject, **finding: str) -> None:
     keys = {"subject": "01", "session": "", "hand": "left", "trial": ""}
-    rows = [keys | worded("units", SUSPECT, "In inch.").columns | finding] if finding else []
+    rows = [keys | finding_of_text("units", SUSPECT, "In inch.").columns | finding] if finding else []
     table = subject.plan_file.with_name("findings.parquet")
     write_table(table, FINDINGS, columns_from_rows(FINDINGS, rows), Provenance())
 

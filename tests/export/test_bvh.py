@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.bvh import AT_REST, euler_zyx_deg, write
-from shukotsu.export.registry import Settings, prepared, write_format
+from shukotsu.export.registry import ExportSettings, prepare, write_format
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -84,10 +84,10 @@ def ends_of(joints: Any) -> dict[str, str]:
 def test_a_program_has_every_joint_where_it_is(
     hand: SimulatedHand, tmp_path: Path, export_tool: ExportTool, program: str, stiff: bool, model: str
 ) -> None:
-    settings = Settings(stiff=stiff, gaps="cut", rig="webxr")
+    settings = ExportSettings(stiff=stiff, gaps="cut", rig="webxr")
     motion = hand.motion(model)
     write_format(motion, settings, "bvh", tmp_path / "motion.bvh")
-    expected = prepared(motion, settings, holds_gaps=False, up="y")
+    expected = prepare(motion, settings, holds_gaps=False, up="y")
     content = read_with(program, export_tool, tmp_path / "motion.bvh")
     tips = ends_of(expected.joints)
     series = content["joints"] | {

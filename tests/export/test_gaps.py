@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from moving_fingers import blanked, moving_fingers, timed
 
 from shukotsu.errors import InputError
-from shukotsu.export.gaps import closed, find_gaps, resampled
+from shukotsu.export.gaps import close_gaps, find_gaps, resample_evenly
 from shukotsu.export.motion import local_motion
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import about_axis, angle, conjugate, multiply, unit
@@ -26,7 +26,7 @@ def turned_apart_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def test_a_gap_is_refused_with_its_place_and_the_choices() -> None:
     motion = blanked(blanked(moving_fingers(50), np.s_[10:13, MCP]), np.s_[30:31, 0])
     with pytest.raises(InputError) as refused:
-        closed(motion, "refuse", 0.1)
+        close_gaps(motion, "refuse", 0.1)
     for words in (
         "subject 01, right hand, wave, made: joint index_mcp has no pose in frames 17 to 19 (0.040 s)",
         "first of 2 gaps",
@@ -37,7 +37,7 @@ def test_a_gap_is_refused_with_its_place_and_the_choices() -> None:
 
 def test_a_hold_keeps_the_posture_while_the_hand_goes_on() -> None:
     motion = moving_fingers(50)
-    held = closed(blanked(motion, np.s_[10:20, [MCP, TIP]]), "hold", 0.1)
+    held = close_gaps(blanked(motion, np.s_[10:20, [MCP, TIP]]), "hold", 0.1)
     (local_mm, local), (before_mm, before) = local_motion(held), local_motion(motion)
     assert turned_apart_deg(local[9:20, MCP], before[9:10, MCP]).max() < 1e-6
     np.testing.assert_allclose(local_mm[9:20, MCP], before_mm[9:10, MCP].repeat(11, 0), atol=1e-9)
@@ -54,7 +54,7 @@ def test_a_hold_keeps_the_posture_while_the_hand_goes_on() -> None:
 
 def test_a_cut_leaves_the_longest_whole_stretch() -> None:
     motion = blanked(blanked(moving_fingers(50), np.s_[0:2, TIP]), np.s_[20:21, MCP])
-    rest = closed(motion, "cut", 0.1)
+    rest = close_gaps(motion, "cut", 0.1)
     np.testing.assert_array_equal(rest.frame, np.arange(21, 50) + 7)
     assert rest.whole.all()
     assert rest.notes == (
@@ -65,11 +65,11 @@ def test_a_cut_leaves_the_longest_whole_stretch() -> None:
 def test_a_gap_that_is_too_long_or_open_is_not_interpolated() -> None:
     motion = moving_fingers(50)
     with pytest.raises(InputError, match=r"longer than --max-gap-s 0.1; raise it"):
-        closed(blanked(motion, np.s_[10:25, MCP]), "interpolate", 0.1)
-    assert closed(blanked(motion, np.s_[10:25, MCP]), "interpolate", 0.2).whole.all()
+        close_gaps(blanked(motion, np.s_[10:25, MCP]), "interpolate", 0.1)
+    assert close_gaps(blanked(motion, np.s_[10:25, MCP]), "interpolate", 0.2).whole.all()
     for end in (slice(0, 3), slice(47, 50)):
         with pytest.raises(InputError, match="open to one end"):
-            closed(blanked(motion, (end, MCP)), "interpolate", 9.0)
+            close_gaps(blanked(motion, (end, MCP)), "interpolate", 9.0)
 
 
 @given(
@@ -87,7 +87,7 @@ def test_no_gap_is_left_and_known_poses_stay(
     spoiled = spoiled.take(np.array([i for i in range(40) if i not in lost]))
     if not spoiled.known.any(0).all() or (policy == "cut" and not spoiled.whole.any()):
         return
-    filled = closed(spoiled, policy, 0.1)
+    filled = close_gaps(spoiled, policy, 0.1)
     assert filled.whole.all()
     assert not find_gaps(filled)
     for row, frame in enumerate(filled.frame):
@@ -119,7 +119,7 @@ def test_a_constant_angular_velocity_stays_one(
     time_s = 3 + np.cumsum(rng.uniform(0.002, 0.005, 60))
     along = unit(np.array(axis))
     motion = spinning(time_s, along, speed, 1 / 0.0035)
-    other = resampled(motion, fps)
+    other = resample_evenly(motion, fps)
     even_s = time_s[0] + np.arange(len(other.frame)) / fps
     np.testing.assert_allclose(other.time_s, even_s, atol=1e-9)
     assert time_s[-1] - 1 / fps < other.time_s[-1] <= time_s[-1]
@@ -132,9 +132,9 @@ def test_a_constant_angular_velocity_stays_one(
 
 def test_nothing_is_made_between_frames_that_are_far_apart() -> None:
     motion = moving_fingers(100).take(np.r_[0:40, 50:100])
-    other = resampled(motion, 30)
+    other = resample_evenly(motion, 30)
     inside = (other.time_s > motion.time_s[39]) & (other.time_s < motion.time_s[40])
     np.testing.assert_array_equal(~other.whole, inside)
     assert not other.receivers.valid[inside].any()
     assert other.receivers.valid[~inside].all()
-    assert resampled(motion, 30, widest_s=0.2).whole.all()
+    assert resample_evenly(motion, 30, widest_s=0.2).whole.all()

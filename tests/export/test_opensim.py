@@ -14,7 +14,7 @@ import pytest
 from moving_fingers import blanked
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
-from shukotsu.export.motion import continuous, stiffened
+from shukotsu.export.motion import continuous, stiffen
 from shukotsu.export.opensim import write
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import Array, about_axis, angle, conjugate, multiply, rotate, unit
@@ -48,7 +48,7 @@ def with_hinges(motion: PosedRecording, hinges: Sequence[str]) -> PosedRecording
         elif not joint.tip:
             joints[index], axis[index] = replace(joint, dof=2), np.nan
         turn[:, index] = multiply(turn[:, joint.parent], relative)
-    return stiffened(replace(motion, joints=tuple(joints), axis=axis, quaternion=continuous(turn)))
+    return stiffen(replace(motion, joints=tuple(joints), axis=axis, quaternion=continuous(turn)))
 
 
 HINGES = ("thumb_ip", "index_pip", "index_dip", "middle_dip", "ring_cmc", "little_cmc")

@@ -11,7 +11,7 @@ from moving_fingers import blanked, moving_fingers, timed
 
 from shukotsu.errors import InputError
 from shukotsu.export.motion import local_motion
-from shukotsu.export.registry import DIRECTIONS, FORMATS, Settings, prepared, upright, write_format
+from shukotsu.export.registry import DIRECTIONS, FORMATS, ExportSettings, prepare, upright, write_format
 from shukotsu.hand.posing import Origin, PosedRecording
 from shukotsu.hand.rotations import angle, conjugate, matrix, multiply, rotate
 from shukotsu.tables.poses import RecordingName
@@ -37,7 +37,9 @@ def test_the_same_motion_is_the_same_files(name: str, tmp_path: Path) -> None:
     motion = moving_fingers(10, slip_mm=0.5)
     position_mm, turn = motion.position_mm.copy(), motion.quaternion.copy()
     for folder in ("a", "b"):
-        write_format(motion, Settings(), name, tmp_path / folder / (FORMATS[name].shared or f"x.{name}"))
+        write_format(
+            motion, ExportSettings(), name, tmp_path / folder / (FORMATS[name].shared or f"x.{name}")
+        )
     assert files(tmp_path / "a")
     assert files(tmp_path / "a") == files(tmp_path / "b")
     np.testing.assert_array_equal(motion.position_mm, position_mm)
@@ -50,7 +52,7 @@ def test_provenance_is_in_a_file_or_beside_it(name: str, tmp_path: Path) -> None
     motion = moving_fingers(5)
     origin = Origin(RecordingName("Ö", "right", "wave"), licence="CC BY 4.0", inputs={"a.parquet": "ab" * 32})
     path = tmp_path / (FORMATS[name].shared or f"a{FORMATS[name].extensions[0]}")
-    remarks = write_format(replace(motion, origin=origin), Settings(fps=50), name, path)
+    remarks = write_format(replace(motion, origin=origin), ExportSettings(fps=50), name, path)
     assert remarks[0].startswith("resampled from 5 frames")
     assert f"not in the file: {FORMATS[name].drops}" in remarks
     whole = b"".join(files(tmp_path).values())
@@ -93,11 +95,11 @@ def test_times_must_be_known_and_grow(name: str, times: list[float], message: st
 
 def test_a_format_that_holds_gaps_keeps_them_unless_told_otherwise() -> None:
     motion = blanked(moving_fingers(40), np.s_[10:13, 2])
-    kept = prepared(motion, Settings(), holds_gaps=True, up="")
+    kept = prepare(motion, ExportSettings(), holds_gaps=True, up="")
     np.testing.assert_array_equal(kept.whole, motion.whole)
-    assert prepared(motion, Settings(gaps="hold"), holds_gaps=True, up="").whole.all()
+    assert prepare(motion, ExportSettings(gaps="hold"), holds_gaps=True, up="").whole.all()
     with pytest.raises(InputError, match="joint index_mcp has no pose in frames 17 to 19"):
-        prepared(motion, Settings(), holds_gaps=False, up="y")
+        prepare(motion, ExportSettings(), holds_gaps=False, up="y")
 
 
 def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
@@ -107,10 +109,10 @@ def test_a_clock_that_jumps_is_not_bridged_unasked() -> None:
     time_s[20:] += 0.3
     jumped = timed(motion, time_s=time_s)
     with pytest.raises(InputError, match=r"nothing was recorded about 0\.2\d\d s \(frame 26\)"):
-        prepared(jumped, Settings(fps=30), holds_gaps=False, up="y")
-    assert not prepared(jumped, Settings(fps=30), holds_gaps=True, up="").whole.all()
-    wide = Settings(fps=30, gaps="interpolate", max_gap_s=0.5)
-    assert prepared(jumped, wide, holds_gaps=False, up="y").whole.all()
+        prepare(jumped, ExportSettings(fps=30), holds_gaps=False, up="y")
+    assert not prepare(jumped, ExportSettings(fps=30), holds_gaps=True, up="").whole.all()
+    wide = ExportSettings(fps=30, gaps="interpolate", max_gap_s=0.5)
+    assert prepare(jumped, wide, holds_gaps=False, up="y").whole.all()
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
@@ -124,7 +126,7 @@ def test_up_goes_up_by_a_proper_rotation(transmitter_up: str, up: str) -> None:
 
 def test_a_turned_world_has_the_same_hand_in_it() -> None:
     motion = moving_fingers(20, slip_mm=1.0)
-    there = prepared(motion, Settings(), holds_gaps=True, up="y")
+    there = prepare(motion, ExportSettings(), holds_gaps=True, up="y")
     (before_mm, before), (after_mm, after) = local_motion(motion), local_motion(there)
     np.testing.assert_allclose(before_mm[:, 1:], after_mm[:, 1:], atol=1e-9)
     assert angle(multiply(conjugate(before), after))[:, 1:].max() < 1e-7

@@ -7,7 +7,7 @@ import pytest
 from simulated_hands import FITTED, REPLAYED, SimulatedHand
 
 from shukotsu.export.motion import local_motion, rest_pose
-from shukotsu.export.rigging import RIGS, folded, on_rig
+from shukotsu.export.rigging import RIGS, fold_joints, on_rig
 from shukotsu.hand.rotations import rotate
 
 COUNTS = {"webxr": 25, "vrm": 21, "unity": 21, "unreal": 25, "mixamo": 21}
@@ -36,7 +36,7 @@ def test_every_rig_keeps_every_joint_where_it_is(hand: SimulatedHand, rig: str) 
 def test_a_metacarpal_lives_on_in_the_proximal_phalanx(hand: SimulatedHand) -> None:
     """What the wrist's frame shows of the MCP joint is the same, though no bone is left between them."""
     motion = hand.motion(REPLAYED)
-    there = folded(motion, LACKING)
+    there = fold_joints(motion, LACKING)
     mcp = there.index("little_mcp")
     assert there.joints[mcp].parent == 0
     offset_mm, _ = local_motion(there)

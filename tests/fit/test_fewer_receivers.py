@@ -4,7 +4,7 @@ import numpy as np
 from simulated_poses import fitted, recorded
 
 from shukotsu.fit.fingertips import fingertips
-from shukotsu.fit.fit import Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.fit.gains import gains
 from shukotsu.fit.hand_tables import joint_rows
 from shukotsu.simulate.random_hand import BONES, FINGERS
@@ -21,7 +21,7 @@ def test_a_calibration_with_six_says_what_is_lost() -> None:
     worn = [poses.index(name) for name in SIX]
     arrays = (array[:, worn] for array in (poses.position_mm, poses.quaternion, poses.valid))
     few = Poses(SIX, poses.frame, poses.time_s, *arrays)
-    six = fit_hand([few], read_layout("tips-and-hand"), "right", settings=Settings(n_frames=60, rounds=1))
+    six = fit_hand([few], read_layout("tips-and-hand"), "right", settings=FitSettings(n_frames=60, rounds=1))
     assert six.evidence.model.receivers == SIX
     assert six.converged
     true_mm = recorded(seed=4, n_frames=1600)[0].truth.hand.length_mm

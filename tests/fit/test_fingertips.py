@@ -7,7 +7,7 @@ import pytest
 from simulated_poses import recorded
 
 from shukotsu.fit.fingertips import BONE, PAD, TIP, Fingertips, fingertips, seen_parts
-from shukotsu.fit.fit import Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.fit.touches import CONTACT_SD_MM, MOST_EACH, Touch, find_contacts, touch_in, with_touches
 from shukotsu.hand.average_hand import DIGITS as AVERAGE
 from shukotsu.hand.rotations import Array, rotate
@@ -16,7 +16,7 @@ from shukotsu.simulate.simulation import Simulated
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import Poses
 
-QUICK = Settings(n_frames=60, rounds=1)
+QUICK = FitSettings(n_frames=60, rounds=1)
 SOFT_MM = np.array([5.0, 4.4, 3.5, 4.6, 3.9])
 """Soft tips of the person in these tests, along the bones: within a sd or two of the published."""
 

@@ -9,7 +9,7 @@ from chains import Chain, chain_layout, random_chain
 from simulated_poses import recorded
 
 from shukotsu.fit.compiled_equations import pose, reduce
-from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.gauss_newton import first_guess, solve
 from shukotsu.hand.rotations import exp_rotation
 from shukotsu.paper.closed import solve_closed
@@ -21,7 +21,7 @@ from shukotsu.study.layout import Layout
 from shukotsu.study.verdict import NO_POSE
 from shukotsu.tables.poses import Poses
 
-QUICK = Settings(n_frames=40, rounds=1)
+QUICK = FitSettings(n_frames=40, rounds=1)
 hand = partial(recorded, seed=3)
 
 
@@ -143,7 +143,7 @@ def test_covariance_is_that_of_repeated_recordings() -> None:
     """Stated covariances against those of fits to many noisy copies of a small chain's recording."""
     chain = random_chain(3, 3, 60, off_axis_rad=0.5)
     rng = np.random.default_rng(0)
-    once = fit_hand([chain.poses], free_layout(chain), "right", settings=Settings(rounds=0))
+    once = fit_hand([chain.poses], free_layout(chain), "right", settings=FitSettings(rounds=0))
     problem = replace(once.evidence.problem, temper=1.0)
     frames, sd = problem.frames, problem.sd[0]
     point = pose(problem, first_guess(problem, once.evidence.model, once.evidence.posterior.x))

@@ -6,13 +6,13 @@ from simulated_poses import fitted, recorded
 from small_study import Row
 
 from shukotsu.fit.fingertips import fingertips
-from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.gains import DEEP_SD_MM, MEASURED_SD_MM, gains
 from shukotsu.fit.measurements import Measurement
 from shukotsu.simulate.random_hand import BONES
 from shukotsu.study.layout import read_layout
 
-QUICK = Settings(n_frames=60, rounds=1)
+QUICK = FitSettings(n_frames=60, rounds=1)
 
 
 @pytest.fixture(scope="module")

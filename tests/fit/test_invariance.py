@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from simulated_poses import recorded
 
-from shukotsu.fit.fit import HandFit, Settings, fit_hand
-from shukotsu.hand.joint_angles import mirrored
+from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
+from shukotsu.hand.joint_angles import mirror_rotations
 from shukotsu.hand.rotations import Array, about_axis, matrix, multiply, rotate, unit
 from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 
-QUICK, SHORT = Settings(n_frames=40, rounds=1), Settings(n_frames=20, rounds=1)
+QUICK, SHORT = FitSettings(n_frames=40, rounds=1), FitSettings(n_frames=20, rounds=1)
 CLEAN = {"glide": 0.0, "artefact": 0.0, "noise": 0.0, "field_distortion": 0.0}
 
 
@@ -62,7 +62,9 @@ def test_the_transmitter_may_stand_elsewhere(layout: Layout) -> None:
 def test_the_mirrored_recording_is_the_other_hand(layout: Layout) -> None:
     poses = with_gaps(recorded("left", "opposition", seed=7, n_frames=1200)[1])
     left = fit_hand([poses], layout, "left", settings=SHORT)
-    image = replace(poses, position_mm=poses.position_mm * MIRROR, quaternion=mirrored(poses.quaternion))
+    image = replace(
+        poses, position_mm=poses.position_mm * MIRROR, quaternion=mirror_rotations(poses.quaternion)
+    )
     right = fit_hand([image], layout, "right", settings=SHORT)
     assert_same_centres(left, right, MIRROR)
 

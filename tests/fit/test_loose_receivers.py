@@ -7,7 +7,7 @@ import pytest
 from simulated_poses import recorded
 
 from shukotsu.fit.displacement_test import courses, most_within
-from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.left_out import is_elsewhere, without_displaced
 from shukotsu.fit.loose_receivers import Displaced, LooseReceiver, displaced_in
 from shukotsu.hand.rotations import Array, about_axis, multiply, rotate, unit
@@ -16,7 +16,7 @@ from shukotsu.simulate.simulation import Simulated, simulate
 from shukotsu.study.layout import Layout
 from shukotsu.tables.poses import Poses
 
-QUICK = Settings(n_frames=60, rounds=1)
+QUICK = FitSettings(n_frames=60, rounds=1)
 
 
 def hand(side: str = "right", task: str = "rom", seed: int = 5) -> tuple[Simulated, Poses]:

@@ -9,7 +9,7 @@ import pytest
 from simulated_poses import recorded, write_poses
 
 from shukotsu.fit.fingertips import fingertips
-from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.hand_tables import moved_rows
 from shukotsu.fit.loose_receivers import LooseReceiver, Moment, moved_in
 from shukotsu.fit.part_tables import UNSEEN_TURN_DEG, posed_blocks
@@ -27,7 +27,7 @@ def thinned(task: str) -> Poses:
 
 @cache
 def fitted() -> HandFit:
-    return fit_hand([thinned("rom")], LAYOUT, "right", settings=Settings(n_frames=40, rounds=1))
+    return fit_hand([thinned("rom")], LAYOUT, "right", settings=FitSettings(n_frames=40, rounds=1))
 
 
 def moved(segment: str, axis: np.ndarray, deg: float, shift_mm: tuple[float, ...], first: int = 0) -> Poses:

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from shukotsu.fit.chain_builder import Unknowns
-from shukotsu.fit.fit import Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, fit_hand
 from shukotsu.fit.normal_equations import RoomField
 from shukotsu.hand import average_hand as prior
 from shukotsu.simulate.realism import Realism
@@ -59,7 +59,7 @@ def test_a_hand_that_turns_shows_the_field(layout: Layout) -> None:
         quaternion = (turn * riding).as_quat(scalar_first=True).reshape(poses.quaternion.shape)
         noise_mm = rng.normal(0, 0.05, moved_mm.shape)
         held = replace(poses, position_mm=moved_mm + middle_mm + noise_mm, quaternion=quaternion)
-        evidence = fit_hand([held], layout, "right", settings=Settings(n_frames=60)).evidence
+        evidence = fit_hand([held], layout, "right", settings=FitSettings(n_frames=60)).evidence
         of_field = np.array(evidence.model.unknowns.groups) == "field turn"
         turn_deg[name] = np.degrees(evidence.posterior.x[of_field] * prior.FIELD_TURN_SD_RAD)
     assert np.abs(turn_deg["none"]).max() < 0.25

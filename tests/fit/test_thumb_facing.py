@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.faultless_hands import facing_the_nail, nail_turn
-from shukotsu.fit.fit import HandFit, Settings, fit_hand
+from shukotsu.fit.fit import FitSettings, HandFit, fit_hand
 from shukotsu.fit.fitted_motion import pose_hand
 from shukotsu.fit.part_tables import angle_columns
 from shukotsu.hand.rotations import Array, rotate
@@ -16,7 +16,7 @@ from shukotsu.study.layout import read_layout
 from shukotsu.tables.poses import RecordingName
 
 LAYOUT = read_layout("liberty16")
-QUICK = Settings(n_frames=40, rounds=1)
+QUICK = FitSettings(n_frames=40, rounds=1)
 SEEDS = (4, 5, 7)
 HANDS = pytest.mark.parametrize(
     "seed", [SEEDS[0], *(pytest.param(s, marks=pytest.mark.slow) for s in SEEDS[1:])]

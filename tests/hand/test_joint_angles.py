@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from shukotsu.hand.average_hand import DIGITS
-from shukotsu.hand.joint_angles import joint_angles, joint_rotation, mirrored
+from shukotsu.hand.joint_angles import joint_angles, joint_rotation, mirror_rotations
 from shukotsu.hand.rotations import Array, conjugate, from_matrix, matrix, multiply, rotate
 from shukotsu.simulate.random_hand import JOINTS, PARENT
 from shukotsu.simulate.realism import Realism
@@ -85,8 +85,8 @@ def test_mirrored_movements_have_the_same_angles(seed: int) -> None:
     parent, child, rest = some(seed), some(seed + 1), some(seed + 2, 1)[0]
     left = [from_matrix(mirror @ matrix(bone) @ lateral_back) for bone in (parent, child)]
     expected = joint_angles(parent, child, "right", rest)
-    np.testing.assert_allclose(joint_angles(*left, "left", mirrored(rest)), expected, atol=1e-6)
-    same_rotation(turned_by(expected, "left"), mirrored(turned_by(expected, "right")))
+    np.testing.assert_allclose(joint_angles(*left, "left", mirror_rotations(rest)), expected, atol=1e-6)
+    same_rotation(turned_by(expected, "left"), mirror_rotations(turned_by(expected, "right")))
 
 
 @SIDES
@@ -123,7 +123,7 @@ def test_thumb_by_its_rest(hand: str) -> None:
     y = proximal[:, 1] - (proximal[:, 1] @ x) * x
     y /= np.linalg.norm(y)
     right = from_matrix(np.stack([x, y, np.cross(x, y)], -1))
-    rest = right if hand == "right" else mirrored(right)
+    rest = right if hand == "right" else mirror_rotations(right)
     np.testing.assert_allclose(joint_angles(STRAIGHT, rest, hand, rest), np.zeros(3), atol=1e-9)
     start = rotate(rest, DISTAL)
     towards = {

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from shukotsu.hand.joint_angles import mirrored
+from shukotsu.hand.joint_angles import mirror_rotations
 from shukotsu.hand.neutral_bones import faces_nail
 from shukotsu.hand.rotations import Array, about_axis, conjugate, matrix, multiply, unit
 
@@ -44,7 +44,7 @@ def test_the_facing_of_receivers_stuck_on_by_eye(seed: int, nail: bool) -> None:
     elsewhere = some(np.random.default_rng(seed), 1, np.pi)
     assert decided(metacarpal, phalanx) == nail
     assert decided(multiply(elsewhere, metacarpal), -multiply(elsewhere, phalanx)) == nail
-    left = [mirrored(quaternion) for quaternion in (metacarpal, phalanx, AT_NAIL, AT_HAND)]
+    left = [mirror_rotations(quaternion) for quaternion in (metacarpal, phalanx, AT_NAIL, AT_HAND)]
     assert decided(*left) == nail
 
 

@@ -9,7 +9,7 @@ from shukotsu.hand.rotations import Array
 from shukotsu.movement.sampling import (
     CUTOFF_HZ,
     MOST_GAP_S,
-    bridged,
+    bridge_gaps,
     grid_of,
     half_width,
     speed,
@@ -64,7 +64,7 @@ def test_short_gaps_are_straight_lines_and_long_ones_stay() -> None:
     gapped[10 : 10 + longest, 0] = np.nan
     gapped[50 : 51 + longest, 0] = np.nan
     gapped[:3, 1] = gapped[-2:, 1] = np.nan
-    filled = bridged(gapped, STEP_S)
+    filled = bridge_gaps(gapped, STEP_S)
     np.testing.assert_allclose(filled[:50, 0], values[:50, 0])
     assert np.isnan(filled[50 : 51 + longest, 0]).all()
     assert np.isnan(filled[:3, 1]).all()

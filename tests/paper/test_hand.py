@@ -11,7 +11,7 @@ from simulated_poses import recorded, write_poses
 from small_study import HandResults, run_hand
 
 from shukotsu.hand.rotations import Array
-from shukotsu.paper.hand import BuiltHand, build_hand, judged, pose_metacarpals
+from shukotsu.paper.hand import BuiltHand, build_hand, judge_hand, pose_metacarpals
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.recording_summary import OF_A_MODEL, _joint_problems
@@ -121,11 +121,13 @@ def test_knuckles_nearer_than_any_hands_are_not_believed(build: Build) -> None:
     """None of this hand's are; of one whose ring MCP lies 4 mm beside the middle's both are in doubt."""
     layout = read_layout("liberty16")
     built = build(read_model("paper-fig4"))
-    assert TOO_CLOSE not in "".join(row["reason_values"] for row in judged(built, layout, {}).joints)
+    assert TOO_CLOSE not in "".join(row["reason_values"] for row in judge_hand(built, layout, {}).joints)
     rows = {row["joint"]: row for row in built.joints}
     moved = {f"parent_{a}_mm": rows["middle_mcp"][f"parent_{a}_mm"] + 4.0 * (a == "y") for a in "xyz"}
     near = replace(built, joints=[*(rows | {"ring_mcp": rows["ring_mcp"] | moved}).values()])
-    doubted = {row["joint"]: row for row in judged(near, layout, {}).joints if TOO_CLOSE in doubts_of(row)}
+    doubted = {
+        row["joint"]: row for row in judge_hand(near, layout, {}).joints if TOO_CLOSE in doubts_of(row)
+    }
     assert set(doubted) == {"middle_mcp", "ring_mcp"}
     assert all(row["verdict"] != BELIEVE for row in doubted.values())
     assert [

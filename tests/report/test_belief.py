@@ -24,7 +24,7 @@ from shukotsu.report.study_results import Row, StudyResults
 from shukotsu.report.templates import speaking
 from shukotsu.study import verdict
 from shukotsu.study.layout import FINGER_MM, read_layout
-from shukotsu.study.verdict import LIMITS, UNJUDGED, judged_joint, noted
+from shukotsu.study.verdict import LIMITS, UNJUDGED, judged_joint, note_doubts
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import FOREIGN
 
@@ -52,7 +52,7 @@ LEFT = Hand("S01", "left")
 @pytest.mark.parametrize("language", ["en", "ja"])
 def test_every_kind_has_its_sentence(language: str) -> None:
     for kind in {*LIMITS} - OF_BONES - {verdict.NOT_SOLVED}:
-        row = {**UNJUDGED, **noted({kind: VALUES.get(kind, {})}), "message": ""}
+        row = {**UNJUDGED, **note_doubts({kind: VALUES.get(kind, {})}), "message": ""}
         with speaking(language):
             (sentence,) = reasons_of(row)
         assert "{" not in sentence

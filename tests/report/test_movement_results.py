@@ -12,7 +12,7 @@ from shukotsu.movement.study_comparison import compare_study
 from shukotsu.report.belief import NOT
 from shukotsu.report.figures.study_figures import NoDataError, ranges_of_motion
 from shukotsu.report.methods_text import methods_text
-from shukotsu.report.movement_results import RANGE, Movement, read_movement
+from shukotsu.report.movement_results import RANGE, StudyMovement, read_movement
 from shukotsu.report.study_results import StudyResults
 from shukotsu.study.results import Results
 from shukotsu.tables.catalogue import PROBLEMS
@@ -31,12 +31,12 @@ def results(fitted: StudyResults, tmp_path_factory: pytest.TempPathFactory) -> S
 
 
 @pytest.fixture(scope="module")
-def movement(results: StudyResults) -> Movement:
+def movement(results: StudyResults) -> StudyMovement:
     return read_movement(results)
 
 
 def test_a_dot_of_the_figure_is_a_subjects_mean_of_the_leading_model(
-    results: StudyResults, movement: Movement
+    results: StudyResults, movement: StudyMovement
 ) -> None:
     assert set(movement.ranges["model"]) == {"whole-hand"}
     figure, caption = ranges_of_motion(results, movement)
@@ -48,7 +48,7 @@ def test_a_dot_of_the_figure_is_a_subjects_mean_of_the_leading_model(
     assert "Model whole-hand." in caption
 
 
-def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults, movement: Movement) -> None:
+def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults, movement: StudyMovement) -> None:
     finding = {"subject": "P00", "session": "1", "hand": "right", "severity": "suspect", "stage": "x"}
     rest = read_movement(replace(results, problems=[finding]))
     assert not ((rest.ranges["subject"] == "P00") & (rest.ranges["session"] == "1")).any()
@@ -58,7 +58,7 @@ def test_hands_with_a_suspect_finding_are_left_out(results: StudyResults, moveme
         ranges_of_motion(results, none)
 
 
-def test_differences_are_those_shown_of_joints_to_be_believed(movement: Movement) -> None:
+def test_differences_are_those_shown_of_joints_to_be_believed(movement: StudyMovement) -> None:
     table, tested = movement.differences_table(), movement.differences
     assert table is not None
     row = next(row for row in table.blocks[0].rows if row[1].startswith("range_deg"))
@@ -74,7 +74,7 @@ def test_differences_are_those_shown_of_joints_to_be_believed(movement: Movement
     assert replace(movement, differences=movement.differences.iloc[:0]).differences_table() is None
 
 
-def test_methods_say_what_was_done(results: StudyResults, movement: Movement) -> None:
+def test_methods_say_what_was_done(results: StudyResults, movement: StudyMovement) -> None:
     text = " ".join(methods_text(results, movement))
     assert "Movement was measured in 12 subjects by joint angles under whole-hand." in text
     assert "Holm's correction over all quantities, joint angles, hands and tasks of two levels" in text

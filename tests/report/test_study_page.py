@@ -19,7 +19,7 @@ from shukotsu.report.judged_models import WIDTH, big_numbers, outcome_text
 from shukotsu.report.study_page import render_study
 from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import anchor, link
-from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, problem_row, worded
+from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, finding_of_text, problem_row
 from shukotsu.study.results import Results
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
@@ -122,7 +122,8 @@ def test_the_three_gravest_problems_are_shown_and_the_rest_is_folded(
     fitted: StudyResults, fitted_study: MadeStudy
 ) -> None:
     notes = [
-        problem_row("capture", worded("recording", NOTE, f"{n} stray"), task=f"rom{n}") for n in range(5)
+        problem_row("capture", finding_of_text("recording", NOTE, f"{n} stray"), task=f"rom{n}")
+        for n in range(5)
     ]
     gap = {"seen": "gap", "joint": "index_pip", "before": 31.2, "after": 1.4}
     seen = {"rotates": "transmitter-to-receiver", **gap}

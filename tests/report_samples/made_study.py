@@ -38,7 +38,7 @@ from shukotsu.study.model import SkeletonModel
 from shukotsu.study.plan import StudyPlans, SubjectPlan, plan_text, read_plan
 from shukotsu.study.results import FIT_TABLES, GATHERED_TABLES, MODEL_COMPARISONS, STUDY_TABLES, Results
 from shukotsu.study.study import Recording, Study, read_study
-from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, noted
+from shukotsu.study.verdict import AXIS_IN_PLANE, judged_bone, judged_joint, note_doubts
 from shukotsu.tables.catalogue import DISTAL_RECEIVER, FINDINGS, JOINT_CENTRES, POSES, TABLES
 from shukotsu.tables.parts import Part, parts_writer
 from shukotsu.tables.subjects import path_token
@@ -264,7 +264,7 @@ def _skeleton_rows(
             moved = (0.0, 0.0, 0.0) if model.planes.corrections else (40.0, -300.0, 60.0)
             for column in (f"{side}_{axis}_mm" for side in ("parent", "child") for axis in "xyz"):
                 row[column] += moved["xyz".index(column[-4])]
-            row |= noted({AXIS_IN_PLANE: {"axis_plane_deg": 4.0, "slide_mm": 59.0}})
+            row |= note_doubts({AXIS_IN_PLANE: {"axis_plane_deg": 4.0, "slide_mm": 59.0}})
             row |= {"status": "weak", "axis_plane_deg": 4.0, "sd_mm": 9.876}
         joints.append(judged_joint(row, LAYOUT.wanted_mm))
     by_name, bones = {row["joint"]: row for row in joints}, []

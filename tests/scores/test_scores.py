@@ -19,9 +19,9 @@ from shukotsu.scores.evaluation import (
 )
 from shukotsu.scores.truth import (
     DISTAL,
+    RecordingTruth,
     Stated,
     TrueDigit,
-    Truth,
     centre_errors,
     directions,
     read_truth,
@@ -91,10 +91,10 @@ def centre(joint: str, child: tuple[float, ...], parent: tuple[float, ...], **ot
     return row | other
 
 
-def truth_of(task: str, *joints: Row, **length_mm: float) -> Truth:
+def truth_of(task: str, *joints: Row, **length_mm: float) -> RecordingTruth:
     bones = {bone: {"length_mm": value} for bone, value in length_mm.items()}
     stated = Stated({row["joint"]: row for row in joints}, bones)
-    return Truth(Path(task), RecordingName("01", "right", task), stated)
+    return RecordingTruth(Path(task), RecordingName("01", "right", task), stated)
 
 
 def test_a_centre_along_and_across_its_axis() -> None:
@@ -117,7 +117,7 @@ def test_the_truth_is_where_centres_were_in_the_recordings_that_calibrated() -> 
     grasp = truth_of("grasp", centre("index_pip", (5, 0, 0), (0, 0, 8), **turned), index_middle=25.0)
     tap = truth_of("tap", centre("index_pip", (90, 0, 0), (0, 0, 0)), index_middle=25.0)
 
-    def true(*tasks: str, of: tuple[Truth, ...] = (rom, grasp, tap)) -> Row:
+    def true(*tasks: str, of: tuple[RecordingTruth, ...] = (rom, grasp, tap)) -> Row:
         truth = truth_for(tasks, of)
         assert truth is not None
         assert truth.bones["index_middle"]["length_mm"] == 25.0

@@ -222,7 +222,7 @@ def ended(work: str, **options: Any) -> subprocess.CompletedProcess[str]:
     """A command of a process of its own, that does the work and ends as every command does."""
     code = (
         "import sys, os, signal, time; from pathlib import Path; from shukotsu import command_line\n"
-        f"def work():\n    {work}\nsys.exit(command_line.ended(work))"
+        f"def work():\n    {work}\nsys.exit(command_line.run_command(work))"
     )
     command = [sys.executable, "-c", code]
     return subprocess.run(

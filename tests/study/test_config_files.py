@@ -7,7 +7,14 @@ import pytest
 import yaml
 
 from shukotsu.errors import InputError
-from shukotsu.study.config_files import config_path, json_schema, loaded_yaml, read_config, shipped, yaml_text
+from shukotsu.study.config_files import (
+    config_path,
+    json_schema,
+    loaded_yaml,
+    read_config,
+    shipped_names,
+    yaml_text,
+)
 
 MODEL = "model: mine\ndescription: A test.\n"
 
@@ -58,7 +65,7 @@ def test_a_name_that_ships_or_a_path(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").touch()
     assert config_path("mine.yaml", "layout", tmp_path) == tmp_path / "mine.yaml"
     assert config_path("arm", "layout", tmp_path).is_file()
-    assert "liberty16" in shipped("layout")
+    assert "liberty16" in shipped_names("layout")
     with pytest.raises(InputError, match=r"nor a file in .*; folders are separated by / and not by \\"):
         config_path("data\\arm.yaml", "layout", tmp_path)
     with pytest.raises(InputError, match=r"layout 'libery16' is neither .*did you mean 'liberty16'\?"):

@@ -8,7 +8,7 @@ import yaml
 from small_study import put
 
 from shukotsu.errors import InputError
-from shukotsu.study.config_files import shipped
+from shukotsu.study.config_files import shipped_names
 from shukotsu.study.layout import Layout, read_layout
 
 FINGER: dict[str, Any] = {
@@ -104,7 +104,7 @@ def test_a_contradiction_is_refused(tmp_path: Path, path: str, value: Any, messa
 
 def test_what_is_asked_of_a_joint_goes_by_the_limb(tmp_path: Path) -> None:
     """A hand is known by its wrist or by its fingers' names; a layout may ask for anything."""
-    wanted_mm = {name: read_layout(name).wanted_mm for name in shipped("layout")}
+    wanted_mm = {name: read_layout(name).wanted_mm for name in shipped_names("layout")}
     assert wanted_mm.pop("arm") == 10.0
     assert {*wanted_mm.values()} == {2.0}
     assert read(tmp_path, FINGER).wanted_mm == 2.0

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 
 from shukotsu.errors import InputError
-from shukotsu.study.config_files import shipped
+from shukotsu.study.config_files import shipped_names
 from shukotsu.study.model import read_model
 
 
-@pytest.mark.parametrize("name", shipped("model"))
+@pytest.mark.parametrize("name", shipped_names("model"))
 def test_every_model_that_ships_is_read(name: str) -> None:
     model = read_model(name)
     assert model.name == name
@@ -18,7 +18,9 @@ def test_every_model_that_ships_is_read(name: str) -> None:
 
 def test_the_papers_tables() -> None:
     """What tells the four tables of the paper apart, and that each has a model."""
-    tables = {model.paper_table: model for model in map(read_model, shipped("model")) if model.paper_table}
+    tables = {
+        model.paper_table: model for model in map(read_model, shipped_names("model")) if model.paper_table
+    }
     told_apart = {n: (m.metacarpals.unmeasured, m.own_cmc, m.planes.corrections) for n, m in tables.items()}
     assert told_apart == {
         1: ("rest", (), False),

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from small_study import write_plans, write_study
 
-from shukotsu.study.findings import worded
+from shukotsu.study.findings import finding_of_text
 from shukotsu.study.layout import read_layout
 from shukotsu.study.model import read_model
 from shukotsu.study.plan import (
@@ -176,7 +176,7 @@ def test_a_hand_is_doubted_for_any_recording_that_a_finding_refuses_or_suspects(
     plan = read_plan(write_plans(write_study(tmp_path, *rows))["01"])
     for severity, doubted in (("note", ""), ("suspect", "grip"), ("refused", "grip")):
         row = {"subject": "01", "session": "", "hand": "left", "task": "grip", "trial": ""}
-        row |= worded("units", severity, "In inch.").columns
+        row |= finding_of_text("units", severity, "In inch.").columns
         write_table(plan.table("findings"), FINDINGS, columns_from_rows(FINDINGS, [row]), Provenance())
         checked = plan.checked(plan.table("findings"))
         assert (checked.doubted("left"), checked.doubted("right")) == (doubted, "")

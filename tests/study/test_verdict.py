@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shukotsu.study import verdict
-from shukotsu.study.verdict import BELIEVE, CARE, NO, VERDICTS, doubts_of, judged_joint, noted
+from shukotsu.study.verdict import BELIEVE, CARE, NO, VERDICTS, doubts_of, judged_joint, note_doubts
 
 ROW: dict[str, Any] = {"status": "ok", "sd_mm": 1.2, "gap_rms_mm": 1.1, "range_deg": 40.0, "dof": 1}
 ROW |= {"axis_sd_deg": 1.0, **verdict.UNJUDGED}
@@ -36,8 +36,8 @@ kinds = st.sampled_from([verdict.BY_ANATOMY, verdict.UNSETTLED, verdict.ACROSS, 
         ({"range_deg": 6.0}, CARE, "moved-too-little"),
         ({"axis_sd_deg": 9.0}, BELIEVE, ""),
         ({"sd_mm": 9.0, "range_deg": 6.0}, NO, "moved-too-little"),
-        (noted({"placed-by-anatomy": {}}), CARE, "placed-by-anatomy"),
-        (noted({"far-from-expected": {"what": "palm width", "sd": 7.0}}), NO, "far-from-expected"),
+        (note_doubts({"placed-by-anatomy": {}}), CARE, "placed-by-anatomy"),
+        (note_doubts({"far-from-expected": {"what": "palm width", "sd": 7.0}}), NO, "far-from-expected"),
         ({"status": "failed", "sd_mm": None}, NO, "not-solved"),
     ],
 )
@@ -71,7 +71,7 @@ def test_a_smaller_error_without_more_against_it_is_never_judged_worse(
     small, large = sorted((sd_mm, other_mm))
     row = ROW | {"gap_rms_mm": gap_mm, "range_deg": range_deg}
     better, worse = (
-        judged_joint(row | {"sd_mm": sd} | noted({kind: {} for kind in doubts}), wanted_mm)["verdict"]
+        judged_joint(row | {"sd_mm": sd} | note_doubts({kind: {} for kind in doubts}), wanted_mm)["verdict"]
         for sd, doubts in ((small, []), (large, more))
     )
     assert VERDICTS.index(better) <= VERDICTS.index(worse)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shukotsu.study.findings import NOTE, REFUSED, Finding, worded
+from shukotsu.study.findings import NOTE, REFUSED, Finding, finding_of_text
 from shukotsu.study.recording_summary import recording_row
 from shukotsu.study.study import Recording
 from shukotsu.tables.catalogue import POSES
@@ -65,7 +65,7 @@ def test_a_failed_import_and_an_excluded_recording(tmp_path: Path) -> None:
     write_failure(path, POSES, "a.csv: row 7: not a number", Provenance())
     row, problems = recording_row(RECORDING, path)
     assert (row["status"], row["message"], row["n_frames"]) == ("failed", problems[0].message, 0)
-    assert problems == [worded("recording", REFUSED, "a.csv: row 7: not a number")]
+    assert problems == [finding_of_text("recording", REFUSED, "a.csv: row 7: not a number")]
     excluded = Recording(**{**vars(RECORDING), "exclude": "the cable came off"})
     row, problems = recording_row(excluded, tmp_path / "none.parquet")
     assert (row["status"], row["message"], problems) == ("excluded", "the cable came off", [])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shukotsu.tracker import liberty as replies
-from shukotsu.tracker.emulated_device import EmulatedLiberty, Motion, built_in_motion
+from shukotsu.tracker.emulated_device import EmulatedLiberty, PlayedMotion, built_in_motion
 from shukotsu.tracker.families import StreamSettings
 from shukotsu.tracker.liberty import FULL_LIST, BinaryDecoder
 from shukotsu.tracker.liberty_driver import SETTINGS
@@ -62,9 +62,9 @@ def test_every_setting_is_answered_in_text_and_in_binary(name: str) -> None:
         assert translated(tracker, setting.question(17))[4] == 2, "Invalid Station"
 
 
-def flat(x_mm: np.ndarray) -> Motion:
+def flat(x_mm: np.ndarray) -> PlayedMotion:
     position = np.stack([x_mm, np.full_like(x_mm, 300.0), np.full_like(x_mm, 20.0)], -1)[:, None]
-    return Motion((1,), position, np.tile([1.0, 0, 0, 0], (len(x_mm), 1, 1)))
+    return PlayedMotion((1,), position, np.tile([1.0, 0, 0, 0], (len(x_mm), 1, 1)))
 
 
 def measured_cm(tracker: EmulatedLiberty, count: int) -> np.ndarray:

@@ -27,7 +27,7 @@ from shukotsu.tracker.archive import END, EVENT, RECEIVED, SENT, SETTINGS, open_
 from shukotsu.tracker.conversation import RecordingRequest, StopRequest
 from shukotsu.tracker.emulated_device import EmulatedLiberty, built_in_motion
 from shukotsu.tracker.port import open_port
-from shukotsu.tracker.records import Records, concatenated
+from shukotsu.tracker.records import Records, concatenate_records
 from shukotsu.tracker.session import RecordingPlan, record
 from shukotsu.tracker.stream import Tally, blocks_of
 
@@ -50,7 +50,7 @@ def events(path: Path) -> list[dict[str, object]]:
 def decoded(path: Path):
     tally = Tally()
     blocks = list(blocks_of(open_archive(path), tally))
-    return concatenated([block.records for block in blocks]), tally, blocks[0].settings
+    return concatenate_records([block.records for block in blocks]), tally, blocks[0].settings
 
 
 def frames_of(records: Records, station: int = 1) -> np.ndarray:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.hand.rotations import Array, from_matrix, nearest_rotation
 from shukotsu.readers.formats.mapped import (
     Integers,
@@ -228,7 +228,7 @@ def _check_parameters(path: Path, records: bytes, size: int) -> None:
     A record is its name's length, its group, the name and the way to the next one; a parameter (of a group
     above 0) goes on with bytes a value, the number of its dimensions, and these.
     """
-    order = "big" if records[3:4] == b"\x56" else "little"  # MIPS or SGI
+    order = ">H" if records[3:4] == b"\x56" else "<H"  # MIPS or SGI
     at = 4
     while at + 2 < len(records) and records[at]:
         length, group = (abs(n) for n in struct.unpack_from("bb", records, at))
@@ -238,10 +238,10 @@ def _check_parameters(path: Path, records: bytes, size: int) -> None:
         )
         if records[at + 1] < 128 and abs(value_bytes) * math.prod(n or 1 for n in rest[:n_dimensions]) > size:
             raise InputError(
-                f"{path}: not a readable C3D file (parameter {name.decode(errors='replace')} of group {group} "
-                "says that it is longer than the file); copy it again"
+                f"{path}: not a readable C3D file (parameter {name.decode(errors='replace')} of group "
+                f"{group} says that it is longer than the file); copy it again"
             )
-        at = way + (int.from_bytes(records[way : way + 2], order) or len(records))
+        at = way + (struct.unpack_from(order, records.ljust(way + 2), way)[0] or len(records))
 
 
 def open_c3d(path: Path) -> C3dFile:
@@ -353,5 +353,5 @@ def _index(path: Path, labels: Sequence[str], label: str, what: str, key: str) -
         return labels.index(label)
     if label in labels:
         raise InputError(f"{path}: {what} {label!r} stands in the file more than once; {key} needs one")
-    guess = did_you_mean(label, labels) or f", which has {listed(labels)}"
+    guess = did_you_mean(label, labels) or f", which has {list_names(labels)}"
     raise InputError(f"{key}: {what} {label!r} is not in {path}{guess}")

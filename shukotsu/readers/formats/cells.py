@@ -13,7 +13,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from shukotsu.errors import InputError, shortened
+from shukotsu.errors import InputError, shorten
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
 """What people and programs write for "no value"."""
@@ -66,7 +66,7 @@ class Cells:
 
     def times_of_day_s(self, name: str) -> npt.NDArray[np.float64]:
         """Read times as hh:mm:ss, with or without decimals, (N,) in s since midnight; NaN where empty."""
-        text = _trimmed(self._columns[name].cast(pa.string()), self._empty or ())
+        text = _trim(self._columns[name].cast(pa.string()), self._empty or ())
         parts = pc.extract_regex(text, _TIME_OF_DAY)
         odd = pc.and_(pc.is_null(parts), pc.is_valid(text))
         self._refuse_first(odd.to_numpy(), name, "a time as hh:mm:ss")
@@ -97,7 +97,7 @@ class Cells:
         if not any(is_text(kind) for is_text in _IS_TEXT):
             raise InputError(f"{self._path}: column {name} is {kind}; expected text")
         encoded = column.cast(kind).cast(pa.string()).dictionary_encode().combine_chunks()
-        trimmed = _trimmed(encoded.dictionary, self._empty or [])
+        trimmed = _trim(encoded.dictionary, self._empty or [])
         codes = pc.take(trimmed.dictionary_encode(), encoded.indices)
         self._refuse_first(pc.is_null(codes).to_numpy(zero_copy_only=False), name, "a name")
         return np.asarray(codes.indices.to_numpy(), np.int64), codes.dictionary.to_pylist()
@@ -113,13 +113,13 @@ class Cells:
                 raise InputError(f"{self._path}: column {name} is {column.type}; expected numbers")
             return column.cast(pa.float64(), safe=False)
         if self._decimal == ",":
-            text = _trimmed(text, self._empty)
+            text = _trim(text, self._empty)
             points = pc.fill_null(pc.match_substring(text, "."), False)
             self._refuse_first(points.to_numpy(), name, "a number with a decimal comma")
             text = pc.replace_substring(text, ",", ".")
         numbers = _cast(text, pa.float64())
         if numbers is None:
-            text = pc.replace_substring(_trimmed(text, self._empty), "\N{MINUS SIGN}", "-")
+            text = pc.replace_substring(_trim(text, self._empty), "\N{MINUS SIGN}", "-")
             numbers = _cast(text, pa.float64())
         if numbers is None:
             row = bisect_left(
@@ -135,7 +135,7 @@ class Cells:
 
     def _refusal(self, name: str, row: int, expected: str) -> InputError:
         cell = self._columns[name][row].as_py()
-        cell = shortened(cell.strip(), 60) if isinstance(cell, str) else cell
+        cell = shorten(cell.strip(), 60) if isinstance(cell, str) else cell
         what = "is empty" if cell is None else f"is {cell!r}"
         return InputError(f"{self.locate(row)}, column {name}: {what}; expected {expected}")
 
@@ -164,6 +164,6 @@ def _cast(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray | None:
         return None
 
 
-def _trimmed(text: pa.Array, empty: Sequence[str]) -> pa.Array:
+def _trim(text: pa.Array, empty: Sequence[str]) -> pa.Array:
     bare = pc.utf8_trim_whitespace(text)
     return pc.if_else(pc.is_in(bare, pa.array(empty, pa.string())), pa.scalar(None, pa.string()), bare)

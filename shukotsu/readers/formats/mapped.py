@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.hand.rotations import Array, about_axis, conjugate, from_matrix, multiply, nearest_rotation
-from shukotsu.readers.samples import Samples, did_you_mean, joined, segments_of_names
+from shukotsu.readers.samples import Samples, did_you_mean, join_samples, segments_of_names
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 
@@ -90,7 +90,9 @@ def name_in_file(mapping: FileMapping, segment: str, key: str, names: Sequence[s
     name = str(mapping.receivers[segment][key])
     if name not in names:
         guess = did_you_mean(name, names)
-        raise InputError(f"{receiver}: {key} {name!r} is not in {where}, which has {listed(names)}{guess}")
+        raise InputError(
+            f"{receiver}: {key} {name!r} is not in {where}, which has {list_names(names)}{guess}"
+        )
     return name
 
 
@@ -138,7 +140,7 @@ def samples_of_tracks(
         index, numbers = np.full(len(track.row), segment), track.numbers
         parts.append(Samples(layout.measured, index, track.frame, track.time_s, numbers, str, track.flags))
     where, lost = (lambda sample: locate(int(rows[sample]))), tuple(losses)
-    return replace(joined(parts), locate=where, notes=(*notes, *lost), losses=lost)
+    return replace(join_samples(parts), locate=where, notes=(*notes, *lost), losses=lost)
 
 
 def _check_rate(tracks: Sequence[Track], mapping: FileMapping) -> None:

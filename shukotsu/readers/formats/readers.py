@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from shukotsu.readers.samples import Samples
     from shukotsu.study.layout import Layout
     from shukotsu.study.mapping import FileMapping
-    from shukotsu.tracker.emulated_device import Motion
+    from shukotsu.tracker.emulated_device import PlayedMotion
 
     Reader = Callable[[Path, Layout, FileMapping | None], Samples]
     PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
 
 
 @dataclass(frozen=True)
-class Format:
+class FileFormat:
     """One file format: the endings that mean it, and the reader's module and function.
 
     in_parts : whether the function gives the recording part by part, as a format can be long.
@@ -38,16 +38,16 @@ class Format:
 _FORMATS = "shukotsu.readers.formats"
 
 FORMATS = {
-    "csv": Format((".csv",), f"{_FORMATS}.tidy", "read_csv", in_parts=True),
-    "parquet": Format((".parquet", ".pq"), f"{_FORMATS}.tidy", "read_parquet", in_parts=True),
-    "capture": Format((".arrows",), f"{_FORMATS}.raw_capture", "read_capture", in_parts=True),
-    "xdf": Format((".xdf", ".xdfz"), f"{_FORMATS}.xdf", "read_xdf"),
-    "sequence": Format((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),
+    "csv": FileFormat((".csv",), f"{_FORMATS}.tidy", "read_csv", in_parts=True),
+    "parquet": FileFormat((".parquet", ".pq"), f"{_FORMATS}.tidy", "read_parquet", in_parts=True),
+    "capture": FileFormat((".arrows",), f"{_FORMATS}.raw_capture", "read_capture", in_parts=True),
+    "xdf": FileFormat((".xdf", ".xdfz"), f"{_FORMATS}.xdf", "read_xdf"),
+    "sequence": FileFormat((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),
 }
 """Formats that say themselves what their numbers are."""
 MAPPED = {
-    "csv": Format((".csv", ".txt", ".tsv"), f"{_FORMATS}.mapped_csv", "read_mapped_csv"),
-    "c3d": Format((".c3d",), f"{_FORMATS}.c3d", "read_c3d"),
+    "csv": FileFormat((".csv", ".txt", ".tsv"), f"{_FORMATS}.mapped_csv", "read_mapped_csv"),
+    "c3d": FileFormat((".c3d",), f"{_FORMATS}.c3d", "read_c3d"),
     "capture": FORMATS["capture"],
     "xdf": FORMATS["xdf"],
     "sequence": FORMATS["sequence"],
@@ -83,13 +83,13 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
 
 def find_reader(path: Path, name: str, mapping: FileMapping | None = None) -> Reader:
     """Return the same reader as `find_parts_reader`, one that gives the recording whole."""
-    from shukotsu.readers.samples import joined
+    from shukotsu.readers.samples import join_samples
 
     read = find_parts_reader(path, name, mapping)
-    return lambda path, layout, mapping: joined(read(path, layout, mapping))
+    return lambda path, layout, mapping: join_samples(read(path, layout, mapping))
 
 
-def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -> Motion:
+def read_played_recording(path: Path, layout_name: str, *, loop: bool = False) -> PlayedMotion:
     """Read a recording in any format that needs no mapping; each segment plays on its receiver's station.
 
     Segments without a station are left out and noted. Raises InputError where the file is no recording, or

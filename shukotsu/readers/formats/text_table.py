@@ -20,12 +20,12 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.left import instead
 from shukotsu.readers.formats.cells import EMPTY, Cells
 from shukotsu.readers.samples import did_you_mean
 from shukotsu.tables.limits import LINE_LETTERS, read_whole
-from shukotsu.tables.text_files import decoded, open_text, reading, refuse_other_kind, undecodable
+from shukotsu.tables.text_files import decode_text, open_text, reading, refuse_other_kind, undecodable
 
 READ_BYTES = 8 << 20
 """How much text is parsed at a time: some ten thousand rows, and more than the longest line."""
@@ -71,7 +71,7 @@ class TextTable:
         if count := self.header.count(wanted):
             raise InputError(f"{key}: {self.path} has {count} columns {wanted!r}; give the column's number")
         guess = did_you_mean(wanted, self.header)
-        guess = guess or f"; found {listed([name for name in self.header if name])}"
+        guess = guess or f"; found {list_names([name for name in self.header if name])}"
         raise InputError(f"{key}: column {wanted!r} is missing in {self.path}{guess}")
 
     def cells(self, wanted: Sequence[str]) -> Cells:
@@ -223,7 +223,7 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
     with reading(path, "a table as text"):
         data = read_whole(path, "a table as text")
         ended = is_ended(data)
-        data = _normalised(path, data, details)
+        data = _normalise(path, data, details)
     separator = _SEPARATOR[details["delimiter"]]
     records = _first_records(path, lambda: io.BytesIO(data), separator, details["header"] + 1)
     if not records:
@@ -271,11 +271,11 @@ def _first_records(
         raise InputError(f"{path}: cannot be read as a table ({error})") from error
 
 
-def _normalised(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
+def _normalise(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
     """Return the text without indents, skipped lines and comments emptied, so that lines keep numbers."""
     refuse_other_kind(path, data[:8], "a table as text")
     if not data.isascii():  # else the text would only take memory
-        decoded(path, data, "a table as text")
+        decode_text(path, data, "a table as text")
     data = data.removeprefix(b"\xef\xbb\xbf")
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")

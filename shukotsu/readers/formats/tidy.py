@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from shukotsu.errors import InputError, listed
+from shukotsu.errors import InputError, list_names
 from shukotsu.readers.formats.cells import Cells
 from shukotsu.readers.formats.text_table import open_tidy_csv
 from shukotsu.readers.samples import NUMBERS, Samples, segments_of_names, segments_of_stations
@@ -104,7 +104,7 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
         lower = any(name.lower() in REQUIRED and name not in REQUIRED for name in header)
         do = "; column names are written in lower case" * lower
         do += f"; `shukotsu inspect {path}` shows how to read another table as it is"
-        present = listed([name for name in header if name])
+        present = list_names([name for name in header if name])
         raise InputError(f"{path}: column {', '.join(missing)} is missing; found {present}{do}")
     wanted = [name for name in (*REQUIRED, SEGMENT, RECEIVER) if name in header]
     twice = [name for name in wanted if list(header).count(name) > 1]

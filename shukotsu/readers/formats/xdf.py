@@ -20,8 +20,8 @@ from shukotsu.study.mapping import FileMapping
 from shukotsu.tables.limits import MM_PER_UNIT, UNIT_NAMES
 from shukotsu.tables.xdf_streams import (
     NUMBERS,
-    Channel,
     Stream,
+    StreamChannel,
     load_stream,
     owners,
     pose_channels,
@@ -91,7 +91,7 @@ def _chosen_stream(path: Path, mapping: FileMapping | None) -> Stream:
     raise InputError(f"{path}: has {len(chosen) or 'no'} streams of {wanted!r}; it has {numbered}{say}")
 
 
-def _mm_per_unit(where: str, channel: Channel, mapping: FileMapping) -> float:
+def _mm_per_unit(where: str, channel: StreamChannel, mapping: FileMapping) -> float:
     """Return the length of a position's unit. Raises InputError where it is none, or not the mapping's."""
     unit = UNIT_NAMES.get(channel.unit)
     if channel.unit and unit is None:

@@ -162,7 +162,7 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     return roles
 
 
-def paired(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
+def pair_receivers(roles: Roles, titles: Sequence[str]) -> list[tuple[list[str], list[str]]]:
     """Return positions and orientations of one receiver each: by their order where there are as many of both.
 
     Else each orientation has the nearest position whose title has the same first word, or any.
@@ -184,7 +184,7 @@ def _counts(title: str, values: Array) -> bool:
     return len(values) >= _MANY_ROWS and bool(still or (np.diff(values) > 0).all())
 
 
-def _spelled(title: str, names: Iterable[str]) -> Title:
+def _spell_title(title: str, names: Iterable[str]) -> Title:
     """Return a title without its unit, q0 as qw, and of the same receiver q1, q2 and q3 as qx, qy and qz."""
     name, unit = split_title(title)
     if match := _SCALAR_FIRST.search(name):
@@ -203,7 +203,7 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
     alike: dict[tuple[str, str, str], dict[str, str]] = {}
     spellings = {split_title(title).name.lower() for title in titles}
     for title in titles:
-        name, unit = _spelled(title, spellings)
+        name, unit = _spell_title(title, spellings)
         if match := _AXIS.fullmatch(name):
             axes = alike.setdefault((match["before"].lower(), match["after"].lower(), unit), {})
             axes.setdefault(match["axis"][0].lower(), title)
@@ -265,7 +265,7 @@ def by_scalar(titles: Sequence[str]) -> list[str]:
 
 def _by_axis(titles: Sequence[str], axes: str) -> list[str]:
     spellings = {split_title(title).name.lower() for title in titles}
-    named = {_spelled(title, spellings).name: title for title in titles}
+    named = {_spell_title(title, spellings).name: title for title in titles}
     by_axis = {match["axis"][0].lower(): named[name] for name in named if (match := _AXIS.fullmatch(name))}
     return [by_axis[axis] for axis in axes] if by_axis.keys() == {*axes} else []
 
@@ -361,24 +361,26 @@ def _position_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]
     titles = [title for group in groups for title in group]
     span = max((float(np.ptp(values)) for values in _finite(titles, numbers)), default=0.0)
     why = "mm, cm, m or inch" + (f"; positions span {span:.3g} of it" if titles else "")
-    units = _stated(titles, POSITION_UNITS)
+    units = _stated_units(titles, POSITION_UNITS)
     if span and len(units) == 1 and units[0]:
         would_be = extent(span * MM_PER_UNIT[units[0]])
         if would_be in IMPOSSIBLE_EXTENTS:
-            return _doubted(why, f"the titles of positions say {units[0]}, in which their span is {would_be}")
-    return _settled(units, why, "positions")
+            return _doubt_unit(
+                why, f"the titles of positions say {units[0]}, in which their span is {would_be}"
+            )
+    return _settle_unit(units, why, "positions")
 
 
 def _angle_unit(groups: Iterable[Sequence[str]], numbers: Mapping[str, Array]) -> Unit:
     """The unit of angles, by the titles of all of them together, else by the largest."""
     titles = [title for group in groups for title in group]
     by_size = angle_unit_by_size(titles, numbers)
-    units = _stated(titles, ANGLE_UNITS)
+    units = _stated_units(titles, ANGLE_UNITS)
     if by_size.unit == "deg" and "rad" not in units:
         return Unit("deg", STATED if units == ["deg"] else by_size.why)
     if units == ["deg"] or (units == ["rad"] and by_size.unit == "deg"):
-        return _doubted("deg or rad", f"the titles of angles say {units[0]}; they look like {by_size.why}")
-    return _settled(units, f"deg or rad; {by_size.why}", "angles")
+        return _doubt_unit("deg or rad", f"the titles of angles say {units[0]}; they look like {by_size.why}")
+    return _settle_unit(units, f"deg or rad; {by_size.why}", "angles")
 
 
 def angle_unit_by_size(titles: Iterable[str], numbers: Mapping[str, Array]) -> Unit:
@@ -403,7 +405,7 @@ def _time_unit(title: str, numbers: Mapping[str, Array]) -> Unit:
     rate_hz = None if step is None else 1 / (step * SECONDS_PER_UNIT[unit])
     if rate_hz is None or LEAST_HZ <= rate_hz <= MOST_HZ:
         return Unit(unit, STATED)
-    return _doubted(why, f"the title {title} says {unit}, in which frames come at {rate_hz:.4g} Hz")
+    return _doubt_unit(why, f"the title {title} says {unit}, in which frames come at {rate_hz:.4g} Hz")
 
 
 def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Array]:
@@ -411,13 +413,13 @@ def _finite(titles: Iterable[str], numbers: Mapping[str, Array]) -> Iterator[Arr
         yield numbers[title][np.isfinite(numbers[title])]
 
 
-def _stated(titles: Iterable[str], units: frozenset[str]) -> list[str]:
+def _stated_units(titles: Iterable[str], units: frozenset[str]) -> list[str]:
     """The units of that kind that titles state, empty among them where one states none."""
     every = (split_title(title).unit for title in titles)
     return list(dict.fromkeys(unit if unit in units else "" for unit in every))
 
 
-def _settled(units: Sequence[str], why: str, what: str) -> Unit:
+def _settle_unit(units: Sequence[str], why: str, what: str) -> Unit:
     """The one unit that all titles state; what some or several state is a doubt."""
     stated = [unit for unit in units if unit]
     if len(units) == 1 and stated:
@@ -425,8 +427,8 @@ def _settled(units: Sequence[str], why: str, what: str) -> Unit:
     if not stated:
         return Unit(CHECK, why)
     others = ", others nothing" if "" in units else ""
-    return _doubted(why, f"titles of {what} say {' and '.join(stated)}{others}")
+    return _doubt_unit(why, f"titles of {what} say {' and '.join(stated)}{others}")
 
 
-def _doubted(why: str, doubt: str) -> Unit:
+def _doubt_unit(why: str, doubt: str) -> Unit:
     return Unit(CHECK, f"{why}; {doubt}", doubt)

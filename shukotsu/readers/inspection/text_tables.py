@@ -38,7 +38,7 @@ from shukotsu.readers.inspection.column_roles import (
     by_scalar,
     find_roles,
     find_units,
-    paired,
+    pair_receivers,
 )
 from shukotsu.readers.inspection.description import CHECK, Description, draft, extent_line, rate_line
 from shukotsu.readers.samples import NUMBERS
@@ -328,7 +328,7 @@ def _receivers(
             return {str(stations[name]): ({"value": name}, doubt) for name in receivers}
         return {_segment(name, layout, receivers): {"value": name} for name in receivers}
     config: dict[str, Any] = {}
-    pairs = paired(roles, titles)
+    pairs = pair_receivers(roles, titles)
     names = [position[0] for position, _ in pairs]
     for index, (position, turning) in enumerate(pairs):
         columns: dict[str, Any] = {"position": _columns(position)}

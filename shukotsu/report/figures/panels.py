@@ -30,14 +30,14 @@ from shukotsu.report.belief import BELIEF_MARKS, BELIEVED
 from shukotsu.report.figures.style import (
     SMALL_PT,
     TWO_COLUMNS_MM,
-    applied,
+    apply_style,
     rewrite,
     width_mm,
     without_controls,
-    wrapped,
+    wrap_text,
 )
-from shukotsu.report.hand_motion import Array, HandMotion, ShownSkeleton, seen
-from shukotsu.report.palette import INK, PAPER, SOFT, Look, Mark, as_custom_property, digit_looks
+from shukotsu.report.hand_motion import Array, HandMotion, ShownSkeleton, view_points
+from shukotsu.report.palette import INK, PAPER, SOFT, Look, PlotMark, as_custom_property, digit_looks
 from shukotsu.report.table_cells import number
 from shukotsu.translation import ENGLISH, language, listed, tr, translated, word
 
@@ -78,7 +78,7 @@ def print_figure(
     widest = max((width_mm(str(handle.get_label())) for handle in handles), default=0.0) + _KEY_MM
     columns = max(1, min(len(handles), int(figure_mm / widest)))
     letters = int((figure_mm / across - 12.0) / width_mm("m"))
-    headings = [["\n".join(wrapped(panel.heading, letters)) for panel in row] for row in rows]
+    headings = [["\n".join(wrap_text(panel.heading, letters)) for panel in row] for row in rows]
     heights = [max(panel.height_mm for panel in row) for row in rows]
     down = sum(heights) + _LEGEND_LINE_MM * -(-len(handles) // columns)
     for row, texts in zip(rows, headings, strict=True):
@@ -152,7 +152,7 @@ def page_picture(panel: Panel) -> Markup:
     """
     written = io.BytesIO()
     try:
-        with applied({"svg.hashsalt": panel.title}), warnings.catch_warnings():
+        with apply_style({"svg.hashsalt": panel.title}), warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Glyph .* missing")  # the browser has it
             figure = page_figure(panel)
             lay_out(figure, without_controls)
@@ -193,7 +193,7 @@ def value_scale(values: npt.ArrayLike) -> Scale:
 
 
 @dataclass(frozen=True)
-class Row:
+class PanelRow:
     """A named row: numbers by subject or hand, and the mean of differences with its interval.
 
     Without a mean the median and quartiles are marked.
@@ -210,7 +210,7 @@ class Row:
         return [*self.numbers.values(), *([] if self.mean is None else [self.mean]), *(self.interval or ())]
 
 
-def draw_rows(axes: Axes, rows: Sequence[Row], axis: str, scale: Scale, of_all: int = 0) -> None:
+def draw_rows(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_all: int = 0) -> None:
     """Draw named rows, the first on top: a dot a number, each name's as far aside in every row.
 
     of_all : how many numbers a full row has; a row with fewer says how many it has. With 0 no row says its
@@ -218,7 +218,7 @@ def draw_rows(axes: Axes, rows: Sequence[Row], axis: str, scale: Scale, of_all: 
     """
     row_axes(axes, [word(row.name) for row in rows], axis, scale, top=bool(of_all))
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
-    aside_of = dict(zip(names, scattered(len(names)), strict=True))
+    aside_of = dict(zip(names, scatter_steps(len(names)), strict=True))
     size = 3.4 if len(names) <= 12 else 2.6 if len(names) <= 40 else 1.8
     for y, row in enumerate(rows):
         values = np.array(list(row.numbers.values()))
@@ -287,7 +287,7 @@ PLAIN = FuncFormatter(lambda value, _: f"{round(value, 9) + 0.0:g}".replace("-",
 """A number without trailing zeros, with a true minus sign."""
 
 
-def scattered(n: int) -> Array:
+def scatter_steps(n: int) -> Array:
     """Return steps aside (n,) within a row, even about its middle and the same every time."""
     steps = (np.arange(n) * _GOLDEN) % 1.0
     return np.asarray((steps - steps.mean()) * _SCATTER) if n else np.zeros(0)
@@ -303,8 +303,8 @@ _HIGHEST_MM, _FOOT_MM = 92.0, 10.0
 
 def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: int) -> Panel:
     """Return the panel of the hand under a skeleton in the frame of that index."""
-    joints = seen(motion, np.array([frame]), skeleton.position_mm[frame : frame + 1])[0]
-    receivers = seen(motion, np.array([frame]), motion.receiver_mm[frame : frame + 1])[0]
+    joints = view_points(motion, np.array([frame]), skeleton.position_mm[frame : frame + 1])[0]
+    receivers = view_points(motion, np.array([frame]), motion.receiver_mm[frame : frame + 1])[0]
     receivers = np.asarray(receivers[np.isfinite(receivers).all(-1)])
     low, high = receivers.min(axis=0) - _NEAR_MM, receivers.max(axis=0) + _NEAR_MM
     near = np.asarray(((joints >= low) & (joints <= high)).all(axis=1))
@@ -322,7 +322,7 @@ def hand_panel(title: str, motion: HandMotion, skeleton: ShownSkeleton, frame: i
 
     names = [name for name, inside in zip(skeleton.points, near, strict=True) if not inside]
     absent = tr("Not in the picture: {names}.", names=listed(map(word, names))) if names else ""
-    lines = wrapped(absent, int((PAGE_MM - 4.0) / width_mm("m"))) if absent else []
+    lines = wrap_text(absent, int((PAGE_MM - 4.0) / width_mm("m"))) if absent else []
     middles = wide * scale / 2, (wide + _GUTTER_MM + deep / 2) * scale
     draw = partial(
         _draw_hand, motion=motion, skeleton=skeleton, views=flat(np.where(near[:, None], joints, np.nan)),
@@ -359,7 +359,7 @@ def _draw_hand(
                 continue
             mark = BELIEF_MARKS[believed]
             if believed == BELIEVED:
-                mark = Mark("o", PAPER, looks[digit_of[index]] if index in digit_of else INK)
+                mark = PlotMark("o", PAPER, looks[digit_of[index]] if index in digit_of else INK)
             axes.plot(
                 *joints[index], mark.shape, markerfacecolor=mark.face, markeredgecolor=mark.edge,
                 markersize=4.2 if believed == BELIEVED else 5.6, markeredgewidth=1.0, zorder=3,

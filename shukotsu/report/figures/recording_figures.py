@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from shukotsu.errors import InputError
 from shukotsu.report.figures.panels import PLAIN, Panel, in_rows, locator, print_figure, value_scale
-from shukotsu.report.figures.study_figures import Drawing, NoDataError, count_range, drawn, not_drawn
+from shukotsu.report.figures.study_figures import Drawing, NoDataError, count_range, draw_figure, not_drawn
 from shukotsu.report.figures.style import SMALL_PT
 from shukotsu.report.hand_motion import view_base
 from shukotsu.report.palette import HUES, INK, PAPER, RULE, SOFT, model_looks
@@ -38,10 +38,10 @@ _LINES = ((N_("Flexion"), INK), (N_("Abduction or deviation"), HUES["sky"][0]),
 
 def of_recording(results: StudyResults, recording: Recording) -> Iterator[Drawing]:
     """Draw a recording's figures: tip-error, and joint-angles of every fitted model."""
-    yield drawn("tip-error", partial(tip_error, results, recording))
+    yield draw_figure("tip-error", partial(tip_error, results, recording))
     for model in results.fitted:
         name = f"joint-angles_{path_token(model)}"
-        yield drawn(name, partial(joint_angles, results, recording, model))
+        yield draw_figure(name, partial(joint_angles, results, recording, model))
     if not results.fitted:
         reason = tr("joint angles need a model that fits the whole hand, and this study has none")
         yield not_drawn("joint-angles", reason)

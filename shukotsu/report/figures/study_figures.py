@@ -25,7 +25,7 @@ from shukotsu.report.figures.panels import (
     FOOT_MM,
     ROW_MM,
     Panel,
-    Row,
+    PanelRow,
     Scale,
     draw_rows,
     in_rows,
@@ -33,12 +33,12 @@ from shukotsu.report.figures.panels import (
     panel_names,
     print_figure,
     row_axes,
-    scattered,
+    scatter_steps,
     value_scale,
 )
-from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, applied, label, wrapped
+from shukotsu.report.figures.style import ONE_COLUMN_MM, SMALL_PT, apply_style, label, wrap_text
 from shukotsu.report.judged_models import LEFT_OUT, PRIOR, REPLAY, TRUTH, JudgedModels, judged_models
-from shukotsu.report.movement_results import OF_ANGLE, RANGE, Movement, read_movement
+from shukotsu.report.movement_results import OF_ANGLE, RANGE, StudyMovement, read_movement
 from shukotsu.report.palette import AMBER, INK, NO, PAPER, RULE, SOFT, Look, digit_looks, model_looks
 from shukotsu.report.recording_results import ANGLES
 from shukotsu.report.study_results import Row as TableRow
@@ -78,13 +78,13 @@ def of_study(results: StudyResults) -> Iterator[Drawing]:
         "ranges-of-motion": lambda: ranges_of_motion(results, movement),
     }
     for name in STUDY_FIGURES:
-        yield drawn(name, draw[name])
+        yield draw_figure(name, draw[name])
 
 
-def drawn(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
+def draw_figure(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
     """Draw a figure in the house's style, or one that says why it cannot be drawn."""
     try:
-        with applied():
+        with apply_style():
             figure, caption = draw()
             lay_out(figure, label)
     except NoDataError as error:
@@ -106,8 +106,8 @@ def drawn(name: str, draw: Callable[[], tuple[Figure, str]]) -> Drawing:
 def not_drawn(name: str, reason: str) -> Drawing:
     """Draw a figure that says why there is none."""
     sentence = plain(tr("Not drawn: {reason}.", reason=reason.rstrip(".")))
-    with applied():
-        lines = wrapped(sentence, 52)
+    with apply_style():
+        lines = wrap_text(sentence, 52)
         figure = Figure(figsize=(ONE_COLUMN_MM / 25.4, (10.0 + 4.0 * len(lines)) / 25.4))
         figure.text(0.5, 0.5, "\n".join(lines), ha="center", va="center", fontsize=SMALL_PT)
     return Drawing(name, figure, sentence, sentence)
@@ -120,7 +120,7 @@ def save(folder: Path, drawing: Drawing) -> None:
     """
     for kind, date in (("svg", "Date"), ("pdf", "CreationDate")):
         written = io.BytesIO()
-        with applied():
+        with apply_style():
             drawing.figure.savefig(written, format=kind, metadata={date: None})
         with replacing(folder / f"{drawing.name}.{kind}") as temporary:
             temporary.write_bytes(written.getvalue())
@@ -160,7 +160,7 @@ def model_panels(results: StudyResults) -> list[Panel]:
         for name in (name for name in (*results.models, PRIOR) if name in each.values):
             values = np.array(list(each.values[name].values()))
             interval = paired_difference(values).interval
-            rows.append(Row(name, looks[name], each.values[name], float(values.mean()), interval))
+            rows.append(PanelRow(name, looks[name], each.values[name], float(values.mean()), interval))
         scale = value_scale([value for row in rows for value in row.values()])
         axis = heading(each.metric) + (tr(", log scale") if scale.kind == "log" else "")
         names = listed(row.name for row in rows)
@@ -174,12 +174,12 @@ def model_panels(results: StudyResults) -> list[Panel]:
     return panels
 
 
-def _draw_models(axes: Axes, rows: Sequence[Row], axis: str, scale: Scale, of_all: int) -> None:
+def _draw_models(axes: Axes, rows: Sequence[PanelRow], axis: str, scale: Scale, of_all: int) -> None:
     """Draw rows of dots, and a line through the dots of every subject."""
     draw_rows(axes, rows, axis, scale, of_all)
     names = list(dict.fromkeys(name for row in rows for name in row.numbers))
     x = [[row.numbers.get(name, np.nan) for row in rows] + [np.nan] for name in names]
-    y = [[*(aside + np.arange(len(rows))), np.nan] for aside in scattered(len(names))]
+    y = [[*(aside + np.arange(len(rows))), np.nan] for aside in scatter_steps(len(names))]
     floor = scale.low if scale.kind == "log" else -np.inf
     axes.plot(np.maximum(np.ravel(x), floor), np.ravel(y), color=RULE, linewidth=0.5, zorder=1.5)
 
@@ -291,7 +291,7 @@ def _draw_errors(
     for joint in joints:
         of_hand = errors.error_mm.get(joint, {})
         numbers = {f"{hand.who.token} {hand.hand}": error for hand, error in of_hand.items()}
-        rows.append(Row(joint, look, numbers))
+        rows.append(PanelRow(joint, look, numbers))
     draw_rows(axes, rows, tr("Joint error [mm]"), scale)
     for of_joint, colour, style in ((errors.sd_mm, INK, "solid"), (prior.error_mm, SOFT, "dotted")):
         for y, joint in enumerate(joints):
@@ -351,7 +351,7 @@ def _draw_trust(
         foot += shares
 
 
-def range_panels(movement: Movement) -> list[Panel]:
+def range_panels(movement: StudyMovement) -> list[Panel]:
     """Return a panel for each of ANGLES that any joint has: joints in the colour of their digit."""
     means = movement.subject_means.groupby([*OF_ANGLE, "subject"], sort=False)[RANGE].mean().sort_index()
     joints = list(dict.fromkeys(movement.ranges["joint"]))
@@ -360,7 +360,9 @@ def range_panels(movement: Movement) -> list[Panel]:
     panels = []
     for angle in ANGLES:
         rows = [
-            Row(joint, Look(colours.get(joint.partition("_")[0], INK), "o"), means[joint, angle].to_dict())
+            PanelRow(
+                joint, Look(colours.get(joint.partition("_")[0], INK), "o"), means[joint, angle].to_dict()
+            )
             for joint in joints
             if (joint, angle) in means.index
         ]
@@ -375,7 +377,7 @@ def range_panels(movement: Movement) -> list[Panel]:
     return panels
 
 
-def ranges_of_motion(results: StudyResults, movement: Movement) -> tuple[Figure, str]:
+def ranges_of_motion(results: StudyResults, movement: StudyMovement) -> tuple[Figure, str]:
     """Draw a row a joint angle, a dot a subject. Raises NoDataError without joint angles."""
     if movement.ranges.empty:
         if movement.measured:

@@ -88,7 +88,7 @@ STYLE: dict[str, Any] = {
 
 
 @contextmanager
-def applied(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
+def apply_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
     """Draw and save in this style, `settings` on top, and leave matplotlib's settings as they were."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
@@ -130,7 +130,7 @@ def width_mm(words: str) -> float:
     return 0.22 * SMALL_PT * sum(2 if east_asian_width(letter) in "WF" else 1 for letter in words)
 
 
-def wrapped(text: str, width: int) -> list[str]:
+def wrap_text(text: str, width: int) -> list[str]:
     """Return lines of at most so many Latin letters, as the fonts at hand can write them."""
     return wrap(label(text), width if width_mm(text) < 1.5 * width_mm("m") * len(text) else width // 2)
 
@@ -176,13 +176,16 @@ def _fonts() -> dict[str, Any]:
     """Return settings of fonts, the page's language first. Only a TrueType file goes into a PDF as such."""
     font = None if language() == ENGLISH else font_of(language())
     if font is None:
-        return {"font.family": [FONT, *_installed()]}
+        return {"font.family": [FONT, *_installed_fonts()]}
     name = font_manager.get_font(font).family_name
-    return {"font.family": [name, FONT, *_installed()], "pdf.fonttype": 42 if font.suffix == ".ttf" else 3}
+    return {
+        "font.family": [name, FONT, *_installed_fonts()],
+        "pdf.fonttype": 42 if font.suffix == ".ttf" else 3,
+    }
 
 
 @cache
-def _installed() -> tuple[str, ...]:
+def _installed_fonts() -> tuple[str, ...]:
     """Return fonts for other scripts that are installed as TrueType files, which a PDF can hold."""
     fonts = font_manager.fontManager.ttflist
     names = {entry.name for entry in fonts if Path(entry.fname).suffix.lower() == ".ttf"}
@@ -192,6 +195,6 @@ def _installed() -> tuple[str, ...]:
 @cache
 def _characters(name: str) -> frozenset[int]:
     """Return the code points that some font in use has."""
-    files = [Path(font_manager.findfont(font)) for font in (FONT, *_installed())]
+    files = [Path(font_manager.findfont(font)) for font in (FONT, *_installed_fonts())]
     files += filter(None, [None if name == ENGLISH else font_of(name)])
     return frozenset[int]().union(*(font_manager.get_font(file).get_charmap().keys() for file in files))

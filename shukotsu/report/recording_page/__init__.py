@@ -12,9 +12,9 @@ from shukotsu.report.recording_results import ModelResults, RecordingResults
 from shukotsu.report.skeleton_tables import measured_ranges, measured_table
 from shukotsu.report.study_results import StudyResults, recording_key, row_key
 from shukotsu.report.table_cells import (
-    Column,
     Folded,
     Link,
+    PageColumn,
     capital,
     link,
     number,
@@ -25,7 +25,7 @@ from shukotsu.report.table_cells import (
     title,
 )
 from shukotsu.report.templates import render
-from shukotsu.report.viewer import Block, view_of
+from shukotsu.report.viewer import NumberBlock, view_of
 from shukotsu.study.study import Recording
 from shukotsu.tables.subjects import SubjectSession
 from shukotsu.translation import ngettext, tr, translated, word
@@ -45,7 +45,7 @@ def recording_page(results: RecordingResults) -> str:
         facts.append(f"{number(row['duration_s'])} s")
     if row.get("valid_percent") is not None:
         facts.append(tr("{valid} % of the poses may be used", valid=number(row["valid_percent"], 1)))
-    blocks = [Block(f"angles{i}", ANGLE_STEP_DEG, each.angle_deg) for i, each in enumerate(angles)]
+    blocks = [NumberBlock(f"angles{i}", ANGLE_STEP_DEG, each.angle_deg) for i, each in enumerate(angles)]
     header = {
         "angles": [{"model": each.model, "joints": [word(joint) for joint in each.joints]} for each in angles]
     }
@@ -57,7 +57,7 @@ def recording_page(results: RecordingResults) -> str:
         number_column("SD [mm]", "sd_mm"),
         *map(quantity_column, ("median_mm", "p95_mm", "max_mm", "min_mm", "n_frames")),
         number_column(tr("Of"), "n_frames_total", 0),
-        Column(tr("Held out"), lambda row: tr("yes") if row["held_out"] else tr("○ no"), is_text=True),
+        PageColumn(tr("Held out"), lambda row: tr("yes") if row["held_out"] else tr("○ no"), is_text=True),
         text_column(tr("Message"), "message"),
     )
     tip_errors = table_of(
@@ -114,7 +114,7 @@ def _evidence(model: ModelResults) -> Folded:
     ]
     columns = (
         text_column(tr("Joint"), "joint"),
-        Column(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
+        PageColumn(tr("Believe it?"), lambda row: tr(belief(row)), is_text=True),
         *map(quantity_column, ("gap_rms_mm", "gap_rms_free_mm", "sd_mm", "n_frames", "n_effective")),
         *(number_column(heading, heading, 4) for heading in singular),
         text_column(tr("Message"), "message"),

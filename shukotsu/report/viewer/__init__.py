@@ -3,7 +3,7 @@
 Every number is stored as a whole multiple of its block's step, so it is off by at most half a step, however
 long the recording. A channel's multiples are written as differences from frame to frame, the sign in the
 lowest bit, all lowest bytes first: the high bytes are then nearly all zero and deflate takes them away.
-`viewer.js` reads what `packed` writes.
+`viewer.js` reads what `pack_blocks` writes.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from shukotsu.report.hand_motion import (
     HandMotion,
     JointAxis,
     ShownSkeleton,
-    seen,
     shown_first,
     still_frame,
     upright,
+    view_points,
 )
 from shukotsu.translation import tr, word
 
@@ -49,7 +49,7 @@ _NEAR_MM = 45.0
 
 
 @dataclass(frozen=True)
-class Block:
+class NumberBlock:
     """Numbers of one kind: shape (T, N, W), a gap where any of the W is NaN; each within step / 2."""
 
     name: str
@@ -79,7 +79,10 @@ class View:
 
 
 def view_of(
-    title: str, motion: HandMotion, extra: Sequence[Block] = (), extra_header: Mapping[str, Any] | None = None
+    title: str,
+    motion: HandMotion,
+    extra: Sequence[NumberBlock] = (),
+    extra_header: Mapping[str, Any] | None = None,
 ) -> View:
     """Pack a hand's motion for the template, and beside it what other scripts of the page need.
 
@@ -112,7 +115,7 @@ def view_of(
 
 
 def motion_text(
-    motion: HandMotion, extra: Sequence[Block] = (), extra_header: Mapping[str, Any] | None = None
+    motion: HandMotion, extra: Sequence[NumberBlock] = (), extra_header: Mapping[str, Any] | None = None
 ) -> str:
     """Return the motion as one JSON object that may stand inside a script element: a header and base64 data.
 
@@ -120,14 +123,14 @@ def motion_text(
     JSON can hold, `viewer.header.extra`.
     """
     header = _header(motion)
-    data, header["blocks"] = packed([*_blocks(motion), *extra])
+    data, header["blocks"] = pack_blocks([*_blocks(motion), *extra])
     header["extra"] = dict(extra_header or {})
     header["data"] = base64.b64encode(data).decode("ascii")
     text = json.dumps(header, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c")
 
 
-def packed(blocks: Sequence[Block]) -> tuple[bytes, list[dict[str, Any]]]:
+def pack_blocks(blocks: Sequence[NumberBlock]) -> tuple[bytes, list[dict[str, Any]]]:
     """Return the blocks one after the other, zlib-compressed, and what a reader must know of each.
 
     A block is its byte planes (N, W, T) of coded differences, the lowest first; code 0 is a gap.
@@ -159,17 +162,17 @@ def playing_times_s(time_s: Array) -> Array:
     return np.asarray(filled - filled[0])
 
 
-def _blocks(motion: HandMotion) -> list[Block]:
+def _blocks(motion: HandMotion) -> list[NumberBlock]:
     blocks = [
-        Block("time", TIME_STEP_S, motion.begins_s + playing_times_s(motion.time_s)[:, None, None]),
-        Block("frame", 1.0, motion.frame.astype(float)[:, None, None]),
-        Block("receivers", POSITION_STEP_MM, _near(motion.receiver_mm)),
-        Block("rotations", ROTATION_STEP, _steady_signs(motion.receiver_quaternion)),
+        NumberBlock("time", TIME_STEP_S, motion.begins_s + playing_times_s(motion.time_s)[:, None, None]),
+        NumberBlock("frame", 1.0, motion.frame.astype(float)[:, None, None]),
+        NumberBlock("receivers", POSITION_STEP_MM, _near(motion.receiver_mm)),
+        NumberBlock("rotations", ROTATION_STEP, _steady_signs(motion.receiver_quaternion)),
     ]
     for index, skeleton in enumerate(motion.skeletons):
         if skeleton.on_receivers is None:
-            blocks.append(Block(f"points{index}", POSITION_STEP_MM, _near(skeleton.position_mm)))
-        blocks.append(Block(f"errors{index}", ERROR_STEP_MM, _near(skeleton.tip_error_mm[..., None])))
+            blocks.append(NumberBlock(f"points{index}", POSITION_STEP_MM, _near(skeleton.position_mm)))
+        blocks.append(NumberBlock(f"errors{index}", ERROR_STEP_MM, _near(skeleton.tip_error_mm[..., None])))
     return blocks
 
 
@@ -219,7 +222,7 @@ def _extent(motion: HandMotion) -> tuple[Array, Array]:
     frames = np.arange(0, len(motion.frame), max(1, len(motion.frame) // _EXTENT_FRAMES))
 
     def in_view(world_mm: Array) -> Array:
-        points = seen(motion, frames, world_mm[frames]).reshape(-1, 3)
+        points = view_points(motion, frames, world_mm[frames]).reshape(-1, 3)
         return points[np.isfinite(points).all(-1)]
 
     receivers = in_view(motion.receiver_mm)

@@ -13,7 +13,7 @@ from benchmarks.benchmark_table import run_python
 from shukotsu.commands.import_file import main
 from shukotsu.errors import InputError
 from shukotsu.readers.formats.raw_capture import read_capture
-from shukotsu.readers.samples import joined
+from shukotsu.readers.samples import join_samples
 from shukotsu.study.layout import read_layout
 from shukotsu.study.mapping import mapping_from_config
 from shukotsu.tables.typed_table import read_metadata
@@ -25,7 +25,7 @@ STATIONS = tuple(range(1, 17))
 def test_the_tracker_is_named(tmp_path: Path) -> None:
     path, out = tmp_path / "rom.arrows", tmp_path / "poses.parquet"
     captures.write(path, map(captures.cycle, range(48)))
-    assert joined(read_capture(path, LIBERTY, None)).tracker == "LIBERTY"
+    assert join_samples(read_capture(path, LIBERTY, None)).tracker == "LIBERTY"
     names = "--layout=liberty16", "--subject=01", "--hand=right", "--task=rom"
     assert main([f"--in={path}", f"--out={out}", "--record-failure", *names]) == 0
     assert read_metadata(out)["parameters"]["tracker"] == "LIBERTY"
@@ -53,9 +53,9 @@ def test_whose_receiver_is_which_is_said_by_a_mapping_or_the_layout(
     )
     if segments is None:
         with pytest.raises(InputError, match=note):
-            joined(read_capture(path, LIBERTY, mapping))
+            join_samples(read_capture(path, LIBERTY, mapping))
         return
-    samples = joined(read_capture(path, LIBERTY, mapping))
+    samples = join_samples(read_capture(path, LIBERTY, mapping))
     stations = np.rint(samples.numbers[:, 0] / 10).astype(int) - 20
     positions = {(samples.segments[at], n) for at, n in zip(samples.segment, stations.tolist(), strict=True)}
     assert positions == {*segments.items()}

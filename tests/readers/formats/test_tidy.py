@@ -13,7 +13,7 @@ from recording_files import LIBERTY
 
 from shukotsu.readers.formats.text_table import open_tidy_csv
 from shukotsu.readers.formats.tidy import parquet_blocks, read_samples, wanted_columns
-from shukotsu.readers.samples import Samples, joined
+from shukotsu.readers.samples import Samples, join_samples
 from shukotsu.study.layout import Layout
 
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"
@@ -208,7 +208,7 @@ def test_a_file_in_blocks_is_the_file(tmp_path: Path, ending: str) -> None:
     whole = read(path)
     blocks = blocks_of(path)
     assert len(blocks) > 5
-    again = joined(blocks)
+    again = join_samples(blocks)
     for name in ("segment", "frame", "time_s", "numbers"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
     assert [again.locate(row) for row in range(60)] == [whole.locate(row) for row in range(60)]

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from report_samples.made_study import MadeStudy, make_study, many_subjects
 from stage_runs import print_figures
 
-from shukotsu.report.figures.panels import Panel, Row, Scale, draw_rows, print_figure
-from shukotsu.report.figures.study_figures import Drawing, drawn, of_study, save
+from shukotsu.report.figures.panels import Panel, PanelRow, Scale, draw_rows, print_figure
+from shukotsu.report.figures.study_figures import Drawing, draw_figure, of_study, save
 from shukotsu.report.figures.style import label
 from shukotsu.report.palette import Look
 from shukotsu.report.study_results import StudyResults
@@ -87,13 +87,13 @@ def test_any_name_is_drawn_as_it_is_or_as_a_code(tmp_path: Path) -> None:
     names = [*as_they_are, "山田", "a\tb\x07", "𝒳🖐"]
 
     def named() -> tuple[Figure, str]:
-        rows = [Row(name, Look("black", "o")) for name in names]
+        rows = [PanelRow(name, Look("black", "o")) for name in names]
         draw = partial(draw_rows, rows=rows, axis="mm", scale=Scale(0.0, 1.0))
         return print_figure([[Panel("", "", 3.6 * len(rows), 9.0, draw)]], figure_mm=60.0), ";".join(names)
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        save(tmp_path, drawn("named", named))
+        save(tmp_path, draw_figure("named", named))
     assert {*map(label, names)} <= {*texts(tmp_path / "named.svg")}
     assert (tmp_path / "named.txt").read_text("utf-8").startswith(";".join(names))
     assert [name for name in names if label(name) == name] == as_they_are

@@ -16,7 +16,7 @@ from report_samples.made_study import HOSTILE
 from shukotsu.report.belief import BELIEVED, CARE, NOT
 from shukotsu.report.figures.panels import (
     Panel,
-    Row,
+    PanelRow,
     Scale,
     draw_rows,
     hand_panel,
@@ -40,7 +40,7 @@ def dots(picture: str) -> np.ndarray:
     return np.array(uses, float).reshape(-1, 2)
 
 
-def panel(scale: Scale, *rows: Row, n: int) -> Panel:
+def panel(scale: Scale, *rows: PanelRow, n: int) -> Panel:
     draw = partial(draw_rows, rows=rows, axis="mm", scale=scale, of_all=n)
     return Panel("", "Thumb <1>", 3.6 * (len(rows) + 1), 9.0, draw)
 
@@ -75,8 +75,10 @@ def test_ticks_are_round_numbers(scale: Scale, expected: list[float]) -> None:
 
 def test_every_subject_is_drawn() -> None:
     """A dot a number, over its value; missing ones are counted; the same bytes twice."""
-    first = Row("a & b", LOOK, {f"S{k}": k + 1.0 for k in range(31)})
-    drawn = panel(value_scale(np.arange(1.0, 32)), first, Row("c", LOOK, {"S0": 1.0}), Row("d", LOOK), n=31)
+    first = PanelRow("a & b", LOOK, {f"S{k}": k + 1.0 for k in range(31)})
+    drawn = panel(
+        value_scale(np.arange(1.0, 32)), first, PanelRow("c", LOOK, {"S0": 1.0}), PanelRow("d", LOOK), n=31
+    )
     picture = page_picture(drawn)
     assert picture == page_picture(drawn)
     places = dots(picture)
@@ -95,7 +97,7 @@ def test_rounding_errors_stretch_no_scale() -> None:
     scale = value_scale(list(numbers.values()))
     assert scale.kind == "log"
     assert scale.low > 1e-3
-    assert len(dots(page_picture(panel(scale, Row("a", LOOK, numbers), n=5)))) == len(numbers)
+    assert len(dots(page_picture(panel(scale, PanelRow("a", LOOK, numbers), n=5)))) == len(numbers)
 
 
 def motion(hand: str = "right", points_mm: np.ndarray = POINTS_MM) -> HandMotion:

@@ -7,7 +7,7 @@ import pytest
 from report_samples.made_study import UNSEEN, MadeStudy, exact_hand
 
 from shukotsu.report import recording_results
-from shukotsu.report.hand_motion import HandMotion, seen
+from shukotsu.report.hand_motion import HandMotion, view_points
 from shukotsu.simulate.random_hand import BONES
 from shukotsu.study.layout import read_layout
 from shukotsu.tables.catalogue import TIPS
@@ -62,12 +62,12 @@ def test_tip_errors_are_those_of_the_replay(study: MadeStudy, model: str) -> Non
 def test_the_view_is_upright_and_not_mirrored(study: MadeStudy, side: str) -> None:
     motion = study.motion(side, "whole-hand")
     skeleton, frames = motion.skeletons[0], np.arange(len(motion.frame))
-    places = np.nanmean(seen(motion, frames, skeleton.position_mm), axis=0)
+    places = np.nanmean(view_points(motion, frames, skeleton.position_mm), axis=0)
     at = dict(zip(skeleton.points, places, strict=True))
     assert at["middle_pip"][1] > at["middle_mcp"][1] + 20 > at["wrist"][1] + 60
     to_the_right = at["thumb_mcp"][0] - at["little_mcp"][0]
     assert to_the_right < -30 if side == "right" else to_the_right > 30
-    receivers = seen(motion, frames, motion.receiver_mm)[:, motion.receivers.index("middle_proximal")]
+    receivers = view_points(motion, frames, motion.receiver_mm)[:, motion.receivers.index("middle_proximal")]
     assert (receivers[:, 2] > at["middle_mcp"][2] - 30).all()
 
 

@@ -22,11 +22,18 @@ from report_samples.pages import page_of_viewer
 from shukotsu.hand.rotations import matrix
 from shukotsu.report.hand_motion import Array, still_frame
 from shukotsu.report.palette import DIGIT_HUES
-from shukotsu.report.viewer import ERROR_STEP_MM, FARTHEST_MM, POSITION_STEP_MM, Block, motion_text, packed
+from shukotsu.report.viewer import (
+    ERROR_STEP_MM,
+    FARTHEST_MM,
+    POSITION_STEP_MM,
+    NumberBlock,
+    motion_text,
+    pack_blocks,
+)
 
 
 def unpacked(data: bytes, parts: Sequence[Mapping[str, Any]]) -> dict[str, Array]:
-    """What `viewer.packed` wrote, by block: (T, N, W), NaN in gaps."""
+    """What `viewer.pack_blocks` wrote, by block: (T, N, W), NaN in gaps."""
     raw = np.frombuffer(zlib.decompress(data), np.uint8)
     blocks, at = {}, 0
     for part in parts:
@@ -53,8 +60,8 @@ def header_of(motion: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 @given(VALUES, st.sampled_from([0.01, 0.05, 0.25]))
 def test_a_block_comes_back_to_half_a_step_with_its_gaps(values: np.ndarray, step: float) -> None:
-    block = Block("some", step, values)
-    read = unpacked(*packed([block]))["some"]
+    block = NumberBlock("some", step, values)
+    read = unpacked(*pack_blocks([block]))["some"]
     gaps = np.isnan(values).any(-1)
     np.testing.assert_array_equal(np.isnan(read).all(-1), gaps)
     assert (np.abs(read - values)[~gaps] <= step / 2 + 1e-9).all()
