@@ -6,7 +6,7 @@ side); +X = Y x Z, which is to the right of a hand that points forward with its 
 alike. No frame is mirrored: a left hand is left because its joints are. In the frames of our tables (x
 distal, z dorsal, y = z x x) these are X = -y, Y = z, Z = -x: `BONE_TO_WEBXR`.
 
-World. Positions and rotations are in the transmitter's frame, mm, as measured; `registry.prepared` turns them
+World. Positions and rotations are in the transmitter's frame, mm, as measured; `registry.prepare` turns them
 to what a format expects.
 
 Tree. Bone 0 is the root, the wrist of a hand. A digit ends in tips, which have its last bone's rotation. Of a
