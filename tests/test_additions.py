@@ -58,7 +58,9 @@ def add_reader(program: Path) -> None:
         "    return read_csv(commas, layout, mapping)\n"
     )
     line = '    "sequence": FileFormat((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),\n'
-    new = '    "semicolons": FileFormat((".ssv",), f"{_FORMATS}.semicolons", "read_semicolons", in_parts=True),'
+    new = (
+        '    "semicolons": FileFormat((".ssv",), f"{_FORMATS}.semicolons", "read_semicolons", in_parts=True),'
+    )
     edit(formats / "readers.py", line, f"{line}{new}\n")
 
 
