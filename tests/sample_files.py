@@ -66,12 +66,14 @@ def flags_of(path: Path, rows: Sequence[tuple[int, int, int, int]]) -> Path:
 
 def midi_of(folder: Path, pulses_s: npt.NDArray[np.float64]) -> Path:
     """Write a MIDI file: note 24 at each pulse, and a quarter of a second later note 60."""
-    notes = sorted((time + 0.25 * (key == 60), key) for time in pulses_s for key in (24, 60))
-    file, ticks = mido.MidiFile(type=0, tracks=[mido.MidiTrack()]), [0]
-    for time, key in notes:
-        for at_s, status in ((time, "note_on"), (time + 0.1, "note_off")):
-            ticks.append(round(2 * file.ticks_per_beat * at_s))  # 120 quarters a minute
-            file.tracks[0].append(mido.Message(status, note=key, time=ticks[-1] - ticks[-2]))
+    notes = [(time + 0.25 * (key == 60), key) for time in pulses_s for key in (24, 60)]
+    times = [(time, "note_on", key) for time, key in notes]
+    times += [(time + 0.1, "note_off", key) for time, key in notes]
+    file, tick = mido.MidiFile(type=0, tracks=[mido.MidiTrack()]), 0
+    for time, status, key in sorted(times):
+        gap = round(2 * file.ticks_per_beat * time) - tick  # 120 quarters a minute
+        file.tracks[0].append(mido.Message(status, note=key, time=gap))
+        tick += gap
     file.save(folder / "take.mid")
     return folder / "take.mid"
 
