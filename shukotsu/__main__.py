@@ -13,16 +13,16 @@ from shukotsu.left import instead
 
 def main(argv: list[str] | None = None) -> int:
     """Hand the arguments after the first to the command that the first one names; return its exit code."""
-    words = sys.argv[1:] if argv is None else argv
+    arguments = sys.argv[1:] if argv is None else argv
 
     def command() -> int:
-        if not words:
+        if not arguments:
             build_parser().print_help()
             return command_line.EXIT_BAD_INPUT
-        if why := instead("command", words[0]):
+        if why := instead("command", arguments[0]):
             raise InputError(why)
-        module = importlib.import_module(COMMANDS[build_parser().parse_args(words[:1]).command].module)
-        return int(module.main(words[1:]))
+        module = importlib.import_module(COMMANDS[build_parser().parse_args(arguments[:1]).command].module)
+        return int(module.main(arguments[1:]))
 
     return command_line.run_command(command)
 

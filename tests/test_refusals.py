@@ -13,7 +13,7 @@ from shukotsu.left import LEFT, instead
 
 
 def test_whatever_a_sentence_quotes_it_is_one_short_printable_line() -> None:
-    """It may be a line of a stranger's file, with codes for a terminal in it."""
+    """A quoted line may be of a stranger's file, with codes for a terminal in it."""
     sentence = str(
         InputError("a.csv: is \x1b]0;x\x07\x9b31m\ud800\n\tb " + "x" * 5000 + "; expected a number")
     )

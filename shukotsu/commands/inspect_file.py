@@ -87,11 +87,11 @@ def finding_lines(arguments: argparse.Namespace) -> list[str]:
     with TemporaryDirectory() as folder:
         if not _is_poses_table(path):
             options = {"in": path, "layout": arguments.layout, "hand": hand, "out": Path(folder, "poses")}
-            words = [f"--{name}={value}" for name, value in (options | {"subject": "-", "task": "-"}).items()]
+            argv = [f"--{name}={value}" for name, value in (options | {"subject": "-", "task": "-"}).items()]
             path = options["out"]
             try:
                 with redirect_stderr(io.StringIO()):
-                    import_recording(build_parser().parse_args(["--record-failure", *words]))
+                    import_recording(build_parser().parse_args(["--record-failure", *argv]))
             except InputError as error:
                 return [f"import refuses it: {error}"]
         findings = checked_poses(path, layout).findings

@@ -26,6 +26,11 @@ def node(number: int, rule: str, *files: str) -> str:
     return NODE.format(number=number, rule=rule, files=cells)
 
 
+@pytest.mark.parametrize("name", sorted(GENERATED))
+def test_a_generated_page_is_in_step(name: str) -> None:
+    assert (DOCS / name).read_text("utf-8") == GENERATED[name], "run `make docs`"
+
+
 def test_rules_their_files_and_who_reads_them_are_read() -> None:
     dot = node(0, "all") + node(1, "solve", "r/sub-{subject,[^/]+}/joints.parquet", "r/a.html")
     dot += node(2, "cut", "r/planes.parquet") + "\t1 -> 2\n\t2 -> 0\n}"
