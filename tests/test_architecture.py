@@ -6,7 +6,6 @@ import ast
 import re
 import subprocess
 from collections import Counter
-from collections.abc import Iterator
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path, PurePosixPath
@@ -51,23 +50,22 @@ def imports_of(path: Path) -> list[tuple[str, bool]]:
 
     A text that is a module's whole name, `module` or `module:object`, counts as an import inside a function.
     """
-    return list(_imports(ast.parse(path.read_text("utf-8")), at_once=True))
-
-
-def _imports(node: ast.AST, *, at_once: bool) -> Iterator[tuple[str, bool]]:
-    names: list[str] = []
-    if isinstance(node, ast.Import):
-        names = [alias.name for alias in node.names]
-    elif isinstance(node, ast.ImportFrom):
-        names = [f"{node.module}.{alias.name}" for alias in node.names]
-        names = [name if name in modules() else str(node.module) for name in names]
-    elif isinstance(node, ast.Constant):
-        names, at_once = [str(node.value).partition(":")[0]], False
-    yield from ((name, at_once) for name in names if name in modules())
-    children = node.orelse if is_for_types(node) else ast.iter_child_nodes(node)
-    inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-    for child in children:
-        yield from _imports(child, at_once=at_once and not inside)
+    imports, nodes = [], [(ast.parse(path.read_text("utf-8")), True)]
+    while nodes:
+        node, at_once = nodes.pop()
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            names = [name if name in modules() else str(node.module) for name in names]
+        elif isinstance(node, ast.Constant):
+            names, at_once = [str(node.value).partition(":")[0]], False
+        imports += [(name, at_once) for name in names if name in modules()]
+        inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        children = node.orelse if is_for_types(node) else ast.iter_child_nodes(node)
+        nodes += [(child, at_once and not inside) for child in children]
+    return imports
 
 
 def is_for_types(node: ast.AST) -> bool:
