@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar, cast
 
@@ -40,10 +41,13 @@ def _compile(function: _Function, signature: str | None = None) -> _Function:
     try:
         folder = Path(numba.njit(cache=True, **options)(function).stats.cache_path)
         for index in folder.glob(f"kernel.{function.__name__}-*.nbi"):
-            if index.stat().st_mtime < Path(__file__).stat().st_mtime:  # it may name types that are no more
-                index.unlink()
+            with suppress(OSError):  # another process was first
+                if (
+                    index.stat().st_mtime < Path(__file__).stat().st_mtime
+                ):  # it may name types that are no more
+                    index.unlink()
         return cast(_Function, numba.njit(signature, cache=True, **options)(function))
-    except (RuntimeError, OSError):  # neither this folder nor the user's cache may be written
+    except RuntimeError:  # neither this folder nor the user's cache may be written
         return cast(_Function, numba.njit(signature, **options)(function))
 
 

@@ -1,11 +1,14 @@
 """Compiled code against what it should compute, on random chains."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from shukotsu.fit import kernel
 from shukotsu.fit.compiled_equations import (
     BLOCK_FRAMES,
     back_substitute,
@@ -278,3 +281,15 @@ def test_every_frame_is_posed_by_itself_as_well_as_can_be(seed: int, n_frames: i
             np.testing.assert_allclose(
                 getattr(computed, name)[row], getattr(alone, name)[0], rtol=1e-6, atol=1e-7
             )
+
+
+def test_what_an_older_kernel_left_is_not_read() -> None:
+    """It may name types that are no more, which numba does not survive."""
+    folder = Path(kernel.condense.stats.cache_path)
+    stale, fresh = folder / "kernel.condense-0.old.nbi", folder / "kernel.condense-0.new.nbi"
+    for index in (stale, fresh):
+        index.write_bytes(b"")
+    os.utime(stale, (0, 0))
+    kernel._compile(kernel.condense.py_func)
+    assert (stale.exists(), fresh.exists()) == (False, True)
+    fresh.unlink()
