@@ -44,7 +44,7 @@ def _compile(function: _Function, signature: str | None = None) -> _Function:
             with suppress(OSError):  # another process was first
                 if (
                     index.stat().st_mtime < Path(__file__).stat().st_mtime
-                ):  # it may name types that are no more
+                ):  # it may name types that are gone
                     index.unlink()
         return cast(_Function, numba.njit(signature, cache=True, **options)(function))
     except RuntimeError:  # neither this folder nor the user's cache may be written
