@@ -42,9 +42,7 @@ def _compile(function: _Function, signature: str | None = None) -> _Function:
         folder = Path(numba.njit(cache=True, **options)(function).stats.cache_path)
         for index in folder.glob(f"kernel.{function.__name__}-*.nbi"):
             with suppress(OSError):  # another process was first
-                if (
-                    index.stat().st_mtime < Path(__file__).stat().st_mtime
-                ):  # it may name types that are gone
+                if index.stat().st_mtime < Path(__file__).stat().st_mtime:  # it may name types that are gone
                     index.unlink()
         return cast(_Function, numba.njit(signature, cache=True, **options)(function))
     except RuntimeError:  # neither this folder nor the user's cache may be written
