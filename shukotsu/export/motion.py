@@ -121,7 +121,12 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
                 "expected a length above 0, so look at its joints' status"
             )
     bones, unseen = _seen_digits(bones)
-    notes = [f"{digit} left out: {reason}" for digit, reason in {**bones.left_out, **unseen}.items()]
+    notes = []
+    for digit, reason in {**bones.left_out, **unseen}.items():
+        why = reader.unmeasured(reader.layout.digits[digit].joints[0])
+        notes.append(f"{digit} left out: {why or reason}")
+    if beyond := [bones.names[index] for index in np.flatnonzero(beyond_receivers(bones))]:
+        notes.append(f"no receiver shows {', '.join(beyond)}")
     if len(bones.joints) < 2:
         reasons = "; ".join(notes) or "the layout has none"
         raise InputError(f"{where}: no digit of {reader.recording.name} can be exported: {reasons}")
@@ -198,9 +203,9 @@ def _seen_digits(bones: PosedRecording) -> tuple[PosedRecording, dict[str, str]]
     """Return the bones without the digits of which a joint has no pose in any frame, and the reasons.
 
     What hangs from such a digit goes with it. An end of the skin that is known in no frame, as of digits
-    without known anatomy, goes alone.
+    without known anatomy, goes alone. Bones beyond a digit's last receiver stay, without a pose.
     """
-    seen = np.asarray(bones.known.any(0))
+    seen = np.asarray(bones.known.any(0)) | beyond_receivers(bones)
     some = bool(len(bones.position_mm))
     unseen: dict[str, str] = {}
     kept = [0]
@@ -212,6 +217,35 @@ def _seen_digits(bones: PosedRecording) -> tuple[PosedRecording, dict[str, str]]
             unseen.setdefault(joint.digit, f"{joint.name} has no pose in any frame")
     kept = [index for index in kept if bones.joints[index].digit not in unseen]
     return (bones if len(kept) == len(bones.joints) else bones.only(kept)), unseen
+
+
+def beyond_receivers(motion: PosedRecording) -> Bools:
+    """Return joints (B,) without a pose in any frame whose digits have poses before and none after them."""
+    seen: Bools = np.asarray(motion.known.any(0))
+    beyond: Bools = ~seen & np.isfinite(motion.rest_offset_mm).all(-1)
+    for digit in {joint.digit for joint in motion.joints}:
+        of_digit = np.array([joint.digit == digit for joint in motion.joints])
+        last = int(np.flatnonzero(of_digit & seen).max(initial=-1))
+        beyond &= ~of_digit | ((np.arange(len(seen)) > last) & (last >= 0))
+    return beyond
+
+
+def with_unmeasured_at_rest(motion: PosedRecording) -> PosedRecording:
+    """Return the motion with the bones beyond a digit's last receiver straight on; a note names them.
+
+    For programs that need every bone of a finger in every frame.
+    """
+    beyond = np.flatnonzero(beyond_receivers(motion))
+    if not len(beyond):
+        return motion
+    position, turn = motion.position_mm.copy(), motion.quaternion.copy()
+    for index in beyond:
+        above = motion.joints[index].parent
+        position[:, index] = position[:, above] + rotate(turn[:, above], motion.rest_offset_mm[index])
+        turn[:, index] = multiply(turn[:, above], motion.rest[index])
+    names = ", ".join(motion.names[index] for index in beyond)
+    posed = replace(motion, position_mm=position, quaternion=turn)
+    return posed.noting(f"not measured, and so at rest in this file: {names}")
 
 
 def blocks(motion: PosedRecording, size: int = BLOCK_FRAMES) -> Iterator[PosedRecording]:

@@ -109,12 +109,12 @@ def prepare(motion: PosedRecording, settings: ExportSettings, *, holds_gaps: boo
     """
     from shukotsu.errors import InputError
     from shukotsu.export.gaps import close_gaps, resample_evenly
-    from shukotsu.export.motion import stiffen
+    from shukotsu.export.motion import stiffen, with_unmeasured_at_rest
     from shukotsu.export.rigging import on_rig
     from shukotsu.hand.rotations import multiply, rotate
 
     if not (holds_gaps and settings.gaps == "refuse"):
-        motion = close_gaps(motion, settings.gaps, settings.max_gap_s)
+        motion = close_gaps(with_unmeasured_at_rest(motion), settings.gaps, settings.max_gap_s)
     if settings.fps is not None:
         widest_s = settings.max_gap_s if settings.gaps == "interpolate" else 0.0
         motion = resample_evenly(motion, settings.fps, widest_s)

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from shukotsu.errors import InputError
 from shukotsu.fit.calibration import REFERENCE_FRAMES, calibrated_hand, partner_poses, read_thinned
 from shukotsu.fit.chain_builder import KINDS
 from shukotsu.fit.fingertips import BONE, TIP, Fingertips
 from shukotsu.fit.fit import HandFit
-from shukotsu.fit.fitted_motion import PosedHand, joint_angles_of, pose_hand
+from shukotsu.fit.fitted_motion import LEAST_RECEIVERS, PosedHand, joint_angles_of, pose_hand
 from shukotsu.fit.frame_uncertainty import PosedErrors, posed_errors
 from shukotsu.fit.gains import gains
 from shukotsu.fit.hand_tables import (
@@ -30,6 +32,7 @@ from shukotsu.fit.hand_tables import (
 from shukotsu.fit.loose_receivers import NORMAL, LooseReceiver, moved_in
 from shukotsu.fit.operations import Index
 from shukotsu.hand.known_digits import known_digits
+from shukotsu.hand.measured import NOT_MEASURED, measured_in
 from shukotsu.hand.rotations import Array, rotate
 from shukotsu.hand.sampled_motion import MIRROR
 from shukotsu.study.config_files import REFERENCE
@@ -148,7 +151,7 @@ def posed_blocks(
     tips: Fingertips, path: Path, moved: Sequence[LooseReceiver] = (), *, calibrates: bool = False
 ) -> Iterator[dict[str, Columns]]:
     """Pose a recording block by block; yield columns of joint_angles, bone_poses and posed_tips without the
-    part's keys.
+    part's keys; what no receiver shows is null (`hand.measured`).
 
     moved : receivers that sit elsewhere in it: from then on they are not used, and what hangs on them is
     null. calibrates : whether the hand was fitted to it.
@@ -169,26 +172,42 @@ def posed_blocks(
         for digit in () if calibrates else known_digits(fit.evidence.layout):
             flexion_deg = errors.angles_deg[digit.joints[-1]][:, 0]
             flexion_deg[:] = np.hypot(flexion_deg, UNSEEN_TURN_DEG)
-        angles = angle_columns(name, fit, posed, poses, errors)
-        ends = tip_columns(name, fit, posed, poses, left_out, ends_mm, errors)
-        for receiver in moved:
-            layout, since = fit.evidence.layout, receiver.start.frame
-            _forget(angles, "joint", joints_beside(layout, receiver.segment), since)
-            _forget(ends, "digit", digits_carried(layout, receiver.segment), since)
-        yield {
-            "joint_angles": angles,
+        block = {
+            "joint_angles": angle_columns(name, fit, posed, poses, errors),
             "bone_poses": bone_columns(name, posed, poses, errors),
-            "posed_tips": ends,
+            "posed_tips": tip_columns(name, fit, posed, poses, left_out, ends_mm, errors),
         }
+        for receiver in moved:
+            layout, since = fit.evidence.layout, poses.frame >= receiver.start.frame
+            joints, digits = (of(layout, receiver.segment) for of in (joints_beside, digits_carried))
+            _forget(block["joint_angles"], dict.fromkeys(joints, since), "receiver-moved")
+            _forget(block["posed_tips"], dict.fromkeys(digits, since), "receiver-moved")
+        _forget_unmeasured(block, fit, poses)
+        yield block
         first += len(poses.frame)
 
 
-def _forget(columns: Columns, key: str, names: Sequence[str], since: int) -> None:
-    """Make the numbers of these joints or digits null from a frame on."""
-    gone = np.isin(np.array(columns[key], object), names) & (columns["frame"] >= since)
+def _forget_unmeasured(block: Mapping[str, Columns], fit: HandFit, poses: Poses) -> None:
+    """Make null what no receiver of the fit shows."""
+    valid = poses.valid & np.isin(poses.segments, fit.evidence.model.receivers)
+    measured, posed = measured_in(fit.evidence.layout, poses.segments, valid), valid.sum(1) >= LEAST_RECEIVERS
+    of_table = {"joint_angles": measured.joints, "bone_poses": measured.bones, "posed_tips": measured.tips}
+    for table, columns in block.items():
+        _forget(columns, {name: ~(seen & posed) for name, seen in of_table[table].items()}, NOT_MEASURED)
+
+
+def _forget(columns: Columns, gone: Mapping[str, npt.NDArray[np.bool_]], flag: str) -> None:
+    """Make numbers null and flag why, where nothing did before; gone : frames (T,) by what has rows."""
+    key = next(key for key in ("joint", "segment", "digit") if key in columns)
+    names = columns[key].unique().to_pylist()
+    count = len(columns["frame"]) // max(len(names), 1)
+    kept = np.zeros(count, bool)
+    null = np.concatenate([kept[:0], *(gone.get(name, kept) for name in names)])
     for column, values in columns.items():
         if column not in ("time_s", "residual_mm") and getattr(values, "dtype", None) == np.float64:
-            columns[column] = np.where(gone, np.nan, values)
+            columns[column] = np.where(null, np.nan, values)
+    flags = columns["flags"]
+    columns["flags"] = pc.if_else(pa.array(null & pc.equal(flags, "").to_numpy(False)), flag, flags)
 
 
 def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
@@ -196,10 +215,12 @@ def posed_sample(tips: Fingertips, path: Path) -> dict[str, Columns]:
     fit, name = tips.fit, recording_name(path)
     poses = read_thinned(path, fit.evidence.layout.measured, REFERENCE_FRAMES)
     posed, every = pose_hand(fit, poses), np.arange(len(poses.frame))
-    return {
+    block = {
         "bone_poses": bone_columns(name, posed, poses),
         "posed_tips": tip_columns(name, fit, posed, poses, every, _ends_mm(tips, posed)),
     }
+    _forget_unmeasured(block, fit, poses)
+    return block
 
 
 def angle_columns(
@@ -307,6 +328,7 @@ def _keys(name: RecordingName, key: str, values: Sequence[str], poses: Poses) ->
     texts = {"task": name.task, "trial": name.trial}
     columns: Columns = {text: pa.repeat(value, n_frames * len(values)) for text, value in texts.items()}
     columns[key] = pa.array(np.repeat(np.array(values, object), n_frames), pa.string())
+    columns["flags"] = pa.repeat("", n_frames * len(values))
     return columns | {"frame": np.tile(poses.frame, len(values))}
 
 

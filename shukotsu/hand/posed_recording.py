@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from shukotsu.errors import InputError, TableError, join_reasons
+from shukotsu.hand.measured import not_measured_text, not_worn
 from shukotsu.hand.posing import Index, Origin, PosedRecording, Skeleton, fitted_bones, receiver_bones
 from shukotsu.hand.rotations import Array
 from shukotsu.study.layout import Layout
@@ -29,7 +30,7 @@ from shukotsu.tables.catalogue import (
     POSED_TIPS,
 )
 from shukotsu.tables.parts import Part, PartsReader, open_parts, read_part
-from shukotsu.tables.poses import Poses, RecordingName, frame_count, pose_blocks, read_every
+from shukotsu.tables.poses import Poses, RecordingName, frame_count, pose_blocks, read_every, seen_segments
 from shukotsu.tables.typed_table import Table, rows_of
 
 BLOCK_FRAMES = 1 << 14
@@ -104,6 +105,16 @@ class RecordingReader:
         """Return why a joint (column joints) or a digit's tip (digits) is not believed; empty where it is."""
         rows = [row for row in self.moved if name in row[column].split(";")]
         return join_reasons(f"{row['segment']}: {row['message']}" for row in rows)
+
+    @cached_property
+    def seen(self) -> set[str]:
+        """Segments whose receivers have a pose in some frame."""
+        return seen_segments(self.poses_file)
+
+    def unmeasured(self, joint: str) -> str:
+        """Return why no frame of the recording measures a joint; empty where one may."""
+        lacking = not_worn(self.layout, joint, self.seen)
+        return not_measured_text(lacking) if lacking else ""
 
     @cached_property
     def n_frames(self) -> int:

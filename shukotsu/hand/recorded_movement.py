@@ -59,8 +59,9 @@ class FingertipPath:
 class RecordedMovement:
     """What one pass over a recording gives.
 
-    frame, time_s : (T,). fingertips : by digit. left_out : joints that the model cannot pose, and why. bases
-    : (T, 7, 1) by segment, the poses, mm then quaternion, of what fingertips are placed in.
+    frame, time_s : (T,). fingertips : by digit; pathless : digits without one, and why. left_out : joints
+    that the model cannot pose, and why. bases : (T, 7, 1) by segment, the poses, mm then quaternion, of what
+    fingertips are placed in.
     """
 
     reader: RecordingReader
@@ -70,6 +71,7 @@ class RecordedMovement:
     left_out: Mapping[str, str]
     bases: Mapping[str, Array] = field(default_factory=dict)
     _angles_deg: Mapping[str, Array] = field(default_factory=dict)
+    pathless: Mapping[str, str] = field(default_factory=dict)
 
     def joints(self) -> Iterator[AngleSeries]:
         """Read the angles of each joint in turn; of a fitted hand from its table, else from its bones."""
@@ -100,6 +102,8 @@ class RecordedMovement:
 
 def _reliability(reader: RecordingReader, digit: Digit, joint: str) -> tuple[str, str]:
     """Return the status of a joint's centre, and what that and the model mean for its angles."""
+    if reason := reader.unmeasured(joint):
+        return "failed", reason
     row = reader.skeleton.joints.get(joint)
     status = "failed" if row is None else row["status"]
     reasons = ["the joint was not solved" if row is None else row["message"]]
@@ -169,9 +173,19 @@ def read_movement(reader: RecordingReader, *, with_tips: bool = True) -> Recorde
         skin = any(np.isfinite(columns[:, column]).any() for column in range(8, columns.shape[1]))
         sd, first = (7, 8) if skin else (3, 4)
         place_mm, pointing, sd_mm = columns[:, first : first + 3], columns[:, :3], columns[:, sd : sd + 1]
-        paths[name] = FingertipPath(place_mm, pointing, sd_mm, skin, reader.unbelieved("digits", name))
-    unposed = {joint: left_out[name] for name in left_out for joint in layout.digits[name].joints}
-    return RecordedMovement(reader, frame, time_s, paths, unposed, bases, angles)
+        why = reader.unmeasured(layout.digits[name].joints[-1]) or reader.unbelieved("digits", name)
+        paths[name] = FingertipPath(place_mm, pointing, sd_mm, skin, why)
+    unposed = {
+        joint: reader.unmeasured(joint) or left_out[name]
+        for name in left_out
+        for joint in layout.digits[name].joints
+    }
+    pathless = {
+        name: reader.unmeasured(digit.joints[-1]) or left_out.get(name, "")
+        for name, digit in layout.digits.items()
+        if name not in paths
+    }
+    return RecordedMovement(reader, frame, time_s, paths, unposed, bases, angles, pathless)
 
 
 def _fingertips(reader: RecordingReader, poses: Poses, bones: PosedRecording) -> dict[str, Array]:

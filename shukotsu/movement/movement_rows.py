@@ -103,7 +103,9 @@ def _visits(at_end: Booleans, beyond: Booleans) -> int:
 
 Row = dict[str, Any]
 
-LEAST_VALID_PERCENT = 50.0
+LEAST_VALID_PERCENT, MOST_VALID_PERCENT = 50.0, 95.0
+"""Share of a recording's frames, below which a number is weak, and from which it is as of the whole."""
+
 NO_TIMES = "the recording has no times, so there are no speeds"
 
 
@@ -128,14 +130,21 @@ def range_rows(series: AngleSeries, grid: Grid | None) -> Iterator[Row]:
     yield row | _judge(row, status, series.message, grid)
 
 
+_NOTHING: Row = {"n_frames": 0, "status": "failed"}
+
+
 def left_out_rows(reasons: Mapping[str, str]) -> Iterator[Row]:
     """Rows of ranges_of_motion of joints that a model cannot pose. reasons : why, by joint."""
     for joint, reason in reasons.items():
-        yield {"joint": joint, "angle": "flexion", "n_frames": 0, "status": "failed", "message": reason}
+        yield {"joint": joint, "angle": "flexion", **_NOTHING, "message": reason}
 
 
-def path_rows(tips: Mapping[str, FingertipPath], grid: Grid | None) -> Iterator[Row]:
-    """Rows of fingertip_paths."""
+def path_rows(
+    tips: Mapping[str, FingertipPath], grid: Grid | None, pathless: Mapping[str, str] | None = None
+) -> Iterator[Row]:
+    """Rows of fingertip_paths; pathless : digits without a tip, and why."""
+    for digit, reason in (pathless or {}).items():
+        yield {"digit": digit, **_NOTHING, "message": reason or "no frame has this fingertip"}
     for digit, tip in tips.items():
         finite = np.asarray(np.isfinite(tip.place_mm[..., 0]).all(1))
         row: Row = {"digit": digit} | _coverage(finite)
@@ -169,8 +178,10 @@ def _coverage(finite: npt.NDArray[np.bool_]) -> Row:
 def _judge(row: Row, status: str, message: str, grid: Grid | None) -> Row:
     """Status and message of a row that has numbers."""
     reasons = [message] if message else []
+    if row["valid_percent"] < MOST_VALID_PERCENT:
+        reasons = [f"known in {row['valid_percent']:.0f} % of the frames", *reasons]
     if row["valid_percent"] < LEAST_VALID_PERCENT:
-        status, reasons = "weak", [f"known in {row['valid_percent']:.0f} % of the frames", *reasons]
+        status = "weak"
     if grid is None:
         status, reasons = "weak", [NO_TIMES, *reasons]
     return {"status": status, "message": "; ".join(reasons)}
@@ -249,6 +260,6 @@ def _measure_recording(
         write("ranges_of_motion", ranges)
         return
     write("ranges_of_motion", [*left_out_rows(movement.left_out), *ranges])
-    write("fingertip_paths", path_rows(movement.fingertips, grid))
+    write("fingertip_paths", path_rows(movement.fingertips, grid, movement.pathless))
     if strokes := struck_events(recording, events, [*reader.layout.digits]):
         write("event_strokes", stroke_rows(movement, strokes))

@@ -7,7 +7,7 @@ of the whole hand says where the bone ends.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -18,6 +18,7 @@ import pyarrow as pa
 
 from shukotsu.errors import InputError, TableError
 from shukotsu.hand.digit_chain import DigitChain, Rows, all_valid, digit_chain, seen_from, segment_quaternions
+from shukotsu.hand.measured import not_measured_text, not_worn
 from shukotsu.hand.rotations import Array, about_axis, bone_frame, conjugate, from_matrix, multiply, rotate
 from shukotsu.paper.posture import Posture, Reference, estimate_posture
 from shukotsu.paper.wrist import wrist_row
@@ -27,6 +28,7 @@ from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording
 from shukotsu.study.verdict import (
     LEAST_KNUCKLES_MM,
+    NOT_WORN,
     SUSPECT,
     TOO_CLOSE,
     UNJUDGED,
@@ -36,7 +38,7 @@ from shukotsu.study.verdict import (
 )
 from shukotsu.tables.catalogue import BONE_LENGTHS, BONE_POSES, DISTAL_RECEIVER, JOINT_CENTRES
 from shukotsu.tables.parts import Part, PartsWriter, open_parts, read_part
-from shukotsu.tables.poses import Poses, PosesReader, poses_reader, usable_poses
+from shukotsu.tables.poses import Poses, PosesReader, poses_reader, seen_segments, usable_poses
 from shukotsu.tables.typed_table import rows_of
 
 LENGTHS = ("starts_at", "ends_at", "length_mm", "sd_mm")
@@ -305,7 +307,9 @@ Index = npt.NDArray[np.int64]
 _OF_JOINT_ALONE = ("gap_rms_free_mm", "n_frames", "n_effective")
 """Columns that only the frames joint by joint say."""
 
-_KEPT_OF_FAILED = ("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames")
+_KEPT_OF_FAILED = (
+    *("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames", "source"),
+)
 
 
 @dataclass(frozen=True)
@@ -390,20 +394,58 @@ def merge_fitted(
 
 def failed_joints(projected_rows: Sequence[Mapping[str, Any]], message: str) -> list[Row]:
     """Rows of joint_centres of a hand whose fit failed: the projected joints without numbers."""
-    failed = {"source": "fit of the whole hand", **UNJUDGED, "status": "failed", "message": message}
-    return [{name: row[name] for name in _KEPT_OF_FAILED} | failed for row in projected_rows]
+    source = {"source": "fit of the whole hand"}
+    return [_without_numbers({**row, **source}, message) for row in projected_rows]
 
 
-def judge_hand(hand: BuiltHand, layout: Layout, suspicion: Doubts) -> BuiltHand:
-    """The hand with the verdict on every joint and bone; suspicion : of a suspect recording, or empty."""
+def _without_numbers(row: Mapping[str, Any], message: str) -> Row:
+    """A row of joint_centres of a joint that failed."""
+    kept = {name: row[name] for name in _KEPT_OF_FAILED if name in row}
+    return kept | {**UNJUDGED, "status": "failed", "message": message}
+
+
+def judge_hand(
+    hand: BuiltHand, layout: Layout, suspicion: Doubts, worn: Collection[str] | None = None
+) -> BuiltHand:
+    """The hand with the verdict on every joint and bone; suspicion : of a suspect recording, or empty.
+
+    worn : segments whose receivers have a pose in the calibration, all if None. A joint that these do not
+    measure has no numbers.
+    """
     wanted_mm = layout.wanted_mm
-    close = knuckles_too_close({row["joint"]: row for row in hand.joints}, layout)
-    joints = {
-        row["joint"]: judged_joint(row, wanted_mm, {**suspicion, **close.get(row["joint"], {})})
+    unworn = {} if worn is None else _unworn({row["joint"]: row for row in hand.joints}, layout, worn)
+    rows = [
+        _without_numbers(row, not_measured_text(unworn[row["joint"]])) if row["joint"] in unworn else row
         for row in hand.joints
+    ]
+    close = knuckles_too_close({row["joint"]: row for row in rows}, layout)
+    doubts: dict[str, Doubts] = {
+        joint: {NOT_WORN: {"segments": lacking}} for joint, lacking in unworn.items()
     }
-    bones = [judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in hand.bones]
+    joints = {
+        row["joint"]: judged_joint(
+            row, wanted_mm, {**suspicion, **close.get(row["joint"], {}), **doubts.get(row["joint"], {})}
+        )
+        for row in rows
+    }
+    nowhere = {"length_mm": None, "sd_mm": None, "message": "not measured: no receiver on this digit"}
+    gone = {name for name, digit in layout.digits.items() if unworn.keys() >= {*digit.joints} & joints.keys()}
+    bones = [bone | nowhere if bone["digit"] in gone else bone for bone in hand.bones]
+    bones = [judged_bone(bone, joints, wanted_mm, is_whole=is_whole(bone, layout)) for bone in bones]
     return replace(hand, joints=[*joints.values()], bones=bones)
+
+
+def _unworn(joints: Rows, layout: Layout, worn: Collection[str]) -> dict[str, list[str]]:
+    """The receivers that were not worn, by joint of a digit that is not measured, or failed, without them."""
+    unworn = {}
+    for name in (name for digit in layout.digits.values() for name in digit.joints if name in joints):
+        sides = (layout.joints[name].parent_receiver, layout.joints[name].child)
+        lacking = not_worn(layout, name, worn)
+        if not lacking and joints[name]["status"] == "failed":
+            lacking = [side for side in sides if layout.segments[side].measured and side not in worn]
+        if lacking:
+            unworn[name] = lacking
+    return unworn
 
 
 def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, Doubts]:
@@ -432,7 +474,8 @@ def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter])
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     projected = list(rows_of(read_part(plan.table("projected_joints"), JOINT_CENTRES, part)))
     calibration = plan.calibrating(part.hand, part.model, part.made_without)
-    reader = poses_reader(usable_poses([plan.poses(r) for r in calibration])[0], layout.measured)
+    usable = usable_poses([plan.poses(r) for r in calibration])[0]
+    reader = poses_reader(usable, layout.measured)
     if model.fitting is None:
         hand = build_hand(_by("joint", projected), layout, model, reader)
     else:
@@ -450,7 +493,8 @@ def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter])
     parameters = {"calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration]}
     keys = {**plan.who._asdict(), "model": part.model, "made_without": part.made_without}
     suspects = [recording.title for recording in plan.suspect if recording.hand.hand == part.hand]
-    hand = judge_hand(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {})
+    worn = {segment for path in usable for segment in seen_segments(path)} or None
+    hand = judge_hand(hand, layout, {SUSPECT: {"recordings": suspects}} if suspects else {}, worn)
     tables["joint_centres"].rows(part, [{**row, **keys} for row in hand.joints], **parameters)
     tables["bone_lengths"].rows(part, [{**row, **keys} for row in hand.bones], **parameters)
     tables["metacarpals"].rows(part, [], **parameters)

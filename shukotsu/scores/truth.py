@@ -15,7 +15,7 @@ from shukotsu.hand.digit_chain import Rows
 from shukotsu.hand.posed_recording import QUATERNION
 from shukotsu.hand.rotations import Array, rotate, unit
 from shukotsu.study.layout import Layout
-from shukotsu.study.verdict import RADIUS_SD
+from shukotsu.study.verdict import NOT_WORN, RADIUS_SD
 from shukotsu.tables.catalogue import BONE_LENGTHS, DISTAL_RECEIVER, JOINT_CENTRES, METACARPALS, TIPS
 from shukotsu.tables.parts import numbers_by_name
 from shukotsu.tables.poses import Poses, RecordingName
@@ -188,8 +188,11 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
             row |= centre_errors(estimated, true)
         bone, length = stated.bones.get(joint.child), truth.bones.get(joint.child, {}).get("length_mm")
         # a bone that starts at the wrist, or ends at the distal receiver, is not the bone itself
-        whole = bone and bone["starts_at"] == joint.name and bone["ends_at"] != DISTAL_RECEIVER
-        stated_mm = bone["length_mm"] if bone and whole else None
+        stated_mm = None
+        if bone and bone["starts_at"] == joint.name and bone["ends_at"] != DISTAL_RECEIVER:
+            ends = (stated.joints.get(bone[end], {}) for end in ("starts_at", "ends_at"))
+            if all(end.get("reason") != NOT_WORN for end in ends):  # else anatomy's alone
+                stated_mm = bone["length_mm"]
         if stated_mm is not None and length is not None:
             off_mm = float(stated_mm) - length
             row |= {"bone": joint.child, "bone_error_mm": off_mm, "bone_error_percent": 100 * off_mm / length}

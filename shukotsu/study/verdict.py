@@ -44,6 +44,7 @@ Values = Mapping[str, Any]
 Doubts = Mapping[str, Values]
 """Numbers and names by kind."""
 
+NOT_WORN = "not-worn"
 NOT_SOLVED = "not-solved"
 SUSPECT = "suspect-recording"
 NO_LENGTH = "no-length"
@@ -67,7 +68,7 @@ NO_ERROR = "no-error-stated"
 AXIS = "axis-uncertain"
 
 LIMITS: Mapping[str, str] = {
-    **dict.fromkeys((NOT_SOLVED, SUSPECT, NO_LENGTH, FAR), NO),
+    **dict.fromkeys((NOT_WORN, NOT_SOLVED, SUSPECT, NO_LENGTH, FAR), NO),
     **dict.fromkeys((END_IN_DOUBT, TOO_CLOSE, HALVES, NO_POSE, ONE_RECEIVER, MOVED_LITTLE, BY_ANATOMY), CARE),
     **dict.fromkeys((ACROSS, AXIS_IN_PLANE, UNSETTLED, ONE_WAY, UNCERTAIN, BY_HAND, FROM_DOUBTFUL), CARE),
     **dict.fromkeys((NOT_THE_BONE, NO_ERROR), CARE),

@@ -218,6 +218,16 @@ def check_layout(path: Path, layout: str, measured: Sequence[str], segments: Col
         )
 
 
+def seen_segments(path: Path) -> set[str]:
+    """Return the segments that have a valid pose in some frame of a poses file, which its footer tells."""
+    with open_table(path, POSES) as file:
+        return {
+            segment
+            for segment, groups in _row_groups(file).items()
+            if any((file.ends(group, "valid") or (False, True))[1] for group in groups)
+        }
+
+
 def frame_count(path: Path) -> int:
     """Return the number of frames of a poses file, which its footer tells."""
     with open_table(path, POSES) as file:

@@ -1,0 +1,86 @@
+"""Decide what receivers measured: one rule for every model, layout and table that is made of poses.
+
+Bones are a tree. What lies between two receivers with a valid pose is measured; what lies beyond the last
+receiver is not, as only anatomy, or a link to another joint, says anything of it. So a joint is measured
+where a receiver is valid on either side of it, a bone where it carries one or lies between two, and the tip
+of a digit where its last bone carries one.
+
+A receiver's six coordinates determine at most six angles between it and the receiver before, and no chain of
+a hand has more: without the middle phalanx's receiver the distal one's place tells the PIP and the DIP joint
+apart, and from the proximal phalanx alone follows the CMC joint of a metacarpal. How well is in the stated
+errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from shukotsu.study.layout import Layout
+from shukotsu.translation import listed
+
+Bools = npt.NDArray[np.bool_]
+
+NOT_MEASURED = "not-measured"
+"""Flag of a frame in which no receiver shows a joint, a bone or a tip."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What is measured in each of T frames, (T,) bool: joints by name, bones by segment, tips by digit."""
+
+    joints: Mapping[str, Bools]
+    bones: Mapping[str, Bools]
+    tips: Mapping[str, Bools]
+
+
+def measured_in(layout: Layout, segments: Sequence[str], valid: Bools) -> Measured:
+    """Return what frames measure. segments : S, of the receivers; valid : (T, S), which have a pose."""
+    beyond = _beyond(layout)
+
+    def seen(bones: Collection[str]) -> Bools:
+        return np.asarray(valid[:, [name in bones for name in segments]].any(1))
+
+    joints = {
+        name: seen(beyond[joint.child]) & seen(_before(beyond, joint.child))
+        for name, joint in layout.joints.items()
+    }
+    bones = {name: seen({name}) for name in layout.segments}
+    for name, joint in layout.joints.items():
+        for bone in (joint.parent, joint.child):
+            bones[bone] = bones[bone] | joints[name]
+    return Measured(joints, bones, {digit.name: seen({digit.tip}) for digit in layout.digits.values()})
+
+
+def not_worn(layout: Layout, joint: str, worn: Collection[str]) -> list[str]:
+    """Return the receivers for want of which a joint is not measured, none where it is; worn : segments."""
+    beyond, child = _beyond(layout), layout.joints[joint].child
+    for side in (beyond[child], _before(beyond, child)):
+        if not side & {*worn}:
+            return [name for name in layout.measured if name in side]
+    return []
+
+
+def _beyond(layout: Layout) -> dict[str, set[str]]:
+    """Return each bone's segments, itself and those beyond it."""
+    above = {joint.child: joint.parent for joint in layout.joints.values()}
+    beyond = {name: {name} for name in layout.segments}
+    for name in layout.segments:
+        bone = name
+        while bone in above:
+            bone = above[bone]
+            beyond[bone].add(name)
+    return beyond
+
+
+def _before(beyond: Mapping[str, set[str]], child: str) -> set[str]:
+    """Return the segments of a bone's tree that are not beyond the joint before it."""
+    return max((bones for bones in beyond.values() if child in bones), key=len) - beyond[child]
+
+
+def not_measured_text(segments: Sequence[str]) -> str:
+    """Return why a joint or a tip is not measured; segments : those without a receiver."""
+    return f"not measured: no receiver on {listed(segments)}"
