@@ -108,19 +108,19 @@ def read_motion(reader: RecordingReader, licence: str = "", frames: Range = (Non
     where = f"{folder}: {reader.part.hand} hand, model {reader.model.name}"
     if bones.root_failure:
         raise InputError(f"{where}: {bones.root_failure}, and it is the skeleton's root")
-    for joint, offset in zip(bones.joints[1:], bones.rest_offset_mm[1:], strict=True):
-        if joint.parent < 0:
-            raise InputError(
-                f"digit {joint.digit} hangs from {reader.layout.digits[joint.digit].base}, which is no bone "
-                "of the skeleton; an export needs one tree, so give each part a layout of its own"
-            )
+    for joint in (joint for joint in bones.joints[1:] if joint.parent < 0):
+        raise InputError(
+            f"digit {joint.digit} hangs from {reader.layout.digits[joint.digit].base}, which is no bone "
+            "of the skeleton; an export needs one tree, so give each part a layout of its own"
+        )
+    bones, unseen = _seen_digits(bones)
+    for joint, offset in zip(bones.joints, bones.rest_offset_mm, strict=True):
         # of bones before a digit's first joint the motion tells the length
         if joint.parent > 0 and not np.isnan(offset).all() and not offset[0] > 0:
             raise InputError(
                 f"{where}: bone {bones.joints[joint.parent].segment} is {offset[0]} mm long in bone_lengths; "
                 "expected a length above 0, so look at its joints' status"
             )
-    bones, unseen = _seen_digits(bones)
     notes = []
     for digit, reason in {**bones.left_out, **unseen}.items():
         why = reader.unmeasured(reader.layout.digits[digit].joints[0])

@@ -14,9 +14,11 @@ from shukotsu.study.layout import Layout
 from shukotsu.tables.subjects import Hand
 from shukotsu.translation import N_, listed, tr, translated, word
 
-BELIEVED, CARE, NOT = N_("✓ yes"), N_("◆ with care"), N_("✕ no")
-BELIEFS = (BELIEVED, CARE, NOT)
-"""From good to bad; a picture marks them by shape and colour, see BELIEF_MARKS."""
+BELIEVED, CARE, NOT, UNWORN = N_("✓ yes"), N_("◆ with care"), N_("✕ no"), N_("– not worn")
+BELIEFS = (BELIEVED, CARE, NOT, UNWORN)
+"""From good to bad; a picture marks them by shape and colour, see BELIEF_MARKS, and has no joint that nobody
+wore a receiver for.
+"""
 
 BELIEF_MARKS: Mapping[str, PlotMark] = {
     BELIEVED: PlotMark("o", INK, INK),
@@ -30,6 +32,7 @@ _SHOWN = {verdict.BELIEVE: BELIEVED, verdict.CARE: CARE, verdict.NO: NOT}
 """What is shown of the column `verdict`."""
 
 _DOUBT_TEXTS: Mapping[str, str] = {
+    verdict.NOT_WORN: N_("no receiver on {segments}, so nothing measures it"),
     verdict.SUSPECT: N_("what was found in its recording leaves it out of everything"),
     verdict.FAR: N_(
         "the hand that fits is far from any usual one ({what} is {sd:.0f} SD off): wrong units, swapped "
@@ -69,6 +72,8 @@ _DOUBT_TEXTS: Mapping[str, str] = {
 
 def belief(row: Mapping[str, object]) -> str:
     """One of BELIEFS for a row of joint_centres or bone_lengths: what its column `verdict` says."""
+    if row.get("reason") == verdict.NOT_WORN:
+        return UNWORN
     return _SHOWN[str(row["verdict"])]
 
 
@@ -84,7 +89,9 @@ def reasons_of(row: Mapping[str, Any]) -> list[str]:
                  else word(value) if isinstance(value, str) else value
                  for name, value in values.items()}  # fmt: skip
         reasons.append(tr(_DOUBT_TEXTS[kind], **texts) if kind in _DOUBT_TEXTS else "")
-    if verdict.NOT_SOLVED in doubts:
+    if verdict.NOT_WORN in doubts:
+        message = ""
+    elif verdict.NOT_SOLVED in doubts:
         message = tr("has no place: {message}", message=message)
     return [text for text in (*reasons, message) if text]
 
@@ -111,11 +118,12 @@ def joint_table(results: StudyResults, hand: Hand, model: str) -> DataTable:
 
 
 def study_beliefs(results: StudyResults, model: str) -> dict[str, str]:
-    """Return each joint's verdict in the middle of the study's hands, of two the worse: one of BELIEFS."""
+    """Return each worn joint's verdict in the middle of the study's hands, of two the worse."""
     of_joint: dict[str, list[str]] = defaultdict(list)
     for hand in results.hands:
         for row in results.joints_of.get((hand, model), []):
-            of_joint[row["joint"]].append(belief(row))
+            if (shown := belief(row)) != UNWORN:
+                of_joint[row["joint"]].append(shown)
     return {
         joint: sorted(beliefs, key=BELIEFS.index)[len(beliefs) // 2] for joint, beliefs in of_joint.items()
     }

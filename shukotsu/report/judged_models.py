@@ -144,11 +144,41 @@ def used_text(results: StudyResults) -> str:
 def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]:
     """Return joints believed of all, the typical error of a joint, and hands with a finding."""
     model = results.leading
-    rows = [row for row in results.judging.joints if row["model"] == model]
-    hands = hands_counted(results, len({hand_of(row) for row in rows}))
+    every = [row for row in results.judging.joints if row["model"] == model]
+    rows = [row for row in every if row["reason"] != verdict.NOT_WORN]
+    hands = hands_counted(results, len({hand_of(row) for row in every}))
     believed = sum(row["verdict"] == verdict.BELIEVE for row in rows)
-    sds = [row["sd_mm"] for row in rows if row["sd_mm"] is not None]
-    typical = tr("is how far off the model expects a joint to be: the median of all joints, 1 sigma in 3-D")
+    total = ngettext("{n} joint", "{n} joints", len(rows))
+    of_joints = tr("can be believed: no hand that counts has a joint under {model}", model=model)
+    if every:
+        of_joints = tr(
+            "can be believed under the model {model}, of all joints of {hands}", model=model, hands=hands
+        )
+    if unworn := len(every) - len(rows):
+        of_joints += tr("; for {n} more no receiver was worn", n=unworn)
+    suspects = len({hand_of(row) for row in results.findings})
+    mistaken = tr("have recordings in which a mistake was found")
+    return (
+        BigNumber(str(believed), tr("of {total}", total=total), of_joints),
+        _typical_error(results, model, rows, total),
+        BigNumber(
+            str(suspects),
+            tr("of {total}", total=hands_counted(results, len(results.hands))),
+            mistaken + (tr(", and are in no statistic unless accepted") if suspects else ""),
+        ),
+    )
+
+
+def _typical_error(results: StudyResults, model: str, rows: list[Row], total: str) -> BigNumber:
+    """Return the median error of joints and of how many, or that none comes from the recordings."""
+    stated = [row for row in rows if row["sd_mm"] is not None]
+    if all(verdict.BY_ANATOMY in verdict.doubts_of(row) for row in stated):
+        return BigNumber("0", tr("of {total}", total=total), tr("have an error that the recordings gave"))
+    typical = tr(
+        "is how far off the model expects a joint to be: the median of {n} of {total}, 1 sigma in 3-D",
+        n=len(stated),
+        total=total,
+    )
     for judged in judged_models(results):
         if judged.metric == TRUTH and model in judged.values:
             values = list(judged.values[model].values())
@@ -156,23 +186,7 @@ def big_numbers(results: StudyResults) -> tuple[BigNumber, BigNumber, BigNumber]
             typical += tr(
                 "; the hands are simulated, so the truth is known: {truth} mm on average", truth=truth
             )
-    suspects = len({hand_of(row) for row in results.findings})
-    mistaken = tr("have recordings in which a mistake was found")
-    return (
-        BigNumber(
-            str(believed),
-            tr("of {total}", total=ngettext("{n} joint", "{n} joints", len(rows))),
-            tr("can be believed under the model {model}, of all joints of {hands}", model=model, hands=hands)
-            if rows
-            else tr("can be believed: no hand that counts has a joint under {model}", model=model),
-        ),
-        BigNumber(format_value("sd_mm", median(sds) if sds else None), "mm", typical),
-        BigNumber(
-            str(suspects),
-            tr("of {total}", total=hands_counted(results, len(results.hands))),
-            mistaken + (tr(", and are in no statistic unless accepted") if suspects else ""),
-        ),
-    )
+    return BigNumber(format_value("sd_mm", median(row["sd_mm"] for row in stated)), "mm", typical)
 
 
 def hands_counted(results: StudyResults, n: int) -> str:

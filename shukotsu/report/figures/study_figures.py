@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from shukotsu.errors import on_one_line
-from shukotsu.report.belief import BELIEVED, CARE, NOT, belief, wanted_text
+from shukotsu.report.belief import BELIEVED, CARE, NOT, UNWORN, belief, wanted_text
 from shukotsu.report.figures.panels import (
     FEWEST_FOR_QUARTILES,
     FOOT_MM,
@@ -310,7 +310,9 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
     beliefs: dict[str, dict[str, dict[Hand, str]]] = {model: {} for model in results.models}
     for (hand, model), rows in results.joints_of.items():
         for row in rows if model in beliefs else []:
-            beliefs[model].setdefault(row["joint"], {})[hand] = belief(row)
+            of_joint = beliefs[model].setdefault(row["joint"], {})
+            if (shown := belief(row)) != UNWORN:
+                of_joint[hand] = shown
     beliefs = {model: of_model for model, of_model in beliefs.items() if of_model}
     if not beliefs:
         raise NoDataError(tr("no hand of this study has a joint"))
@@ -328,7 +330,7 @@ def joint_trust(results: StudyResults) -> tuple[Figure, str]:
         "Which joints to believe: share of the study's hands [%] in which a joint is to be "
         "believed (its centre is known to {wanted} mm or better, 1 sigma in three dimensions, and "
         "nothing contradicts that), with care (to {care} mm, or something is against it), not "
-        "(known less well still, contradicted, suspect, or failed), or has no result. "
+        "(known less well still, contradicted, suspect, or failed), or has no result or no receiver. "
         "{study_text} Made from all of the model's calibration recordings. Models that agree "
         "share a panel. A joint that a model does not have has no bar.",
         wanted=wanted_text(results.layouts.values()),

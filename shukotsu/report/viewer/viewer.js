@@ -325,7 +325,7 @@ class HandViewer {
       const hex = style.getPropertyValue(`--${name}`).match(/[0-9a-f]{2}/gi);
       return hex.map((part) => parseInt(part, 16) / 255);
     };
-    this.colours = {bone: read("bone"), plain: read("plain"), verdict: ["ink", "amber", "no"].map(read)};
+    this.colours = {bone: read("bone"), plain: read("plain"), verdict: ["ink", "amber", "no", "no"].map(read)};
     for (const [name, n] of [["digit", 5], ["model", 7], ["error", 7], ["axis", 3]]) {
       this.colours[name] = Array.from({length: n}, (_, i) => read(name + i));
     }
