@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from shukotsu.report.provenance import all_problems
 from shukotsu.report.study_results import Row, StudyResults, hand_of
-from shukotsu.report.table_cells import format_value, p_text
+from shukotsu.report.table_cells import DASH, format_value, p_text
 from shukotsu.scores.paired_statistics import LEVEL
 from shukotsu.study import verdict
 from shukotsu.study.findings import in_quotes
@@ -173,7 +173,7 @@ def _typical_error(results: StudyResults, model: str, rows: list[Row], total: st
     """Return the median error of joints and of how many, or that none comes from the recordings."""
     stated = [row for row in rows if row["sd_mm"] is not None]
     if all(verdict.BY_ANATOMY in verdict.doubts_of(row) for row in stated):
-        return BigNumber("0", tr("of {total}", total=total), tr("have an error that the recordings gave"))
+        return BigNumber(DASH, "", tr("the recordings gave 0 of {total} an error", total=total))
     typical = tr(
         "is how far off the model expects a joint to be: the median of {n} of {total}, 1 sigma in 3-D",
         n=len(stated),
@@ -196,7 +196,8 @@ def hands_counted(results: StudyResults, n: int) -> str:
 
 def numbers_texts(results: StudyResults) -> list[str]:
     """Return the numbers, a sentence each."""
-    return [tr("{value} {unit} {of}.", **number._asdict()) for number in big_numbers(results)]
+    numbers = (number._asdict() for number in big_numbers(results))
+    return [tr("{value} {unit} {of}.", **number).replace("  ", " ") for number in numbers]
 
 
 WIDTH, MOST_PROBLEMS = 79, 3

@@ -36,6 +36,7 @@ VALUES: dict[str, dict[str, Any]] = {
     verdict.ONE_WAY: {"sd_mm": 3.0, "radius_95_mm": 4.8, "wanted_mm": 2.0, "worst_mm": 2.9},
     verdict.MOVED_LITTLE: {"range_deg": 6.2},
     verdict.NO_POSE: {"segments": ["index_distal"]},
+    verdict.NOT_WORN: {"segments": ["index_distal"]},
     verdict.ONE_RECEIVER: {"segments": ["index_middle", "index_distal"]},
     verdict.ACROSS: {"segment": "ring_metacarpal", "receiver": "hand"},
     verdict.AXIS_IN_PLANE: {"axis_plane_deg": 4.0, "slide_mm": 59.0},
