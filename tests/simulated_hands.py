@@ -116,7 +116,13 @@ def simulated_hands(
                 for index, name in enumerate(names):
                     unknown = np.full(n_frames, np.nan)
                     frames = {column.name: unknown for column in table.columns if column.nullable}
-                    frames |= {"task": "opposition", "trial": "", key: name, "frame": simulated.frame, "flags": ""}
+                    frames |= {
+                        "task": "opposition",
+                        "trial": "",
+                        key: name,
+                        "frame": simulated.frame,
+                        "flags": "",
+                    }
                     numbers = dict(zip(columns, values[:, index].T, strict=True))
                     writer.columns(plan.part(simulated.hand, FITTED), frames | numbers)
     for table in (JOINT_CENTRES, BONE_LENGTHS, METACARPALS):
