@@ -17,6 +17,7 @@ from shukotsu.fit.posterior import Evidence, centre_by_unknowns, places_of
 from shukotsu.fit.posterior_summary import unshown_mm2
 from shukotsu.fit.touches import SKIN_SD_MM
 from shukotsu.hand.known_digits import root_of
+from shukotsu.hand.measured import measured_in
 from shukotsu.hand.rotations import Array
 
 MEASURED_SD_MM, TOUCH_SD_MM = 0.4, 0.5
@@ -29,12 +30,20 @@ TOUCH = "touch"
 
 
 def gains(tips: Fingertips) -> list[dict[str, Any]]:
-    """Rows of gains: bones' lengths, receivers' places and fingertips' touches, best first."""
-    names = list(tips.fit.joints)
+    """Rows of gains: bones' lengths, receivers' places and fingertips' touches, best first.
+
+    Nothing is asked of, or for, what no receiver shows.
+    """
+    evidence = tips.fit.evidence
+    seen = np.asarray(evidence.problem.frames.valid.any(0))[None]
+    measured = measured_in(evidence.layout, evidence.model.receivers, seen)
+    shown = {**measured.bones, **measured.tips}
+    kept = np.array([bool(measured.joints[joint][0]) for joint in tips.fit.joints], bool)
+    names = [joint for joint, is_kept in zip(tips.fit.joints, kept, strict=True) if is_kept]
     quantities, sds, rows = _candidates(tips)
     if not quantities or not names:
         return []
-    before, after = _sd_mm(tips, rows)
+    before, after = (of_joints[kept] for of_joints in _sd_mm(tips, rows))
     best = (before[:, None] - after).argmax(0)
     all_gains = [
         {
@@ -47,6 +56,7 @@ def gains(tips: Fingertips) -> list[dict[str, Any]]:
             "joint_sd_after_mm": float(after[best[k], k]),
         }
         for k, (quantity, sd) in enumerate(zip(quantities, sds, strict=True))
+        if (seen_in := shown.get(quantity.partition(".")[0])) is None or seen_in[0]
     ]
     return sorted(all_gains, key=lambda gain: float(gain["mean_sd_after_mm"]))
 
