@@ -14,7 +14,7 @@ from stage_runs import collect_exports
 from stage_runs import export as main
 
 from shukotsu.readers.samples import NUMBERS
-from shukotsu.tables.catalogue import BONE_POSES
+from shukotsu.tables.catalogue import BONE_POSES, POSED_TIPS
 
 STEM = f"sub-01_hand-right_task-opposition_model-{FITTED}"
 
@@ -33,6 +33,24 @@ def hand_with_a_gap(folder: Path) -> SimulatedHand:
             row |= dict.fromkeys(NUMBERS)
     hand.write(FITTED, BONE_POSES, rows)
     return hand
+
+
+def test_what_lies_beyond_the_last_receiver_is_at_rest_and_said_so(
+    fresh: SimulatedHand, tmp_path: Path
+) -> None:
+    for table, key, name in ((BONE_POSES, "segment", "little_distal"), (POSED_TIPS, "digit", "little")):
+        rows = fresh.rows(FITTED, table)
+        numbers = {column.name: None for column in table.columns if column.nullable}
+        fresh.write(FITTED, table, [row | numbers if row[key] == name else row for row in rows])
+    motion, ready = fresh.motion(FITTED), fresh.ready()
+    beyond = [motion.index(joint) for joint in ("little_dip", "little_tip")]
+    assert not motion.known[:, beyond].any()
+    assert motion.notes == ("no receiver shows little_dip, little_tip",)
+    middle, dip = ready.index("little_pip"), ready.index("little_dip")
+    assert np.allclose(ready.quaternion[:, dip], ready.quaternion[:, middle])
+    assert ready.whole.all()
+    assert run(fresh, tmp_path) == 0
+    assert "at rest in this file: little_dip, little_tip" in (tmp_path / f"{STEM}.bvh.txt").read_text("utf-8")
 
 
 def test_files_have_their_names_and_notes(

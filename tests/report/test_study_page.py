@@ -21,6 +21,7 @@ from shukotsu.report.study_results import StudyResults
 from shukotsu.report.table_cells import anchor, link
 from shukotsu.study.findings import NOTE, STAGE, SUSPECT, Finding, finding_of_text, problem_row
 from shukotsu.study.results import Results
+from shukotsu.study.verdict import BY_ANATOMY, note_doubts
 
 NAMES = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=12)
 MARKS = {"believe": "", "care": "◆", "no": "✕"}
@@ -74,6 +75,21 @@ def test_a_hand_with_a_finding_is_in_no_number(fitted: StudyResults) -> None:
     joints, error, findings = big_numbers(_suspect(fitted, "left", "right"))
     assert (joints.value, error.value, findings.value) == ("0", "–", "2")
     assert joints.of == "can be believed: no hand that counts has a joint under whole-hand"
+
+
+def test_where_the_recordings_gave_no_error_there_is_no_typical_one(fitted: StudyResults) -> None:
+    by_anatomy = {"sd_mm": 25.98, **note_doubts({BY_ANATOMY: {}})}
+    rows = [row | (by_anatomy if row["joint"] == "wrist" else {"sd_mm": None}) for row in fitted.joints]
+    joints, error, _ = big_numbers(replace(fitted, joints=rows))
+    assert (error.value, error.of) == ("–", f"the recordings gave 0 {joints.unit} an error")
+    unworn = [row | ({"reason": "not-worn"} if row["joint"] == "little_dip" else {}) for row in fitted.joints]
+    fewer, error, _ = big_numbers(replace(fitted, joints=unworn))
+    assert int(fewer.unit.split()[1]) == int(joints.unit.split()[1]) - 2
+    assert fewer.of.endswith("; for 2 more no receiver was worn")
+    shown = rows_where(unworn, model="whole-hand", reason="not-worn")
+    stated = [row for row in rows_where(unworn, model="whole-hand") if row["sd_mm"] is not None]
+    n = sum(row not in shown for row in stated)
+    assert f"the median of {n} {fewer.unit}, 1 sigma" in error.of
 
 
 def test_every_joint_of_every_hand_stands_in_the_picture(
