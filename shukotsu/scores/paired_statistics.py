@@ -189,8 +189,8 @@ def group_difference(values: Array, others: Array) -> Difference:
     Returns
     -------
     Difference
-        p averages the p-values of t with n - 1 and with m - 1 degrees of freedom, weighted by the groups'
-        squared standard errors; the interval is Welch's; the effect size is Hedges' g.
+        p is Cochran's (1964): the p-values of t with n - 1 and with m - 1 degrees of freedom, averaged with
+        the groups' squared standard errors as weights. The interval is Welch's, the effect size Hedges' g.
 
     """
     from scipy import stats  # which takes half a second to import
