@@ -1,1 +1,1 @@
-"""Section 6 of the paper: replay the skeleton and measure how far its tips are from the distal receivers."""
+"""The paper's pipeline: joint solve, plane, wrist, metacarpals, replay and tip error (docs/method.md)."""

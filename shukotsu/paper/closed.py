@@ -1,7 +1,7 @@
-"""The joint's centre, axis and uncertainty from its moments (see `moments`), shape by shape.
+"""Centre, axis and uncertainty of one joint from its moments (Eq. 1-7 in closed form; docs/method.md).
 
-Everything here is in the frame of the joint's first pose, in which parent and child axes coincide at that
-pose; `solve_closed` turns the results into the parent's and the child's receiver frames.
+All vectors and matrices here are in the frame of the joint's first pose, in which the parent's and the
+child's axes coincide. `solve_closed` converts the results to the receiver frames of parent and child.
 """
 
 from __future__ import annotations
@@ -16,17 +16,43 @@ from shukotsu.paper.moments import JointMoments
 from shukotsu.paper.stacked import EXACT_HINGE
 
 _SINGULAR = 1e-12
-"""1 - s^2 below this is no motion at all: 1e-6 rad rms, far under any tracker's noise."""
+"""Threshold on 1 - s^2: below it the joint did not move. It corresponds to 1e-6 rad rms, far below any
+tracker's noise.
+"""
 
 
 @dataclass(frozen=True)
 class JointSolution:
-    """One joint as Eq. 1-7 give it, and how well the data fix it.
+    """Solution of Eq. 1-7 for one joint, with the precision of its centre and axis.
 
-    p_mm, q_mm : (3,) centre in both receivers' frames. null_parent, null_child : (3,) unit, along which (p,
-    q) may slide together (SARA axis); slide_to_free_mm : from this centre to that of the six-value fit.
-    mean_rotation : (3, 3) mean of R_a^T R_b. singular_values : (6,) of the stack over sqrt(frames).
-    covariance_mm2 : (6, 6) of (p, q), without the null direction when five singular values are inverted.
+    The joint centre is p in the parent's receiver frame and q in the child's. null_parent and null_child are
+    the halves of the null vector: a slide of p and q along them changes the gap least (the SARA axis).
+
+    Attributes
+    ----------
+    p_mm, q_mm : array, shape (3,)
+        Joint centre in the parent's and the child's receiver frame, mm.
+    null_parent, null_child : array, shape (3,)
+        Unit vector of the axis in the parent's and the child's receiver frame.
+    mean_rotation : array, shape (3, 3)
+        Mean of R_a^T R_b, child to parent receiver frame; not orthogonal unless the joint is still.
+    singular_values : array, shape (6,)
+        Singular values of the stack (Eq. 4) over the root of the number of frames, descending.
+    covariance_mm2 : array, shape (6, 6)
+        Covariance of (p, q), mm^2, without the null direction where five singular values are inverted.
+    gap_rms_mm, gap_rms_free_mm : float
+        Root mean square gap of this centre, and of the centre with all six singular values inverted.
+    slide_to_free_mm : float
+        Distance along the axis from this centre to that of the six-value solution.
+    range_deg, spread_deg : float
+        Range and standard deviation of the angle about the axis.
+    axis_sd_deg : float
+        Standard deviation of the axis direction.
+    n_frames : int
+        Frames in which both receivers are valid.
+    n_effective : float
+        Number of independent samples among them, from the autocorrelation of the gap.
+
     """
 
     p_mm: Array
@@ -48,10 +74,25 @@ class JointSolution:
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Normal equations of one joint, in the frame of its first pose.
+    """Normal equations of one joint in the frame of its first pose (docs/method.md, "The closed form").
 
-    M, u, w : means of R, d and R^T d (at the minimum p = M q + u). C_DD = I - M^T M, C_Dd, C_dd : covariances
-    of D and d.
+    A frame with rotation I + D and offset d has the gap p - (I + D) q - d. At the minimum p = M q + u.
+
+    Attributes
+    ----------
+    R0 : array, shape (3, 3)
+        First pose of the joint: rotation from the child's to the parent's receiver frame.
+    M : array, shape (3, 3)
+        Mean of I + D.
+    u, w : array, shape (3,)
+        Means of d and of (I + D)^T d, mm.
+    C_DD : array, shape (3, 3)
+        Covariance of D over frames, summed over its rows; equal to I - M^T M.
+    C_Dd : array, shape (3,)
+        Covariance of D with d, mm.
+    C_dd : float
+        Variance of d, summed over its components, mm^2.
+
     """
 
     R0: Array
@@ -63,24 +104,57 @@ class NormalEquations:
     C_dd: float
 
     def gap_rms_mm(self, p: Array, q: Array) -> float:
-        """Root mean square gap of the centre (p, q), p in the frame of the first pose."""
+        """Root mean square gap over frames of the centre p, q (3,) mm, in the frame of the first pose."""
         offset = p - self.M @ q - self.u
         return float(np.sqrt(max(float(offset @ offset) + self.gap_variance(q), 0.0)))
 
     def gap_variance(self, q: Array) -> float:
-        """Variance of the gap over single frames, summed over its components."""
+        """Variance of the gap over frames, summed over its components, mm^2; it depends on q (3,) alone."""
         return float(q @ self.C_DD @ q + 2 * q @ self.C_Dd + self.C_dd)
 
 
 def is_solvable(moments: JointMoments, joint: int) -> bool:
-    """Whether the joint moved at all: five of its six unknowns have an answer."""
+    """Whether the joint moved enough for five of its six unknowns to be determined.
+
+    Parameters
+    ----------
+    moments : JointMoments
+        Moments of all joints.
+    joint : int
+        Index of the joint in `moments`.
+
+    Returns
+    -------
+    bool
+        False where fewer than two frames are valid or the joint did not move.
+
+    """
     if moments.count[joint] < 2:
         return False
     return bool(np.linalg.eigvalsh(moments.spread(joint)[0])[1] > _SINGULAR)
 
 
 def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> JointSolution:
-    """Solve one solvable joint, as `stacked.solve_stacked`; n_singular_values : 5 leaves the axis open."""
+    """Solve one joint by Eq. 5-7 from its moments; the same centre as `stacked.solve_stacked`.
+
+    docs/method.md, "The closed form", derives the normal equations, their eigenvectors and the covariance.
+
+    Parameters
+    ----------
+    moments : JointMoments
+        Moments of all joints, complete.
+    joint : int
+        Index of a joint for which `is_solvable` holds.
+    n_singular_values : int
+        6 inverts all singular values, as printed; 5 leaves the position along the axis to the plane. A joint
+        that is a hinge to rounding is always solved with 5.
+
+    Returns
+    -------
+    JointSolution
+        Centre, axis, covariance and angle statistics, in the receiver frames of parent and child.
+
+    """
     normal = normal_equations(moments, joint)
     one_minus_s2, V = np.linalg.eigh(normal.C_DD)
     one_minus_s2 = np.maximum(one_minus_s2, 0.0)
@@ -101,8 +175,9 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
     small = one_minus_s2 / (1.0 + s)  # 1 - s without cancellation
     apart, together = np.concatenate([U, -V]), np.concatenate([U, V])
     weights = np.where(np.arange(3) >= 6 - n_singular_values, 1.0 / np.maximum(small, _SINGULAR), 0.0)
+    # inverse of [[I, -M], [-M^T, I]] by its eigenvectors (docs/method.md), zero in directions left out
     inverse = np.asarray((apart / (1.0 + s)) @ apart.T + (together * weights) @ together.T) / 2
-    covariance = gap**2 / 3 / n_effective * inverse  # of [[I, -M], [-M^T, I]], zero where left out
+    covariance = gap**2 / 3 / n_effective * inverse
     turn = np.eye(6)
     turn[:3, :3] = normal.R0
     return JointSolution(
@@ -125,16 +200,30 @@ def solve_closed(moments: JointMoments, joint: int, n_singular_values: int) -> J
 
 
 def normal_equations(moments: JointMoments, joint: int) -> NormalEquations:
-    """The normal equations of a joint that has a frame."""
+    """Normal equations of one joint from its moments (docs/method.md, "The closed form").
+
+    Parameters
+    ----------
+    moments : JointMoments
+        Moments of all joints.
+    joint : int
+        Index of a joint with at least one valid frame.
+
+    Returns
+    -------
+    NormalEquations
+        In the frame of the joint's first pose.
+
+    """
     mean = moments.mean(joint)
     C_DD, C_Dd, C_dd = moments.spread(joint)
     M, u = np.eye(3) + mean[:9].reshape(3, 3), moments.reference_mm[joint] + mean[9:]
-    w = M.T @ u + C_Dd  # mean of R^T d: product of the means and covariance
+    w = M.T @ u + C_Dd  # mean of R^T d = product of the means + covariance
     return NormalEquations(moments.first_turn[joint], M, u, w, C_DD, C_Dd, C_dd)
 
 
 def _left_vectors(M: Array, V: Array) -> Array:
-    """Left singular vectors of M that belong to its right ones; orthonormal also where M is singular."""
+    """Left singular vectors of M (3, 3) for its right ones V; orthonormal also where M is singular."""
     U = np.empty((3, 3))
     for i in range(3):
         column = M @ V[:, i]
@@ -150,7 +239,9 @@ def _left_vectors(M: Array, V: Array) -> Array:
 def _centre(
     normal: NormalEquations, one_minus_s2: Array, s: Array, U: Array, V: Array, n_singular_values: int
 ) -> tuple[Array, Array]:
-    """Least-squares p and q; with five values only 1 + s of pair 0, the axis, is solved (Eq. 7)."""
+    """Least-squares p and q, (3,) mm; with five values pair 0, the axis, is solved for its 1 + s part alone
+    (Eq. 7).
+    """
     right = -(V.T @ normal.C_Dd)
     solved = np.arange(3) >= (6 - n_singular_values)
     components = np.where(solved, right / np.where(solved, one_minus_s2, 1.0), 0.0)
@@ -164,11 +255,11 @@ def _centre(
 
 
 def _axis_sd_deg(one_minus_s2: Array, n_effective: float) -> float:
-    """1-sigma direction error of the axis, at most 90 deg.
+    """Standard deviation of the axis direction, at most 90 deg.
 
-    To first order an eigenvector turns by covariance over difference of variance; 1 - s_i^2 is the sum of the
-    other two's. n_effective counts the rotation off the axis, which wanders with the skin however white the
-    gap is.
+    To first order an eigenvector turns by the covariance over the difference of the variances; 1 - s_i^2 is
+    the sum of the variances about the two other axes. n_effective counts independent samples of the rotation
+    off the axis: it drifts with the skin even where the gap is white noise.
     """
     variance = one_minus_s2.sum() / 2 - one_minus_s2
     spread = np.maximum(variance[0] - variance[1:], 1e-30)
@@ -177,7 +268,7 @@ def _axis_sd_deg(one_minus_s2: Array, n_effective: float) -> float:
 
 
 def _angles_deg(turns: Array, axis: Array) -> Array:
-    """Angles (B,) about the axis of quaternions (4, B), relative to their circular mean, deg."""
+    """Angles (B,) about the axis of the unit quaternions (4, B), relative to their circular mean, deg."""
     half = turns[0] + 1j * (axis @ turns[1:])
     whole = half * half
     whole /= np.abs(whole)

@@ -1,8 +1,8 @@
-"""One hand put together: joints solved and fitted, its wrist point, its bones, its metacarpals over time.
+"""Assembly of one hand: joints solved and fitted, wrist point, bones, and metacarpals over time.
 
-Bones are in the least-squares binding: vectors fixed in their receivers, and their errors. A bone's length is
-from its joint's centre to the next; of a digit's last to its tip, which is the distal receiver where no fit
-of the whole hand says where the bone ends.
+Bones use the least-squares binding: a bone is a constant vector in its receiver's frame. A bone runs from its
+joint's centre to the next; the last bone of a digit ends at the bone tip where a whole-hand fit locates it,
+otherwise at the distal receiver.
 """
 
 from __future__ import annotations
@@ -42,15 +42,29 @@ from shukotsu.tables.poses import Poses, PosesReader, poses_reader, seen_segment
 from shukotsu.tables.typed_table import rows_of
 
 LENGTHS = ("starts_at", "ends_at", "length_mm", "sd_mm")
-"""Columns of a bone that the fit of the whole hand knows better than the replay."""
+"""Columns of a bone for which the whole-hand fit takes precedence over the replay."""
 
 
 @dataclass(frozen=True)
 class Bone:
-    """One bone from joint to joint, or to where a digit ends.
+    """One bone from joint to joint, or to the end of a digit.
 
-    vector_mm : (3,) in the frame of driven_by, as the replay has it; None where estimated frame by frame.
-    sd_over_frames_mm : of metacarpals.
+    Attributes
+    ----------
+    segment : str
+        Name of the bone.
+    starts_at, ends_at : str
+        Joint at either end, or `DISTAL_RECEIVER`.
+    length_mm, sd_mm : float
+        Length and its standard deviation.
+    sd_over_frames_mm : float or None
+        Standard deviation over frames of the length of a metacarpal, |v(k)|; None for other bones.
+    vector_mm : array, shape (3,), or None
+        Bone vector in the receiver frame of driven_by, as the replay uses it; None where the posture is
+        estimated frame by frame.
+    driven_by : str
+        Segment whose receiver rotates the bone; empty where the posture is estimated.
+
     """
 
     segment: str
@@ -63,7 +77,7 @@ class Bone:
     driven_by: str
 
     def row(self) -> dict[str, Any]:
-        """The bone's row of the bone_lengths table (subject, hand, model and digit left out)."""
+        """Row of the bone_lengths table, without subject, hand, model and digit."""
         vector = (None, None, None) if self.vector_mm is None else self.vector_mm.tolist()
         return {
             "bone": self.segment,
@@ -80,7 +94,7 @@ class Bone:
 
 @dataclass(frozen=True)
 class MetacarpalBone:
-    """A digit whose metacarpal is posed. mode : see `metacarpal_mode`."""
+    """Digit whose metacarpal is posed; mode as `metacarpal_mode` returns it."""
 
     chain: DigitChain
     mode: str
@@ -88,7 +102,7 @@ class MetacarpalBone:
 
 
 def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> str:
-    """Return how a digit's metacarpal is posed: rest, rigid, estimated, receiver or fitted, else none."""
+    """Mode by which a digit's metacarpal is posed: rest, rigid, estimated, receiver, fitted, or none."""
     if not chain.digit.metacarpal:
         return "none"
     measured = layout.segments[chain.digit.segments[0]].measured
@@ -96,7 +110,21 @@ def metacarpal_mode(chain: DigitChain, layout: Layout, model: SkeletonModel) -> 
 
 
 def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
-    """v(k), (T, 3) mm from the metacarpal's base to the MCP's child half, seen from the base receiver."""
+    """v(k) of section 5: from the metacarpal's base to the MCP joint, seen from the base receiver.
+
+    Parameters
+    ----------
+    chain : DigitChain
+        Digit with its joint centres.
+    poses : Poses
+        T frames with the base receiver and that of the proximal phalanx.
+
+    Returns
+    -------
+    array, shape (T, 3)
+        In the base receiver's frame, mm; the MCP centre is the child half, carried by the proximal phalanx.
+
+    """
     mcp_mm = chain.child_mm[1]
     assert mcp_mm is not None, "a metacarpal is followed by a measured phalanx"
     return seen_from(poses, chain.digit.base, chain.digit.segments[1], mcp_mm) - chain.base_point_mm
@@ -105,7 +133,27 @@ def metacarpal_vectors(chain: DigitChain, poses: Poses) -> Array:
 def digit_bones(
     chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader
 ) -> list[Bone]:
-    """Return the digit's bones from the base outward, lengths from the calibration recordings."""
+    """Bones of a digit from the base outward, with lengths from the calibration recordings.
+
+    Parameters
+    ----------
+    chain : DigitChain
+        Digit with its joint centres.
+    mode : str
+        Metacarpal mode of the digit (`metacarpal_mode`).
+    rows : mapping
+        Rows of joint_centres by joint, for the covariances.
+    layout : Layout
+        Layout of the hand.
+    calibration : PosesReader
+        Calibration recordings.
+
+    Returns
+    -------
+    list of Bone
+        One for each segment.
+
+    """
     bones = []
     joints = (*chain.digit.joints, DISTAL_RECEIVER)
     for index, segment in enumerate(chain.digit.segments):
@@ -127,13 +175,17 @@ def digit_bones(
 
 
 def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibration: PosesReader) -> Bone:
+    """The digit's metacarpal: length from v(k) over the calibration, or from its constant vector."""
     segment, mcp = chain.digit.segments[0], chain.digit.joints[1]
-    both, lengths_mm = (chain.digit.base, chain.digit.segments[1]), [np.empty(0)]
-    for poses in calibration(*both):
+    receivers = (chain.digit.base, chain.digit.segments[1])
+    blocks_mm = [np.empty(0)]
+    for poses in calibration(*receivers):
         length_mm = np.linalg.norm(metacarpal_vectors(chain, poses), axis=-1)
-        lengths_mm.append(length_mm[all_valid(poses, both)])
-    known_mm = np.concatenate(lengths_mm)
-    length, spread = (float(known_mm.mean()), float(known_mm.std())) if len(known_mm) else (np.nan, np.nan)
+        blocks_mm.append(length_mm[all_valid(poses, receivers)])
+    lengths_mm = np.concatenate(blocks_mm)
+    length, spread = np.nan, np.nan
+    if len(lengths_mm):
+        length, spread = float(lengths_mm.mean()), float(lengths_mm.std())
     base = layout.wrist.joint if chain.at_wrist and layout.wrist else chain.digit.joints[0]
     ends = [_half(rows, base, "child" if chain.at_wrist else "parent"), _half(rows, mcp, "child")]
     sd_mm = float(np.sqrt(sum(np.trace(end) for end in ends) / 3))
@@ -142,7 +194,7 @@ def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibr
         vector, driver = chain.parent_mm[0] - chain.base_point_mm, chain.digit.base
     elif mode == "receiver":
         start_mm, driver = chain.child_mm[0], segment
-        if start_mm is None:  # the mean of the digit's base as the segment's receiver sees it
+        if start_mm is None:  # then the mean position of the digit's base in this receiver's frame
             seen_mm = []
             for poses in calibration(chain.digit.base, segment):
                 base_mm = seen_from(poses, segment, chain.digit.base, chain.base_point_mm)
@@ -155,7 +207,7 @@ def _metacarpal(chain: DigitChain, mode: str, rows: Rows, layout: Layout, calibr
 
 
 def _half(rows: Rows, joint: str, side: str) -> Array:
-    """Covariance (3, 3) of one half of a joint centre, mm^2; zero where the point was given."""
+    """Covariance (3, 3), mm^2, of the parent or child half of a centre; zero for a configured point."""
     covariance = rows[joint]["covariance_mm2"]
     if covariance is None:
         return np.zeros((3, 3))
@@ -174,9 +226,26 @@ def metacarpal_columns(
     neutral: tuple[Reference, Array] | None,
     fitted: Array | None,
 ) -> dict[str, Any]:
-    """Frame, quaternion (qw..qz), swing_deg, twist_deg, length_mm and flags at some frames, (T,) each.
+    """Posture of one metacarpal over some frames: columns of the table metacarpals.
 
-    neutral : of the recording. fitted : (T, 4) the posture that the fit of the whole hand gives, NaN in gaps.
+    Parameters
+    ----------
+    metacarpal : MetacarpalBone
+        The metacarpal and its mode.
+    layout, model : Layout, SkeletonModel
+        Of the hand.
+    poses : Poses
+        T frames.
+    neutral : tuple or None
+        Reference frame and neutral bone quaternion (4,) of the recording (`neutral_posture`).
+    fitted : array, shape (T, 4), or None
+        Posture from the whole-hand fit, unit quaternions (w, x, y, z), NaN in gaps; needed in mode fitted.
+
+    Returns
+    -------
+    dict
+        frame, qw to qz (bone to transmitter frame), swing_deg, twist_deg, length_mm and flags, each (T,).
+
     """
     chain, mode = metacarpal.chain, metacarpal.mode
     vector_mm = metacarpal_vectors(chain, poses)
@@ -204,7 +273,7 @@ def metacarpal_columns(
 
 
 def _posture_segments(chain: DigitChain, mode: str) -> tuple[str, ...]:
-    """Segments whose poses the metacarpal's posture needs."""
+    """Segments whose receivers must be valid for the metacarpal's posture."""
     first, proximal = chain.digit.segments[:2]
     return {
         "rest": (),
@@ -218,7 +287,7 @@ def _posture_segments(chain: DigitChain, mode: str) -> tuple[str, ...]:
 def _carried_postures(
     metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, poses: Poses
 ) -> Array:
-    """Postures (T, 4) of a metacarpal that a receiver or the hand carries, or that stays at rest."""
+    """Quaternions (T, 4) of a metacarpal that is carried by a receiver or the hand, or stays at rest."""
     if metacarpal.mode == "rest":
         direction = np.array(model.metacarpals.rest_direction)
         upright = np.eye(3)[2] if np.abs(direction[:2]).any() else np.eye(3)[1]
@@ -232,7 +301,26 @@ def _carried_postures(
 def neutral_posture(
     metacarpal: MetacarpalBone, layout: Layout, model: SkeletonModel, recording: PosesReader
 ) -> tuple[Reference, Array] | None:
-    """Return where an estimated metacarpal starts: first whole frame, and its bone (4,) at the mean twist."""
+    """Reference frame of an estimated metacarpal, and its neutral orientation.
+
+    The neutral twist is the circular mean over the recording, so no frame is special (docs/method.md).
+
+    Parameters
+    ----------
+    metacarpal : MetacarpalBone
+        The metacarpal and its mode.
+    layout, model : Layout, SkeletonModel
+        Of the hand.
+    recording : PosesReader
+        The recording to pose.
+
+    Returns
+    -------
+    tuple or None
+        Reference (the first frame in which all receivers are valid) and the bone's quaternion (4,) in the
+        hand's frame at the mean twist; None in other modes or without such a frame.
+
+    """
     chain = metacarpal.chain
     needed = (chain.digit.base, *chain.receivers)
     if metacarpal.mode != "estimated":
@@ -264,6 +352,7 @@ def neutral_posture(
 def _posture(
     chain: DigitChain, layout: Layout, model: SkeletonModel, poses: Poses, reference: Reference
 ) -> Posture:
+    """Change of the metacarpal's posture since the reference frame, in some frames."""
     normal = _dorsal_seen_from(
         segment_quaternions(poses, chain.digit.base), chain.digit.segments[1], layout, poses
     )
@@ -272,13 +361,13 @@ def _posture(
 
 
 def _dorsal_seen_from(hand: Array, segment: str, layout: Layout, poses: Poses) -> Array:
-    """A segment's dorsal direction, (T, 3), in the hand receiver's frame; hand : (T, 4)."""
+    """Dorsal directions (T, 3) of a segment in the hand receiver's frame; hand : its quaternions (T, 4)."""
     turn = multiply(conjugate(hand), segment_quaternions(poses, segment))
     return rotate(turn, np.array(layout.segments[segment].dorsal))
 
 
 def _angles(usable: Bools, posture: Posture | None) -> dict[str, Any]:
-    """Columns of swing, twist and flags; of a metacarpal that was not estimated the angles are not known."""
+    """Columns of swing, twist and flags; the angles are null where no posture was estimated."""
     if posture is None:
         unknown = np.full(len(usable), np.nan)
         none = np.zeros(len(usable), bool)
@@ -291,25 +380,28 @@ def _angles(usable: Bools, posture: Posture | None) -> dict[str, Any]:
 
 
 _FLAGS = ("gap", "twist-near-singular", "swing-near-singular")
+# the text of each combination of flags, by its bit code
 _FLAG_TEXTS = pa.array(
     [";".join(flag for bit, flag in enumerate(_FLAGS) if code >> bit & 1) for code in range(8)]
 )
 
 
 def _flags(gap: Bools, twist_singular: Bools, swing_singular: Bools) -> pa.Array:
-    """The flags of every frame, joined by ';'."""
-    return _FLAG_TEXTS.take(pa.array(gap + 2 * twist_singular.astype(np.int8) + 4 * swing_singular))
+    """Flags of every frame, joined by ';', looked up by their bit code."""
+    code = gap.astype(np.int8) | twist_singular.astype(np.int8) << 1 | swing_singular.astype(np.int8) << 2
+    return _FLAG_TEXTS.take(pa.array(code))
 
 
 Row = dict[str, Any]
 Index = npt.NDArray[np.int64]
 
 _OF_JOINT_ALONE = ("gap_rms_free_mm", "n_frames", "n_effective")
-"""Columns that only the frames joint by joint say."""
+"""Columns that only the joint-wise solution has."""
 
 _KEPT_OF_FAILED = (
     *("subject", "hand", "model", "joint", "parent_segment", "child_segment", "dof", "n_frames", "source"),
 )
+"""Columns that a row keeps where the fit failed, or nobody wore a receiver."""
 
 
 @dataclass(frozen=True)
@@ -328,10 +420,24 @@ def build_hand(
     calibration: PosesReader,
     fitted_bones: Rows | None = None,
 ) -> BuiltHand:
-    """Add the wrist point to a hand's joints and measure its bones.
+    """Assemble a hand: add the wrist point to its joints and measure its bones.
 
-    rows : joint_centres by joint. fitted_bones : rows of a whole-hand fit's bone_lengths by segment. A digit
-    with a failed joint has bones without lengths that say so, but for what the fit knows.
+    Parameters
+    ----------
+    rows : mapping
+        Rows of joint_centres by joint.
+    layout, model : Layout, SkeletonModel
+        Of the hand.
+    calibration : PosesReader
+        Calibration recordings.
+    fitted_bones : mapping, optional
+        Rows of bone_lengths by segment from a whole-hand fit, whose lengths take precedence.
+
+    Returns
+    -------
+    BuiltHand
+        A digit with a failed joint has bones without lengths and with the reason, except those of the fit.
+
     """
     joints = {name: dict(row) for name, row in rows.items()}
     wrist = wrist_row(rows, layout, model, calibration)
@@ -353,7 +459,7 @@ def build_hand(
         if mode != "none":
             metacarpals.append(MetacarpalBone(chain, mode, measured[0]))
         if fitted_bones is not None:
-            measured = [  # as long as the fit says; their vectors stay the replay's
+            measured = [  # lengths from the fit; vectors stay those of the replay
                 replace(bone, **{name: fitted_bones[bone.segment][name] for name in LENGTHS})
                 if bone.segment in fitted_bones
                 else bone
@@ -370,7 +476,25 @@ def pose_metacarpals(
     recording: PosesReader,
     fitted: Callable[[str, Index], Array | None] | None = None,
 ) -> Iterator[dict[str, Any]]:
-    """Columns of metacarpals by digit and block; fitted : quaternions (T, 4) of a segment at frames."""
+    """Pose every metacarpal of a hand in a recording, digit by digit and block by block.
+
+    Parameters
+    ----------
+    hand : BuiltHand
+        The assembled hand.
+    layout, model : Layout, SkeletonModel
+        Of the hand.
+    recording : PosesReader
+        The recording.
+    fitted : callable, optional
+        (segment, frames (T,)) -> quaternions (T, 4) of the whole-hand fit, or None.
+
+    Yields
+    ------
+    dict
+        Columns of the table metacarpals.
+
+    """
     for metacarpal in hand.metacarpals:
         neutral = neutral_posture(metacarpal, layout, model, recording)
         for poses in recording(metacarpal.chain.digit.base, *metacarpal.chain.receivers):
@@ -382,7 +506,9 @@ def pose_metacarpals(
 def merge_fitted(
     fitted_rows: Sequence[Mapping[str, Any]], projected_rows: Sequence[Mapping[str, Any]]
 ) -> list[Row]:
-    """Rows of joint_centres: each projected joint as the fit has it, where it does, then the fit's others."""
+    """Rows of joint_centres: projected joints, replaced by the fit where it has them, then the fit's other
+    joints.
+    """
     fitted = {row["joint"]: dict(row) for row in fitted_rows}
     projected = {row["joint"]: dict(row) for row in projected_rows}
     merged = [
@@ -449,7 +575,7 @@ def _unworn(joints: Rows, layout: Layout, worn: Collection[str]) -> dict[str, li
 
 
 def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, Doubts]:
-    """The doubt, by joint, of neighbouring MCP centres that are nearer to each other than any hand's."""
+    """Doubts, by joint, about neighbouring MCP centres closer to each other than anatomically plausible."""
     knuckles = [digit.joints[1] for digit in layout.digits.values() if layout.is_hand and digit.joints[1:]]
     doubts: dict[str, Doubts] = {}
     for pair in pairwise(joint for joint in knuckles if joint in joints):
@@ -464,7 +590,9 @@ def knuckles_too_close(joints: Mapping[str, Row], layout: Layout) -> dict[str, D
 
 
 def is_whole(bone: Mapping[str, Any], layout: Layout) -> bool:
-    """Whether a row of bone_lengths is of the bone itself: not one from the wrist, or to a receiver."""
+    """Whether a row of bone_lengths spans the bone itself, neither starting at the wrist nor ending at a
+    receiver.
+    """
     joint_of = {joint.child: name for name, joint in layout.joints.items()}
     return bool(bone["starts_at"] == joint_of.get(bone["bone"]) and bone["ends_at"] != DISTAL_RECEIVER)
 
@@ -487,7 +615,7 @@ def write_part(plan: SubjectPlan, part: Part, tables: Mapping[str, PartsWriter])
             fitted_bones = _by("bone", bone_rows)
         except TableError:
             raise
-        except InputError as error:  # digits without numbers then say why
+        except InputError as error:  # the reason goes into the rows
             rows, fitted_bones = failed_joints(projected, str(error)), {}
         hand = build_hand(_by("joint", rows), layout, model, reader, fitted_bones)
     parameters = {"calibrated_on": [", ".join(filter(None, (r.task, r.trial))) for r in calibration]}
@@ -514,11 +642,12 @@ def _pose_recording(
             return parts.recording(*keys, len(frames), frames, segment).get(segment)
 
     for path in usable_poses([plan.poses(recording)])[0]:
-        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # else it failed
+        fitted = posed_by_fit if model.fitting is not None and hand.metacarpals else None  # None: fit failed
         for columns in pose_metacarpals(hand, layout, model, poses_reader([path], layout.measured), fitted):
             keys = {**plan.who._asdict(), "task": recording.task, "trial": recording.trial}
             metacarpals.columns(part, {**keys, **columns})
 
 
 def _by(key: str, rows: Any) -> dict[str, dict[str, Any]]:
+    """Rows by the value of a column."""
     return {row[key]: row for row in rows}

@@ -1,14 +1,14 @@
-"""Eq. 1-7 in closed form: everything that the stacked least squares needs, in one pass over the data.
+"""Moments of the relative poses of joints: one pass over the data replaces the stack of Eq. 4-7.
 
-With R = R_a^T R_b and d = R_a^T (t_b - t_a) the gap of a joint, seen from the parent a, is
-p - R q - d (Eq. 3). Its normal equations need only the mean of R and d and their second moments, so
-frames can be added as they come and forgotten. Everything is kept relative to the joint's first pose
-(R = R_0 (I + D)), because I - M M^T, computed as written, cancels to nothing for a joint that hardly
-moves, while the covariance of D, which is the same matrix, does not.
+With R = R_a^T R_b and d = R_a^T (t_b - t_a), the gap of a joint seen from the parent a is p - R q - d (Eq.
+3). Its normal equations need only the means of R and d and their second moments, so frames are added as they
+arrive and not stored. All moments are relative to the joint's first pose (R = R_0 (I + D)): for a joint that
+hardly moves, I - M M^T suffers cancellation when computed as written, whereas the covariance of D, which is
+the same matrix, does not.
 
-Of a frame's rotation what is summed up is not D but nine products of its quaternion's numbers, of which D
-is a linear function. D^T D is another, since D belongs to a rotation, so that the only second moments to be
-taken are those with d.
+Summed for each frame are nine products of quaternion components, of which D is a linear function
+(`_D_OF_PRODUCTS`). D^T D = -(D + D^T), since I + D is a rotation, so the only second moments to accumulate
+are those with d. docs/method.md, "The closed form", has the derivation.
 """
 
 from __future__ import annotations
@@ -21,15 +21,17 @@ import numpy.typing as npt
 from shukotsu.hand.rotations import Array, conjugate, from_matrix, left_matrix, matrix, multiply, rotate
 
 BATCH_FRAMES = 2
-"""Frames averaged into one batch mean: short beside any motion of a hand, at 240 Hz and at 60 Hz."""
+"""Frames averaged into one batch mean: short compared with any hand motion, at 240 Hz and at 60 Hz."""
 
 MAX_BATCHES = 1 << 16
-"""Nine minutes at 240 Hz. Batches of longer recordings are made longer, so that memory does not grow."""
+"""Most batches of a joint: nine minutes at 240 Hz. Longer recordings get longer batches, so memory is
+bounded.
+"""
 
 BLOCK_FRAMES = 8192
-"""Frames worked on at once: few enough for the processor's cache."""
+"""Frames processed at once; they fit into the processor's cache."""
 
-_PRODUCTS, _FEATURES = 9, 12  # xx yy zz wx wy wz xy xz yz of the quaternion, then three of d
+_PRODUCTS, _FEATURES = 9, 12  # xx yy zz wx wy wz xy xz yz of the quaternion, then d (3,)
 
 _D_OF_PRODUCTS = 2.0 * np.array(
     [
@@ -44,19 +46,34 @@ _D_OF_PRODUCTS = 2.0 * np.array(
         [-1, -1, 0, 0, 0, 0, 0, 0, 0],
     ]
 )
-"""(9, 9): D, row by row, from the products."""
+"""(9, 9): the entries of D, row by row, from the products of quaternion components.
+
+It is the formula of a rotation matrix less the identity: D_xx = -2 (yy + zz), D_xy = 2 (xy - wz), and so on
+(docs/method.md, "The closed form").
+"""
 
 
 @dataclass(frozen=True)
 class RelativePoses:
-    """J child receivers in their parents' frames over T frames: (T, J, 4) and (T, J, 3) mm."""
+    """Poses of J child receivers in their parents' frames over T frames.
+
+    Attributes
+    ----------
+    quaternion : array, shape (T, J, 4)
+        Unit quaternions (w, x, y, z), child to parent receiver frame (R of Eq. 3).
+    position_mm : array, shape (T, J, 3)
+        Origin of the child in the parent's frame, mm (d of Eq. 3).
+    valid : array of bool, shape (T, J)
+        Whether both receivers have a valid pose.
+
+    """
 
     quaternion: Array
     position_mm: Array
     valid: npt.NDArray[np.bool_]
 
     def take(self, rows: slice) -> RelativePoses:
-        """Only some of the frames."""
+        """Poses of the selected frames."""
         return RelativePoses(self.quaternion[rows], self.position_mm[rows], self.valid[rows])
 
 
@@ -67,10 +84,28 @@ def relative_poses(
     parents: npt.NDArray[np.int64],
     children: npt.NDArray[np.int64],
 ) -> RelativePoses:
-    """Poses of child receivers relative to their parents; parents, children : (J,) indices of S."""
+    """Poses of child receivers relative to their parents, R = R_a^T R_b and d = R_a^T (t_b - t_a) of Eq. 3.
+
+    Parameters
+    ----------
+    quaternion : array, shape (T, S, 4)
+        Unit quaternions (w, x, y, z) of all receivers, receiver to transmitter frame.
+    position_mm : array, shape (T, S, 3)
+        Positions in the transmitter frame, mm.
+    valid : array of bool, shape (T, S)
+        Whether a receiver has a pose in a frame.
+    parents, children : array of int, shape (J,)
+        Indices of the receivers of each joint.
+
+    Returns
+    -------
+    RelativePoses
+        Of J joints.
+
+    """
     shape = len(valid), len(parents)
     turn, place_mm = np.empty((*shape, 4), order="F"), np.empty((*shape, 3), order="F")
-    for joint, (parent, child) in enumerate(zip(parents, children, strict=True)):  # few enough for the cache
+    for joint, (parent, child) in enumerate(zip(parents, children, strict=True)):  # one fits the cache
         back = conjugate(quaternion[:, parent])
         turn[:, joint] = multiply(back, quaternion[:, child])
         place_mm[:, joint] = rotate(back, position_mm[:, child] - position_mm[:, parent])
@@ -78,11 +113,26 @@ def relative_poses(
 
 
 class JointMoments:
-    """First and second moments of J joints' relative poses, and their means over short batches.
+    """First and second moments of the relative poses of J joints, and their means over short batches.
 
-    Add blocks in the order of time; then read. n_frames : to come, which sets the length of batches; 0 where
-    few. first_turn, reference_mm : a joint's first pose, matrix (3, 3), child to parent, and d (3,) turned
-    into the child's frame.
+    Blocks are added in the order of time; the results may be read after the last one.
+
+    Parameters
+    ----------
+    n_joints : int
+        Number of joints J.
+    n_frames : int
+        Expected number of frames, which sets the length of the batches; 0 for a short recording.
+
+    Attributes
+    ----------
+    count : array of int, shape (J,)
+        Valid frames of each joint.
+    first_turn : array, shape (J, 3, 3)
+        Rotation of each joint's first pose, child to parent receiver frame (R_0).
+    reference_mm : array, shape (J, 3)
+        Offset d of each joint's first pose in the frame of that pose, R_0^T d, mm.
+
     """
 
     def __init__(self, n_joints: int, n_frames: int = 0) -> None:
@@ -97,19 +147,21 @@ class JointMoments:
         self._batches: list[list[Array]] = [[] for _ in range(n_joints)]
 
     def add(self, poses: RelativePoses) -> None:
-        """Add frames; their number should be a multiple of BLOCK_FRAMES but for the last ones."""
+        """Add frames, a multiple of BLOCK_FRAMES except in the last call."""
         for start in range(0, len(poses.valid), BLOCK_FRAMES):
             block = poses.take(slice(start, start + BLOCK_FRAMES))
             for joint in range(len(self.count)):
                 self._add_joint(joint, block)
 
     def mean(self, joint: int) -> Array:
-        """Mean of a joint's (D, d), shape (12,)."""
+        """Mean of (D, d) of a joint, shape (12,): D row by row, then d relative to the first pose, mm."""
         sums = self._sums[joint, :_FEATURES, 3]
         return np.asarray(self._in_first_pose(joint) @ sums / max(self.count[joint], 1))
 
     def spread(self, joint: int) -> tuple[Array, Array, float]:
-        """Covariances of D and d over frames, summed over their three rows: of D (3, 3), D with d (3,), d."""
+        """Covariances over frames: of D (3, 3) and of D with d (3,), summed over rows, and the variance of d,
+        mm^2.
+        """
         n, mean = max(self.count[joint], 1), self.mean(joint)
         D, d = mean[:9].reshape(3, 3), mean[9:]
         second = self._sums[joint, :_FEATURES, :3] / n
@@ -121,7 +173,9 @@ class JointMoments:
         )
 
     def batch_turns(self, joint: int) -> Array:
-        """Mean rotations from the first pose, quaternions (4, B), w > 0, of short batches in order."""
+        """Mean rotations of the batches relative to the first pose, unit quaternions (4, B) with w > 0, in
+        order.
+        """
         sums, counts = self._batches_of(joint)
         squares, turns = sums[:3] / counts, np.empty((4, len(counts)))
         w_squared = 1.0 - squares.sum(0)
@@ -129,13 +183,13 @@ class JointMoments:
         w_squared[far] = 1.0
         np.sqrt(w_squared, out=turns[0])
         np.divide(sums[3:6], counts * turns[0], out=turns[1:])
-        if len(far):  # more than some 120 deg, where another formula is better conditioned
+        if len(far):  # beyond about 120 deg w is small, and the matrix is better conditioned
             D = (_D_OF_PRODUCTS @ (sums[:_PRODUCTS, far] / counts[far])).T.reshape(-1, 3, 3)
             turns[:, far] = from_matrix(np.eye(3) + D).T
         return turns
 
     def batch_gaps_mm(self, joint: int, p_mm: Array, q_mm: Array) -> Array:
-        """Mean gaps (3, B) over the same batches of a centre (p, q), all in the frame of the first pose."""
+        """Mean gaps (3, B) of the batches for the centre p, q (3,) mm, all in the frame of the first pose."""
         sums, counts = self._batches_of(joint)
         of_means = np.zeros((3, _FEATURES))
         for axis in range(3):
@@ -145,14 +199,14 @@ class JointMoments:
         return np.asarray((p_mm - q_mm - self.reference_mm[joint])[:, None] - gaps / counts)
 
     def _in_first_pose(self, joint: int) -> Array:
-        """(12, 12) that makes (D, d) of features as they are summed up, d in the frame of the first pose."""
+        """Matrix (12, 12) from the accumulated features to (D, d), with d in the frame of the first pose."""
         combined = np.zeros((_FEATURES, _FEATURES))
         combined[:9, :9] = _D_OF_PRODUCTS
         combined[9:, 9:] = self.first_turn[joint].T
         return combined
 
     def _batches_of(self, joint: int) -> tuple[Array, Array]:
-        """Sums (12, B) of the batches that have a frame, and their frames (B,)."""
+        """Sums (12, B) of the batches that have a valid frame, and their numbers of frames (B,)."""
         sums = np.concatenate([np.zeros((_FEATURES + 1, 0)), *self._batches[joint]], 1)
         self._batches[joint] = [sums]
         if not sums[_FEATURES].all():
@@ -160,6 +214,7 @@ class JointMoments:
         return sums[:_FEATURES], sums[_FEATURES]
 
     def _add_joint(self, joint: int, poses: RelativePoses) -> None:
+        """Add one joint's frames to its moments and batches; frames that are not valid count as zero."""
         valid = poses.valid[:, joint]
         n_valid = int(np.count_nonzero(valid))
         if not n_valid:
@@ -176,13 +231,15 @@ class JointMoments:
         self._batches[joint].append(np.add.reduceat(features, starts, axis=1))
 
     def _start(self, joint: int, quaternion: Array, position_mm: Array) -> None:
-        """Keep a joint's first pose (4,), (3,), to which all others are taken relative."""
+        """Store a joint's first pose, quaternion (4,) and position (3,): the reference of its moments."""
         self._first[joint] = [*quaternion, *position_mm]
         self.first_turn[joint] = matrix(quaternion)
         self.reference_mm[joint] = rotate(conjugate(quaternion), position_mm)
 
     def _features(self, joint: int, quaternion: Array, position_mm: Array) -> Array:
-        """Products of the quaternions (T, 4) from the first pose, d relative to it, and 1: (13, T)."""
+        """Products of the quaternion components (T, 4) relative to the first pose, d relative to it, and 1:
+        (13, T).
+        """
         turn = left_matrix(conjugate(self._first[joint, :4])) @ quaternion.T
         features = np.empty((_FEATURES + 1, len(quaternion)))
         np.multiply(turn[1:], turn[1:], out=features[:3])

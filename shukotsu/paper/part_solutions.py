@@ -1,4 +1,4 @@
-"""Joint solutions of all parts of a subject: every recording is read, every solver run as often as needed."""
+"""Joint solutions of all parts of a subject; each recording is read, and each solver run, once per hand."""
 
 from __future__ import annotations
 
@@ -24,7 +24,20 @@ from shukotsu.translation import listed
 
 @dataclass(frozen=True)
 class StreamedRecordings:
-    """Recordings read once: moments of every solvable joint, and which segments had a valid pose."""
+    """Result of one pass over recordings: moments of every solvable joint, and segments with any valid pose.
+
+    Attributes
+    ----------
+    paths : tuple of Path
+        The poses files.
+    layout : Layout
+        Layout of the hand.
+    moments : JointMoments
+        Moments of the joints in layout.solvable, in their order.
+    seen : mapping
+        Segment -> whether it has a valid pose in any frame.
+
+    """
 
     paths: tuple[Path, ...]
     layout: Layout
@@ -33,7 +46,26 @@ class StreamedRecordings:
 
 
 def stream_recordings(paths: Sequence[Path], layout: Layout) -> StreamedRecordings:
-    """Go through recordings once; only moments stay in memory. Raises InputError for no poses table."""
+    """Read recordings once, keeping only moments in memory.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Poses files.
+    layout : Layout
+        Layout of the hand.
+
+    Returns
+    -------
+    StreamedRecordings
+        Moments of all solvable joints.
+
+    Raises
+    ------
+    InputError
+        Where a file is not a poses table.
+
+    """
     moments = JointMoments(len(layout.solvable), sum(map(frame_count, paths)))
     seen = dict.fromkeys(layout.measured, False)
     for path in paths:
@@ -47,7 +79,21 @@ def stream_recordings(paths: Sequence[Path], layout: Layout) -> StreamedRecordin
 def solve_recordings(
     recordings: StreamedRecordings, settings: JointSolving
 ) -> dict[str, JointSolution | str]:
-    """Solve every joint between two receivers; a joint without an answer has the reason instead."""
+    """Solve every joint between two receivers (Eq. 1-7).
+
+    Parameters
+    ----------
+    recordings : StreamedRecordings
+        One hand's recordings.
+    settings : JointSolving
+        Solver and number of singular values.
+
+    Returns
+    -------
+    dict
+        Joint -> its solution, or the reason why it could not be solved.
+
+    """
     solutions: dict[str, JointSolution | str] = {}
     for index, joint in enumerate(recordings.layout.solvable):
         if not is_solvable(recordings.moments, index):
@@ -62,7 +108,7 @@ def solve_recordings(
 
 
 def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> None:
-    """Add a block of poses to the moments of those joints."""
+    """Add a block of poses to the moments of the joints."""
     parents = np.array([block.index(joint.parent_receiver) for joint in joints])
     children = np.array([block.index(joint.child) for joint in joints])
     moments.add(relative_poses(block.quaternion, block.position_mm, block.valid, parents, children))
@@ -71,7 +117,7 @@ def add_block(moments: JointMoments, block: Poses, joints: Sequence[Joint]) -> N
 def _by_stack(
     closed: JointSolution, paths: Sequence[Path], joint: Joint, n_singular_values: int
 ) -> JointSolution:
-    """Solve the same joint by the stacked SVD; what only the moments tell (precision, range) is kept."""
+    """Solve the joint by the stacked SVD; precision and range of motion come from the closed solution."""
     pairs = [read_poses(path, (joint.parent_receiver, joint.child)) for path in paths]
     valid = np.concatenate([pair.valid.all(1) for pair in pairs])
     quaternion = np.concatenate([pair.quaternion for pair in pairs])[valid]
@@ -85,6 +131,7 @@ def _by_stack(
 
 
 def _reason(joint: Joint, seen: Mapping[str, bool], n_frames: int) -> str:
+    """Why the joint could not be solved."""
     dead = [segment for segment in (joint.parent_receiver, joint.child) if not seen[segment]]
     if dead:
         return f"no valid pose of {listed(dead)}; check that receiver"
@@ -110,7 +157,7 @@ _SCALARS = (
 
 @dataclass(frozen=True)
 class PartRequest:
-    """What a part of the table is made from: a hand's calibration recordings, a solver's settings."""
+    """Request for one part of the table: a hand's calibration recordings and a solver's settings."""
 
     part: Part
     poses: tuple[Path, ...]
@@ -119,9 +166,24 @@ class PartRequest:
 
 
 def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Exception]:
-    """The rows of every part, or why it failed, in the order of the requests.
+    """Solve all requested parts; every recording is read and every solver run once for each hand.
 
-    Every recording is read and every solver run once. Raises TableError where a file is no poses table.
+    Parameters
+    ----------
+    requests : sequence of PartRequest
+        Parts to solve.
+
+    Returns
+    -------
+    dict
+        Part -> its rows of joint_solutions, or the exception by which it failed, in the order of the
+        requests.
+
+    Raises
+    ------
+    TableError
+        Where a file is not a poses table.
+
     """
     groups: dict[tuple[str, tuple[Path, ...]], list[PartRequest]] = {}
     for request in requests:
@@ -132,7 +194,7 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Excep
             rows = _rows_by_settings(group)
         except TableError:
             raise
-        except Exception as error:  # also a bug must not cost the study its other hands
+        except Exception as error:  # a bug, too, must not cost the study its other hands
             outcomes |= dict.fromkeys((request.part for request in group), error)
         else:
             outcomes |= {request.part: rows[request.settings] for request in group}
@@ -140,7 +202,7 @@ def solve_parts(requests: Sequence[PartRequest]) -> dict[Part, list[Row] | Excep
 
 
 def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[Row]]:
-    """Solve the joints of one hand's recordings with every solver that the group asks for."""
+    """Rows of joint_solutions of one hand under every solver setting that the group requests."""
     layout = group[0].layout
     usable, reasons = usable_poses(group[0].poses)
     for reason in reasons:
@@ -155,7 +217,7 @@ def _rows_by_settings(group: Sequence[PartRequest]) -> dict[JointSolving, list[R
 
 
 def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) -> list[Row]:
-    """A row for every solvable joint of the layout, but not for an optional receiver not worn."""
+    """A row for every solvable joint, except failed joints at an optional receiver, which was not worn."""
     rows = []
     for joint in layout.solvable:
         solution = solutions[joint.name]
@@ -166,7 +228,7 @@ def solution_rows(layout: Layout, solutions: Mapping[str, JointSolution | str]) 
 
 
 def solution_row(joint: Joint, solution: JointSolution | str) -> Row:
-    """The row of one joint, failed where `solution` is the reason why there is none."""
+    """Row of joint_solutions of one joint; failed where `solution` is the reason instead."""
     names = {"joint": joint.name, "parent_segment": joint.parent_receiver, "child_segment": joint.child}
     if isinstance(solution, str):
         return {**names, "reason_values": "", "status": "failed", "message": solution, "n_frames": 0}

@@ -1,4 +1,4 @@
-"""One joint from its solution to its centre: plane, correction, error, in that order."""
+"""Joint centre from a joint solution: plane, manual correction, then the error that the data cannot show."""
 
 from __future__ import annotations
 
@@ -22,21 +22,30 @@ from shukotsu.tables.parts import Part, read_part
 from shukotsu.tables.typed_table import rows_of, vector_columns, vector_of
 
 MARGIN = 1.7
-"""By which other people's skin and mounts may exceed the tabulated ones (ours: with it the stated 95 % hold
-for skins of another law and receivers misplaced twice as far)."""
+"""Factor by which skin motion and receiver misplacement may exceed the tabulated sizes.
+
+Set on simulated hands: with it the stated 95 % hold for another law of skin motion, and for receivers
+misplaced by twice the tabulated sizes.
+"""
 
 TYPICAL_GAP_MM = 1.0
-"""Rms gap of a joint under typical skin; skin that leaves a larger one is taken to slide as much farther."""
+"""Rms gap of a joint under typical skin motion; a larger gap scales the assumed skin motion up in proportion.
+"""
 
 NEIGHBOUR_RANGE_DEG = 30.0
-"""Range of a neighbour's motion that goes with the joint's own: it moves the skin of both, and the less the
-joint itself moves, the farther that moves its centre."""
+"""Range of motion of a neighbouring joint that is correlated with the joint's own.
+
+It moves the skin of both receivers, and displaces the centre more the less the joint itself moves.
+"""
 
 COMPOUND_SD_MM = 6.0
-"""In 3-D, of a centre across a bone that moves and carries no receiver (ours: hands of the simulator)."""
+"""Three-dimensional standard deviation of a centre solved across a moving bone without a receiver.
+
+Set on simulated hands.
+"""
 
 UNKNOWN_PLACE_SD_MM = 5.0
-"""Sd of a receiver beside a bone that is not of a hand (ours)."""
+"""Standard deviation of a receiver's lateral position on a segment without tabulated anatomy (our choice)."""
 
 
 def unseen_covariance(
@@ -48,10 +57,31 @@ def unseen_covariance(
     gap_rms_mm: float,
     range_deg: float,
 ) -> Array:
-    """Covariance (6, 6) mm^2 of the centre's two halves that neither scatter nor gap shows.
+    """Covariance of a centre from errors that leave neither scatter nor a gap: skin motion and receiver
+    placement.
 
-    axes : (3,) unit in both frames. mean_rotation : (3, 3) child to parent. gap_rms_mm : of the unconstrained
-    fit. Both halves are off by the same vector, as they coincide.
+    docs/method.md, "Uncertainty". Both halves are off by the same vector, since they coincide.
+
+    Parameters
+    ----------
+    joint, layout : Joint, Layout
+        The joint and the layout of the hand.
+    placed : Projection
+        The centre on its plane.
+    axes : tuple of array, shape (3,)
+        Unit axis in the parent's and the child's receiver frame.
+    mean_rotation : array, shape (3, 3)
+        Mean rotation, child to parent.
+    gap_rms_mm : float
+        Rms gap of the six-value solution.
+    range_deg : float
+        Range of motion about the axis.
+
+    Returns
+    -------
+    array, shape (6, 6)
+        Covariance of (p, q), mm^2.
+
     """
     to_parent = nearest_rotation(mean_rotation)
     slides = [
@@ -69,13 +99,14 @@ def unseen_covariance(
 
 
 def _looseness(segment: str, layout: Layout, gap_rms_mm: float) -> float:
+    """Factor on the tabulated skin motion of a segment, from the gap and the margin."""
     if _is_known(segment, layout):
         return MARGIN * max(1.0, gap_rms_mm / TYPICAL_GAP_MM)
     return max(1.0, gap_rms_mm / average.UNKNOWN_SLIDE_SD_MM)
 
 
 def _along_variance_mm2(joint: Joint, layout: Layout, placed: Projection) -> float:
-    """Variance of the place on the axis at which the plane cuts it; nothing where no plane does."""
+    """Variance along the axis of the point where the plane cuts it, mm^2; 0 for a joint without a plane."""
     if placed.axis_plane_deg is None:
         return 0.0
     in_parent = joint.plane.frame == "parent"
@@ -88,7 +119,7 @@ def _along_variance_mm2(joint: Joint, layout: Layout, placed: Projection) -> flo
 
 
 def _is_known(segment: str, layout: Layout) -> bool:
-    """Whether anatomy knows the segment: the hand itself, or a bone of one of its digits."""
+    """Whether the anatomy tables cover the segment: the hand itself, or a bone of one of its digits."""
     if layout.wrist is not None and segment == layout.wrist.segment:
         return True
     digit, _, kind = segment.rpartition("_")
@@ -96,7 +127,7 @@ def _is_known(segment: str, layout: Layout) -> bool:
 
 
 def _slide_covariance(segment: str, layout: Layout, lever_mm: Array, looseness: float) -> Array:
-    """Covariance (3, 3), mm^2 per rad^2, of a point's motion seen by its receiver, at lever_mm (3,)."""
+    """Covariance (3, 3), mm^2 per rad^2, of a point's skin motion as its receiver sees it; lever_mm (3,)."""
     if layout.wrist is not None and segment == layout.wrist.segment:
         return np.asarray((looseness * average.PALM_SLIDE_SD_MM) ** 2 * np.eye(3))
     if not _is_known(segment, layout):
@@ -111,7 +142,28 @@ def _slide_covariance(segment: str, layout: Layout, lever_mm: Array, looseness: 
 
 
 def place_joints(solutions: Path, plan: SubjectPlan, part: Part) -> list[dict[str, Any]]:
-    """Return one skeleton's rows of joint_centres from its rows of joint_solutions."""
+    """Rows of joint_centres of one skeleton from its rows of joint_solutions.
+
+    Parameters
+    ----------
+    solutions : Path
+        The table joint_solutions.
+    plan : SubjectPlan
+        Plan of the subject.
+    part : Part
+        The skeleton.
+
+    Returns
+    -------
+    list of dict
+        One row for each joint.
+
+    Raises
+    ------
+    InputError
+        Where the table has a joint that the layout lacks.
+
+    """
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     rows_of_hand = [row for row in plan.corrections if row["hand"] == part.hand and model.planes.corrections]
     corrections_mm = {row["joint"]: vector_of(row.values, "d", "_mm") for row in rows_of_hand}
@@ -135,9 +187,24 @@ def place_joint(
     model: SkeletonModel,
     correction_mm: Array | None,
 ) -> dict[str, Any]:
-    """The joint's row of joint_centres (names of subject, hand and model left out).
+    """Row of joint_centres of one joint, without subject, hand and model.
 
-    solution : its row of joint_solutions. correction_mm : (3,) in the child's frame, or None.
+    Parameters
+    ----------
+    joint, layout : Joint, Layout
+        The joint and the layout of the hand.
+    solution : mapping
+        Its row of joint_solutions.
+    model : SkeletonModel
+        The model, which says whether planes cut axes.
+    correction_mm : array, shape (3,), or None
+        Manual correction in the child's receiver frame.
+
+    Returns
+    -------
+    dict
+        A failed solution gives a row without numbers.
+
     """
     dof = 3 if joint.plane.frame == "none" else 1
     row: dict[str, Any] = {
@@ -172,7 +239,7 @@ def place_joint(
 
 
 def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> plane.Projection | None:
-    """The centre where the plane cuts its axis; as it was solved where planes cut nothing."""
+    """The centre where the plane cuts the axis, or as solved where the model uses no planes."""
     p_mm, q_mm = vector_of(solution, "parent_", "_mm"), vector_of(solution, "child_", "_mm")
     axes = vector_of(solution, "null_parent_"), vector_of(solution, "null_child_")
     covariance_mm2 = np.reshape(solution["covariance_mm2"], (6, 6))
@@ -197,7 +264,7 @@ def _projection(joint: Joint, solution: Mapping[str, Any], *, cut: bool) -> plan
 def _centre(
     solution: Mapping[str, Any], placed: plane.Projection, shift_mm: Array, model: SkeletonModel
 ) -> dict[str, Any]:
-    """The centre after the correction, the size of its gap and how far it can be trusted."""
+    """Columns of the corrected centre: its position, gap and scatter."""
     mean_rotation = _mean_rotation(solution)
     p_mm, q_mm = plane.correct(placed.p_mm, placed.q_mm, shift_mm, mean_rotation)
     gap = plane.gap_rms_mm(
@@ -224,7 +291,7 @@ def _centre(
 def _whole_error(
     joint: Joint, layout: Layout, placed: plane.Projection, solution: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The centre's error with what its frames cannot show; the scatter's part in a column of its own."""
+    """Columns of the total error, scatter plus unseen errors, with the scatter alone in scatter_sd_mm."""
     unseen_mm2 = unseen_covariance(
         joint,
         layout,
@@ -243,11 +310,12 @@ def _whole_error(
 
 
 def _mean_rotation(solution: Mapping[str, Any]) -> Array:
+    """The solution's mean rotation (3, 3), child to parent."""
     return np.array([[solution[f"mean_rotation_{i}{j}"] for j in "xyz"] for i in "xyz"])
 
 
 def _doubts(joint: Joint, row: Mapping[str, Any], model: SkeletonModel) -> dict[str, Values]:
-    """List the doubts about the centre beside its numbers, by kind."""
+    """Doubts about the centre, by kind, with the numbers that they quote."""
     doubts: dict[str, Values] = {}
     if joint.compound:
         doubts[ACROSS] = {"segment": joint.parent, "receiver": joint.parent_receiver}

@@ -1,4 +1,6 @@
-"""Cut a joint's axis with its plane, with the effect on the uncertainty, and manual corrections."""
+"""The plane of section 4: where it cuts a joint's axis, the effect on the uncertainty, and manual
+corrections.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +13,19 @@ from shukotsu.hand.rotations import Array, nearest_rotation, unit
 
 @dataclass(frozen=True)
 class Projection:
-    """A joint centre on its plane: (3,) in both receivers' frames, and the covariance (6, 6) of both.
+    """Joint centre on its plane.
 
-    slide_mm : along the axis, signed. axis_plane_deg : angle between axis and plane, 0 to 90, None without a
-    plane.
+    Attributes
+    ----------
+    p_mm, q_mm : array, shape (3,)
+        Centre in the parent's and the child's receiver frame, mm.
+    slide_mm : float
+        Signed distance moved along the axis.
+    axis_plane_deg : float or None
+        Angle between axis and plane, 0 to 90 deg; None without a plane.
+    covariance_mm2 : array, shape (6, 6)
+        Covariance of (p, q), mm^2.
+
     """
 
     p_mm: Array
@@ -36,21 +47,42 @@ def project(
     plane_normal: Array,
     plane_in_parent: bool,
 ) -> Projection | None:
-    """Slide both halves of a centre along the axis by the same amount, until one lies in the plane.
+    """Slide both halves of a centre along the axis by the same amount, onto the plane (end of section 4).
 
-    Two planes, one a half, would leave a constant gap along the axis. Solutions with five and six singular
-    values differ only along it, so they end in the same point. None where the axis lies in the plane.
+    Separate planes for the two halves would leave a constant gap along the axis. Solutions with five and with
+    six singular values differ only along the axis and therefore project to the same point.
+
+    Parameters
+    ----------
+    p_mm, q_mm : array, shape (3,)
+        Centre in the parent's and the child's receiver frame, mm.
+    axis_parent, axis_child : array, shape (3,)
+        Unit axis in either frame.
+    covariance_mm2 : array, shape (6, 6)
+        Covariance of (p, q), mm^2.
+    axis_sd_rad : float
+        Standard deviation of the axis direction.
+    plane_point_mm, plane_normal : array, shape (3,)
+        Point and normal of the plane, in the frame chosen by plane_in_parent.
+    plane_in_parent : bool
+        Whether the plane is in the parent's receiver frame, else in the child's.
+
+    Returns
+    -------
+    Projection or None
+        None where the axis lies in the plane.
+
     """
     normal = unit(plane_normal)
-    own_point, own_axis = (p_mm, axis_parent) if plane_in_parent else (q_mm, axis_child)
-    sine = float(own_axis @ normal)
+    point_mm, axis_in_plane = (p_mm, axis_parent) if plane_in_parent else (q_mm, axis_child)
+    sine = float(axis_in_plane @ normal)
     if abs(sine) < 1e-9:
         return None
-    slide = float((plane_point_mm - own_point) @ normal) / sine
+    slide = float((plane_point_mm - point_mm) @ normal) / sine
     null = np.concatenate([axis_parent, axis_child])
     cut = np.concatenate([normal, np.zeros(3)] if plane_in_parent else [np.zeros(3), normal])
     onto_plane = np.eye(6) - np.outer(null, cut) / sine
-    covariance = covariance_mm2.copy()  # the axis turns: either half moves sideways by half the variance
+    covariance = covariance_mm2.copy()  # an axis error moves each half sideways by half the variance
     for part, axis in ((slice(0, 3), axis_parent), (slice(3, 6), axis_child)):
         covariance[part, part] += (np.eye(3) - np.outer(axis, axis)) * (slide * axis_sd_rad) ** 2 / 2
     return Projection(
@@ -71,7 +103,27 @@ def leave_uncut(
     slide_to_free_mm: float,
     variance_along_mm2: float,
 ) -> Projection:
-    """The centre of the six-unknown fit, for a joint without a plane; covariance : without the axis."""
+    """Centre of the six-value solution, for a joint without a plane.
+
+    Parameters
+    ----------
+    p_mm, q_mm : array, shape (3,)
+        Five-value centre in the parent's and the child's receiver frame, mm.
+    axis_parent, axis_child : array, shape (3,)
+        Unit axis in either frame.
+    covariance_mm2 : array, shape (6, 6)
+        Covariance of (p, q) without the axis direction, mm^2.
+    slide_to_free_mm : float
+        Distance along the axis to the six-value centre.
+    variance_along_mm2 : float
+        Variance of the centre along the null vector.
+
+    Returns
+    -------
+    Projection
+        With axis_plane_deg None.
+
+    """
     null = np.concatenate([axis_parent, axis_child]) / np.sqrt(2)
     across = np.eye(6) - np.outer(null, null)
     return Projection(
@@ -84,12 +136,30 @@ def leave_uncut(
 
 
 def correct(p_mm: Array, q_mm: Array, shift_mm: Array, mean_rotation: Array) -> tuple[Array, Array]:
-    """Move a centre by hand (section 6): shift_mm in the child's frame, the parent's half in mean posture."""
+    """Apply a manual correction (section 6) to a joint centre.
+
+    Parameters
+    ----------
+    p_mm, q_mm : array, shape (3,)
+        Centre in the parent's and the child's receiver frame, mm.
+    shift_mm : array, shape (3,)
+        Correction in the child's receiver frame, mm.
+    mean_rotation : array, shape (3, 3)
+        Mean rotation from the child's to the parent's frame, by which the parent's half moves.
+
+    Returns
+    -------
+    tuple of array, shape (3,)
+        Corrected p and q, mm.
+
+    """
     return p_mm + nearest_rotation(mean_rotation) @ shift_mm, q_mm + shift_mm
 
 
 def centre_sd_mm(covariance_mm2: Array) -> float:
-    """1-sigma, three-dimensional error of a centre from the covariance of (p, q): the worse half's."""
+    """Three-dimensional standard deviation of a centre from the covariance (6, 6) of (p, q): of the worse
+    half, mm.
+    """
     variance = np.maximum(np.diag(covariance_mm2), 0.0)
     return float(np.sqrt(max(variance[:3].sum(), variance[3:].sum())))
 
@@ -104,11 +174,31 @@ def gap_rms_mm(
     shift_child_mm: Array,
     mean_rotation: Array,
 ) -> float:
-    """Rms gap of a centre that was slid along the axis and then, perhaps, shifted.
+    """Root mean square gap of a centre moved along the axis and, possibly, by a manual correction.
 
-    The mean square gap is a quadratic form about the unconstrained solution, with the normal matrix [[I, -M],
-    [-M^T, I]]; along the axis it grows with the smallest singular value of the stack over sqrt(frames).
-    beyond_free_mm : along the axis from the unconstrained solution.
+    The mean square gap is a quadratic form about the six-value solution with the normal matrix [[I, -M],
+    [-M^T, I]]; along the axis it grows with the square of the smallest singular value.
+
+    Parameters
+    ----------
+    gap_rms_free_mm : float
+        Rms gap of the six-value solution.
+    smallest_singular_value : float
+        Of the stack, over the root of the number of frames.
+    axis_parent, axis_child : array, shape (3,)
+        Unit axis in either receiver frame.
+    beyond_free_mm : float
+        Displacement along the axis from the six-value solution.
+    shift_parent_mm, shift_child_mm : array, shape (3,)
+        Correction of p and of q in their frames, mm.
+    mean_rotation : array, shape (3, 3)
+        M, the mean of R_a^T R_b.
+
+    Returns
+    -------
+    float
+        Rms gap, mm.
+
     """
     floor = smallest_singular_value**2
     along = 2 * floor * beyond_free_mm**2

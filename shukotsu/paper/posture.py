@@ -1,8 +1,9 @@
-"""Eq. 8-11: a metacarpal's posture from where its MCP joint is and how the proximal phalanx is turned.
+"""Eq. 8-11: posture of a metacarpal from the position of its MCP joint and the rotation of the proximal
+phalanx.
 
-Everything is seen from the hand. For the paper's factor 1 in Eq. 11 that is the same as seen from the
-transmitter; for other factors it keeps a turn of the whole hand out of the bone's own twist, and it keeps
-the swing small, so that turning the hand over is no singularity.
+All directions are seen from the hand. With the paper's factor 1 in Eq. 11 the result is the same as seen from
+the transmitter. With other factors the hand's frame keeps a rotation of the whole hand out of the bone's
+twist, and in any case the swing stays small, so that turning the hand over is not a singularity.
 """
 
 from __future__ import annotations
@@ -15,19 +16,29 @@ import numpy.typing as npt
 from shukotsu.hand.rotations import Array, about_axis, multiply, rotate, unit
 
 SWING_LIMIT_DEG = 175.0
-"""Beyond this the axis of Eq. 8 is the difference of two nearly opposite vectors."""
+"""Swing beyond which the axis of Eq. 8 is poorly defined: the two vectors are nearly opposite."""
 
 TWIST_LIMIT_DEG = 75.0
-"""MCP flexion beyond which the proximal normal's component across the metacarpal is too short to trust
-(at 90 deg it vanishes)."""
+"""MCP flexion beyond which the twist is not trusted.
+
+The component of the proximal normal perpendicular to the metacarpal shrinks with flexion and vanishes at 90
+deg.
+"""
 
 
 @dataclass(frozen=True)
 class Posture:
-    """A metacarpal's change of posture since the reference frame, seen from the hand.
+    """Change of a metacarpal's posture since the reference frame, seen from the hand.
 
-    change : (T, 4), q_meta * q_swing. swing_rad, twist_rad : (T,), twist after Eq. 11; singular : (T,) where
-    not to be trusted.
+    Attributes
+    ----------
+    change : array, shape (T, 4)
+        q_meta * q_swing, unit quaternions (w, x, y, z).
+    swing_rad, twist_rad : array, shape (T,)
+        Swing angle, and twist angle after Eq. 11.
+    swing_singular, twist_singular : array of bool, shape (T,)
+        Where the angle is near its singularity and not trusted.
+
     """
 
     change: Array
@@ -39,10 +50,17 @@ class Posture:
 
 @dataclass(frozen=True)
 class Reference:
-    """The frame that the paper calls 1, seen from the hand.
+    """Reference frame of the posture (frame 1 of the paper), seen from the hand.
 
-    vector_mm : (3,) to the MCP joint. normal : (3,) unit, the metacarpal's, across it. twist_rad : from it to
-    the proximal phalanx's normal (Fig. 6).
+    Attributes
+    ----------
+    vector_mm : array, shape (3,)
+        v(1), from the metacarpal's base to the MCP joint, mm.
+    normal : array, shape (3,)
+        Unit normal of the metacarpal, perpendicular to v(1).
+    twist_rad : float
+        Angle about v(1) from this normal to that of the proximal phalanx (Fig. 6).
+
     """
 
     vector_mm: Array
@@ -51,16 +69,28 @@ class Reference:
 
     @classmethod
     def of(cls, vector_mm: Array, normal: Array, normal_proximal: Array) -> Reference:
-        """The reference from the vector and the normals, (3,) unit, of metacarpal and phalanx."""
+        """Build the reference from v(1) (3,) mm and the unit normals (3,) of metacarpal and phalanx."""
         angle, _ = twist(vector_mm[None], normal[None], normal_proximal[None])
         return cls(vector_mm, normal, float(angle[0]))
 
 
 def swing(start: Array, vector: Array) -> tuple[Array, Array]:
-    """Eq. 8-10: the shortest rotation that takes `start` (3,) to each `vector` (T, 3).
+    """Shortest rotation that takes one vector to each of others (Eq. 8-10).
 
-    Returns unit quaternions (T, 4) and angles (T,), rad: atan2(|a|, v1 . vk), as acos loses half the digits
-    of a small one.
+    Parameters
+    ----------
+    start : array, shape (3,)
+        v(1).
+    vector : array, shape (T, 3)
+        v(k), in the same frame.
+
+    Returns
+    -------
+    quaternion : array, shape (T, 4)
+        Unit quaternions (w, x, y, z).
+    angle : array, shape (T,)
+        Swing angle, rad: atan2(|v1 x vk|, v1 . vk), since acos loses half the digits of a small angle.
+
     """
     axis = _cross(start, vector)
     angle = np.arctan2(np.sqrt(_dot(axis, axis)), _dot(vector, start))
@@ -68,10 +98,22 @@ def swing(start: Array, vector: Array) -> tuple[Array, Array]:
 
 
 def twist(vector: Array, normal_metacarpal: Array, normal_proximal: Array) -> tuple[Array, Array]:
-    """Fig. 6-8: the angle about the metacarpal (T, 3) from its normal to the proximal phalanx's, unit.
+    """Angle about the metacarpal from its normal to that of the proximal phalanx (Fig. 6-8).
 
-    Returns signed angles (T,) in radians, and the length (T,) of the proximal normal's component across: 0
-    where the angle is lost.
+    Parameters
+    ----------
+    vector : array, shape (T, 3)
+        v(k), of any length.
+    normal_metacarpal, normal_proximal : array, shape (T, 3)
+        Unit normals in the same frame.
+
+    Returns
+    -------
+    angle : array, shape (T,)
+        Signed angle, rad.
+    across : array, shape (T,)
+        Length of the proximal normal's component perpendicular to v(k); the angle is undefined where it is 0.
+
     """
     along = unit(vector)
     across = normal_proximal - along * _dot(along, normal_proximal)[:, None]
@@ -83,7 +125,25 @@ def twist(vector: Array, normal_metacarpal: Array, normal_proximal: Array) -> tu
 def estimate_posture(
     vector: Array, normal_proximal: Array, reference: Reference, twist_factor: float
 ) -> Posture:
-    """Swing first, then twist about the swung bone; vector : (T, 3) mm, v(k), normal : (T, 3) unit."""
+    """Posture of a metacarpal: swing first, then twist about the swung bone (Eq. 8-11).
+
+    Parameters
+    ----------
+    vector : array, shape (T, 3)
+        v(k) seen from the hand, mm.
+    normal_proximal : array, shape (T, 3)
+        Unit normal of the proximal phalanx, seen from the hand.
+    reference : Reference
+        The reference frame.
+    twist_factor : float
+        c of theta_meta = c * theta_pro; 1 in the paper.
+
+    Returns
+    -------
+    Posture
+        Change since the reference frame.
+
+    """
     swung, swing_rad = swing(reference.vector_mm, vector)
     carried = rotate(swung, reference.normal)
     angle, across = twist(vector, carried, normal_proximal)
@@ -99,14 +159,14 @@ def estimate_posture(
 
 
 def _cross(first: Array, second: Array) -> Array:
-    """Cross products (..., 3); a component at a time, which takes a fraction of np.cross' time."""
+    """Cross products (..., 3), component by component, which is several times faster than np.cross."""
     a, b, c = np.moveaxis(first, -1, 0)
     x, y, z = np.moveaxis(second, -1, 0)
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], -1)
 
 
 def _dot(first: Array, second: Array) -> Array:
-    """Scalar products (...) of vectors (..., 3), each frame's the same whatever frames are beside it."""
+    """Scalar products (...) of vectors (..., 3); a frame's result does not depend on the other frames."""
     a, b, c = np.moveaxis(first, -1, 0)
     x, y, z = np.moveaxis(second, -1, 0)
     return np.asarray(a * x + b * y + c * z)

@@ -1,9 +1,9 @@
-"""Replay a digit from its base outward, each bone turned by what drives it, and measure its tip.
+"""Section 6: replay of a digit from its base outward by the rotations of its receivers, and the tip error.
 
-Two bindings (how the bones are fixed to what turns them):
-first-frame, the paper's: bones are the vectors between the joints in the first frame, so that the tip is
-exact in that frame; least-squares: bones are constant in their receivers and no frame is special
-(`hand.posing`). The error of either is a sum of joint gaps (docs/method.md, "what the tip error says").
+There are two bindings of bones to receivers. In the paper's, first-frame, bones are the vectors between joint
+centres in the first frame, and the tip error is zero there. With least-squares, bones are constant vectors in
+their receivers' frames and no frame is special (`hand.posing`). Either error is a sum of joint gaps
+(docs/method.md, "Tip error").
 """
 
 from __future__ import annotations
@@ -28,23 +28,39 @@ from shukotsu.tables.poses import Poses, PosesReader, frame_count, poses_reader
 from shukotsu.translation import listed
 
 FirstFrame = tuple[Poses, Array | None]
-"""A recording's first usable frame, and the metacarpal's posture (1, 4) in it."""
+"""First usable frame of a recording, and the metacarpal's quaternion (1, 4) in it, if posed."""
 
 
 def usable_frames(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> npt.NDArray[np.bool_]:
-    """Frames, (T,), in which all that the digit's replay needs is there; metacarpal : (T, 4), NaN in gaps."""
+    """Frames in which everything that the digit's replay needs is valid.
+
+    Parameters
+    ----------
+    chain : DigitChain
+        The digit.
+    poses : Poses
+        T frames.
+    metacarpal : array, shape (T, 4), or None
+        Posture of the metacarpal, NaN in gaps.
+
+    Returns
+    -------
+    array of bool, shape (T,)
+        True where the frame can be replayed.
+
+    """
     usable = all_valid(poses, (chain.digit.base, *chain.receivers))
     return usable if metacarpal is None else usable & np.isfinite(metacarpal[:, 0])
 
 
 def tips_least_squares(bones: PosedRecording) -> dict[str, Array]:
-    """Tip positions (T, 3) mm of every digit in the transmitter frame, bones constant; NaN in gaps."""
+    """Tip positions (T, 3) mm of every digit in the transmitter frame, least-squares binding; NaN in gaps."""
     position_mm = rigid_positions(bones)
     return {joint.digit: position_mm[:, index] for index, joint in enumerate(bones.joints) if joint.tip}
 
 
 def first_frame(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> FirstFrame | None:
-    """The first usable frame and the metacarpal's posture (1, 4) in it; None where no frame is usable."""
+    """First usable frame and the metacarpal's quaternion (1, 4) in it; None where no frame is usable."""
     usable = usable_frames(chain, poses, metacarpal)
     if not usable.any():
         return None
@@ -55,10 +71,29 @@ def first_frame(chain: DigitChain, poses: Poses, metacarpal: Array | None) -> Fi
 def tip_first_frame(
     chain: DigitChain, poses: Poses, metacarpal: Array | None, first: FirstFrame | None, *, at_rest: bool
 ) -> Array:
-    """Tip positions (T, 3) mm in the transmitter frame, bones bound in the first frame; NaN in gaps.
+    """Replayed tip positions with bones bound in the first frame (section 6).
 
-    There joints are where the child halves put them and the tip is the distal receiver, so that the error is
-    zero; except with a metacarpal `at_rest`, which was never bound to anything.
+    In the first frame joints are at their child halves and the tip is the origin of the distal receiver, so
+    the error there is zero. The exception is a metacarpal at rest, which is not bound to the first frame.
+
+    Parameters
+    ----------
+    chain : DigitChain
+        The digit.
+    poses : Poses
+        T frames.
+    metacarpal : array, shape (T, 4), or None
+        Posture of the metacarpal, unit quaternions (w, x, y, z), bone to transmitter frame.
+    first : FirstFrame or None
+        The first usable frame.
+    at_rest : bool
+        Whether the metacarpal keeps its rest direction (`metacarpals: rest`).
+
+    Returns
+    -------
+    array, shape (T, 3)
+        Tip in the transmitter frame, mm; NaN in gaps.
+
     """
     usable = usable_frames(chain, poses, metacarpal)
     if first is None:
@@ -83,12 +118,12 @@ def tip_first_frame(
 
 
 def tip_error_mm(tip: Array, chain: DigitChain, poses: Poses) -> Array:
-    """Distances (T,) of replayed tips (T, 3) to the distal receiver; NaN in gaps."""
+    """Distances (T,) mm from replayed tips (T, 3) to the origin of the distal receiver; NaN in gaps."""
     return np.asarray(np.linalg.norm(tip - poses.position_mm[:, poses.index(chain.digit.tip)], axis=-1))
 
 
 def error_statistics(error_mm: Array) -> dict[str, Any]:
-    """Max, min, mean, SD (divided by n), median and 95th percentile of the errors (T,) that are known."""
+    """Maximum, minimum, mean, SD (divisor n), median and 95th percentile of the finite errors (T,), mm."""
     known_mm = error_mm[np.isfinite(error_mm)]
     if not len(known_mm):
         return {"n_frames": 0}
@@ -109,7 +144,9 @@ BINDINGS = ("first-frame", "least-squares")
 
 
 def write_part(plan: SubjectPlan, part: Part, tips: PartsWriter, errors: PartsWriter) -> None:
-    """Replay one skeleton in its recordings; one whose import failed has rows of tip_errors that say why."""
+    """Replay one skeleton in its recordings; a recording that could not be imported gets rows with the
+    reason.
+    """
     layout, model = plan.layouts[part.hand], plan.models[part.model]
     skeleton = read_skeleton(plan.table("joint_centres"), plan.table("bone_lengths"), layout, model, part)
     calibrated = plan.calibrating(part.hand, part.model, part.made_without)
@@ -144,10 +181,24 @@ def write_part(plan: SubjectPlan, part: Part, tips: PartsWriter, errors: PartsWr
 def replay_recording(
     skeleton: Skeleton, recording: PosesReader, metacarpals: Callable[[str, Index], Mapping[str, Array]]
 ) -> Iterator[tuple[dict[str, Any] | None, list[dict[str, Any]]]]:
-    """Columns of tips of every digit in a recording, block by block, then its rows of tip_errors.
+    """Replay every digit of a skeleton in one recording.
 
-    metacarpals : quaternions (T, 4) by digit at some frames (T,), or nothing. A digit at a time, for the
-    bones of all take several times the memory of the recording.
+    One digit at a time, since the bones of all digits take several times the memory of the recording.
+
+    Parameters
+    ----------
+    skeleton : Skeleton
+        Joint centres and bones of a hand.
+    recording : PosesReader
+        The recording.
+    metacarpals : callable
+        (digit, frames (T,)) -> quaternions (T, 4) by digit; empty where the digit has none.
+
+    Yields
+    ------
+    tuple
+        Columns of tips of a block and no rows, or None and the digit's rows of tip_errors.
+
     """
     for digit in skeleton.layout.digits.values():
         alone = replace(skeleton, layout=replace(skeleton.layout, digits={digit.name: digit}))
@@ -171,7 +222,7 @@ def replay_recording(
 
 
 class _Replay:
-    """One digit's replay as far as it is; errors by binding, segments those seen."""
+    """Replay of one digit, accumulated block by block: errors of each binding, and segments with a pose."""
 
     def __init__(self, skeleton: Skeleton) -> None:
         self._skeleton = skeleton
@@ -182,7 +233,7 @@ class _Replay:
     def columns(
         self, chain: DigitChain, poses: Poses, metacarpal: Array | None, tip_mm: Array
     ) -> dict[str, Any]:
-        """Columns of tips at the next frames; tip_mm : (T, 3) of the least-squares binding."""
+        """Columns of tips for the next block; tip_mm : (T, 3) of the least-squares binding."""
         measured = self._skeleton.layout.segments[chain.digit.segments[0]].measured
         at_rest = not measured and self._skeleton.model.metacarpals.unmeasured == "rest"
         tip_mm = np.where(usable_frames(chain, poses, metacarpal)[:, None], tip_mm, np.nan)
@@ -202,11 +253,11 @@ class _Replay:
         }
 
     def rows(self, chain: DigitChain) -> list[dict[str, Any]]:
-        """Rows of tip_errors, all frames replayed."""
+        """Rows of tip_errors, after the last block."""
         errors_of = {binding: np.concatenate(blocks) for binding, blocks in self._errors_mm.items()}
         least_squares_mm = errors_of[BINDINGS[1]]
         why, needed = "", (chain.digit.base, *chain.receivers)
-        if not np.isfinite(least_squares_mm).any():  # receivers that were not worn, or never all at once
+        if not np.isfinite(least_squares_mm).any():  # receivers not worn, or never all valid at once
             absent = [name for name in needed if name not in self._seen]
             why = f"no frame in which all of {listed(needed)} are valid"
             if absent:
@@ -218,7 +269,7 @@ class _Replay:
 
 
 def unavailable_rows(digit: str, reason: str, n_frames: int = 0) -> list[dict[str, Any]]:
-    """Rows of tip_errors of a digit without numbers, and why."""
+    """Rows of tip_errors of a digit without numbers, with the reason."""
     return [_row(digit, binding, n_frames, reason) for binding in BINDINGS]
 
 

@@ -1,7 +1,7 @@
-"""Eq. 4-7 to the letter: stack the rotations of all frames and invert them by SVD.
+"""Eq. 4-7 as printed: the rotations of all frames are stacked and inverted by SVD.
 
-The closed form in `moments` gives the same numbers from one pass over the data; this one is kept because
-it is the paper's, and to hold the other against it.
+The closed form (`closed`) gives the same numbers from one pass over the data. This solver is kept as the
+paper's own and as the reference that the closed form is tested against.
 """
 
 from __future__ import annotations
@@ -13,13 +13,26 @@ import numpy as np
 from shukotsu.hand.rotations import Array, matrix
 
 EXACT_HINGE = 5e-13
-"""Square of the last singular value over frames below which it is rounding: a hinge without any noise,
-whose sixth unknown no inverse can find."""
+"""Threshold on the smallest squared singular value over frames: below it the value is rounding error.
+
+The joint is then a hinge without noise, whose sixth unknown no inverse can determine.
+"""
 
 
 @dataclass(frozen=True)
 class StackedSolution:
-    """Centre (3,) mm in both frames, null vector's halves, and singular values (6,) over sqrt(frames)."""
+    """Solution of Eq. 5-7 by the stacked SVD.
+
+    Attributes
+    ----------
+    p_mm, q_mm : array, shape (3,)
+        Joint centre in the parent's and the child's receiver frame, mm.
+    null_parent, null_child : array, shape (3,)
+        Halves of the last right singular vector, each of length 1: the axis in either receiver frame.
+    singular_values : array, shape (6,)
+        Singular values of the stack over the root of the number of frames, descending.
+
+    """
 
     p_mm: Array
     q_mm: Array
@@ -35,10 +48,22 @@ def solve_stacked(
     child_position_mm: Array,
     n_singular_values: int,
 ) -> StackedSolution:
-    """Solve one joint as Eq. 5-7 do: x = V W^-1 U^T b, the smallest singular values left out.
+    """Solve one joint by Eq. 5-7: x = V W^-1 U^T b, without the smallest singular values.
 
-    quaternions : (N, 4) unit, receiver to transmitter; positions : (N, 3) mm; every frame valid, N >= 2.
-    n_singular_values : 6 as printed, or 5 to leave the point on a hinge's axis open.
+    Parameters
+    ----------
+    parent_quaternion, child_quaternion : array, shape (N, 4)
+        Unit quaternions (w, x, y, z), receiver to transmitter frame, in N >= 2 frames, all valid.
+    parent_position_mm, child_position_mm : array, shape (N, 3)
+        Positions in the transmitter frame, mm.
+    n_singular_values : int
+        6 as printed, or 5 to leave the position along a hinge's axis open.
+
+    Returns
+    -------
+    StackedSolution
+        Centre, axis and singular values.
+
     """
     n = len(parent_position_mm)
     stack = np.concatenate([matrix(child_quaternion), -matrix(parent_quaternion)], -1).reshape(3 * n, 6)

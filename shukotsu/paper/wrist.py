@@ -1,4 +1,4 @@
-"""The wrist that digits start from, and its row: fitted, measured, or what keeps its distance."""
+"""Wrist point from which the digits start: fitted, configured, or estimated from the MCP joints."""
 
 from __future__ import annotations
 
@@ -18,31 +18,46 @@ from shukotsu.tables.poses import PosesReader
 from shukotsu.tables.typed_table import vector_columns, vector_of
 
 DISTANCE_SD_MM = 1.0
-"""How far skin lets the distance between wrist and MCP joint vary."""
+"""Standard deviation of the distance from wrist to MCP joint due to skin motion."""
 
 INDEPENDENT_SAMPLES = 20.0
-"""Independent samples in a recording of some ten seconds, for each digit."""
+"""Number of independent samples, for each digit, in a recording of about ten seconds."""
 
 NOMINAL_SD_MM = 15.0
-"""How far a wrist lies from that of the average hand, receiver placement included."""
+"""Standard deviation of a wrist about that of the average hand, receiver placement included."""
 
 MAX_FRAMES = 4096
 
 
 @dataclass(frozen=True)
 class WristPoint:
-    """point_mm : (3,) and covariance_mm2 : (3, 3), in the hand receiver's frame."""
+    """Wrist point in the hand receiver's frame: point_mm (3,) and covariance_mm2 (3, 3)."""
 
     point_mm: Array
     covariance_mm2: Array
 
 
 def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
-    """Return the point whose distance to every MCP joint varies least, by Gauss-Newton steps.
+    """Point whose distance to the MCP joints varies least, by Gauss-Newton.
 
-    mcp_mm : per digit (T, 3) in the hand receiver's frame. nominal_mm : (3,) the average hand's, which
-    decides what the data leave open: in a palm that does not move every point keeps its distance. Minimises
-    samples / sd^2 * sum over digits of var_k |MCP(k) - w| + |w - nominal|^2 / sd_nominal^2.
+    See docs/method.md, "Wrist and metacarpals".
+
+    Minimises samples / sd^2 * sum over digits of var_k |MCP(k) - w| + |w - nominal|^2 / sd_nominal^2. The
+    nominal wrist decides what the data leave open: where the palm does not move, every point keeps its
+    distance.
+
+    Parameters
+    ----------
+    mcp_mm : list of array, shape (T, 3)
+        MCP centres of each digit in the hand receiver's frame, mm.
+    nominal_mm : array, shape (3,)
+        Wrist of the average hand, mm.
+
+    Returns
+    -------
+    WristPoint
+        Point and covariance in the hand receiver's frame.
+
     """
     digits = tuple(
         positions[:: max(1, len(positions) // MAX_FRAMES)].T.tobytes()
@@ -54,7 +69,7 @@ def estimate_wrist(mcp_mm: list[Array], nominal_mm: Array) -> WristPoint:
 
 @lru_cache(maxsize=4)
 def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> WristPoint:
-    """Return the same for positions (3, T) as bytes, kept: a hand's models differ beyond the MCP joints."""
+    """Cached `estimate_wrist`, positions (3, T) as bytes: models of a hand often share their MCP joints."""
     digits = [np.frombuffer(data).reshape(3, -1) for data in positions]
     nominal = np.array(nominal_mm)
     point = nominal.copy()
@@ -72,7 +87,7 @@ def _estimate(positions: tuple[bytes, ...], nominal_mm: tuple[float, ...]) -> Wr
 
 
 def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tuple[Array, Array]:
-    """Hessian and gradient at a point; digits : (3, T) positions, an axis at a time."""
+    """Hessian (3, 3) and gradient (3,) at a point; digits : positions (3, T), one row per axis."""
     hessian = np.eye(3) / NOMINAL_SD_MM**2
     gradient = (point - nominal) / NOMINAL_SD_MM**2
     for positions in digits:
@@ -82,7 +97,7 @@ def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tupl
         slope = np.empty((count, 3))
         for axis, offset in enumerate((x, y, z)):
             along = -offset / distance
-            slope[:, axis] = along - np.cumsum(along)[-1] / count  # summed in order, as rows of (T, 3) are
+            slope[:, axis] = along - np.cumsum(along)[-1] / count  # sequential sum, as over rows of (T, 3)
         weight = INDEPENDENT_SAMPLES / DISTANCE_SD_MM**2 / count
         hessian = hessian + weight * slope.T @ slope
         gradient = gradient + weight * slope.T @ (distance - distance.mean())
@@ -92,10 +107,25 @@ def _normal_equations(digits: list[Array], point: Array, nominal: Array) -> tupl
 def wrist_row(
     rows: Rows, layout: Layout, model: SkeletonModel, calibration: PosesReader
 ) -> dict[str, Any] | None:
-    """The wrist's row (subject, hand and model left out); None where no wrist is needed.
+    """Row of joint_centres of the wrist, without subject, hand and model; None where no wrist is needed.
 
-    model.wrist chooses: the joint fitted against a forearm receiver, the layout's point_mm, or the point that
-    MCP joints keep their distance from; `auto` takes the first that there is.
+    Parameters
+    ----------
+    rows : mapping
+        Rows of joint_centres by joint.
+    layout : Layout
+        Layout of the hand.
+    model : SkeletonModel
+        model.wrist selects the joint fitted against a forearm receiver (functional), the layout's point_mm
+        (point), or the point at constant distance from the MCP joints; auto takes the first available.
+    calibration : PosesReader
+        Calibration recordings.
+
+    Returns
+    -------
+    dict or None
+        The row.
+
     """
     wrist = layout.wrist
     if wrist is None:
@@ -127,7 +157,9 @@ def wrist_row(
 
 
 def _mcp_positions(rows: Rows, layout: Layout, wrist: Wrist, calibration: PosesReader) -> dict[str, Array]:
-    """Return MCP joints under bare metacarpals, (N, 3) mm seen from the hand, in evenly spaced frames."""
+    """MCP centres of digits without a metacarpal receiver, (N, 3) mm in the hand's frame, in evenly spaced
+    frames.
+    """
     positions = {}
     for digit in layout.digits.values():
         if layout.segments[digit.segments[0]].measured or digit.base != wrist.segment:
@@ -153,6 +185,7 @@ def _point_row(
     source: str,
     doubts: Mapping[str, Values] | None = None,
 ) -> dict[str, Any]:
+    """Row of joint_centres of a wrist point, or of its failure where point is None."""
     row: dict[str, Any] = {
         "joint": wrist.joint,
         "parent_segment": "",

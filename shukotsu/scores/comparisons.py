@@ -1,11 +1,12 @@
-"""Skeleton models over the subjects of a study: their numbers, subject by subject, and what they say.
+"""Comparison of skeleton models over the subjects of a study, metric by metric (docs/statistics.md).
 
-Each subject gives one difference of two models, the mean over the places in which both have a number: a place
-that only one of them has would favour the model that failed where it was hard.
+Each subject contributes one difference of two models: the mean over the places (see `observations`) in which
+both have a number. A place that only one model has would favour the model that fails where the data are hard.
 
-The baseline is the paper's: of the models that reproduce one of its tables uncorrected the last, for the
-first of them leaves metacarpals at rest, and everything beats it by centimetres; without any of the paper's
-the study's first model. Fitted hands, where only they are asked, are compared with anatomy alone.
+The baseline is the last of the paper's models that reproduce one of its tables without manual corrections;
+the first of them leaves the metacarpals at rest, and every other model beats it by centimetres. Without a
+model of the paper the baseline is the study's first model. Metrics of fitted hands alone are compared with
+the anatomical prior.
 """
 
 from __future__ import annotations
@@ -60,7 +61,24 @@ class ComparedModels:
 
 
 def compare_models(study: ScoredStudy) -> ComparedModels:
-    """Compare a study's models by every metric that any has a number of, held out if there are any."""
+    """Compare a study's models by every metric that has values, held out where there are any.
+
+    Parameters
+    ----------
+    study : ScoredStudy
+        Models and scores of a study.
+
+    Returns
+    -------
+    ComparedModels
+        Rows of the three tables of comparisons.
+
+    Raises
+    ------
+    ValueError
+        Where a model was observed twice in one place.
+
+    """
     compared = ComparedModels()
     for metric in METRICS:
         models = study.taking(metric)
@@ -82,7 +100,7 @@ def _compare(
     *,
     held_out: bool,
 ) -> None:
-    """Add the rows of one metric."""
+    """Add the rows of one metric to `compared`."""
     models = study.taking(metric)
     baseline = the_papers(study.models.values()) or next(iter(study.models))
     others = models
@@ -115,10 +133,10 @@ def _compare(
 
 
 def _scopes(study: ScoredStudy, seen: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
-    """Value and reason of every model by subject, digit and place: of all digits, then of each.
+    """Value and reason of every model by subject, digit and place: of all digits together, then of each.
 
-    Digits stand as the layouts name them, then what else has numbers. Raises ValueError where a model was
-    observed twice in a place.
+    Digits are in the order of the layouts, followed by any others that have values. Raises ValueError where a
+    model was observed twice in one place.
     """
     places = seen.pivot(index=["subject", "digit", "place"], columns="model", values=["value", "reason"])
     yield ALL_DIGITS, places
@@ -132,14 +150,15 @@ def _scopes(study: ScoredStudy, seen: pd.DataFrame) -> Iterator[tuple[str, pd.Da
 def _values(
     places: pd.DataFrame, subjects: Sequence[str], models: Sequence[str], references: Sequence[str]
 ) -> Iterator[Row]:
-    """Every subject's number under each model, with what is missing of it, and each reference.
+    """Value of every subject under each model and reference, with the reasons for missing places.
 
-    Missing are the places, of those that any of `models` was seen in, without a number.
+    A place counts as missing where any of `models` was observed in it and this one has no number.
     """
     names = list(dict.fromkeys([*models, *references]))
     values = places["value"].reindex(columns=names).astype(float)
     reasons = places["reason"].reindex(columns=names).astype(object)
-    means, counts = (getattr(values.groupby(level="subject"), what)() for what in ("mean", "count"))
+    by_subject = values.groupby(level="subject")
+    means, counts = by_subject.mean(), by_subject.count()
     is_seen = reasons[list(models)].notna().any(axis=1)
     missing: dict[tuple[str, str], dict[str, int]] = {}
     for model in models:
@@ -164,7 +183,7 @@ def _values(
 
 
 def _shared_means(places: pd.DataFrame, model: str, other: str) -> list[Row]:
-    """Each subject's means of two models over the places in which both have a number."""
+    """Means of two models for each subject, over the places in which both have a number."""
     values = places["value"].reindex(columns=[model, other]).astype(float).dropna().groupby(level="subject")
     counts = values.size()
     return [
@@ -180,7 +199,7 @@ def _shared_means(places: pd.DataFrame, model: str, other: str) -> list[Row]:
 
 
 def _difference(shared: Sequence[Row]) -> Row:
-    """What the subjects' differences between two models say, not corrected yet."""
+    """Test of the subjects' differences between two models, not yet corrected for multiple comparisons."""
     n = len(shared)
     row: Row = {"n_compared_subjects": n, "p": None, "smallest_p": None}
     if not n:
@@ -208,9 +227,20 @@ _HAND = ["subject", "session", "hand"]
 
 
 def compare_study(study: Study, results: Results) -> None:
-    """Read a study's scores, errors and recordings, and write the three tables of comparisons beside them.
+    """Compare a study's models and write the tables model_values, model_pairs and model_differences.
 
-    Raises TableError where a table is damaged.
+    Parameters
+    ----------
+    study : Study
+        The study.
+    results : Results
+        Paths of its results.
+
+    Raises
+    ------
+    TableError
+        Where a table is damaged.
+
     """
     inputs = (SKELETON_SCORES, JOINT_ERRORS, RECORDINGS, PROBLEMS)
     comparison = compare_models(read_scores(study, results))
@@ -225,7 +255,26 @@ def compare_study(study: Study, results: Results) -> None:
 
 
 def read_scores(study: Study, results: Results) -> ScoredStudy:
-    """Read what a study's models are compared by."""
+    """Read the models, scores, joint errors and recordings of a study, without suspect hands.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    results : Results
+        Paths of its results.
+
+    Returns
+    -------
+    ScoredStudy
+        What `compare_models` needs.
+
+    Raises
+    ------
+    TableError
+        Where a table is absent or damaged.
+
+    """
     problems = _read(results, PROBLEMS, [*_HAND, "severity"])
     suspect = problems.loc[problems["severity"] == "suspect", _HAND].drop_duplicates()
     metrics = {table: [m.name for m in METRICS if m.table == table.name]
@@ -243,11 +292,12 @@ def read_scores(study: Study, results: Results) -> ScoredStudy:
 
 
 def _read(results: Results, table: Table, columns: Sequence[str]) -> pd.DataFrame:
+    """Columns of a study table as a data frame."""
     frame: pd.DataFrame = read_table(results.study_table(table.name), table, list(columns)).to_pandas()
     return frame
 
 
 def _without(rows: pd.DataFrame, suspect: pd.DataFrame) -> pd.DataFrame:
-    """Leave out the rows of suspect hands."""
+    """Rows without those of suspect hands."""
     of_suspect = rows.merge(suspect, how="left", on=_HAND, indicator=True)["_merge"] == "both"
     return rows[~of_suspect.to_numpy()]

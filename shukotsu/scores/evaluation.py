@@ -1,4 +1,7 @@
-"""All rows of a hand: every skeleton and reference in every recording, digit by digit, and joints' errors."""
+"""Scores of a hand: every skeleton and reference in every recording, digit by digit, and joint errors.
+
+The columns are explained in docs/method.md, "Judging a skeleton".
+"""
 
 from __future__ import annotations
 
@@ -49,21 +52,33 @@ from shukotsu.tables.poses import Poses, RecordingName, read_poses
 from shukotsu.tables.typed_table import Table, vector_of
 
 DISTAL_RECEIVER, TRUE_SKELETON = "distal-receiver", "true-skeleton"
-"""Rows that every model stands beside: the distal receiver as it is, and the true skeleton."""
-
+"""References without a model: the tip taken to be the distal receiver, and the true skeleton."""
 
 _OF_A_FIT = {"joint_centres": "fitted_joints", "bone_lengths": "fitted_bones"}
-"""Tables of the hand that anatomy alone expects, which its fit alone writes."""
+"""Tables of the anatomical prior, which exist only as the fit wrote them."""
 
 
 @dataclass(frozen=True)
 class ScoredSkeleton:
-    """A skeleton and the reader of its tables.
+    """A skeleton to score, and the reader of its tables.
 
-    reader : of any recording of the hand. calibrated_on : tasks, or "task, trial", and tasks : that it was
-    made from. stated : what its tables say. tip_messages : by task, trial and digit. message : what could
-    not be read. reference : whether it is the hand that anatomy alone expects, scored in the frames that it
-    was posed in.
+    Attributes
+    ----------
+    reader : RecordingReader
+        Reader for any recording of the hand.
+    calibrated_on : str
+        Recordings that the skeleton was made from, "task" or "task, trial", joined by ";".
+    tasks : tuple of str
+        Their tasks.
+    stated : Stated
+        Joints and bones of the skeleton.
+    tip_messages : mapping
+        (task, trial, digit) -> message.
+    message : str
+        Why tables could not be read; empty where all were.
+    reference : bool
+        Whether it is the anatomical prior, scored in the frames in which it was posed.
+
     """
 
     reader: RecordingReader
@@ -80,10 +95,27 @@ class ScoredSkeleton:
 
 
 def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkeleton:
-    """Read the short tables of a skeleton; `message` says which parts failed. A TableError is raised.
+    """Read a skeleton's short tables; tables of failed parts are reported in `message`.
 
-    part : of the tables; under the model REFERENCE the hand that anatomy expects, which stands beside all
-    models.
+    Parameters
+    ----------
+    opened : callable
+        Opens a subject table.
+    plan : SubjectPlan
+        Plan of the subject.
+    part : Part
+        The skeleton; the model REFERENCE stands for the anatomical prior.
+
+    Returns
+    -------
+    ScoredSkeleton
+        The skeleton.
+
+    Raises
+    ------
+    TableError
+        Where a table is damaged or of another version.
+
     """
     hand, layout, reference = part.hand, plan.layouts[part.hand], part.model == REFERENCE
     any_recording = next(each for each in plan.recordings if each.hand.hand == hand)
@@ -123,10 +155,21 @@ def read_skeleton(opened: Opened, plan: SubjectPlan, part: Part) -> ScoredSkelet
 
 @dataclass(frozen=True)
 class EvaluatedRecording:
-    """A recording that skeletons are scored in.
+    """A recording in which skeletons are scored.
 
-    poses : as `read_poses` gives them; None where it has none, message : why. truth : by digit, frames
-    numbered as the recording's, of a simulated one; stated_truth : its joints and bones.
+    Attributes
+    ----------
+    recording, layout : Recording, Layout
+        The recording and the layout of its hand.
+    poses : Poses or None
+        Its poses; None where it has none, with the reason in `message`.
+    truth : mapping
+        Digit -> its true motion, for a simulated recording.
+    stated_truth : RecordingTruth or None
+        Its true joints and bones.
+    message : str
+        Why it has no poses.
+
     """
 
     recording: Recording
@@ -138,11 +181,11 @@ class EvaluatedRecording:
 
     @property
     def name(self) -> RecordingName:
-        """Whose recording it is, and of what."""
+        """The recording's name."""
         return RecordingName(**self.recording.key)
 
     def row(self, digit: str, model: str, message: str = "") -> Row:
-        """A reference's row without numbers; one that no recording made."""
+        """Row of a reference that was made from no recording, without numbers yet."""
         return {
             **asdict(self.name),
             "model": model,
@@ -158,7 +201,28 @@ class EvaluatedRecording:
 def evaluated_recording(
     plan: SubjectPlan, recording: Recording, truth: RecordingTruth | None
 ) -> EvaluatedRecording:
-    """Read a recording and its truth. Raises InputError where the truth is not that of the recording."""
+    """Read a recording and its truth.
+
+    Parameters
+    ----------
+    plan : SubjectPlan
+        Plan of the subject.
+    recording : Recording
+        The recording.
+    truth : RecordingTruth or None
+        Its truth, where it is simulated.
+
+    Returns
+    -------
+    EvaluatedRecording
+        With the reason where it has no poses.
+
+    Raises
+    ------
+    InputError
+        Where the truth is of another recording.
+
+    """
     layout = plan.layouts[recording.hand.hand]
     reasons: list[str] = []
     poses = readable(lambda: read_poses(plan.poses(recording), layout.measured), reasons)
@@ -170,19 +234,34 @@ def evaluated_recording(
 
 
 def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> list[Row]:
-    """Return rows of one skeleton in one recording, a digit each, or why it has no numbers."""
+    """Score one skeleton in one recording.
+
+    Parameters
+    ----------
+    recording : EvaluatedRecording
+        The recording.
+    skeleton : ScoredSkeleton
+        The skeleton.
+
+    Returns
+    -------
+    list of dict
+        Rows of skeleton_scores, one per digit, without numbers but with a message where it has none.
+
+    """
     name, rows = recording.name, []
     reader = replace(skeleton.reader, recording=recording.recording)
     columns = ("error_mm", "frame", *TIP)
-    for digit in recording.layout.digits.values():  # of a long recording one alone is in memory
+    for digit in recording.layout.digits.values():  # one digit at a time, to bound memory
         reasons = [skeleton.message]
 
         def numbers(table: Table, names: Sequence[str], of: str, why: list[str] = reasons) -> Array | None:
             read = readable(lambda: reader.numbers(table, names, name=of, every=False), why)
             return None if read is None else read.get(of)
 
-        posed = replayed = None if skeleton.reference else numbers(TIPS, columns, digit.name)
+        replayed = None if skeleton.reference else numbers(TIPS, columns, digit.name)
         lost = skeleton.reference and bool(skeleton.message)
+        posed = replayed
         if reader.is_fitted:
             posed = None if lost else numbers(POSED_TIPS, (*columns, "error_left_out_mm"), digit.name)
         bone = None
@@ -213,11 +292,25 @@ def score_skeleton(recording: EvaluatedRecording, skeleton: ScoredSkeleton) -> l
 
 
 def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) -> Row:
-    """Return tip errors of one digit in one recording, and n_frames.
+    """Tip errors of one digit in one recording.
 
-    replayed : (T, ...) of tips; posed : of posed_tips where the model poses the whole hand (fitted); first
-    the error, last the left-out one. The replay never asks where the distal receiver is: without a posed
-    hand its error is the left-out one, too.
+    A replay never uses the position of the distal receiver, so for a model that poses no whole hand its error
+    counts as the left-out error, too.
+
+    Parameters
+    ----------
+    replayed : array, shape (T, C), or None
+        Rows of tips, the error (mm) first.
+    posed : array, shape (T, C), or None
+        Rows of posed_tips: the error first, the error with the distal receivers left out last.
+    fitted : bool
+        Whether the model poses the whole hand.
+
+    Returns
+    -------
+    dict
+        Columns replay_*, posed_mean_mm, left_out_* and n_frames.
+
     """
     nothing = np.empty(0)
     replay = nothing if replayed is None else finite_values(replayed[:, 0])
@@ -236,13 +329,45 @@ def tip_numbers(replayed: Array | None, posed: Array | None, *, fitted: bool) ->
 
 
 def true_tip_numbers(tip_mm: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> Row:
-    """Return mean and 95th percentile of how far tips (T, 3) are off; nothing without a frame."""
+    """Mean and 95th percentile of the distance from tips to the true tips.
+
+    Parameters
+    ----------
+    tip_mm : array, shape (T, 3)
+        Tips in the transmitter frame, mm.
+    frame : array of int, shape (T,)
+        Their frames.
+    true : TrueDigit
+        The truth.
+
+    Returns
+    -------
+    dict
+        true_tip_mean_mm and true_tip_p95_mm; empty without a common frame.
+
+    """
     apart = np.linalg.norm(tip_mm - at_frames(true.tip_mm, true.frame, frame), axis=-1)
     return mean_and_p95("true_tip", apart)
 
 
 def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDigit) -> float | None:
-    """Return the mean angle of directions (T, 3) to the metacarpal's true ones; None without a frame."""
+    """Mean angle between directions of a metacarpal and the true ones.
+
+    Parameters
+    ----------
+    direction : array, shape (T, 3)
+        Unit directions in the transmitter frame.
+    frame : array of int, shape (T,)
+        Their frames.
+    true : TrueDigit
+        The truth.
+
+    Returns
+    -------
+    float or None
+        Degrees; None without a common frame.
+
+    """
     truth = at_frames(true.metacarpal, true.frame, frame)
     apart, together = (np.linalg.norm(vector, axis=-1) for vector in (direction - truth, direction + truth))
     angle = finite_values(np.degrees(2 * np.arctan2(apart, together)))
@@ -250,7 +375,24 @@ def metacarpal_deg(direction: Array, frame: npt.NDArray[np.int64], true: TrueDig
 
 
 def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows) -> float | None:
-    """Return the SD over frames of the distance from wrist to MCP joint, mm; None if either is not seen."""
+    """SD over frames of the distance from wrist to MCP joint.
+
+    Parameters
+    ----------
+    poses : Poses or None
+        The recording.
+    digit, layout : Digit, Layout
+        The digit and the layout of the hand.
+    joints : mapping
+        Rows of joint_centres by joint.
+
+    Returns
+    -------
+    float or None
+        mm; None where the digit does not start at the wrist, either centre is missing, or fewer than two
+        frames are valid.
+
+    """
     if poses is None or layout.wrist is None or not digit.metacarpal or digit.base != layout.wrist.segment:
         return None
     wrist, mcp = (_child_mm(joints, name) for name in (layout.wrist.joint, digit.joints[1]))
@@ -264,12 +406,12 @@ def wrist_mcp_sd(poses: Poses | None, digit: Digit, layout: Layout, joints: Rows
 
 
 def finite_values(values: Array) -> Array:
-    """Return those of the values (T,) that are finite."""
+    """The finite values among values (T,)."""
     return values[np.isfinite(values)]
 
 
 def mean_and_p95(name: str, values_mm: Array) -> Row:
-    """Return the mean and 95th percentile of the finite values (T,); nothing where there is none."""
+    """Columns NAME_mean_mm and NAME_p95_mm of the finite values (T,); empty where there is none."""
     values_mm = finite_values(values_mm)
     if not len(values_mm):
         return {}
@@ -277,6 +419,7 @@ def mean_and_p95(name: str, values_mm: Array) -> Row:
 
 
 def _child_mm(joints: Rows, name: str) -> Array | None:
+    """Child half (3,) mm of a joint's centre; None where it has none."""
     row = joints.get(name)
     if row is None or row["status"] == "failed" or row["child_x_mm"] is None:
         return None
@@ -284,7 +427,7 @@ def _child_mm(joints: Rows, name: str) -> Array | None:
 
 
 def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Row:
-    """Return the row of a tip taken to be at the distal receiver: no tip error, the true tip as it is."""
+    """Row of the reference distal-receiver: tip error 0, and the receiver's distance to the true tip."""
     row, poses = recording.row(digit.name, DISTAL_RECEIVER), recording.poses
     if poses is None:
         return row
@@ -299,10 +442,10 @@ def distal_receiver_row(recording: EvaluatedRecording, digit: Digit) -> Row:
 
 
 def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None:
-    """Return the row of the true skeleton, replayed as any other: skin and tracker are all that is off.
+    """Row of the reference true-skeleton, replayed like any other: its errors are those of skin and tracker.
 
-    The metacarpal is the true one in every frame; the true tip stays where it was on average in the distal
-    receiver's frame. None where the truth knows no such digit.
+    The metacarpal is the true one in every frame; the true tip is fixed at its mean position in the distal
+    receiver's frame. None where the truth lacks the digit.
     """
     true, truth, poses = recording.truth.get(digit.name), recording.stated_truth, recording.poses
     if true is None or truth is None or poses is None or not digit.metacarpal:
@@ -334,7 +477,9 @@ def true_skeleton_row(recording: EvaluatedRecording, digit: Digit) -> Row | None
 
 
 def _true_base(digit: Digit, joints: Rows, bone: Array, poses: Poses) -> Array:
-    """The digit's first joint (3,) in the base receiver's frame, or where the true bone starts in mean."""
+    """First joint (3,) mm of the digit in the base receiver's frame, or the mean start of the true
+    metacarpal.
+    """
     first = joints.get(digit.joints[0])
     if first is not None and first["parent_x_mm"] is not None:
         return vector_of(first, "parent_", "_mm")
@@ -346,9 +491,27 @@ def _true_base(digit: Digit, joints: Rows, bone: Array, poses: Poses) -> Array:
 
 
 def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
-    """Return rows of skeleton_scores and of joint_errors of a hand, of each key the first.
+    """Score all skeletons and references of a hand.
 
-    A model that never used a task is the same without it. Raises InputError for another's truth.
+    A model that never used a task is the same with and without it, so only the first row of each key is kept.
+
+    Parameters
+    ----------
+    plan : SubjectPlan
+        Plan of the subject.
+    hand : str
+        right or left.
+
+    Returns
+    -------
+    tuple of list of dict
+        Rows of skeleton_scores and of joint_errors.
+
+    Raises
+    ------
+    InputError
+        Where a truth is of another recording or hand.
+
     """
     truths = _truths(plan, hand)
     with ExitStack() as stack:
@@ -373,6 +536,7 @@ def evaluate_hand(plan: SubjectPlan, hand: str) -> tuple[list[Row], list[Row]]:
 
 
 def _first_of_each(rows: Sequence[Row], key: Sequence[str]) -> list[Row]:
+    """The first row of each key."""
     first: dict[tuple[object, ...], Row] = {}
     for row in rows:
         first.setdefault(tuple(row.get(name) for name in key), row)
@@ -380,7 +544,7 @@ def _first_of_each(rows: Sequence[Row], key: Sequence[str]) -> list[Row]:
 
 
 def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, RecordingTruth]:
-    """Truths of a hand's recordings that are there; one that is not costs its columns and no more."""
+    """Truths of a hand's recordings; a missing folder is noted and costs only the columns that need it."""
     truths = {}
     for recording in plan.recordings_of(hand, "calibration", "evaluation", "both"):
         folder = plan.truth(recording)
@@ -393,9 +557,9 @@ def _truths(plan: SubjectPlan, hand: str) -> dict[Recording, RecordingTruth]:
 
 
 def _score_rows(recording: EvaluatedRecording, skeletons: Sequence[ScoredSkeleton]) -> Iterator[Row]:
-    """Rows of skeleton_scores of one recording: skeletons first, then references without a skeleton."""
+    """Rows of skeleton_scores of one recording: skeletons first, then the references without a model."""
     for skeleton in skeletons:
-        if skeleton.reader.part.made_without in ("", recording.name.task):  # its tables are meant to hold it
+        if skeleton.reader.part.made_without in ("", recording.name.task):  # its tables cover this recording
             yield from score_skeleton(recording, skeleton)
     digits = recording.layout.digits.values()
     yield from (distal_receiver_row(recording, digit) for digit in digits)

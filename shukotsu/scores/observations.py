@@ -1,4 +1,4 @@
-"""The numbers that skeleton models are compared by, in every place of a study, and why one is not there.
+"""Observations by which skeleton models are compared: one number, or the reason for its absence, per place.
 
 A place is a digit in a recording, or a joint of a hand.
 """
@@ -20,10 +20,21 @@ PRIOR, NAIL, TRUE = "prior-only", "distal-receiver", "true-skeleton"
 
 @dataclass(frozen=True)
 class Metric:
-    """One number by which skeletons are compared; the smaller, the better.
+    """Metric by which skeletons are compared; smaller is better.
 
-    name : a column of `table`. references : compared beside the models. fitted_only : whether only models
-    that pose a fitted hand take this test.
+    Attributes
+    ----------
+    name : str
+        Column of `table`.
+    references : tuple of str
+        References shown beside the models.
+    fitted_only : bool
+        Whether the metric applies only to models that fit the whole hand.
+    table : str
+        Table that has the column.
+    unit : str
+        Unit of the column.
+
     """
 
     name: str
@@ -40,7 +51,7 @@ METRICS = (
     Metric("left_out_mean_mm", (PRIOR, TRUE), fitted_only=True),
     Metric("replay_mean_mm", (TRUE,)),
 )
-"""Those that judge a skeleton first (docs/method.md)."""
+"""In order of importance; those that judge the skeleton come first (docs/method.md, "The columns")."""
 
 NO_NUMBER = "no such number"
 OTHER_KIND = {True: "made from this task too, not held out", False: "made without this task, not in-sample"}
@@ -53,10 +64,20 @@ RECORDING_COLUMNS = ("subject", "session", "hand", "task", "trial", "role", "sta
 
 @dataclass(frozen=True)
 class ScoredStudy:
-    """A study's models with its scores; rows of suspect hands are in neither scores nor errors.
+    """A study's models and scores, from which rows of suspect hands have been removed.
 
-    scores, errors, recordings : skeleton_scores, joint_errors and recordings, of which the columns above are
-    read, and those of METRICS.
+    Attributes
+    ----------
+    subjects : tuple of str
+        In the order of the study's sheet.
+    models : mapping
+        Name -> model.
+    layouts : mapping
+        Hand -> layout.
+    scores, errors, recordings : DataFrame
+        skeleton_scores, joint_errors and recordings: SCORE_COLUMNS, ERROR_COLUMNS and RECORDING_COLUMNS, with
+        the columns of METRICS in the first two.
+
     """
 
     subjects: tuple[str, ...]
@@ -67,14 +88,14 @@ class ScoredStudy:
     recordings: pd.DataFrame
 
     def taking(self, metric: Metric) -> list[str]:
-        """The models that take the metric's test."""
+        """Names of the models to which the metric applies."""
         return [
             name for name, model in self.models.items() if not metric.fitted_only or model.fitting is not None
         ]
 
 
 class Observation(NamedTuple):
-    """One model in one place: its number, or None and the reason."""
+    """Value of one model in one place, or None and the reason."""
 
     subject: str
     model: str
@@ -87,10 +108,27 @@ class Observation(NamedTuple):
 def observations(
     study: ScoredStudy, metric: Metric, names: Collection[str], *, held_out: bool
 ) -> pd.DataFrame:
-    """Return the numbers of models and references in every place, a row as an Observation; without one, why.
+    """Values of models and references in every place, with a reason where there is none.
 
-    A reference was made from nothing, so it counts as held out and as in-sample. A joint's error is held out
-    where the skeleton has held-out scores.
+    References are made from no recording, so they count both as held out and as in-sample. A joint error is
+    held out where its skeleton has held-out scores.
+
+    Parameters
+    ----------
+    study : ScoredStudy
+        Models and scores.
+    metric : Metric
+        The metric.
+    names : collection of str
+        Models and references to include.
+    held_out : bool
+        Whether to take the held-out values or the in-sample ones.
+
+    Returns
+    -------
+    DataFrame
+        One row per model and place, with the fields of `Observation`.
+
     """
     rows = _error_rows(study, metric) if metric.table == "joint_errors" else _score_rows(study, metric)
     rows = rows[rows["model"].isin(list(names))]
@@ -106,7 +144,7 @@ def observations(
 
 
 def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
-    """Return why a place has no number: the messages of its rows that count, or that none does."""
+    """Reasons for missing values: the messages of a place's rows of the right kind, or that there is none."""
     groups = rows.groupby(_PLACE, sort=False)
     rows = rows[groups["value"].transform("count") == 0]
     rows = rows[rows["counts"] | ~rows.groupby(_PLACE)["counts"].transform("any")]
@@ -120,7 +158,7 @@ def _reasons(rows: pd.DataFrame, *, held_out: bool) -> pd.DataFrame:
 
 
 def _score_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
-    """Return rows of skeleton_scores with place, number and kind (whether it is held out)."""
+    """Rows of skeleton_scores with place, number and kind (True: held out)."""
     scores = study.scores
     return scores.assign(
         place=_recordings(scores), number=scores[metric.name].astype(float), kind=scores["held_out"]
@@ -128,7 +166,7 @@ def _score_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
 
 
 def _error_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
-    """Return rows of joint_errors with digit (of none the joint itself), place, number and kind."""
+    """Rows of joint_errors with place, number, kind and digit (the joint's name where it has no digit)."""
     kinds = study.scores[[*_SKELETON, "held_out"]].drop_duplicates().rename(columns={"held_out": "kind"})
     joints = study.errors.merge(kinds, how="left", on=_SKELETON)
     digits = {
@@ -147,18 +185,18 @@ def _error_rows(study: ScoredStudy, metric: Metric) -> pd.DataFrame:
 
 
 def _sessions(rows: pd.DataFrame) -> pd.Series[str]:
-    """Return how names of places begin: with the session, where there is one."""
+    """Prefix of a place's name: the session, where there is one."""
     return ("session " + rows["session"] + ", ").where(rows["session"] != "", "")
 
 
 def _recordings(rows: pd.DataFrame) -> pd.Series[str]:
-    """Return the names of recordings as places."""
+    """Names of recordings as places."""
     trials = (", trial " + rows["trial"]).where(rows["trial"] != "", "")
     return _sessions(rows) + rows["hand"] + " hand, " + rows["task"] + trials
 
 
 def _unscored_recordings(study: ScoredStudy, names: Collection[str]) -> Iterator[Observation]:
-    """Return the evaluated recordings without any score, with what became of them."""
+    """Observations of evaluated recordings without any score, with the recording's status and message."""
     key = ["subject", "session", "hand", "task", "trial"]
     scored = set(study.scores[key].itertuples(index=False, name=None))
     rows = study.recordings[study.recordings["role"] != "calibration"]

@@ -1,12 +1,14 @@
-"""What a difference of means says, of the same subjects: test, interval and effect size.
+"""Statistics of differences and of repeated measurements: tests, intervals, effect sizes, ICC.
 
-Test: the signs of the differences are flipped, in all ways or at random, which is exact where a difference
-is as likely to lie above 0 as so far below (R. A. Fisher, The Design of Experiments, 1935). Of random flips
-the data themselves count as one (B. Phipson, G. K. Smyth, Stat. Appl. Genet. Mol. Biol. 9, 2010). The flips
-of n are one matrix, for all numbers of a study: scipy.stats.permutation_test gives the same p, and takes a
-hundred times as long. Interval: Student's. Effect size: Cohen's d_z with the exact correction for few
-subjects (L. V. Hedges, J. Educ. Stat. 6, 1981); its interval, of the size without the correction, from the
-noncentral t. Nothing is corrected for many comparisons.
+Paired test: the signs of the differences are flipped, exhaustively or at random, which is exact where the
+differences are distributed symmetrically about 0 under the null hypothesis (R. A. Fisher, The Design of
+Experiments, 1935). With random flips the data count as one of them (B. Phipson, G. K. Smyth, Stat. Appl.
+Genet. Mol. Biol. 9, 2010). The flips for n subjects form one matrix, used for all numbers of a study;
+scipy.stats.permutation_test gives the same p and takes a hundred times as long.
+
+Interval: Student's t. Effect size: Cohen's d_z with the exact small-sample correction (L. V. Hedges, J. Educ.
+Stat. 6, 1981); the interval is that of the uncorrected size, from the noncentral t. Nothing here is corrected
+for multiple comparisons, except by `holm`.
 """
 
 from __future__ import annotations
@@ -21,11 +23,23 @@ import numpy.typing as npt
 from scipy.special import chdtri, fdtri, nctdtrinc, stdtrit
 
 LEVEL = 0.05
-"""Share of false positives that is accepted, in a family of comparisons made together."""
+"""Accepted rate of false positives in a family of comparisons; intervals have the level 1 - LEVEL."""
 
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:
-    """Holm's corrected p-values, in the same order; None is no test and stays so."""
+    """Holm's corrected p-values.
+
+    Parameters
+    ----------
+    p_values : sequence of float or None
+        None stands for no test.
+
+    Returns
+    -------
+    list of float or None
+        In the same order, None where there was no test.
+
+    """
     ascending = sorted((p, index) for index, p in enumerate(p_values) if p is not None)
     corrected: list[float | None] = [None] * len(p_values)
     highest = 0.0
@@ -41,16 +55,25 @@ Interval = tuple[float, float]
 N_FLIPS = 20_000
 MOST_ENUMERATED = 14
 FEWEST_SUBJECTS = 6
-"""With fewer the smallest p, 2 / 2^n, is over LEVEL."""
+"""With fewer subjects the smallest possible p, 2 / 2^n, exceeds LEVEL."""
 
 EQUAL = 1e-9
-"""Differences up to this, in mm or deg, are rounding: nothing differs."""
+"""Differences up to this, in mm or deg, are rounding errors and count as 0."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """A two-sided p, and what is None with too few numbers, or none that differ: the 95 % interval of
-    the difference of means, its standardised size and the 95 % interval of that.
+    """Test of a difference of means; numbers are None where there are too few values, or none that differ.
+
+    Attributes
+    ----------
+    p : float
+        Two-sided p-value.
+    interval : tuple of float or None
+        95 % interval of the difference of means.
+    effect, effect_interval : float or None, tuple of float or None
+        Standardised difference, and its 95 % interval.
+
     """
 
     p: float
@@ -60,9 +83,18 @@ class Difference:
 
 
 def paired_difference(differences: Array) -> Difference:
-    """Test the mean of differences (n,) of the same subjects, n at least 1.
+    """Test the mean of paired differences: sign flips, Student's interval, Hedges' effect size.
 
-    The interval needs FEWEST_SUBJECTS, the effect size 3.
+    Parameters
+    ----------
+    differences : array, shape (n,)
+        One for each subject, n >= 1.
+
+    Returns
+    -------
+    Difference
+        The interval needs FEWEST_SUBJECTS, the effect size 3 subjects.
+
     """
     d = np.where(np.abs(differences) <= EQUAL, 0.0, differences)
     n, interval = len(d), None
@@ -76,21 +108,33 @@ def paired_difference(differences: Array) -> Difference:
 
 
 def sign_flip_p(differences: Array) -> float:
-    """Two-sided p of the mean of differences (n,): exact up to MOST_ENUMERATED, else by N_FLIPS."""
+    """Two-sided p of the mean of differences, by flipping their signs.
+
+    Parameters
+    ----------
+    differences : array, shape (n,)
+        One for each subject.
+
+    Returns
+    -------
+    float
+        Exact for n up to MOST_ENUMERATED, otherwise from N_FLIPS random flips.
+
+    """
     n, rounding = len(differences), EQUAL * float(np.abs(differences).sum())
     reached = np.abs(_sign_flips(n) @ differences) >= abs(float(differences.sum())) - rounding
-    count, of = int(reached.sum()), len(reached)
-    return count / of if n <= MOST_ENUMERATED else (1 + count) / (1 + of)
+    n_reached, n_flips = int(reached.sum()), len(reached)
+    return n_reached / n_flips if n <= MOST_ENUMERATED else (1 + n_reached) / (1 + n_flips)
 
 
 def smallest_p(n: int) -> float:
-    """Return the smallest p that `sign_flip_p` can give of n differences."""
+    """Smallest p that `sign_flip_p` can return for n differences."""
     return 2.0 / 2.0**n if n <= MOST_ENUMERATED else 1.0 / (1 + N_FLIPS)
 
 
 @lru_cache(maxsize=8)
 def _sign_flips(n: int) -> Array:
-    """Signs of n differences, a row a flip: all, but for a mirror image, or N_FLIPS, the same of every n."""
+    """Signs (flips, n): all combinations but their mirror images, or N_FLIPS random ones, fixed per n."""
     if n > MOST_ENUMERATED:
         drawn = np.random.default_rng((n, 2)).integers(0, 2, (N_FLIPS, n))
     else:
@@ -99,11 +143,25 @@ def _sign_flips(n: int) -> Array:
 
 
 def effect_of(size: float, freedom: int, n_effective: float) -> tuple[float, Interval]:
-    """Correct a standardised difference for few subjects; and its 95 % interval, without the correction.
+    """Standardised difference corrected for few subjects, with the 95 % interval of the uncorrected one.
 
-    n_effective : of one mean n, of two n m / (n + m). The noncentralities that put t at their 97.5 % and 2.5
-    % (J. H. Steiger, R. T. Fouladi, in What If There Were No Significance Tests?, 1997): exact of normal
-    data.
+    The limits are the noncentralities at which t is the 97.5 % and the 2.5 % quantile (J. H. Steiger, R. T.
+    Fouladi, in What If There Were No Significance Tests?, 1997); exact for normal data.
+
+    Parameters
+    ----------
+    size : float
+        Uncorrected standardised difference.
+    freedom : int
+        Degrees of freedom.
+    n_effective : float
+        n for one mean, n m / (n + m) for two groups.
+
+    Returns
+    -------
+    tuple
+        Corrected size, and (low, high).
+
     """
     root = math.sqrt(n_effective)
     low, high = (float(nctdtrinc(freedom, share, size * root)) for share in (1.0 - LEVEL / 2, LEVEL / 2))
@@ -117,11 +175,24 @@ def small_sample_correction(freedom: int) -> float:
 
 
 FEWEST_IN_GROUP = 4
-"""Subjects: fewer cannot tell how much a group spreads."""
+"""Subjects in a group below which its spread cannot be estimated."""
 
 
 def group_difference(values: Array, others: Array) -> Difference:
-    """Test the difference of the means of two groups (n,) and (m,), each 2 or more."""
+    """Test the difference of the means of two groups with unequal variances.
+
+    Parameters
+    ----------
+    values, others : array, shape (n,) and (m,)
+        One value for each subject, n and m >= 2.
+
+    Returns
+    -------
+    Difference
+        p is Cochran's (1964): the p-values of t with n - 1 and with m - 1 degrees of freedom, averaged with
+        the groups' squared standard errors as weights. The interval is Welch's, the effect size Hedges' g.
+
+    """
     from scipy import stats  # which takes half a second to import
 
     n, m = len(values), len(others)
@@ -139,12 +210,12 @@ def group_difference(values: Array, others: Array) -> Difference:
 
 Z_95 = 1.959963984540054
 FEWEST_REPEATED = 3
-"""Subjects, measured at least twice, from which repeatability is stated at all."""
+"""Subjects, each measured at least twice, below which repeatability is not stated."""
 
 
 @dataclass(frozen=True)
 class Icc:
-    """An intraclass correlation and its 95 % interval; NaN where all values are the same."""
+    """Intraclass correlation and its 95 % interval; NaN where all values are equal."""
 
     value: float
     interval: Interval
@@ -152,7 +223,20 @@ class Icc:
 
 @dataclass(frozen=True)
 class Reliability:
-    """What values (n, k) say, in their unit; icc without one. sem_interval : 95 %."""
+    """Repeatability of n subjects over k sessions.
+
+    Attributes
+    ----------
+    n, k : int
+        Subjects and sessions.
+    agreement, consistency : Icc
+        ICC(2,1) and ICC(3,1).
+    sem : float
+        Standard error of measurement, in the unit of the values.
+    sem_interval : tuple of float
+        Its 95 % interval.
+
+    """
 
     n: int
     k: int
@@ -163,12 +247,24 @@ class Reliability:
 
     @property
     def mdc(self) -> float:
-        """The smallest change of one subject between two sessions that is not measurement error, at 95 %."""
+        """Minimal detectable change of a subject between two sessions at 95 %, in the unit of the values."""
         return Z_95 * math.sqrt(2.0) * self.sem
 
 
 def reliability(values: Array) -> Reliability:
-    """Repeatability of values (n subjects, k sessions), all there; n and k at least 2."""
+    """Repeatability of values over sessions, from the two-way analysis of variance.
+
+    Parameters
+    ----------
+    values : array, shape (n, k)
+        n >= 2 subjects in k >= 2 sessions, without gaps.
+
+    Returns
+    -------
+    Reliability
+        ICC, standard error of measurement and minimal detectable change.
+
+    """
     n, k = values.shape
     of_subjects, of_sessions, rest = mean_squares(values)
     freedom = n * (k - 1)
@@ -187,7 +283,19 @@ def reliability(values: Array) -> Reliability:
 
 
 def mean_squares(values: Array) -> tuple[float, float, float]:
-    """Mean squares of subjects, of sessions and of the rest in a two-way table (n, k)."""
+    """Mean squares of a two-way table without replication.
+
+    Parameters
+    ----------
+    values : array, shape (n, k)
+        Subjects by sessions.
+
+    Returns
+    -------
+    tuple of float
+        Mean squares of subjects, of sessions, and of the residual.
+
+    """
     n, k = values.shape
     mean = values.mean()
     rows, columns = values.mean(axis=1) - mean, values.mean(axis=0) - mean
@@ -200,9 +308,10 @@ def mean_squares(values: Array) -> tuple[float, float, float]:
 
 
 def _agreement(n: int, k: int, of_subjects: float, of_sessions: float, rest: float) -> Icc:
-    """ICC(2,1); degrees of freedom of its interval by F. E. Satterthwaite.
+    """ICC(2,1), with degrees of freedom of its interval after F. E. Satterthwaite.
 
-    Without a rest they are those of the sessions: a shift that all subjects share is no agreement.
+    Where the residual is zero they are those of the sessions: a shift shared by all subjects counts as
+    disagreement.
     """
     spread = of_subjects + (k - 1) * rest + k * (of_sessions - rest) / n
     if spread <= 0 or (rest <= 0 and of_sessions <= 0):
@@ -226,7 +335,7 @@ def _agreement(n: int, k: int, of_subjects: float, of_sessions: float, rest: flo
 
 
 def _consistency(n: int, k: int, of_subjects: float, rest: float) -> Icc:
-    """ICC(3,1)."""
+    """ICC(3,1) and its interval."""
     if rest <= 0:
         return _undefined_icc(of_subjects, rest)
     ratio, freedom, share = of_subjects / rest, (n - 1) * (k - 1), 1 - LEVEL / 2
@@ -235,11 +344,11 @@ def _consistency(n: int, k: int, of_subjects: float, rest: float) -> Icc:
 
 
 def _undefined_icc(of_subjects: float, rest: float) -> Icc:
-    """Return 1 of sessions that repeat exactly, and nothing of values that are all the same."""
+    """1 where sessions repeat exactly; NaN where all values are equal."""
     value = 1.0 if of_subjects > 0 and rest <= 0 else math.nan
     return Icc(value, (value, value))
 
 
 def _f(share: float, freedom: float, other: float) -> float:
-    """Quantile of Fisher's F."""
+    """Quantile of Fisher's F distribution."""
     return float(fdtri(freedom, other, share))

@@ -1,4 +1,6 @@
-"""The truth beside a simulated recording, and how far a hand's joints and bones are from it."""
+"""Truth of a simulated recording, and the errors of joints and bones against it (docs/method.md, "Against the
+truth").
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,10 @@ Row = dict[str, Any]
 TIP = ("tip_x_mm", "tip_y_mm", "tip_z_mm")
 
 OTHER_MM = 0.5
-"""A recording's own truth says to rounding how far each tip is from its receiver; another's does not."""
+"""Median discrepancy of tip-to-receiver distances above which a truth is of another recording.
+
+For the recording's own truth the distances agree to rounding.
+"""
 
 DISTAL = np.array([1.0, 0.0, 0.0])
 """Direction of a bone in its own frame."""
@@ -34,7 +39,7 @@ DISTAL = np.array([1.0, 0.0, 0.0])
 
 @dataclass(frozen=True)
 class Stated:
-    """What a skeleton states of itself: joint_centres by joint, bone_lengths by segment."""
+    """Joints and bones of a skeleton: rows of joint_centres by joint, and of bone_lengths by segment."""
 
     joints: Rows
     bones: Rows
@@ -42,7 +47,22 @@ class Stated:
 
 @dataclass(frozen=True)
 class TrueDigit:
-    """A digit in T frames, transmitter's frame: bone's tip, distance to the receiver, metacarpal."""
+    """True motion of one digit over T frames, in the transmitter frame.
+
+    Attributes
+    ----------
+    frame : array of int, shape (T,)
+        Frame numbers.
+    tip_mm : array, shape (T, 3)
+        Tip of the distal bone, mm.
+    to_receiver_mm : array, shape (T,)
+        Distance from the tip to the distal receiver as recorded, mm; NaN where that was lost.
+    metacarpal : array, shape (T, 3)
+        Unit direction of the metacarpal.
+    metacarpal_mm : float
+        Length of the metacarpal.
+
+    """
 
     frame: npt.NDArray[np.int64]
     tip_mm: Array
@@ -53,17 +73,44 @@ class TrueDigit:
 
 @dataclass(frozen=True)
 class RecordingTruth:
-    """A recording's truth. stated : its joints, seen from the receivers as they rode, and its bones."""
+    """Truth of one recording.
+
+    Attributes
+    ----------
+    folder : Path
+        Folder of the truth tables.
+    name : RecordingName
+        The recording.
+    stated : Stated
+        Mean joint centres in the frames of the receivers as they moved on the skin, and bones.
+
+    """
 
     folder: Path
     name: RecordingName
     stated: Stated
 
     def digits(self, poses: Poses, tip_of: Mapping[str, str]) -> dict[str, TrueDigit]:
-        """The digits' truth, its frames numbered as the recording's, which may count from another number.
+        """Truth of every digit, with frames numbered as in the recording, which may count from another
+        number.
 
-        tip_of : digits' distal segments. Raises InputError where the truth cannot be read or is not of this
-        recording.
+        Parameters
+        ----------
+        poses : Poses
+            The recording.
+        tip_of : mapping
+            Digit -> its distal segment.
+
+        Returns
+        -------
+        dict
+            Digit -> TrueDigit; empty where there is no truth or no valid pose.
+
+        Raises
+        ------
+        InputError
+            Where the truth cannot be read or is of another recording.
+
         """
         of_digit = _digits(self.folder)
         if not of_digit or not poses.valid.any():
@@ -82,14 +129,33 @@ class RecordingTruth:
 
 
 def read_truth(folder: Path, name: RecordingName) -> RecordingTruth:
-    """Read a folder's truth of a recording's hand. Raises InputError where it is another's."""
+    """Read the truth of a recording from its folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder with joint_centres, bone_lengths, tips and metacarpals.
+    name : RecordingName
+        The recording.
+
+    Returns
+    -------
+    RecordingTruth
+        Joints and bones; the motion is read by `RecordingTruth.digits`.
+
+    Raises
+    ------
+    InputError
+        Where a table cannot be read or is of another hand.
+
+    """
     joints, bones = _rows(folder, JOINT_CENTRES, name), _rows(folder, BONE_LENGTHS, name)
     stated = Stated({row["joint"]: row for row in joints}, {row["bone"]: row for row in bones})
     return RecordingTruth(folder, name, stated)
 
 
 def _rows(folder: Path, table: Table, name: RecordingName) -> list[Row]:
-    """Rows of a table of a folder; InputError where they are of another hand than the recording."""
+    """Rows of one truth table; InputError where they are of another hand than the recording."""
     path = folder / f"{table.name}.parquet"
     with reading_what_was_brought():
         rows = list(rows_of(read_table(path, table)))
@@ -99,7 +165,23 @@ def _rows(folder: Path, table: Table, name: RecordingName) -> list[Row]:
 
 
 def at_frames(values: Array, frames: npt.NDArray[np.int64], wanted: npt.NDArray[np.int64]) -> Array:
-    """Rows of `values` (T, ...) of the frames `known`, rising, at the frames wanted; NaN where not known."""
+    """Values at the frames wanted.
+
+    Parameters
+    ----------
+    values : array, shape (T, ...)
+        Values in `frames`.
+    frames : array of int, shape (T,)
+        Ascending frame numbers.
+    wanted : array of int, shape (N,)
+        Frames to look up.
+
+    Returns
+    -------
+    array, shape (N, ...)
+        NaN where a wanted frame is not among `frames`.
+
+    """
     if np.array_equal(frames, wanted):
         return values
     if not len(frames):
@@ -111,11 +193,12 @@ def at_frames(values: Array, frames: npt.NDArray[np.int64], wanted: npt.NDArray[
 
 
 def directions(quaternion: Array) -> Array:
-    """The directions of bones (T, 4), (T, 3)."""
+    """Unit directions (T, 3) of bones with the quaternions (T, 4), bone to transmitter frame."""
     return np.asarray(rotate(quaternion, DISTAL))
 
 
 def _digits(folder: Path) -> dict[str, TrueDigit]:
+    """Truth of the digits that both tips and metacarpals have."""
     tips = _by_digit(folder, TIPS, ("frame", *TIP, "error_mm"))
     metacarpals = _by_digit(folder, METACARPALS, ("frame", *QUATERNION, "length_mm"))
     digits = {}
@@ -128,14 +211,18 @@ def _digits(folder: Path) -> dict[str, TrueDigit]:
 
 
 def _by_digit(folder: Path, table: Table, columns: Sequence[str]) -> dict[str, Array]:
-    """Numbers (T, columns) of each digit."""
+    """Columns of a truth table as arrays (T, C), by digit."""
     with reading_what_was_brought():
         rows = read_table(folder / f"{table.name}.parquet", table, ["digit", *columns])
     return numbers_by_name(rows, "digit", columns)
 
 
 def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str, str], shift: int) -> float:
-    """Median of how far tips' distances to receivers differ from the truth's; infinite without a frame."""
+    """Median absolute difference between tip-to-receiver distances as recorded and as in the truth; inf
+    without a frame.
+
+    shift : added to the frame numbers of the truth.
+    """
     off = [np.empty(0)]
     for digit, true in of_digit.items():
         if digit in tip_of:
@@ -150,7 +237,21 @@ def _off_mm(of_digit: Mapping[str, TrueDigit], poses: Poses, tip_of: Mapping[str
 
 
 def truth_for(tasks: Sequence[str], truths: Sequence[RecordingTruth]) -> Stated | None:
-    """A skeleton's reference: joints' means over its calibrations' truths, else over all, if any."""
+    """Reference for a skeleton: true joints averaged over its calibration recordings.
+
+    Parameters
+    ----------
+    tasks : sequence of str
+        Tasks that the skeleton was calibrated on.
+    truths : sequence of RecordingTruth
+        Truths of the hand's recordings.
+
+    Returns
+    -------
+    Stated or None
+        Averaged over all truths where no calibration recording has one; None where there is no truth.
+
+    """
     stated = [truth.stated for truth in truths if truth.name.task in tasks]
     stated = stated or [truth.stated for truth in truths]
     if not stated:
@@ -163,7 +264,7 @@ def truth_for(tasks: Sequence[str], truths: Sequence[RecordingTruth]) -> Stated 
 
 
 def _average_rows(rows: Sequence[Mapping[str, Any]]) -> Row:
-    """Return one joint's rows of several recordings as one."""
+    """One joint's rows of several recordings as one: centres and axes averaged, weighted by frames."""
     frames = [row["n_frames"] for row in rows]
     mean = dict(rows[0])
     for side in ("parent_", "child_"):
@@ -176,7 +277,21 @@ def _average_rows(rows: Sequence[Mapping[str, Any]]) -> Row:
 
 
 def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
-    """Rows of every joint between two receivers of which the truth is known, without the skeleton's keys."""
+    """Errors of every joint between two receivers whose truth is available.
+
+    Parameters
+    ----------
+    stated, truth : Stated
+        The skeleton, and its reference.
+    layout : Layout
+        Layout of the hand.
+
+    Returns
+    -------
+    list of dict
+        Rows of joint_errors without the skeleton's keys.
+
+    """
     rows = []
     for joint in layout.solvable:
         true = truth.joints.get(joint.name)
@@ -201,13 +316,26 @@ def joint_errors(stated: Stated, truth: Stated, layout: Layout) -> list[Row]:
 
 
 def centre_errors(estimated: Mapping[str, Any], true: Mapping[str, Any]) -> Row:
-    """Errors of one joint by its rows of joint_centres; within_95 : of the worse half, as sd_mm is."""
+    """Errors of one joint centre and its axis.
+
+    Parameters
+    ----------
+    estimated, true : mapping
+        Rows of joint_centres.
+
+    Returns
+    -------
+    dict
+        Columns of joint_errors: error_mm, along_mm and across_mm in the child's receiver frame; within_95
+        refers to the worse of both halves, as sd_mm does.
+
+    """
     child, parent = (
         vector_of(estimated, side, "_mm") - vector_of(true, side, "_mm") for side in ("child_", "parent_")
     )
     axis, estimated_axis = (vector_of(row, "axis_child_") for row in (true, estimated))
-    turned = np.linalg.norm(np.cross(estimated_axis, axis)), abs(estimated_axis @ axis)
-    axis_deg = float(np.degrees(np.arctan2(*turned)))  # whichever way they point
+    sine, cosine = np.linalg.norm(np.cross(estimated_axis, axis)), abs(estimated_axis @ axis)
+    axis_deg = float(np.degrees(np.arctan2(sine, cosine)))  # the sign of an axis is arbitrary
     both = float(np.linalg.norm(child)), float(np.linalg.norm(parent))
     sd_mm = estimated["sd_mm"]
     within = None if sd_mm is None or np.isnan(both).all() else bool(np.nanmax(both) <= RADIUS_SD * sd_mm)

@@ -1,1 +1,1 @@
-"""Stage: a simulated hand, recorded as a lab would record it, with the exact truth beside it."""
+"""Simulator: a hand, its motion, and the recording that a tracker makes of it, with the exact truth."""

@@ -1,4 +1,6 @@
-"""Forward kinematics: joint angles to the pose of every bone, all frames at once."""
+"""Forward kinematics of the simulated hand: from joint angles to the pose of every bone, for all frames at
+once.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,23 @@ from shukotsu.simulate.realism import Realism
 
 
 def coupled_angles(voluntary_rad: Array, hand: RandomHand, realism: Realism) -> Array:
-    """Joint angles (T, J, 3) that follow from the voluntary flexion and abduction, locked ones left out."""
+    """Joint angles that follow from voluntary flexion and abduction by the hand's couplings.
+
+    Parameters
+    ----------
+    voluntary_rad : array, shape (T, J, 3)
+        Voluntary flexion and abduction; the third column is not used.
+    hand : RandomHand
+        The hand.
+    realism : Realism
+        Which motions are locked.
+
+    Returns
+    -------
+    array, shape (T, J, 3)
+        Flexion, abduction and axial rotation, rad; locked motions are 0.
+
+    """
     flexion, abduction = voluntary_rad[..., FLEXION], voluntary_rad[..., ABDUCTION]
     bent = 1.0 - np.cos(flexion)
     per_abduction, per_flexion, wobble_abduction, wobble_axial = hand.coupling.T
@@ -44,7 +62,7 @@ def coupled_angles(voluntary_rad: Array, hand: RandomHand, realism: Realism) -> 
 
 
 def relaxed_angles(hand: RandomHand, realism: Realism) -> Array:
-    """The joint angles (J, 3) of the relaxed hand."""
+    """Joint angles (J, 3) of the relaxed hand: flexion, abduction and axial rotation, rad."""
     voluntary = np.zeros((1, len(JOINTS), 3))
     voluntary[0, :, FLEXION] = hand.relaxed_rad
     return np.asarray(coupled_angles(voluntary, hand, realism)[0])
@@ -53,10 +71,26 @@ def relaxed_angles(hand: RandomHand, realism: Realism) -> Array:
 def bone_poses(
     hand: RandomHand, angles_rad: Array, root_position_mm: Array, root_quaternion: Array
 ) -> tuple[Array, Array]:
-    """Pose every bone: origins (T, B, 3) in mm and orientations (T, B, 4) in the transmitter frame.
+    """Poses of all bones.
 
-    angles_rad : (T, J, 3) flexion, abduction, axial. root_position_mm (T, 3) : the wrist centre;
-    root_quaternion (T, 4) : the forearm.
+    Parameters
+    ----------
+    hand : RandomHand
+        The hand.
+    angles_rad : array, shape (T, J, 3)
+        Flexion, abduction and axial rotation.
+    root_position_mm : array, shape (T, 3)
+        Wrist centre in the transmitter frame, mm.
+    root_quaternion : array, shape (T, 4)
+        Forearm, unit quaternions (w, x, y, z), forearm to transmitter frame.
+
+    Returns
+    -------
+    position_mm : array, shape (T, B, 3)
+        Origins of the bones in the transmitter frame, mm.
+    quaternion : array, shape (T, B, 4)
+        Unit quaternions (w, x, y, z), bone to transmitter frame.
+
     """
     n_frames = len(angles_rad)
     position = np.empty((n_frames, len(BONES), 3))
@@ -73,7 +107,7 @@ def bone_poses(
         bent = (angles[..., FLEXION] - hand.relaxed_rad[level])[..., None]
         glide = hand.glide_mm[level]
         origin = hand.origin_mm[level] + ((1.0 - np.cos(bent)) * glide[:, 0] + np.sin(bent) * glide[:, 1])
-        if skew.any():  # the axes pass half the skew before and behind the centre
+        if skew.any():  # the two axes pass the centre at half the skew on either side
             origin = origin - skew / 2 + rotations.rotate(carrying, skew) - rotations.rotate(turned, skew / 2)
         above = quaternion[:, parents]
         position[:, bones] = position[:, parents] + rotations.rotate(above, origin)
@@ -82,7 +116,7 @@ def bone_poses(
 
 
 def poses_in_hand(hand: RandomHand, angles_rad: Array) -> tuple[Array, Array]:
-    """Pose every bone with the hand's own frame as the transmitter's: shapes as `bone_poses`."""
+    """Poses of all bones in the hand's frame, with shapes as in `bone_poses`."""
     n_frames = len(angles_rad)
     still = angles_rad.copy()
     still[:, WRIST] = 0.0
@@ -90,7 +124,25 @@ def poses_in_hand(hand: RandomHand, angles_rad: Array) -> tuple[Array, Array]:
 
 
 def flexion_axis(hand: RandomHand, joint: int, angles_rad: Array, bone_quaternion: Array) -> Array:
-    """Unit flexion axis (T, 3) of a joint in the transmitter frame: abduction may carry it."""
+    """Flexion axis of a joint in the transmitter frame, carried by abduction where that axis comes first.
+
+    Parameters
+    ----------
+    hand : RandomHand
+        The hand.
+    joint : int
+        Index in JOINTS.
+    angles_rad : array, shape (T, J, 3)
+        Flexion, abduction and axial rotation.
+    bone_quaternion : array, shape (T, B, 4)
+        Bones, bone to transmitter frame.
+
+    Returns
+    -------
+    array, shape (T, 3)
+        Unit vectors.
+
+    """
     axis = hand.axes[joint, FLEXION]
     if hand.order[joint, 0] == ABDUCTION:
         abducted = rotations.about_axis(hand.axes[joint, ABDUCTION], angles_rad[:, joint, ABDUCTION])

@@ -1,6 +1,7 @@
-"""Place each receiver on its bone, and let skin move it there, by sizes as in `hand.drawn_hands`.
+"""Receivers on the bones, and the skin motion under them; sizes are those of `hand.drawn_hands`.
 
-The law of skin is outside of what any estimator of this project assumes: none is judged by its own.
+The law of skin motion here lies outside every estimator's model, so no estimator is tested against its own
+assumption.
 """
 
 from __future__ import annotations
@@ -20,14 +21,27 @@ from shukotsu.simulate.task_motion import RATE_HZ, TaskMotion
 from shukotsu.simulate.tracker_errors import turn_poses
 
 FIRST_WORN = 2
-"""First of the bones of digits, which come after forearm and hand."""
+"""Index of the first bone of a digit; forearm and hand come before it."""
 
 _RECEIVER_HALF_MM = float(np.mean(drawn.RECEIVER_HALF_MM))
 
 
 @dataclass(frozen=True)
 class Mounts:
-    """S receivers on the skin of the relaxed hand: origin and rotation in the frames of bones of BONES."""
+    """Places of S receivers on the skin of the relaxed hand.
+
+    Attributes
+    ----------
+    segments : tuple of str
+        Names of the bones that carry receivers.
+    bone : array of int, shape (S,)
+        Their indices in BONES.
+    position_mm : array, shape (S, 3)
+        Receiver origins in the bone frames, mm.
+    quaternion : array, shape (S, 4)
+        Unit quaternions (w, x, y, z), receiver to bone frame.
+
+    """
 
     segments: tuple[str, ...]
     bone: npt.NDArray[np.int64]
@@ -35,7 +49,7 @@ class Mounts:
     quaternion: Array
 
     def poses(self, bone_position_mm: Array, bone_quaternion: Array) -> tuple[Array, Array]:
-        """Poses (T, S, 3) and (T, S, 4) of receivers that ride exactly on bones (T, B, 3), (T, B, 4)."""
+        """Poses (T, S, 3) mm and (T, S, 4) of receivers fixed to bones with poses (T, B, 3) and (T, B, 4)."""
         quaternion = bone_quaternion[:, self.bone]
         position = bone_position_mm[:, self.bone] + rotations.rotate(quaternion, self.position_mm)
         return position, rotations.multiply(quaternion, self.quaternion)
@@ -50,9 +64,29 @@ def mounts_of(
     realism: Realism,
     session: str = "",
 ) -> Mounts:
-    """Put receivers on bones' middles and nails, as far off as the realism says, in part by habit."""
+    """Draw where a subject's receivers sit: mid-bone or on the nail, misplaced at random and partly by habit.
+
+    Parameters
+    ----------
+    subject, side, session : str
+        Whose hand; receivers are placed anew in every session.
+    seed : int
+        Seed of the simulation.
+    hand : RandomHand
+        The hand.
+    segments : tuple of str
+        Bones that carry receivers.
+    realism : Realism
+        Scale of the misplacement.
+
+    Returns
+    -------
+    Mounts
+        Of the S segments.
+
+    """
     nominal = np.array([_nominal_mm(bone, hand) for bone in BONES])
-    rng = generator(seed, "mounts", subject, side, *[session] * bool(session))
+    rng = generator(seed, "mounts", subject, side, session=session)
     habit_share = max(0.0, float(generator(seed, "habit", subject).uniform(*drawn.HABIT_SHARE)))
     offset_mm, turn = _off(rng, habit_share)
     receiver_half = generator(seed, "receivers", subject).uniform(*drawn.RECEIVER_HALF_MM)
@@ -68,7 +102,7 @@ def mounts_of(
 
 
 def _off(rng: np.random.Generator, habit: float) -> tuple[Array, Array]:
-    """Draw how far receivers are from where they should be: mm and rotation vectors in rad, (B, 3) each."""
+    """Draw misplacements of receivers on all bones: offsets, mm, and rotation vectors, rad, (B, 3) each."""
     nails = [_on_nail(bone) for bone in BONES]
     alike = np.sqrt(habit) * rng.standard_normal((2, 1, 3))
     of_each = np.clip(rng.standard_t(4, (2, len(BONES), 3)) / np.sqrt(2.0), -4.0, 4.0) * np.sqrt(1.0 - habit)
@@ -83,6 +117,7 @@ def _off(rng: np.random.Generator, habit: float) -> tuple[Array, Array]:
 
 
 def _nominal_mm(bone: str, hand: RandomHand) -> tuple[float, float, float]:
+    """Nominal position (3,) of a bone's receiver in the bone frame, mm."""
     if bone == "hand":
         return drawn.HAND_MOUNT_MM
     if bone == "forearm":
@@ -97,16 +132,30 @@ def _nominal_mm(bone: str, hand: RandomHand) -> tuple[float, float, float]:
 
 
 def _on_nail(bone: str) -> bool:
+    """Whether the bone's receiver sits on the nail."""
     return bone.endswith("_distal")
 
 
 @dataclass(frozen=True)
 class Skin:
-    """Which joints move each of S receivers, and how loosely it sits.
+    """Skin of a hand: which joints move each of S receivers, and how loosely it sits.
 
-    joint : (S, 2) the bone's own (proximal) joint and the one after it; present : whether there is one.
-    looseness : (S,) 1 for a typical one, scale in it. thumb_place_lag, thumb_turn_lag : shares of the CMC's
-    motion by which the thumb metacarpal's receiver stays behind.
+    Attributes
+    ----------
+    bone : array of int, shape (S,)
+        Bone of the receiver.
+    joint : array of int, shape (S, 2)
+        Joints at the proximal and the distal end of the bone.
+    present : array of bool, shape (S, 2)
+        Whether there is such a joint.
+    looseness : array, shape (S,)
+        Skin motion relative to a typical receiver; includes scale.
+    scale : float
+        Scale of skin motion.
+    thumb_place_lag, thumb_turn_lag : float
+        Shares of the CMC motion by which the thumb metacarpal's receiver falls short in position and
+        rotation.
+
     """
 
     bone: npt.NDArray[np.int64]
@@ -119,18 +168,36 @@ class Skin:
 
     @property
     def distal(self) -> npt.NDArray[np.bool_]:
-        """Which receivers sit on a digit's last bone."""
+        """Whether each receiver sits on a distal bone, (S,)."""
         return np.array([BONES[bone].endswith("_distal") for bone in self.bone])
 
 
 def skin_of(subject: str, side: str, seed: int, segments: tuple[str, ...], scale: float) -> Skin:
-    """Draw a hand's skin; the same in each of the hand's recordings."""
+    """Draw the skin of a hand, which all its recordings share.
+
+    Parameters
+    ----------
+    subject, side : str
+        Whose hand.
+    seed : int
+        Seed of the simulation.
+    segments : tuple of str
+        Bones that carry receivers.
+    scale : float
+        Scale of skin motion.
+
+    Returns
+    -------
+    Skin
+        Of the S segments.
+
+    """
     rng = generator(seed, "skin", subject, side)
     place_lag = rng.uniform(*drawn.THUMB_PLACE_LAG)
     turn_lag = place_lag + rng.uniform(*drawn.THUMB_TURN_FURTHER)
     lags = (min(0.9, scale * lag) for lag in (place_lag, turn_lag))
     bone = np.array([BONES.index(segment) for segment in segments])
-    # the palm carries many joints at its far end, none under its receiver: only the wrist moves its skin
+    # the hand bone has several joints at its far end, none near its receiver: only the wrist moves its skin
     after = [np.flatnonzero(carrying == PARENT) for carrying in bone]
     joint = np.array(
         [(b - 1, ends[0] if len(ends) == 1 else -1) for b, ends in zip(bone, after, strict=True)]
@@ -150,25 +217,55 @@ def on_skin(
     bones: tuple[Array, Array],
     skin: Skin,
 ) -> tuple[Array, Array]:
-    """The receivers' poses; the thumb metacarpal's as if its CMC went less far from relaxed angles (J, 3)."""
+    """Poses of receivers before skin motion; the thumb metacarpal's receiver lags behind the CMC joint.
+
+    Parameters
+    ----------
+    hand : RandomHand
+        The hand.
+    mounts : Mounts
+        Places of the receivers.
+    motion : TaskMotion
+        Joint angles and arm over T frames.
+    relaxed_rad : array, shape (J, 3)
+        Angles of the relaxed hand, at which there is no lag.
+    bones : tuple of array
+        Bone positions (T, B, 3) mm and quaternions (T, B, 4).
+    skin : Skin
+        Shares of the lag.
+
+    Returns
+    -------
+    position_mm : array, shape (T, S, 3)
+        Receivers in the transmitter frame, mm.
+    quaternion : array, shape (T, S, 4)
+        Unit quaternions (w, x, y, z), receiver to transmitter frame.
+
+    """
     position, quaternion = mounts.poses(*bones)
     if "thumb_metacarpal" in mounts.segments:
         receiver, cmc = mounts.segments.index("thumb_metacarpal"), JOINTS.index("thumb_cmc")
-        for part, lag in enumerate((skin.thumb_place_lag, skin.thumb_turn_lag)):
-            followed = motion.angles_rad.copy()
-            followed[:, cmc] -= lag * (followed[:, cmc] - relaxed_rad[cmc])
-            under = mounts.poses(*bone_poses(hand, followed, motion.wrist_mm, motion.forearm))
-            (position, quaternion)[part][:, receiver] = under[part][:, receiver]
+
+        def lagging_poses(lag: float) -> tuple[Array, Array]:
+            """Receivers where the thumb's CMC falls short of its motion by this share."""
+            angles_rad = motion.angles_rad.copy()
+            angles_rad[:, cmc] -= lag * (angles_rad[:, cmc] - relaxed_rad[cmc])
+            return mounts.poses(*bone_poses(hand, angles_rad, motion.wrist_mm, motion.forearm))
+
+        position[:, receiver] = lagging_poses(skin.thumb_place_lag)[0][:, receiver]
+        quaternion[:, receiver] = lagging_poses(skin.thumb_turn_lag)[1][:, receiver]
     return position, quaternion
 
 
 def displace(position_mm: Array, quaternion: Array, slide_mm: Array, turn_rad: Array) -> tuple[Array, Array]:
-    """Let receivers (T, S, 3), (T, S, 4) slide and turn by (T, S, 3) each, in their own frames."""
+    """Displace receivers (T, S, 3), (T, S, 4) by slides in mm and rotation vectors in rad, in their own
+    frames.
+    """
     return position_mm + rotations.rotate(quaternion, slide_mm), turn_poses(quaternion, turn_rad)
 
 
 def lag_signal(signal: Array, lag_s: float) -> Array:
-    """The exponential average over the past of a signal (T, N) that was 0 before, through the FFT."""
+    """Exponential moving average of a signal (T, N) that was 0 before its start, computed by FFT."""
     keep = np.exp(-1.0 / (lag_s * RATE_HZ))
     n = len(signal)
     kernel = (1.0 - keep) * keep ** np.arange(min(n, int(20 * lag_s * RATE_HZ)))
@@ -178,7 +275,7 @@ def lag_signal(signal: Array, lag_s: float) -> Array:
 
 
 def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
-    """Stationary first-order autoregressive signals (2, T, S, 3) of sd 1, of place and of turn."""
+    """Stationary first-order autoregressive signals (2, T, S, 3) of sd 1: for position and for rotation."""
     settle = int(8 * drawn.WANDER_S * RATE_HZ)
     keep = np.exp(-1.0 / (drawn.WANDER_S * RATE_HZ))
     white = rng.standard_normal((settle + n_frames, n_receivers * 6))
@@ -189,10 +286,27 @@ def wander(rng: np.random.Generator, n_frames: int, n_receivers: int) -> Array:
 def saturating(
     angles_rad: Array, skin: Skin, of_hand: np.random.Generator, of_recording: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Return slide, mm, and turn, rad, (T, S, 3) of receivers from where they sit on the relaxed hand.
+    """Skin motion relative to the relaxed hand: saturating and partly delayed with flexion, plus a slow
+    drift.
 
-    In proportion to the flexion of both joints, counted from the relaxed hand, ever less as they bend and
-    partly late; beside it, a slow wander. of_hand : draws what all recordings of a hand share.
+    Parameters
+    ----------
+    angles_rad : array, shape (T, J, 3)
+        Joint angles relative to the relaxed hand.
+    skin : Skin
+        Skin of the hand.
+    of_hand : Generator
+        Draws what all recordings of the hand share.
+    of_recording : Generator
+        Draws the drift of this recording.
+
+    Returns
+    -------
+    slide_mm : array, shape (T, S, 3)
+        Translation in the receiver frames, mm.
+    turn_rad : array, shape (T, S, 3)
+        Rotation vectors in the receiver frames, rad.
+
     """
     loose = (skin.looseness[:, None] * skin.present)[..., None]
     slide = of_hand.standard_normal((len(skin.bone), 2, 3)) * drawn.SLIDE_SD_MM * loose

@@ -1,11 +1,11 @@
-"""The hand of a subject: bones, joints and axes.
+"""Bones, joints and axes of a simulated subject's hand.
 
-Frames: one per bone, origin at the centre of its proximal joint, x along the bone distally, z dorsal, y
-nearest to what the joint's flexion axis is in the hand that the person is drawn around: the person's own axis
-is tilted in it. A positive flexion turns x towards the palm. The hand's frame has its origin at the wrist
-centre. Right hand: y towards the thumb; the left hand is the mirror image.
+Every bone has a frame with its origin at the centre of the proximal joint: x along the bone distally, z
+dorsal, and y close to the joint's flexion axis in the source hand that the person is drawn around; the
+person's own axis is tilted against it. Positive flexion turns x towards the palm. The hand's frame has its
+origin at the wrist centre. In a right hand y points towards the thumb; a left hand is the mirror image.
 
-The hands that people are drawn around, and how people differ, are those of `shukotsu.hand.drawn_hands`.
+The source hands and the variation between people are in `shukotsu.hand.drawn_hands`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from shukotsu.simulate.realism import Realism, generator
 DIGITS = tuple(drawn.CT)
 FINGERS = DIGITS[1:]
 
-# Joint j moves bone j + 1. Joints stand in levels outward from the body, so that a level is posed at once.
+# Joint j moves bone j + 1. Joints are ordered in levels outward from the body; a level is posed at once.
 JOINTS = (
     "wrist",
     *(f"{digit}_cmc" for digit in DIGITS),
@@ -44,7 +44,7 @@ BONES = (
 )
 LEVELS = (slice(0, 1), slice(1, 6), slice(6, 11), slice(11, 16), slice(16, 20))
 PARENT = np.array([0, *[1] * 5, *range(2, 7), *range(7, 12), *range(13, 17)])
-"""Bone from which each joint's own bone hangs."""
+"""Index of the parent bone of each joint's bone, (J,)."""
 
 FLEXION, ABDUCTION, AXIAL = range(3)
 WRIST = JOINTS.index("wrist")
@@ -52,21 +52,44 @@ FINGER_CMC = np.array([JOINTS.index(f"{digit}_cmc") for digit in FINGERS])
 TIP_BONES = np.array([BONES.index(f"{digit}_distal") for digit in DIGITS])
 
 OPEN_DEG = {"mcp": 12.0, "pip": 14.0, "dip": 6.0}
-"""Flexion of the fingers of the open hand, from which every movement starts."""
+"""Flexion of the finger joints of the open hand, from which every movement starts."""
 
 
 @dataclass(frozen=True)
 class RandomHand:
-    """How each bone hangs from its parent, and about what it turns, in the parent's frame at neutral.
+    """Geometry of a hand with J = len(JOINTS) joints and B = len(BONES) bones, at neutral.
 
-    J = len(JOINTS), B = len(BONES). origin_mm : (J, 3) the joint's centre. rest : (J, 4) child bone to parent
-    bone. axes : (J, 3, 3) of flexion, abduction and axial rotation. order : (J, 2) which of the first two
-    turns first, and carries the other. skew_mm : (J, 3) from that axis to the other. relaxed_rad : (J,)
-    flexion of the relaxed hand. glide_mm : (J, 2, 3) how the centre glides with the flexion f from there: (1
-    - cos f) of the first, across the axis, sin f of the second, along it. length_mm : (B,), 0 for forearm and
-    hand. soft_tip_mm : (5,) skin and pulp. pad_mm : (5, 3) where a pad touches, in its distal bone's frame.
-    coupling : (J, 4) axial per abduction, axial per flexion, the hinge's wobble, abduction and axial in rad
-    at 90 deg. scale : 1 for the drawn hand.
+    Attributes
+    ----------
+    side : str
+        right or left.
+    origin_mm : array, shape (J, 3)
+        Joint centre in the parent bone's frame, mm.
+    rest : array, shape (J, 4)
+        Quaternion of the child bone, child to parent frame.
+    axes : array, shape (J, 3, 3)
+        Unit axes of flexion, abduction and axial rotation in the parent's frame.
+    order : array of int, shape (J, 2)
+        Which of flexion and abduction comes first and carries the other.
+    skew_mm : array, shape (J, 3)
+        Offset from the first axis to the second, mm.
+    relaxed_rad : array, shape (J,)
+        Flexion of the relaxed hand.
+    glide_mm : array, shape (J, 2, 3)
+        Motion of the centre with the flexion f from the relaxed hand: (1 - cos f) times the first vector,
+        across the axis, plus sin f times the second, along it.
+    length_mm : array, shape (B,)
+        Bone lengths, 0 for forearm and hand.
+    soft_tip_mm : array, shape (5,)
+        Soft tissue beyond the tip of the distal bone.
+    pad_mm : array, shape (5, 3)
+        Contact point of the finger pad in the distal bone's frame, mm.
+    coupling : array, shape (J, 4)
+        Axial rotation per abduction and per flexion; abduction and axial rotation of a hinge's wobble at 90
+        deg, rad.
+    scale : float
+        Size relative to the source hand.
+
     """
 
     side: str
@@ -86,10 +109,10 @@ class RandomHand:
 
 @dataclass(frozen=True)
 class _Straight:
-    """A person's hand at neutral, in its own frame: shapes as in Hand.
+    """A person's hand at neutral, in the hand's frame; shapes as in `RandomHand`.
 
-    centres_mm : (B, 2, 3) ends of every bone. facing : (J, 3) flexion axes untilted, by which the bones'
-    frames face. second_axis : (3,) of the thumb's CMC, which carries the first one.
+    centres_mm : (B, 2, 3) ends of every bone. facing : (J, 3) flexion axes without tilt, which orient the
+    bone frames. second_axis : (3,) of the thumb's CMC, which carries the first.
     """
 
     centres_mm: Array
@@ -104,7 +127,7 @@ class _Straight:
     scale: float
 
     def mirrored(self) -> _Straight:
-        """A left hand: points lose the sign of y, axes (pseudo-vectors) those of x and z."""
+        """Mirror image, a left hand: points change the sign of y, axes (pseudo-vectors) those of x and z."""
         axis = np.array([-1.0, 1.0, -1.0])
         return replace(
             self,
@@ -117,7 +140,25 @@ class _Straight:
 
 
 def hand_of(subject: str, side: str, seed: int, realism: Realism) -> RandomHand:
-    """The hand of a subject; a digit whose bones run through another's is drawn again, as another person."""
+    """Draw the hand of a subject.
+
+    A hand in which one digit's bones run through another's is drawn again, as another person.
+
+    Parameters
+    ----------
+    subject, side : str
+        Whose hand.
+    seed : int
+        Seed of the simulation.
+    realism : Realism
+        Source anatomy, and which of the paper's assumptions hold.
+
+    Returns
+    -------
+    RandomHand
+        The hand, mirrored for the left side.
+
+    """
     people = itertools.chain([subject], (f"{subject}, drawn again {again}" for again in itertools.count(1)))
     person = next(person for person in people if _possible(_straight(person, "right", seed, realism)))
     straight = _straight(person, side, seed, realism)
@@ -125,9 +166,9 @@ def hand_of(subject: str, side: str, seed: int, realism: Realism) -> RandomHand:
 
 
 def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight:
-    """The bones of a name's hand at neutral as they fall, not yet mirrored."""
+    """Draw the hand of a name at neutral, as a right hand, plausible or not."""
     average = drawn.SOURCES.get(realism.anatomy)
-    if average is None:  # a blend that is the person's own
+    if average is None:  # an individual blend of the sources
         weights = generator(seed, "sources", subject).dirichlet(drawn.BLEND_SHARES)
         average = drawn.blend_hands(list(drawn.SOURCES.values()), weights)
     rng = generator(seed, "anatomy", subject)
@@ -136,7 +177,7 @@ def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight
     sides = drawn.SIDE_SD * generator(seed, "side", subject, side).standard_normal(len(BONES))
     sides = 1.0 + np.clip(sides, -drawn.SIDE_LIMIT, drawn.SIDE_LIMIT)
     lengths, sd = np.zeros(len(BONES)), np.zeros(len(BONES))
-    for digit in DIGITS:  # centres deeper in the heads shorten metacarpals and lengthen last bones
+    for digit in DIGITS:  # centres deeper in the heads shorten metacarpals and lengthen distal bones
         bones = np.array(_chain(digit)) + 1
         lengths[bones], sd[bones] = average[digit].lengths_mm, average[digit].length_sd_mm
         lengths[bones[[0, -1]]] += depth_mm * np.array([-1.0, 1.0])
@@ -146,14 +187,14 @@ def _straight(subject: str, side: str, seed: int, realism: Realism) -> _Straight
     soft_tip = scale * np.array([digit.soft_tip_mm for digit in average.values()])
     soft_tip += drawn.SOFT_TIP_SD_MM * _clipped_normal(generator(seed, "soft tip", subject), (len(DIGITS),))
     second = average["thumb"].second_axis
-    assert second is not None  # of every source
+    assert second is not None  # every source has one
     coupling, relaxed = _coupling(rng), _relaxed_rad(generator(seed, "relaxed", subject))
     glide = realism.glide * _glide_mm(generator(seed, "glide", subject), axes)
     return _Straight(centres, axes, facing, second, lengths, soft_tip, coupling, glide, relaxed, scale)
 
 
 def _possible(straight: _Straight) -> bool:
-    """Whether metacarpals and, in the open hand, fingers stand beside each other (right hand)."""
+    """Whether metacarpals and, in the open hand, fingers lie side by side without crossing (right hand)."""
     lines = np.zeros((len(FINGERS), 4, 12, 3))  # finger, bone, from its base to its end
     for finger, digit in enumerate(FINGERS):
         joints, turn = _chain(digit), np.array([1.0, 0.0, 0.0, 0.0])
@@ -180,22 +221,22 @@ def _possible(straight: _Straight) -> bool:
 
 
 def _clipped_normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Standard normal numbers, none beyond 2.2 sd: nobody's bone is half as long."""
+    """Standard normal numbers clipped at 2.2 sd, so that no bone is implausibly short or long."""
     return np.clip(rng.standard_normal(shape), -2.2, 2.2)
 
 
 def _chain(digit: str) -> list[int]:
-    """Joints of a digit from the base outward."""
+    """Indices of a digit's joints from the base outward."""
     return [j for j, joint in enumerate(JOINTS) if joint.startswith(f"{digit}_")]
 
 
 def _centres_mm(rng: np.random.Generator, average: drawn.DrawnHand, lengths_mm: Array, scale: float) -> Array:
-    """Ends of every bone at neutral, right hand, in the hand's frame: (B, 2, 3), proximal and distal."""
+    """Ends of every bone at neutral, right hand, in the hand's frame: (B, 2, 3) mm, proximal then distal."""
     centres = np.zeros((len(BONES), 2, 3))
     for digit, drawn_digit in average.items():
         base_sd_mm = drawn.THUMB_BASE_SD_MM if digit == "thumb" else drawn.BASE_SD_MM
         here = drawn_digit.base_mm * scale + base_sd_mm * _clipped_normal(rng, (3,))
-        # one tilt for the whole digit keeps it straight
+        # the same tilt for all bones keeps the digit straight
         directions = rotations.unit(
             drawn_digit.directions + drawn.DIRECTION_SD_RAD * _clipped_normal(rng, (3,))
         )
@@ -209,7 +250,9 @@ def _centres_mm(rng: np.random.Generator, average: drawn.DrawnHand, lengths_mm: 
 def _flexion_axes(
     rng: np.random.Generator, average: drawn.DrawnHand, centres_mm: Array, realism: Realism
 ) -> tuple[Array, Array]:
-    """Flexion axes at neutral, right hand, in the hand's frame, (J, 3), as they are, and as bones face."""
+    """Flexion axes (J, 3) at neutral, right hand, in the hand's frame: tilted, and those that orient the
+    bones.
+    """
     axes = np.zeros((len(JOINTS), 3))
     axes[WRIST] = drawn.WRIST_AXES[FLEXION]
     for digit, drawn_digit in average.items():
@@ -229,12 +272,13 @@ def _flexion_axes(
 
 
 def _perpendicular(vector: Array, to: Array) -> Array:
+    """Unit vector: the component of `vector` (3,) perpendicular to `to` (3,)."""
     along = rotations.unit(to)
     return rotations.unit(vector - (vector @ along) * along)
 
 
 def _coupling(rng: np.random.Generator) -> Array:
-    """Involuntary motion of each joint (see Hand.coupling)."""
+    """Involuntary motion (J, 4) of the joints, see `RandomHand`."""
     numbers = _clipped_normal(rng, (len(JOINTS), 4))
     coupling = np.zeros((len(JOINTS), 4))
     for j, joint in enumerate(JOINTS):
@@ -250,7 +294,7 @@ def _coupling(rng: np.random.Generator) -> Array:
 
 
 def _relaxed_rad(rng: np.random.Generator) -> Array:
-    """Flexion (J,) of the relaxed hand: wrist and palm straight, every other joint as the person has it."""
+    """Flexion (J,) of the relaxed hand: 0 for wrist and palm, drawn for every other joint."""
     relaxed = np.zeros(len(JOINTS))
     for j, joint in enumerate(JOINTS):
         digit, _, kind = joint.partition("_")
@@ -261,7 +305,9 @@ def _relaxed_rad(rng: np.random.Generator) -> Array:
 
 
 def _glide_mm(rng: np.random.Generator, axes: Array) -> Array:
-    """Glides (J, 2, 3) of a right hand's centres about flexion axes (J, 3), on circles of their radius."""
+    """Glides (J, 2, 3) mm of the centres of a right hand, on arcs of drawn radius about the flexion axes (J,
+    3).
+    """
     glide = np.zeros((len(JOINTS), 2, 3))
     for j, joint in enumerate(JOINTS):
         limits = drawn.GLIDE_MM.get(joint) or drawn.GLIDE_MM.get(joint.partition("_")[2])
@@ -274,7 +320,7 @@ def _glide_mm(rng: np.random.Generator, axes: Array) -> Array:
 
 
 def _assemble(side: str, straight: _Straight, realism: Realism) -> RandomHand:
-    """Turn the neutral hand, given in the hand's frame, into joints in their parents' frames."""
+    """Convert the neutral hand from the hand's frame to joints in the frames of their parents."""
     centres, axes = straight.centres_mm, straight.axes
     frames = np.tile(np.eye(3), (len(BONES), 1, 1))
     for bone in range(2, len(BONES)):
@@ -285,8 +331,8 @@ def _assemble(side: str, straight: _Straight, realism: Realism) -> RandomHand:
     triples = np.stack([axes, *_second_and_third_axes(side, frames, straight)], 1)
     thumb, skew = JOINTS.index("thumb_cmc"), np.zeros((len(JOINTS), 3))
     if not realism.hinges_only:
-        # towards the metacarpal, whichever axis carries the other; an offset is a true vector: where axes
-        # mirror as pseudo-vectors, their product has the wrong sign
+        # The offset points towards the metacarpal. It is a true vector, whereas axes mirror as
+        # pseudo-vectors, so their cross product has the wrong sign in a left hand.
         across = rotations.unit(np.cross(triples[thumb, FLEXION], triples[thumb, ABDUCTION]))
         skew[thumb] = drawn.SKEW_MM * (-across if side == "left" else across)
     order = np.tile([FLEXION, ABDUCTION], (len(JOINTS), 1))
@@ -313,7 +359,7 @@ def _assemble(side: str, straight: _Straight, realism: Realism) -> RandomHand:
 
 
 def _second_and_third_axes(side: str, frames: Array, straight: _Straight) -> tuple[Array, Array]:
-    """Abduction and axial axes at neutral, in the hand's frame, each (J, 3); mirrored for a left hand."""
+    """Abduction and axial axes (J, 3) at neutral in the hand's frame, mirrored for a left hand."""
     mirror = np.array([-1.0, 1.0, -1.0]) if side == "left" else np.ones(3)
     sign = -1.0 if side == "left" else 1.0
     abduction, axial = sign * frames[1:, :, 2], sign * frames[1:, :, 0]

@@ -1,4 +1,4 @@
-"""What a simulated recording shares with a real one, and the random numbers that it is drawn from."""
+"""Degree of realism of a simulated recording, and the random numbers that it is drawn from."""
 
 from __future__ import annotations
 
@@ -12,21 +12,34 @@ from shukotsu.hand.drawn_hands import BLEND
 
 @dataclass(frozen=True)
 class Realism:
-    """Independent switches: each assumption of the paper can be kept or dropped alone.
+    """Switches and scales of realism; each assumption of the paper can be kept or dropped independently.
 
-    mobile_palm : metacarpals 4 and 5 (and a little 2 and 3) move at their CMC joints. hinges_only : every
-    joint turns about one fixed axis; MCP, thumb and wrist have no second one. perpendicular_mcp : bones face
-    as their axes are, and the MCP axis is at right angles to the vector from the wrist to the MCP joint (for
-        the thumb: CMC and MCP axes at right angles to the metacarpal), so that Eq. 11 finds no twist.
-    glide : scale of how far joints' centres glide as they bend.
-    anatomy : whom hands are drawn around, one of `shukotsu.hand.drawn_hands.ANATOMIES`.
-    mounts : scale of how far receivers are misplaced; at 0 they sit exactly: axes along the bone, no lateral
-        offset, so that the sagittal plane of the receiver (y = 0) holds the centre of the bone's proximal
-        joint.
-    artefact : scale of the skin artefact, 1 for a typical hand.
-    noise : scale of the tracker's white noise.
-    field_distortion : scale of the static distortion of the magnetic field.
-    faults : scale of what the tracker loses and gets wrong: poses not given, signs flipped, spikes.
+    Attributes
+    ----------
+    mobile_palm : bool
+        Metacarpals 4 and 5 (and, slightly, 2 and 3) move at their CMC joints.
+    hinges_only : bool
+        Every joint has one fixed axis; MCP, thumb and wrist have no second one.
+    perpendicular_mcp : bool
+        Bone frames are aligned with the flexion axes, and the MCP axis is perpendicular to the vector from
+        the wrist to the MCP joint (for the thumb: CMC and MCP axes perpendicular to the metacarpal), so that
+        Eq. 11 gives no twist.
+    glide : float
+        Scale of the motion of joint centres with flexion.
+    anatomy : str
+        Hands that people are drawn around, one of `shukotsu.hand.drawn_hands.ANATOMIES`.
+    mounts : float
+        Scale of the misplacement of receivers. At 0 their axes are along the bone without lateral offset, so
+        that the receiver's sagittal plane (y = 0) contains the centre of the bone's proximal joint.
+    artefact : float
+        Scale of skin motion; 1 for a typical hand.
+    noise : float
+        Scale of the tracker's white noise.
+    field_distortion : float
+        Scale of the static distortion of the magnetic field.
+    faults : float
+        Scale of the tracker's faults: lost poses, flipped signs, spikes.
+
     """
 
     mobile_palm: bool = True
@@ -42,20 +55,23 @@ class Realism:
 
     @classmethod
     def full(cls) -> Realism:
-        """Everything that a real recording has."""
+        """Everything that affects a real recording, except tracker faults."""
         return cls()
 
     @classmethod
     def exact(cls) -> Realism:
-        """Every assumption of the paper, true to rounding."""
+        """Every assumption of the paper holds to rounding."""
         return cls(False, True, True, glide=0.0, mounts=0.0, artefact=0.0, noise=0.0, field_distortion=0.0)
 
 
-def generator(seed: int, purpose: str, *names: str) -> np.random.Generator:
-    """Return the generator of a purpose for those names (subject, hand, task): same names, same numbers.
+def generator(seed: int, purpose: str, *names: str, session: str = "") -> np.random.Generator:
+    """Random generator of a purpose for some names (subject, hand, task); the same names give the same
+    numbers.
 
-    One stream per purpose, so that no switch and no length shifts another's numbers.
+    There is one stream per purpose, so that neither a switch nor a length shifts the numbers of another.
+    session : empty where the study has no sessions; then it does not enter the seed.
     """
-    digest = hashlib.sha256("\x1f".join((purpose, *names)).encode()).digest()
+    words = (purpose, *names, session) if session else (purpose, *names)
+    digest = hashlib.sha256("\x1f".join(words).encode()).digest()
     entropy = np.frombuffer(digest, "<u4")
     return np.random.default_rng(np.random.SeedSequence([seed, *(int(number) for number in entropy)]))

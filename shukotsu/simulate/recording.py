@@ -1,4 +1,4 @@
-"""A recording as a file: the tidy format that any lab can bring, CSV or Parquet."""
+"""The simulated recording as a file: a tidy table in CSV or Parquet, as a laboratory would provide it."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ ENDINGS = (".parquet", ".csv")
 
 
 def check_ending(path: Path) -> None:
-    """Raise InputError unless the file's name says a format that can be written."""
+    """Raise InputError unless the file name ends in a format that can be written."""
     if path.suffix not in ENDINGS:
         raise InputError(f"{path}: the ending says the format; expected {' or '.join(ENDINGS)}")
 
 
 def tidy(recording: Simulated | Poses) -> pa.Table:
-    """The recording as a tidy table: one row per frame and segment, by frame, in the layout's order."""
+    """The recording as a tidy table, a row per frame and segment, by frame, segments in layout order."""
     n_frames, n_segments = recording.position_mm.shape[:2]
     columns = {
         "frame": pa.array(np.repeat(recording.frame, n_segments)),
@@ -40,7 +40,7 @@ def tidy(recording: Simulated | Poses) -> pa.Table:
 
 
 def write_recording(path: Path, recording: Simulated | Poses) -> None:
-    """Write the recording, atomically; numbers in CSV read back to the very same values."""
+    """Write the recording atomically; numbers in CSV read back to exactly the same values."""
     check_ending(path)
     with replacing(path) as temporary:
         if path.suffix == ".csv":

@@ -1,7 +1,8 @@
-"""The simulation from end to end: a subject's hand, its motion, what a tracker makes of it, and the truth.
+"""Simulation of one recording: the subject's hand, its motion, the tracker, and the truth.
 
-A joint's true centre is stated where it was on average over the recording, in the receiver's frame as the
-receiver rode on the skin; axes and the bones' directions likewise. Tracker and field have no part in that.
+A true joint centre is the mean over the recording of the centre's position in the receiver's frame, with the
+receiver where it was on the skin; the same holds for axes and bone directions. Tracker noise and field
+distortion do not enter the truth.
 """
 
 from __future__ import annotations
@@ -30,10 +31,23 @@ FIRST_FRAME = 1
 
 @dataclass(frozen=True)
 class TrueJoint:
-    """A joint between two receivers: its centre and flexion axis in their frames, in the mean; NaN without a
-    parent's.
+    """Truth of a joint between two receivers.
 
-    range_deg : of flexion. gap_mm : (T,) distance between the two centres in the recording.
+    Attributes
+    ----------
+    name, parent_segment, child_segment : str
+        The joint and its segments; parent_segment is empty where it carries no receiver.
+    dof : int
+        Degrees of freedom.
+    parent_mm, child_mm : array, shape (3,)
+        Mean centre in the parent's and the child's receiver frame, mm; parent_mm is NaN without a receiver.
+    axis_parent, axis_child : array, shape (3,)
+        Mean unit flexion axis in either frame.
+    range_deg : float
+        Range of flexion.
+    gap_mm : array, shape (T,)
+        Distance between the two halves of the centre in the recording.
+
     """
 
     name: str
@@ -50,11 +64,23 @@ class TrueJoint:
 
 @dataclass(frozen=True)
 class Truth:
-    """Everything that the simulation knows.
+    """Truth of a simulated recording.
 
-    angles_rad : (T, J, 3). bone_position_mm (T, B, 3), bone_quaternion (T, B, 4) : in the transmitter frame.
-    tip_mm, skin_tip_mm : (T, 5, 3) tips of the bones, and of the digits. along : (S, 3) where the bone of
-    each receiver points, in its frame.
+    Attributes
+    ----------
+    hand, mounts : RandomHand, Mounts
+        The hand and its receivers.
+    angles_rad : array, shape (T, J, 3)
+        Flexion, abduction and axial rotation.
+    bone_position_mm, bone_quaternion : array, shape (T, B, 3) and (T, B, 4)
+        Bones in the transmitter frame.
+    tip_mm, skin_tip_mm : array, shape (T, 5, 3)
+        Tips of the distal bones, and of the digits with their soft tissue, in the transmitter frame.
+    joints : mapping
+        Joint -> its truth.
+    along : array, shape (S, 3)
+        Mean unit direction of each receiver's bone, in the receiver's frame.
+
     """
 
     hand: RandomHand
@@ -79,7 +105,9 @@ class Truth:
         recorded: tuple[Array, Array],
         realism: Realism,
     ) -> Truth:
-        """The truth of a recording; ridden, recorded : receivers on the skin, and as the tracker has them."""
+        """Collect the truth of a recording; ridden, recorded : receivers on the skin, and as the tracker
+        reports them.
+        """
         joints = {}
         for joint in layout.solvable:
             index = JOINTS.index(joint.name)
@@ -87,11 +115,8 @@ class Truth:
             axis = flexion_axis(hand, index, angles_rad, bones[1])
             child = mounts.segments.index(joint.child)
             child_mm, axis_child = _in_receiver(ridden, child, centre_mm, axis)
-            parent_mm, axis_parent, gap_mm = (
-                np.full(3, np.nan),
-                np.full(3, np.nan),
-                np.full(len(axis), np.nan),
-            )
+            parent_mm = axis_parent = np.full(3, np.nan)
+            gap_mm = np.full(len(axis), np.nan)
             worn = joint.parent_receiver in mounts.segments
             if worn:
                 parent = mounts.segments.index(joint.parent_receiver)
@@ -120,7 +145,7 @@ class Truth:
 
 
 def _ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) -> Array:
-    """Points (T, 5, 3) in the transmitter frame, so far (5,) along the last bones from their joints."""
+    """Points (T, 5, 3) in the transmitter frame at the distances length_mm (5,) along the distal bones."""
     along = np.zeros((len(DIGITS), 3))
     along[:, 0] = length_mm
     return bone_position_mm[:, TIP_BONES] + rotations.rotate(bone_quaternion[:, TIP_BONES], along)
@@ -129,19 +154,39 @@ def _ends_mm(length_mm: Array, bone_position_mm: Array, bone_quaternion: Array) 
 def _in_receiver(
     poses: tuple[Array, Array], receiver: int, point_mm: Array, axis: Array
 ) -> tuple[Array, Array]:
-    """Mean over the frames of points and axes (T, 3) seen from a receiver."""
+    """Mean over frames of a point and an axis, (T, 3) each, in a receiver's frame."""
     back = rotations.conjugate(poses[1][:, receiver])
     seen_mm = rotations.rotate(back, point_mm - poses[0][:, receiver]).mean(0)
     return seen_mm, rotations.unit(rotations.rotate(back, axis).mean(0))
 
 
 def _to_transmitter(poses: tuple[Array, Array], receiver: int, point_mm: Array) -> Array:
+    """Positions (T, 3) in the transmitter frame of a point (3,) fixed in a receiver's frame."""
     return np.asarray(poses[0][:, receiver] + rotations.rotate(poses[1][:, receiver], point_mm))
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """A recording of T frames and its truth; NaN where the tracker lost a pose."""
+    """Simulated recording of T frames, with its truth.
+
+    Attributes
+    ----------
+    subject, hand, task, session : str
+        Names of the recording.
+    frame : array of int, shape (T,)
+        Frame numbers.
+    time_s : array, shape (T,)
+        Device time.
+    segments : tuple of str
+        Segments that carry the S receivers.
+    position_mm : array, shape (T, S, 3)
+        In the transmitter frame; NaN where the tracker lost the pose.
+    quaternion : array, shape (T, S, 4)
+        Unit quaternions (w, x, y, z), receiver to transmitter frame.
+    truth : Truth
+        The truth.
+
+    """
 
     subject: str
     hand: str
@@ -156,11 +201,11 @@ class Simulated:
 
     @property
     def distal_mm(self) -> Array:
-        """Origins (T, 5, 3) of the digits' distal receivers."""
+        """Origins (T, 5, 3) of the distal receivers in the transmitter frame, mm."""
         return self.position_mm[:, [self.segments.index(f"{digit}_distal") for digit in DIGITS]]
 
     def poses(self) -> Poses:
-        """The recording as the stages hold it; a pose that the tracker lost is not valid."""
+        """The recording as poses; a pose that the tracker lost is not valid."""
         valid = np.asarray(np.isfinite(self.position_mm).all(-1))
         return Poses(self.segments, self.frame, self.time_s, self.position_mm, self.quaternion, valid)
 
@@ -177,15 +222,39 @@ def simulate(
     session: str = "",
     change: Callable[[TaskMotion], TaskMotion] | None = None,
 ) -> Simulated:
-    """Simulate one recording with 16 receivers, 17 with `forearm`, at 240 Hz.
+    """Simulate one recording at 240 Hz with 16 receivers, or 17 with `forearm`.
 
-    Anatomy depends on seed and subject, receivers' places and skin also on the hand, motion and noise also on
-    the task. In another session the person moves anew, with receivers put on anew. Another n_frames than the
-    task's own is the same script, faster or slower. change : of what the task makes the hand do. Raises
-    InputError where an argument is not usable.
+    Anatomy depends on seed and subject; receiver placement and skin also on the hand; motion and noise also
+    on the task. In another session the receivers are placed anew and the subject moves differently.
+
+    Parameters
+    ----------
+    subject, hand, task, session : str
+        Names of the recording; hand is right or left, task a key of TASK_FRAMES.
+    seed : int
+        Seed, 0 or more.
+    realism : Realism
+        Degree of realism.
+    n_frames : int, optional
+        Number of frames, 2 or more; the same script is then performed faster or slower.
+    forearm : bool
+        Whether a receiver is worn on the forearm.
+    change : callable, optional
+        Modifies the motion of the task.
+
+    Returns
+    -------
+    Simulated
+        Recording and truth.
+
+    Raises
+    ------
+    InputError
+        Where an argument is not usable.
+
     """
     n_frames = _check_arguments(hand, task, seed, n_frames)
-    layout, in_session = read_layout(LAYOUT), [session] * bool(session)
+    layout = read_layout(LAYOUT)
     segments = tuple(s for s in layout.measured if forearm or not layout.segments[s].optional)
     anatomy = hand_of(subject, hand, seed, realism)
     mounts = mounts_of(subject, hand, seed, anatomy, segments, realism, session)
@@ -198,25 +267,25 @@ def simulate(
         skin = skin_of(subject, hand, seed, segments, realism.artefact)
         relaxed = relaxed_angles(anatomy, realism)
         of_hand = generator(seed, "saturating skin", subject, hand)
-        of_recording = generator(seed, "wander", subject, hand, task, *in_session)
+        of_recording = generator(seed, "wander", subject, hand, task, session=session)
         off = saturating(motion.angles_rad - relaxed, skin, of_hand, of_recording)
         ridden = displace(*on_skin(anatomy, mounts, motion, relaxed, bones, skin), *off)
     recorded = ridden
     if realism.field_distortion:
         recorded = distort(*recorded, seed, realism.field_distortion)
     if realism.noise:
-        rng = generator(seed, "noise", subject, hand, task, *in_session)
+        rng = generator(seed, "noise", subject, hand, task, session=session)
         recorded = noisy(*recorded, realism.noise, rng)
     truth = Truth.of(layout, anatomy, mounts, motion.angles_rad, bones, ridden, recorded, realism)
     if realism.faults:
-        rng = generator(seed, "faults", subject, hand, task, *in_session)
+        rng = generator(seed, "faults", subject, hand, task, session=session)
         recorded = faulty(*recorded, realism.faults, rng)
     frame = np.arange(FIRST_FRAME, FIRST_FRAME + n_frames)
     return Simulated(subject, hand, task, frame, frame / RATE_HZ, segments, *recorded, truth, session)
 
 
 def _check_arguments(hand: str, task: str, seed: int, n_frames: int | None) -> int:
-    """The number of frames; InputError where an argument is not usable."""
+    """Number of frames of the recording; InputError where an argument is not usable."""
     if hand not in ("right", "left"):
         raise InputError(f"hand {hand!r} is not known; expected right or left")
     if task not in TASK_FRAMES:

@@ -1,4 +1,4 @@
-"""Tasks: from a script of postures to joint angles over time, and how the arm sways meanwhile.
+"""Tasks: a script of postures turned into joint angles over time, and the sway of the arm meanwhile.
 
 A posture is an array (J, 2) of voluntary flexion and abduction in degrees.
 """
@@ -26,26 +26,22 @@ from shukotsu.simulate.realism import Realism, generator
 
 RATE_HZ = 240.0
 TASK_FRAMES = {"opposition": 3774, "rom": 7200}
-"""Tasks and how many frames each takes unless told otherwise; 3774 is the paper's recording."""
+"""Tasks and their default numbers of frames; 3774 is the length of the paper's recording."""
 
 _ROUND_S = 4.0
 _JITTER_DEG, _CMC_JITTER_DEG, _DIP_JITTER_DEG = 1.5, 0.4, 0.1
 _CUP_DEG = {"index": 2.0, "middle": 1.2, "ring": 10.0, "little": 16.0}  # CMC flexion of a cupped palm
-_CUPPING = {
-    "index": 0.1,
-    "middle": 0.35,
-    "ring": 0.7,
-    "little": 1.0,
-}  # of it, when the thumb meets the finger
-# how far a finger goes along when its neighbour, the next and the third bends
+# share of the cupping when the thumb meets the finger
+_CUPPING = {"index": 0.1, "middle": 0.35, "ring": 0.7, "little": 1.0}
+# share by which a finger follows another: itself, its neighbour, the second and the third finger away
 _ENSLAVING = (1.0, 0.35, 0.15, 0.08)
 
 
-# Postures in which the thumb's pad meets a finger's: a small inverse problem, all four fingers at once.
+# Postures in which the pads of thumb and finger meet: a small inverse problem, solved for all four fingers.
 _DISTANCE_SD_MM, _FACING_SD = 0.4, 0.8
 _STEPS, _NUDGE_DEG, _LARGEST_STEP_DEG = 25, 0.05, 12.0
 
-# angle, usual value, its spread, least and greatest, all in degrees; the last three are the finger's own
+# joint and angle; usual value, spread, least and greatest, in degrees; the last three are the finger's
 _ANGLES = (
     ("thumb_cmc", FLEXION, 26.0, 13.0, -10.0, 52.0),
     ("thumb_cmc", ABDUCTION, -12.0, 10.0, -35.0, 25.0),
@@ -59,7 +55,18 @@ _ANGLES = (
 
 @dataclass(frozen=True)
 class TaskMotion:
-    """Joint angles (T, J, 3); wrist centre (T, 3) and forearm (T, 4) in the transmitter frame."""
+    """Motion of hand and arm over T frames.
+
+    Attributes
+    ----------
+    angles_rad : array, shape (T, J, 3)
+        Flexion, abduction and axial rotation.
+    wrist_mm : array, shape (T, 3)
+        Wrist centre in the transmitter frame.
+    forearm : array, shape (T, 4)
+        Unit quaternions (w, x, y, z), forearm to transmitter frame.
+
+    """
 
     angles_rad: Array
     wrist_mm: Array
@@ -76,8 +83,28 @@ def move(
     n_frames: int,
     session: str = "",
 ) -> TaskMotion:
-    """Let the hand do its task; a recording of another length is the same script, faster or slower."""
-    rng = generator(seed, "motion", subject, side, task, *[session] * bool(session))
+    """Motion of a hand during a task.
+
+    Parameters
+    ----------
+    subject, side, task, session : str
+        Names of the recording.
+    seed : int
+        Seed of the simulation.
+    hand : RandomHand
+        The hand.
+    realism : Realism
+        Which motions are locked.
+    n_frames : int
+        Number of frames T; the same script is performed faster or slower.
+
+    Returns
+    -------
+    TaskMotion
+        Over T frames.
+
+    """
+    rng = generator(seed, "motion", subject, side, task, session=session)
     if task == "opposition":
         stiffness = generator(seed, "dip", subject, side)
         script, weights = _opposition(rng, stiffness, hand, realism, n_frames)
@@ -97,7 +124,7 @@ def move(
 
 
 def posture(**angles_deg: float | tuple[float, float]) -> Array:
-    """A posture by joint names: a flexion, or flexion and abduction."""
+    """Posture (J, 2) in degrees from joint names: flexion, or flexion and abduction."""
     posture = np.zeros((len(JOINTS), 2))
     for joint, value in angles_deg.items():
         posture[JOINTS.index(joint)] = value if isinstance(value, tuple) else (value, 0.0)
@@ -105,16 +132,18 @@ def posture(**angles_deg: float | tuple[float, float]) -> Array:
 
 
 def _fingers(joint: str, flexion_deg: float) -> Array:
+    """Posture with the same flexion of one joint in all fingers."""
     return posture(**{f"{digit}_{joint}": flexion_deg for digit in FINGERS})
 
 
 def rest_posture() -> Array:
-    """The open hand from which every movement starts."""
+    """Posture of the open hand, from which every movement starts."""
     fingers = sum(_fingers(joint, flexion_deg) for joint, flexion_deg in OPEN_DEG.items())
     return np.asarray(fingers + posture(thumb_cmc=(2.0, 4.0), thumb_mcp=6.0, thumb_ip=6.0))
 
 
 def _cup_posture() -> Array:
+    """Posture of the cupped palm."""
     return posture(**{f"{digit}_cmc": angle for digit, angle in _CUP_DEG.items()})
 
 
@@ -125,7 +154,9 @@ def _opposition(
     realism: Realism,
     n_frames: int,
 ) -> tuple[Array, Array]:
-    """Script of the thumb's tip meeting each fingertip in turn: keyframes (K, J, 2), durations (K - 1,)."""
+    """Script of the thumb's pad meeting each finger's in turn: keyframes (K, J, 2) deg, relative durations (K
+    - 1,).
+    """
     rest = rest_posture()
     starts = np.repeat(rest[None], len(FINGERS), 0)
     for i, digit in enumerate(FINGERS):
@@ -133,11 +164,11 @@ def _opposition(
     dips = [JOINTS.index(f"{digit}_dip") for digit in FINGERS]
     ranges_deg, stiff_deg = (stiffness.uniform(*limits, len(FINGERS)) for limits in ((4.0, 10.0), (2.0, 3.0)))
     if hand.side == "left":
-        ranges_deg[2:] = stiff_deg[2:]  # ring and little fingers give way very little
+        ranges_deg[2:] = stiff_deg[2:]  # the DIP joints of ring and little finger hardly move
     starts[:, dips, FLEXION] += np.diag(ranges_deg)
     contacts = contact_postures(hand, starts, realism)
     apart = contacts - rest
-    for i, finger in enumerate(FINGERS):  # the others go along with the one that meets the thumb
+    for i, finger in enumerate(FINGERS):  # the other fingers follow the one that meets the thumb
         for k, other in enumerate(FINGERS):
             if other != finger:
                 joints = [JOINTS.index(f"{other}_{kind}") for kind in ("mcp", "pip", "dip")]
@@ -153,7 +184,7 @@ def _opposition(
 
 
 def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
-    """Script of every joint through its range, one after another and together, as `_opposition`."""
+    """Script that moves every joint through its range, singly and together; returns as `_opposition`."""
     hook = _fingers("pip", 72.0) + _fingers("dip", 50.0)
     fist = _fingers("mcp", 54.0) + _fingers("pip", 70.0) + _fingers("dip", 58.0)
     spread = posture(index_mcp=(0, 14), middle_mcp=(0, 4), ring_mcp=(0, -8), little_mcp=(0, -15))
@@ -182,7 +213,7 @@ def _range_of_motion(rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:
-    """Nobody takes the same posture twice; a DIP that hardly moves hardly varies either."""
+    """Variation between repetitions of a posture, (K, J, 2); small for a DIP joint that hardly moves."""
     sd = np.full((len(JOINTS), 2), _JITTER_DEG)
     sd[:, ABDUCTION] /= 2
     sd[FINGER_CMC] = _CMC_JITTER_DEG
@@ -195,7 +226,7 @@ def _jitter_deg(rng: np.random.Generator, script: Array, task: str) -> Array:
 
 
 def _arm(rng: np.random.Generator, n_frames: int) -> tuple[Array, Array]:
-    """Wrist centre (T, 3) in mm and forearm (T, 4): some cm and 12 deg of sway, the hand's back up."""
+    """Wrist centre (T, 3) mm and forearm (T, 4), swaying by some cm and degrees, back of the hand up."""
     away, around, roll = np.radians(rng.uniform([106.0, -20.0, -15.0], [118.0, 20.0, 15.0]))
     distal = np.array([np.cos(away), np.sin(away) * np.cos(around), np.sin(away) * np.sin(around)])
     lateral = rotations.unit(np.cross([0.0, 0.0, 1.0], distal))
@@ -203,7 +234,7 @@ def _arm(rng: np.random.Generator, n_frames: int) -> tuple[Array, Array]:
     base = rotations.multiply(base, rotations.about_axis(np.array([1.0, 0.0, 0.0]), roll))
     place_mm = np.array([260.0, 40.0, -120.0]) + rng.uniform(-30.0, 30.0, 3)
     time_s = np.arange(n_frames)[:, None, None] / RATE_HZ
-    rate_hz = rng.uniform([0.08, 0.15, 0.3], [0.15, 0.3, 0.5], (6, 3))  # three sinusoids a signal
+    rate_hz = rng.uniform([0.08, 0.15, 0.3], [0.15, 0.3, 0.5], (6, 3))  # three sinusoids per signal
     phase = rng.uniform(0, 2 * np.pi, (6, 3))
     waves = np.sin(2 * np.pi * rate_hz * time_s + phase) * np.array([1.0, 0.6, 0.3])
     sway = waves.sum(-1) / np.sqrt((1.0 + 0.36 + 0.09) / 2)  # of sd 1
@@ -213,7 +244,23 @@ def _arm(rng: np.random.Generator, n_frames: int) -> tuple[Array, Array]:
 
 
 def contact_postures(hand: RandomHand, starts_deg: Array, realism: Realism) -> Array:
-    """Bend thumb and fingers (4, J, 2) until their pads meet, if they can; regularised Gauss-Newton."""
+    """Postures in which the pads of thumb and finger meet, as far as they can (regularised Gauss-Newton).
+
+    Parameters
+    ----------
+    hand : RandomHand
+        The hand.
+    starts_deg : array, shape (4, J, 2)
+        Starting posture for each finger.
+    realism : Realism
+        Which motions are locked.
+
+    Returns
+    -------
+    array, shape (4, J, 2)
+        Voluntary flexion and abduction, deg.
+
+    """
     named = [[name if name in JOINTS else f"{digit}_{name}" for name, *_ in _ANGLES] for digit in FINGERS]
     joints = np.array([[JOINTS.index(name) for name in names] for names in named])
     columns = np.array([column for _, column, *_ in _ANGLES])
@@ -239,7 +286,7 @@ def contact_postures(hand: RandomHand, starts_deg: Array, realism: Realism) -> A
 
 
 def _misfit(hand: RandomHand, postures_deg: Array, realism: Realism) -> Array:
-    """Residuals, zero at contact, (4, N, 6): pad distance and pads' normals, over their spreads."""
+    """Residuals (4, N, 6), zero at contact: distance of the pads, and their normals, over the tolerances."""
     fingers, n = postures_deg.shape[:2]
     voluntary = np.radians(postures_deg.reshape(fingers * n, len(JOINTS), 2))
     padded = np.concatenate([voluntary, np.zeros((*voluntary.shape[:2], 1))], -1)

@@ -1,15 +1,18 @@
-"""The exact truth beside a simulated recording, in the tables of the contract (model "truth").
+"""The exact truth of a simulated recording, written as tables of the contract (model "truth").
 
-`joint_centres`: a joint centre is stated where it was on average over the recording, in the receiver's frame
-as the receiver rode on the skin; so is its axis. The centre is the origin of the child's bone frame, which
-glides on the parent's bone. Tracker and field have no part in this; `gap_rms_mm` is the gap that these
-centres have in the recording as written.
-`bone_lengths`: joint to joint in the relaxed posture; the last bone of a digit ends at the tip of the BONE,
-not at a receiver.
-`metacarpals`: length_mm is CMC to MCP; swing and twist are estimators' words and stay null.
-`tips`: the tip of the bone, and beside it that of the digit, skin and pulp included; error_mm is the former's
-distance to the distal receiver as recorded, null where that was lost, and a true skeleton has no first-frame
-error.
+`joint_centres`: the mean over the recording of the centre in the receiver's frame, with the receiver where it
+was on the skin; axes likewise. The centre is the origin of the child's bone frame, which glides on the
+parent's bone. Tracker errors do not enter; `gap_rms_mm` is the gap of these centres in the recording as
+written.
+
+`bone_lengths`: joint to joint in the relaxed posture; a digit's last bone ends at the tip of the bone, not at
+a receiver.
+
+`metacarpals`: length_mm is CMC to MCP; swing and twist exist only for estimates and are null.
+
+`tips`: the tip of the bone and, in extra columns, of the digit with skin and pulp. error_mm is the distance
+from the bone's tip to the distal receiver as recorded, null where that was lost; error_first_frame_mm is
+null.
 """
 
 from __future__ import annotations
@@ -39,7 +42,7 @@ _SKIN_TIP = tuple(
     for axis in "xyz"
 )
 TRUE_TIPS = replace(TIPS, columns=(*TIPS.columns, *_SKIN_TIP))
-"""As any reader of tips expects, and more."""
+"""The table tips with additional columns for the tip of the digit."""
 
 
 def write_truth(folder: Path, simulated: Simulated, provenance: Provenance) -> None:
@@ -54,6 +57,7 @@ def write_truth(folder: Path, simulated: Simulated, provenance: Provenance) -> N
 
 
 def _joint_rows(simulated: Simulated) -> list[dict[str, Any]]:
+    """Rows of joint_centres."""
     return [
         {
             **_keys(simulated),
@@ -79,12 +83,13 @@ def _joint_rows(simulated: Simulated) -> list[dict[str, Any]]:
 
 
 def _keys(simulated: Simulated) -> dict[str, str]:
+    """Key columns of the truth's rows."""
     whose = {"subject": simulated.subject, "session": simulated.session, "hand": simulated.hand}
     return {**whose, "model": MODEL_NAME, "made_without": ""}
 
 
 def _bone_rows(simulated: Simulated) -> list[dict[str, Any]]:
-    """Rows of the bones; the vector of one that carries a receiver is in that receiver's frame as it rode."""
+    """Rows of bone_lengths; the vector of a bone with a receiver is in that receiver's frame."""
     rows = []
     for bone in range(BONES.index("thumb_metacarpal"), len(BONES)):
         name, length_mm = BONES[bone], float(simulated.truth.hand.length_mm[bone])
@@ -119,11 +124,12 @@ def _digit_columns(simulated: Simulated) -> dict[str, Any]:
 
 
 def _by_digit(values: Array) -> Array:
-    """(T, 5, ...) -> (5 T, ...), digit after digit."""
+    """Reorder (T, 5, ...) to (5 T, ...), digit after digit."""
     return np.swapaxes(values, 0, 1).reshape(-1, *values.shape[2:])
 
 
 def _metacarpal_columns(simulated: Simulated) -> dict[str, Any]:
+    """Columns of metacarpals."""
     metacarpals = [BONES.index(f"{digit}_metacarpal") for digit in DIGITS]
     quaternion = _by_digit(simulated.truth.bone_quaternion[:, metacarpals])
     unknown = np.full(len(quaternion), np.nan)
@@ -138,6 +144,7 @@ def _metacarpal_columns(simulated: Simulated) -> dict[str, Any]:
 
 
 def _tip_columns(simulated: Simulated) -> dict[str, Any]:
+    """Columns of tips, with the additional ones."""
     tip, skin_tip = _by_digit(simulated.truth.tip_mm), _by_digit(simulated.truth.skin_tip_mm)
     return {
         **_digit_columns(simulated),

@@ -1,1 +1,1 @@
-"""Files by their bytes: written whole or not at all, read within limits, checked before they are used."""
+"""Tables and files: typed Parquet tables, poses in blocks, limits, text files, atomic writes."""

@@ -1,8 +1,8 @@
-"""Tables of the contract by name: `TABLES["poses"]` or POSES, read from `tables/poses.yaml` when asked for.
+"""Tables of the contract by name: `TABLES["poses"]` or POSES, read from `schemas/tables/poses.yaml` on first
+use.
 
-docs/tables.md is made from these files. Conventions: mm, s, degrees; unit quaternions (w, x, y, z) from the
-receiver's (or bone's) frame to the transmitter's; text columns are never null, empty text means "nothing to
-say".
+docs/tables.md is generated from these files. Conventions: mm, s, degrees; unit quaternions (w, x, y, z) from
+the receiver's (or bone's) frame to the transmitter's; text columns are never null, empty text means "none".
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from shukotsu.tables.typed_table import Column, Table
 FOLDER = ROOT / "schemas"
 
 BONE_TIP, DISTAL_RECEIVER = "bone tip", "distal receiver"
-"""Where a digit's last bone may end."""
+"""Points at which the last bone of a digit may end."""
 
 HAND_KEY = ("subject", "session", "hand")
 RECORDING_KEY = (*HAND_KEY, "task", "trial")
@@ -38,7 +38,7 @@ _TYPES = {
 
 
 class _Tables(Mapping[str, Table]):
-    """Tables by name; a file is read when its table is asked for."""
+    """Tables by name; a schema file is read when its table is first used."""
 
     def __getitem__(self, name: str) -> Table:
         if name not in _names():
@@ -56,7 +56,7 @@ TABLES = _Tables()
 
 
 def __getattr__(name: str) -> Table:
-    """Return the table that a name in capitals stands for."""
+    """Table by its name in capitals, such as POSES."""
     if name.isupper() and name.lower() in TABLES:
         return TABLES[name.lower()]
     raise AttributeError(f"{__name__} has no {name}")
@@ -64,18 +64,20 @@ def __getattr__(name: str) -> Table:
 
 @cache
 def shared_columns() -> dict[str, tuple[Column, ...]]:
-    """Return the columns that several tables have, by the name that their files have for them."""
+    """Columns that several tables share, by their entry in schemas/columns.yaml."""
     columns = _yaml(FOLDER / "columns.yaml")["columns"]
     return {name: _columns(name, keys) for name, keys in columns.items()}
 
 
 @cache
 def _names() -> tuple[str, ...]:
+    """Names of all tables, sorted."""
     return tuple(sorted(path.stem for path in (FOLDER / "tables").glob("*.yaml")))
 
 
 @cache
 def _read_table(name: str) -> Table:
+    """Read the schema file of a table."""
     content = _yaml(FOLDER / "tables" / f"{name}.yaml")
     columns = [
         column
@@ -86,7 +88,7 @@ def _read_table(name: str) -> Table:
 
 
 def _columns(spelled: str, keys: Mapping[str, str]) -> tuple[Column, ...]:
-    """Return the column of an entry, or those that it stands for: one for each letter of {x,y,z}."""
+    """Columns of one entry: one, or one for each letter of a group such as {x,y,z}."""
     kind, _, length = keys["type"].rstrip("]").partition("[")
     type_ = pa.list_(_TYPES[kind], int(length)) if length else _TYPES[kind]
     braces = r"{([\w,]+)}"
@@ -100,6 +102,6 @@ def _columns(spelled: str, keys: Mapping[str, str]) -> tuple[Column, ...]:
 
 
 def _yaml(path: Path) -> dict[str, Any]:
-    """Read a file in which every value is a text, which takes half the time of one with numbers."""
+    """Read a YAML file with every value as text, which takes half the time of parsing numbers."""
     content: dict[str, Any] = yaml.load(path.read_bytes(), yaml.CBaseLoader)
     return content

@@ -1,4 +1,4 @@
-"""A recording's clock: for how long frames were recorded, and where the times do not run on."""
+"""A recording's clock: how long frames were recorded, and where its times break."""
 
 from __future__ import annotations
 
@@ -10,19 +10,30 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 LEAST_S, LEAST_STEPS = 0.5, 10.0
-"""A clock is off where it is by more, in s and in usual steps."""
+"""Deviations count as breaks of the clock beyond both limits: in s, and in usual steps."""
 
 DAY_S = 86400.0
 WRAPS_S = (2**16 * 1e-3, *(2**bits * unit for unit in (1e-3, 1e-6, 1e-9) for bits in (31, 32)))
-"""By how much a counter of ms, us or ns falls that begins again."""
+"""Amounts by which a counter in ms, us or ns falls back when it overflows."""
 
 
 @dataclass(frozen=True)
 class ClockBreak:
-    """A step of a recording's times in which the clock did not run on.
+    """Step of a recording's times in which the clock did not run on.
 
-    kind : ahead, back, still, midnight or wrap. row : the first frame after it; of a clock that stands still,
-    the first of the `rows` with one time. by_s : how far it jumps ahead, or how much the times after it lack.
+    Attributes
+    ----------
+    kind : str
+        ahead, back, still, midnight or wrap.
+    row : int
+        First frame after the step; of a clock that stands still, the first frame with the repeated time.
+    rows : int
+        Number of frames with the repeated time; 1 for other kinds.
+    from_s, to_s : float
+        Times before and after the step.
+    by_s : float
+        Amount by which the clock jumps ahead, or by which the times after a step back are too small.
+
     """
 
     kind: str
@@ -36,10 +47,22 @@ class ClockBreak:
 def device_clock(
     time_s: Array, frame: npt.NDArray[np.int64] | None = None
 ) -> tuple[float | None, list[ClockBreak]]:
-    """Return for how long frames were recorded, None where no times tell it, and where the clock is off.
+    """Duration of a recording by its clock, and the breaks of the clock.
 
-    time_s : (T,) of the frames, NaN where unknown. frame : (T,) their numbers; a step that is as long as the
-    frames that are missing is no break.
+    Parameters
+    ----------
+    time_s : array, shape (T,)
+        Times of the frames, NaN where unknown.
+    frame : array of int, shape (T,), optional
+        Frame numbers; a step as long as the missing frames is not a break.
+
+    Returns
+    -------
+    duration_s : float or None
+        Time for which frames were recorded; None where the times do not determine it.
+    breaks : list of ClockBreak
+        In the order of time.
+
     """
     timed = np.flatnonzero(np.isfinite(time_s))
     at = np.flatnonzero(np.diff(time_s[timed]) != 0) + 1
@@ -52,11 +75,9 @@ def device_clock(
     usual_s, row_s = float(np.median(np.abs(step))), float(np.median(np.abs(step) / rows))
     least_s = max(LEAST_S, LEAST_STEPS * usual_s)
     expected = rows * row_s
-    back, gap, still = (
-        step < -LEAST_STEPS * usual_s,
-        step - expected > least_s,
-        alike * row_s > least_s + usual_s,
-    )
+    back = step < -LEAST_STEPS * usual_s
+    gap = step - expected > least_s
+    still = alike * row_s > least_s + usual_s
     counted = expected if frame is None else np.diff(frame[changes], prepend=frame[timed[0]]) * row_s
     breaks = []
     for k in np.flatnonzero(back | still | (step - counted > least_s)).tolist():
@@ -66,7 +87,9 @@ def device_clock(
             breaks += _stood(changes[k] - rows[k], alike[k], start)
         elif back[k]:
             wrap = next((fall for fall in (DAY_S, *WRAPS_S) if abs(by_s + fall) <= 3 * usual_s), 0.0)
-            kind = "midnight" if wrap == DAY_S else "wrap" if wrap else "back"
+            kind = "wrap" if wrap else "back"
+            if wrap == DAY_S:
+                kind = "midnight"
             breaks.append(ClockBreak(kind, int(changes[k]), 1, start, end, wrap or start - end))
         else:
             breaks.append(ClockBreak("ahead", int(changes[k]), 1, start, end, by_s))
@@ -80,4 +103,5 @@ def device_clock(
 
 
 def _stood(row: int, rows: int, time_s: float) -> list[ClockBreak]:
+    """Break of a clock that stood still."""
     return [ClockBreak("still", int(row), int(rows), float(time_s), float(time_s), 0.0)]

@@ -1,8 +1,8 @@
-"""Limit what a file may be before it is read: every limit that guards a reader; units of lengths and times.
+"""Limits of input files, checked before they are read; units of lengths and times.
 
-A study comes from anywhere, and a few bytes can ask for any amount of memory or time. A reader takes regular
-files, refuses one that grows too far when it is unpacked, and then works within WORKING_MEMORY. What a file
-may hold is wide of what recordings and configuration hold; docs/reliability.md lists it for users.
+A study may come from any source, and a few bytes can demand any amount of memory or time. A reader accepts
+regular files only, refuses one that expands too far when unpacked, and then stays within a bounded memory.
+The limits are far beyond real recordings and configurations; docs/reliability.md lists them for users.
 """
 
 from __future__ import annotations
@@ -13,45 +13,48 @@ from pathlib import Path
 from shukotsu.errors import InputError
 
 MEMORY_PER_BYTE, MEMORY_BYTES = 4, 300 * 10**6
-"""A reader needs at most so many bytes a byte of its file, and so many besides."""
+"""Most memory of a reader: a multiple of the file's size, and a constant."""
 
 MOST_EXPANSION = 30
-"""A table of so many times the bytes of its file, and MEMORY_BYTES besides, is no recording: those shrink to
-a fifth, and what repeats one number for hours measures nothing."""
+"""Largest expansion of a packed table, beyond MEMORY_BYTES.
+
+Recordings shrink to about a fifth; a file that expands more repeats one number for hours and measures
+nothing.
+"""
 
 CONFIG_BYTES = 2 * 10**6
-"""A study, layout, model or mapping."""
+"""Largest size of a study, layout, model or mapping."""
 CONFIG_DEPTH = 40
-"""Lists and mappings inside each other; what is shipped has 6."""
+"""Deepest nesting of lists and mappings; the shipped files have 6 levels."""
 CONFIG_VALUES = 100_000
-"""Values in a configuration, an alias counted as all that it stands for."""
+"""Most values in a configuration; an alias counts as everything that it stands for."""
 
 LARGEST_WHOLE = 10**18
-"""A whole number in a configuration: what a column of a table holds."""
+"""Largest whole number in a configuration, which an integer column can hold."""
 
 LINE_LETTERS = 1_000_000
-"""A line of a table: sixteen receivers' poses take 2000."""
+"""Longest line of a table; the poses of sixteen receivers take 2000 characters."""
 
 SHEET_BYTES = 50 * 10**6
 FILE_NAME_BYTES = 255
-"""No file system takes a longer name."""
+"""Longest file name that file systems accept."""
 NAMES_BYTES = 200
-"""Subject, task and trial together, as they stand in the name of a file, which says more."""
+"""Longest total of subject, task and trial, which are part of longer file names."""
 
 FARTHEST_MM = 1e8
-"""A hundred kilometres: what is left of a motion laboratory where millimetres are given as metres."""
+"""Largest coordinate: a hundred kilometres, still met where millimetres are declared as metres."""
 
 HAND_SIZES_MM = {"hand_length_mm": (50.0, 400.0), "hand_breadth_mm": (30.0, 200.0)}
-"""Between these a hand's size is: what is beyond is in another unit."""
+"""Plausible sizes of a hand; anything beyond is in another unit."""
 
 RATES_HZ = (0.001, 1e6)
-"""Frames a second: times in s of any number of frames stay numbers."""
+"""Frame rates within which times in s remain finite numbers."""
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "inch": 25.4}
-"""Millimetres of every unit that a position may come in."""
+"""Millimetres per unit of position."""
 
 SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Seconds of every unit that times may come in."""
+"""Seconds per unit of time."""
 
 UNIT_NAMES = {
     **{unit: unit for unit in MM_PER_UNIT},
@@ -60,7 +63,7 @@ UNIT_NAMES = {
     **dict.fromkeys(("meter", "meters", "metre", "metres"), "m"),
     **dict.fromkeys(("in", "inches"), "inch"),
 }
-"""What programs write of a unit, in lower case, and the mapping's name for it."""
+"""Spellings of units in other programs, in lower case, and the unit as mappings name it."""
 
 _KINDS = {
     stat.S_IFIFO: "a pipe",
@@ -72,9 +75,20 @@ _KINDS = {
 
 
 def check_regular(path: Path, expected: str) -> int:
-    """Return the size of a file [bytes] before it is opened: a pipe lets one wait, a device never ends.
+    """Check that a path is a regular file before it is opened; a pipe would block and a device never ends.
 
-    Raises InputError where it is no regular file, FileNotFoundError and other OSErrors as the system does.
+    Returns
+    -------
+    int
+        Size in bytes.
+
+    Raises
+    ------
+    InputError
+        Where it is not a regular file.
+    OSError
+        Where the system cannot access it, FileNotFoundError among others.
+
     """
     try:
         status = path.stat()
@@ -87,9 +101,29 @@ def check_regular(path: Path, expected: str) -> int:
 
 
 def read_whole(path: Path, expected: str, most_bytes: int | None = None) -> bytes:
-    """Read a regular file at once; most_bytes : of what is never longer.
+    """Read a regular file at once.
 
-    Raises InputError where it is no regular file or too long, OSErrors as the system does.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    expected : str
+        What the file should be, for the error message.
+    most_bytes : int, optional
+        Largest accepted size.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    InputError
+        Where it is not a regular file or too large.
+    OSError
+        Where the system cannot read it.
+
     """
     size = check_regular(path, expected)
     if most_bytes is not None and size > most_bytes:
@@ -98,7 +132,7 @@ def read_whole(path: Path, expected: str, most_bytes: int | None = None) -> byte
 
 
 def check_expansion(path: Path, unpacked_bytes: float, remedy: str) -> None:
-    """Raise InputError where what a file says it unpacks to is far beyond its size."""
+    """Raise InputError where a file declares that it unpacks to far more than its size."""
     size = path.stat().st_size
     if unpacked_bytes > MOST_EXPANSION * size + MEMORY_BYTES:
         raise InputError(

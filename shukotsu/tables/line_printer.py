@@ -1,4 +1,4 @@
-"""Lines for people: those that stay, and one that is rewritten in place on a terminal."""
+"""Lines for the terminal: permanent ones, and one that is rewritten in place."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ BAR_LETTERS = 30
 
 
 class LinePrinter:
-    """Prints on a stream. One that goes away meanwhile is no error: the work goes on without it.
+    """Printer of lines on a stream; a stream that closes meanwhile is ignored and the work continues.
 
-    in_place : whether the stream is a terminal, where a line can be rewritten.
+    in_place : whether the stream is a terminal, on which a line can be rewritten.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -24,12 +24,12 @@ class LinePrinter:
         self._shown = ""
 
     def say(self, line: str) -> None:
-        """Print a line that stays."""
+        """Print a permanent line."""
         self.clear()
         self._write(f"{line}\n")
 
     def show(self, line: str) -> None:
-        """Print a line over the one shown before; elsewhere than on a terminal below it."""
+        """Print a line over the one shown before, or below it where the stream is not a terminal."""
         if not self.in_place:
             self._write(f"{line}\n")
             return
@@ -37,7 +37,7 @@ class LinePrinter:
         self._write(f"\r{self._shown:{before}}")
 
     def clear(self) -> None:
-        """Take the shown line away."""
+        """Remove the line that is shown."""
         if self._shown:
             self._write(f"\r{' ' * len(self._shown)}\r")
             self._shown = ""
@@ -48,7 +48,7 @@ class LinePrinter:
         try:
             self._stream.write(text)
             self._stream.flush()
-        except OSError:  # what is left in its buffer must not fail again at the program's end
+        except OSError:  # otherwise the rest of the buffer fails again when the program ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
         except ValueError:
             self._stream = None
@@ -56,7 +56,7 @@ class LinePrinter:
 
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Yield a function of how many of `total` are done: it draws a bar on the terminal, gone at the end."""
+    """Yield a function that takes the number done of `total` and draws a progress bar on a terminal."""
     printer = LinePrinter(sys.stderr)
 
     def tell(done: int) -> None:

@@ -1,9 +1,9 @@
-"""Parquet files: opened in one place, so that damage is noticed, named, and never read as a number.
+"""Parquet files: opened in one place, so that damage is detected, named, and never read as data.
 
-A file that this program writes carries the SHA-256 of its bytes. It stands between the last page and the
-footer, where no Parquet reader looks: the footer names pages by their place from the file's start, and is
-itself found from the end. Every page has a CRC-32 besides, which holds when another program wrote the file
-again; those leave pages' headers and the footer, with its statistics and metadata, unprotected.
+A file written by this program carries the SHA-256 of its bytes, stored between the last page and the footer.
+Parquet readers ignore that place: the footer gives the positions of pages from the start of the file and is
+itself found from the end. In addition every page has a CRC-32, which remains when another program rewrites
+the file, but does not protect page headers and the footer with its statistics and metadata.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _DIGEST_BYTES = 32
 _PIECE_BYTES = 1 << 20
 _VALUE_BYTES = 8
 _END_BYTES = 8
-"""The footer's length and the letters that end every Parquet file."""
+"""Length of the footer's size and of the letters that end every Parquet file."""
 
 
 def store_digest(path: Path) -> None:
-    """Put the digest of a finished Parquet file into it; the file is as readable as before."""
+    """Insert the digest of a finished Parquet file; the file remains readable by any program."""
     with path.open("r+b") as stream:
         footer_at = _footer_at(stream)
         stream.seek(0)
@@ -45,9 +45,8 @@ def store_digest(path: Path) -> None:
 
 @lru_cache(maxsize=4096)
 def _digest_holds(path: Path, *_: int) -> bool | None:
-    """Return whether a file has the digest that it carries; None where it carries none (see the module).
-
-    It is read once for as long as its state stays as it is.
+    """Whether a file matches the digest that it carries; None where it carries none. Cached by the file's
+    state.
     """
     with path.open("rb") as stream:
         footer_at = _footer_at(stream)
@@ -68,7 +67,9 @@ def _digest_holds(path: Path, *_: int) -> bool | None:
 
 
 def _footer_at(stream: BinaryIO) -> int:
-    """Return the footer's start, as the file's last bytes say; they may be anything, and this below 0."""
+    """Start of the footer according to the file's last bytes; in a damaged file any number, negative ones
+    included.
+    """
     end = stream.seek(0, 2)
     stream.seek(max(0, end - _END_BYTES))
     return end - _END_BYTES - int.from_bytes(stream.read(4), "little")
@@ -80,10 +81,27 @@ def open_parquet(
     remedy: str = "remove it and run the study again",
     buffer_size: int = 0,
 ) -> pq.ParquetFile:
-    """Open a Parquet file for reading piece by piece; `expected` and `remedy` are for the sentences.
+    """Open a Parquet file for reading in parts.
 
-    buffer_size : how many bytes of a column are read at a time, 0 for all of a row group's.
-    Raises TableError where the file is absent, is none, is damaged, or holds far more than its size.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    expected, remedy : str
+        What the file should be and what to do if it is not, for the error message.
+    buffer_size : int
+        Bytes of a column to read at a time; 0 for a whole row group.
+
+    Returns
+    -------
+    ParquetFile
+        The open file.
+
+    Raises
+    ------
+    TableError
+        Where the file is absent, not a Parquet file, damaged, or declares far more data than its size allows.
+
     """
     try:
         with reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
@@ -93,7 +111,7 @@ def open_parquet(
             file = pq.ParquetFile(
                 path,
                 buffer_size=buffer_size,
-                pre_buffer=False,  # not far ahead: some are read in parts
+                pre_buffer=False,  # no read-ahead: some files are read in parts
                 page_checksum_verification=True,
             )
         check_expansion(path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy)
@@ -106,12 +124,12 @@ def open_parquet(
 def naming_damage(
     path: Path, remedy: str = "remove it and run the study again", what: str = "damaged Parquet file"
 ) -> Iterator[None]:
-    """Turn what goes wrong when a Parquet file is read into a TableError that names it."""
+    """Convert errors of reading a Parquet file into a TableError that names the file."""
     try:
         yield
     except (FileNotFoundError, InputError, MemoryError):
         raise
-    except (OSError, ValueError, RuntimeError, pa.ArrowException) as damage:  # RuntimeError: of pyarrow's C++
+    except (OSError, ValueError, RuntimeError, pa.ArrowException) as damage:  # pyarrow's C++: RuntimeError
         reason = getattr(damage, "strerror", None) or damage
         raise TableError(f"{path}: {what} ({reason}); {remedy}") from damage
 
@@ -119,12 +137,33 @@ def naming_damage(
 def column_ends(
     path: Path, file: pq.ParquetFile, group: int, column: int, *, with_nulls: bool = False
 ) -> tuple[Any, Any] | None:
-    """Return a column's least and largest value in a row group of an open file; None where not known of every
-    row, or with_nulls of every one that has a value.
+    """Smallest and largest value of a column in a row group.
 
-    Where a footer contradicts itself, pyarrow ends the process when it is asked for that. So of a file that
-    carries no digest, whose footer anything may have changed, the column is read first, which raises, and its
-    type compared. Raises TableError where the file is damaged.
+    Where a footer contradicts itself, pyarrow aborts the process when its statistics are read. In a file
+    without a digest, whose footer may have been changed by anything, the column is therefore read first,
+    which raises an exception instead, and its type is compared.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    file : ParquetFile
+        The same file, open.
+    group, column : int
+        Indices of the row group and the column.
+    with_nulls : bool
+        Whether to accept a column that has nulls.
+
+    Returns
+    -------
+    tuple or None
+        Smallest and largest value; None where the statistics are missing or do not cover every row.
+
+    Raises
+    ------
+    TableError
+        Where the file is damaged.
+
     """
     with naming_damage(path):
         sealed = _digest_holds(path.absolute(), *file_state(path)) is not None

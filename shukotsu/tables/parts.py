@@ -1,7 +1,7 @@
-"""Subject tables: rows of every skeleton of a subject in one file, each skeleton a part of it.
+"""Subject tables: the rows of all skeletons of a subject in one file, each skeleton a part of it.
 
-A part is one hand under one model, made without one task's recordings or of all. It has rows, or it failed
-and the file says why; the file's metadata lists the parts with the parameters of each.
+A part is one hand under one model, made from all calibration recordings or without those of one task. It has
+rows, or it failed and the file records why. The file's metadata list the parts with their parameters.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from shukotsu.tables.typed_table import (
 )
 
 PARTS_KEY = "shukotsu_parts"
-"""File-level metadata: a JSON list, an object a part."""
+"""Key of the file-level metadata: a JSON list with one object per part."""
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Part:
-    """One skeleton's share of a subject table; a key that the table lacks is empty.
+    """Part of a subject table: one skeleton. A key that the table does not have is empty.
 
-    made_without : the task whose recordings were left out, empty for the whole skeleton.
+    made_without : the task whose recordings were left out; empty for the skeleton from all of them.
     """
 
     hand: str
@@ -60,7 +60,7 @@ class Part:
 
 
 class PartsWriter:
-    """A subject table while it is written; see `parts_writer`."""
+    """Writer of a subject table, see `parts_writer`."""
 
     def __init__(self, table: Table, schema: pa.Schema, writer: pq.ParquetWriter) -> None:
         self._table, self._schema, self._writer = table, schema, writer
@@ -68,16 +68,16 @@ class PartsWriter:
         self._waiting: list[tuple[Part, pa.Table]] = []
 
     def rows(self, part: Part, rows: Iterable[Mapping[str, Any]], **parameters: Any) -> None:
-        """Add a part's rows; a nullable column that a row does not name is null there."""
+        """Add rows to a part; a nullable column missing from a row becomes null."""
         self._parts.setdefault(part, {}).update(parameters)
         keys = _named_keys(self._table, part)
         columns = columns_from_rows(self._table, [{**keys, **row} for row in rows])
         self._waiting.append((part, arrow_table(self._table, columns, self._schema)))
 
     def columns(self, part: Part, columns: Mapping[str, Any], **parameters: Any) -> None:
-        """Add columns of a part, all of one recording, as a row group; keys of the part may be left out.
+        """Add columns to a part, all of one recording, as a row group; keys of the part may be omitted.
 
-        A value that is a text is that of every row.
+        A text value applies to every row.
         """
         self._parts.setdefault(part, {}).update(parameters)
         count = next(len(values) for values in columns.values() if not isinstance(values, str))
@@ -89,12 +89,14 @@ class PartsWriter:
         self._writer.write_table(rows, row_group_size=max(1, rows.num_rows))
 
     def failure(self, part: Part, message: str, **parameters: Any) -> None:
-        """Record why a part has no rows; those of `rows` are dropped, and nobody reads those of `columns`."""
+        """Record why a part has no rows; its rows are dropped, and readers ignore its columns already
+        written.
+        """
         self._waiting = [(other, rows) for other, rows in self._waiting if other != part]
         self._parts.setdefault(part, {}).update({**parameters, "failure": message})
 
     def finish(self) -> None:
-        """Write the rows that wait as one row group, and the list of parts."""
+        """Write the pending rows as one row group, and the list of parts."""
         if self._waiting:
             self._writer.write_table(pa.concat_tables(rows for _, rows in self._waiting))
         listed = [{**asdict(part), **parameters} for part, parameters in self._parts.items()]
@@ -104,7 +106,7 @@ class PartsWriter:
 
 @contextmanager
 def parts_writer(path: Path, table: Table, provenance: Provenance) -> Iterator[PartsWriter]:
-    """Open a subject table to write its parts in turn; atomic when it closes."""
+    """Open a subject table for writing its parts; the file appears when it is closed."""
     schema = table.arrow_schema(provenance.metadata())
     with table_writer(path, table, schema) as writer:
         parts = PartsWriter(table, schema, writer)
@@ -113,16 +115,16 @@ def parts_writer(path: Path, table: Table, provenance: Provenance) -> Iterator[P
 
 
 def part_metadata(path: Path, table: Table) -> dict[Part, dict[str, Any]]:
-    """Return the parameters of every part of a subject table, `failure` among them where it failed.
+    """Parameters of every part of a subject table, with `failure` where the part failed.
 
-    Raises InputError where the file is not that table or lists no parts.
+    Raises InputError where the file is another table or does not list its parts.
     """
     with open_table(path, table) as file:
         return _parts_of(file.file, path)
 
 
 def parts_in(path: Path) -> list[Part]:
-    """Return the parts of any subject table; none where it is no such table, or not there."""
+    """Parts of any subject table; none where the file is absent or not a subject table."""
     if not path.is_file():
         return []
     with open_parquet(path, "a subject table") as file:
@@ -130,9 +132,9 @@ def parts_in(path: Path) -> list[Part]:
 
 
 def check_subject(path: Path, subject: str, session: str = "") -> None:
-    """Raise TableError where a subject table is of other subjects, or sessions, only.
+    """Raise TableError where a subject table holds only other subjects or sessions.
 
-    What is no subject table, or not there, is left to the reader, which knows what it expects.
+    A file that is absent or not a subject table is left to its reader, which reports what it expects.
     """
     subjects = sorted({(part.subject, part.session) for part in parts_in(path)})
     if subjects and (subject, session) not in subjects:
@@ -144,9 +146,9 @@ def check_subject(path: Path, subject: str, session: str = "") -> None:
 
 
 def one_hand_of(path: Path, table: Table, subject: str | None, session: str | None, hand: str | None) -> Hand:
-    """Return the one hand that a subject table is of, or that of the subject, session and side given.
+    """The only hand of a subject table, or the one that matches the given subject, session and side.
 
-    Raises InputError where the table is of several hands and none is given.
+    Raises InputError where not exactly one hand matches.
     """
     with open_table(path, table) as file:
         hands = {Hand(part.subject, part.hand, part.session) for part in _parts_of(file.file, path)}
@@ -164,14 +166,14 @@ def one_hand_of(path: Path, table: Table, subject: str | None, session: str | No
 
 
 class PartsReader:
-    """A subject table that is open for reading; see `open_parts`."""
+    """Subject table that is open for reading, see `open_parts`."""
 
     def __init__(self, file: TableFile) -> None:
         self._file = file
         self._parts = _parts_of(file.file, file.path)
 
     def _keys(self, part: Part) -> dict[str, str]:
-        """Return a part's keys; InputError where the table lacks the part, or says that it failed."""
+        """Key columns of a part; TableError where the table lacks it, InputError where it failed."""
         if part not in self._parts:
             raise TableError(f"{self._file.path}: has no rows of {part}; remove it and run the study again")
         if "failure" in self._parts[part]:
@@ -179,9 +181,8 @@ class PartsReader:
         return _named_keys(self._file.table, part)
 
     def rows(self, part: Part) -> list[dict[str, Any]]:
-        """Return one part's rows of a short table, which is read as a whole the first time.
-
-        Raises InputError as `part` does.
+        """Rows of a part of a short table, which is read as a whole on first use. Raises InputError as
+        `part`.
         """
         return self._rows.get(tuple(self._keys(part).values()), [])
 
@@ -195,9 +196,9 @@ class PartsReader:
         return by_part
 
     def part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
-        """Read one part's rows, or only some of their columns.
+        """Read the rows of a part, or some of their columns.
 
-        Raises InputError where the table lacks the part, or says that the part failed.
+        Raises InputError where the table lacks the part, or the part failed.
         """
         pieces = [rows for _, rows in self._file.rows_with(self._keys(part), columns)]
         return pa.concat_tables(pieces or [self._file.read(columns, [])])
@@ -213,12 +214,36 @@ class PartsReader:
         frames: npt.NDArray[np.int64] | None = None,
         name: str = "",
     ) -> dict[str, Array]:
-        """Read numbers of one recording from a frame-by-frame table.
+        """Read columns of one recording from a frame-by-frame table as arrays.
 
-        by : the column that names what there are rows of (segment, digit or joint). Gives (T, len(columns))
-        by that name, in the order of the file, null as NaN. frames : rising numbers (T,) of those to read,
-        NaN where there is no row; all rows if None. name : to read alone. Raises InputError as `part`, and
-        where n_frames is given and there are not so many rows.
+        Parameters
+        ----------
+        part : Part
+            The skeleton.
+        task, trial : str
+            The recording.
+        by : str
+            Column that names what the rows describe: segment, digit or joint.
+        columns : sequence of str
+            Numerical columns to read.
+        n_frames : int, optional
+            Number of rows that each name must have.
+        frames : array of int, shape (T,), optional
+            Ascending frame numbers to read; all rows if omitted.
+        name : str
+            The only name to read; all names if empty.
+
+        Returns
+        -------
+        dict
+            Name -> array (T, C), null as NaN, in the order of the file, or NaN where a requested frame has no
+            row.
+
+        Raises
+        ------
+        InputError
+            As `part`; TableError where the number of rows differs from n_frames.
+
         """
         keys = self._keys(part) | {"task": task, "trial": trial} | ({by: name} if name else {})
         between = {} if frames is None or not len(frames) else {"frame": (int(frames[0]), int(frames[-1]))}
@@ -242,9 +267,10 @@ class PartsReader:
                 counts[label] = counts.get(label, 0) + int(shared.sum())
         for label, count in counts.items():
             if n_frames is not None and count != n_frames:
+                where = ", ".join(filter(None, (task, trial, label)))
                 raise TableError(
-                    f"{self._file.path}: {task}{trial and ', '}{trial}, {label}: has {count} frames and the "
-                    f"recording {n_frames}; remove it and run the study again"
+                    f"{self._file.path}: {where}: has {count} frames and the recording {n_frames}; remove it "
+                    "and run the study again"
                 )
         return {label: np.concatenate(rows) if rows[1:] else rows[0] for label, rows in pieces.items()}
 
@@ -253,23 +279,23 @@ class PartsReader:
 def open_parts(path: Path, table: Table) -> Iterator[PartsReader]:
     """Open a subject table to read several of its parts or recordings.
 
-    Raises InputError where the file is not that table or lists no parts.
+    Raises InputError where the file is another table or does not list its parts.
     """
     with open_table(path, table) as file:
         yield PartsReader(file)
 
 
 def read_part(path: Path, table: Table, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
-    """Read one part's rows, or only some of their columns.
+    """Read the rows of one part, or some of their columns.
 
-    Raises InputError where the file is not that table, lacks the part, or says that the part failed.
+    Raises InputError where the file is another table, lacks the part, or the part failed.
     """
     with open_parts(path, table) as parts:
         return parts.part(part, columns)
 
 
 def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str, Array]:
-    """Columns (N, C) of the rows of each name in the column `by`, in the order in which names appear."""
+    """Columns (N, C) of the rows of each name in the column `by`, in order of first appearance."""
     numbers = _numbers(rows, columns)
     names = rows.column(by).combine_chunks().dictionary_encode()
     codes = names.indices.to_numpy()
@@ -277,15 +303,18 @@ def numbers_by_name(rows: pa.Table, by: str, columns: Sequence[str]) -> dict[str
 
 
 def _numbers(rows: pa.Table, columns: Sequence[str]) -> Array:
+    """Numerical columns as one array (N, C), null as NaN."""
     return np.stack([np.asarray(rows.column(name).to_numpy(), float) for name in columns], -1)
 
 
 def _named_keys(table: Table, part: Part) -> dict[str, str]:
+    """Keys of a part for which the table has columns."""
     names = {column.name for column in table.columns}
     return {name: value for name, value in asdict(part).items() if name in names}
 
 
 def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
+    """Parts listed in the file's metadata, with their parameters."""
     try:
         listed = json.loads(file.metadata.metadata[PARTS_KEY.encode()])
         parts = {Part(*(entry.pop(field.name) for field in fields(Part))): entry for entry in listed}

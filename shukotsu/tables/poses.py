@@ -1,7 +1,7 @@
-"""Receiver poses as arrays: the poses table, read whole or a block of frames at a time.
+"""Receiver poses as arrays: the poses table, read whole or in blocks of frames.
 
-The table is a full grid: every segment has a row for every frame, so a block of frames is the same slice
-of every segment, and a recording need never be in memory at once.
+The table is a complete grid: every segment has a row for every frame. A block of frames is therefore the same
+slice of every segment, and a recording never has to be in memory as a whole.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = npt.NDArray[np.float64]
 BLOCK_FRAMES = 1 << 16
 
 KEPT_BYTES = 200 * 10**6
-"""Size of recordings that were read whole, together; one that takes more than a quarter of it is not kept."""
+"""Total size of recordings cached after a full read; one larger than a quarter of it is not cached."""
 
 BYTES_A_POSE = 57
 _NUMBERS = ("x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz")
@@ -36,7 +36,7 @@ _COLUMNS = ("frame", "time_s", *_NUMBERS, "valid")
 
 @dataclass(frozen=True)
 class RecordingName:
-    """Whose hand it is and what it did."""
+    """Name of a recording: subject, session and hand, task and trial."""
 
     subject: str
     hand: str
@@ -46,7 +46,7 @@ class RecordingName:
 
     @property
     def of_hand(self) -> Hand:
-        """The hand alone."""
+        """Subject, session and hand."""
         return Hand(self.subject, self.hand, self.session)
 
     def __str__(self) -> str:
@@ -55,11 +55,23 @@ class RecordingName:
 
 @dataclass(frozen=True)
 class Poses:
-    """Poses of S receivers over T frames; first dimension is time.
+    """Poses of S receivers over T frames.
 
-    frame : (T,) int; time_s : (T,), of the first segment that has one, NaN where none has; position_mm :
-    (T, S, 3), quaternion : (T, S, 4) unit (w, x, y, z), receiver to transmitter frame; valid : (T, S)
-    bool. Where not valid, numbers may be NaN.
+    Attributes
+    ----------
+    segments : tuple of str
+        Segments that carry the receivers.
+    frame : array of int, shape (T,)
+        Frame numbers.
+    time_s : array, shape (T,)
+        Device time of the first segment that has one, NaN where none has.
+    position_mm : array, shape (T, S, 3)
+        Receiver origins in the transmitter frame.
+    quaternion : array, shape (T, S, 4)
+        Unit quaternions (w, x, y, z), receiver to transmitter frame.
+    valid : array of bool, shape (T, S)
+        Whether there is a pose; elsewhere the numbers may be NaN.
+
     """
 
     segments: tuple[str, ...]
@@ -70,11 +82,11 @@ class Poses:
     valid: npt.NDArray[np.bool_]
 
     def index(self, segment: str) -> int:
-        """Position of the segment in the second dimension."""
+        """Index of the segment in the second dimension."""
         return self.segments.index(segment)
 
     def take(self, rows: slice | npt.NDArray[np.int64]) -> Poses:
-        """Only some of the frames."""
+        """Poses of the selected frames."""
         return Poses(
             self.segments,
             self.frame[rows],
@@ -86,14 +98,29 @@ class Poses:
 
 
 PosesReader = Callable[..., Iterator[Poses]]
-"""Called with names of segments: a hand's recordings in turn, long ones in blocks, with those at least."""
+"""Function of segment names that yields a hand's recordings, long ones in blocks, with at least those
+segments.
+"""
 
 
 def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
-    """Return a reader of recordings, of which `segments` are all; it raises InputError as `read_poses` does.
+    """Make a reader of recordings.
 
-    Short recordings are kept between calls, with all segments; of long ones only what is asked for is read,
-    some frames at a time.
+    Short recordings are cached with all their segments; of long ones only the requested segments are read,
+    block by block.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Poses files.
+    segments : sequence of str
+        All segments that may be requested.
+
+    Returns
+    -------
+    PosesReader
+        Raises InputError as `read_poses` does.
+
     """
 
     def read(*wanted: str) -> Iterator[Poses]:
@@ -107,7 +134,14 @@ def poses_reader(paths: Sequence[Path], segments: Sequence[str]) -> PosesReader:
 
 
 def recording_name(path: Path) -> RecordingName:
-    """Return the recording's name from a poses file's metadata, also where its making failed."""
+    """Name of a recording from the metadata of its poses file, even where its import failed.
+
+    Raises
+    ------
+    TableError
+        Where the file is not a poses table or its metadata lack a name.
+
+    """
     metadata = read_metadata(path, f"a {POSES.name} table")
     if metadata["schema"] != POSES.name:
         raise TableError(f"{path}: is a {metadata['schema']} table; expected {POSES.name}")
@@ -121,9 +155,27 @@ def recording_name(path: Path) -> RecordingName:
 
 
 def read_poses(path: Path, segments: Sequence[str]) -> Poses:
-    """Read the poses of those segments, whole; a segment that the file lacks is never valid.
+    """Read the poses of the given segments from a whole recording.
 
-    The arrays cannot be written to: whoever reads a short recording next gets the same ones, see KEPT_BYTES.
+    The arrays are read-only, since later readers of a short recording get the same ones (see KEPT_BYTES).
+
+    Parameters
+    ----------
+    path : Path
+        Poses file.
+    segments : sequence of str
+        Segments; one that the file lacks is never valid.
+
+    Returns
+    -------
+    Poses
+        All frames.
+
+    Raises
+    ------
+    InputError
+        As `pose_blocks`.
+
     """
     stat = path.stat() if path.is_file() else None
     key = None if stat is None else (path.absolute(), stat.st_size, stat.st_mtime_ns, tuple(segments))
@@ -141,7 +193,7 @@ def read_poses(path: Path, segments: Sequence[str]) -> Poses:
 
 
 def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
-    """Read one frame in `every`, from the first on, as `read_poses` reads all."""
+    """Read every N-th frame (N = `every`), starting with the first; otherwise as `read_poses`."""
     if every <= 1:
         return read_poses(path, segments)
     kept, start = [], 0
@@ -152,30 +204,49 @@ def read_every(path: Path, segments: Sequence[str], every: int) -> Poses:
 
 
 def joined_poses(parts: Sequence[Poses]) -> Poses:
-    """Return parts of a recording, at least one, as one."""
+    """Concatenate parts of a recording, at least one."""
     arrays = zip(*map(_arrays, parts), strict=True)
     return Poses(parts[0].segments, *(np.concatenate(pieces) for pieces in arrays))
 
 
 _kept: OrderedDict[tuple[Path, int, int, tuple[str, ...]], Poses] = OrderedDict()
-"""Recordings by their file's path, size and time, and by segments; last the one that was asked for last."""
+"""Cached recordings by path, size and time of the file and by segments, most recently used last."""
 
 
 def _arrays(poses: Poses) -> tuple[npt.NDArray[Any], ...]:
+    """Arrays of the poses, in the order of the constructor."""
     return poses.frame, poses.time_s, poses.position_mm, poses.quaternion, poses.valid
 
 
 def _size_bytes(poses: Poses) -> int:
+    """Memory of the poses' arrays."""
     return sum(array.nbytes for array in _arrays(poses))
 
 
 def pose_blocks(
     path: Path, segments: Sequence[str], block_frames: int | None = BLOCK_FRAMES
 ) -> Iterator[Poses]:
-    """Read the poses of those segments in blocks of `block_frames` frames (None: one block).
+    """Read the poses of the given segments in blocks of frames.
 
-    The last block is shorter. Gives at least one block, which is empty where the recording has no frame.
-    Raises InputError where the file is no poses table or its segments do not share their frames.
+    Parameters
+    ----------
+    path : Path
+        Poses file.
+    segments : sequence of str
+        Segments; one that the file lacks is never valid.
+    block_frames : int or None
+        Frames per block, except in the last one; None for a single block.
+
+    Yields
+    ------
+    Poses
+        At least one block, which is empty where the recording has no frames.
+
+    Raises
+    ------
+    InputError
+        Where the file is not a poses table, or its segments do not share their frames.
+
     """
     with open_table(path, POSES) as file:
         groups = _row_groups(file)
@@ -202,12 +273,22 @@ def pose_blocks(
 
 
 def check_layout(path: Path, layout: str, measured: Sequence[str], segments: Collection[str]) -> None:
-    """Raise TableError where a poses file was made with a layout of other segments than this one's.
+    """Raise TableError where a poses file was imported with a layout of other segments.
 
-    measured, segments : those that the layout of this name measures, and all of its own. A layout that
-    measures fewer of the segments will do, or one of which the recording wore fewer receivers.
+    A layout that measures fewer of the segments is accepted, and so is a recording in which fewer receivers
+    were worn.
+
+    Parameters
+    ----------
+    path : Path
+        Poses file.
+    layout : str
+        Name of the layout.
+    measured, segments : sequence of str, collection of str
+        Segments that the layout measures, and all its segments.
+
     """
-    with open_parquet(path, f"a {POSES.name} table") as file:  # also one whose making failed
+    with open_parquet(path, f"a {POSES.name} table") as file:  # which also opens a failed import
         present = _row_groups(TableFile(path, POSES, file))
     made_with = read_metadata(path)["parameters"].get("layout", layout)
     lacking = [name for name in measured if name not in present]
@@ -229,14 +310,14 @@ def seen_segments(path: Path) -> set[str]:
 
 
 def frame_count(path: Path) -> int:
-    """Return the number of frames of a poses file, which its footer tells."""
+    """Number of frames of a poses file, read from its footer."""
     with open_table(path, POSES) as file:
         groups = next(iter(_row_groups(file).values()), [])
         return sum(file.group_rows[group] for group in groups)
 
 
 def _row_groups(file: TableFile) -> dict[str, list[int]]:
-    """Return which row groups hold each segment. Raises TableError where one holds two, or does not say."""
+    """Row groups of each segment; TableError where one holds several segments, or does not say which."""
     groups: dict[str, list[int]] = {}
     for group, n_rows in enumerate(file.group_rows):
         if not n_rows:
@@ -253,8 +334,9 @@ def _row_groups(file: TableFile) -> dict[str, list[int]]:
 def _pieces(
     file: TableFile, groups: Sequence[int], size: int
 ) -> Iterator[tuple[slice, dict[str, npt.NDArray[Any]]]]:
-    """Read a segment's columns, of which one row group at a time is in memory, cut where blocks of `size`
-    frames end; with each piece where in its block it stands.
+    """Read a segment's columns, one row group in memory at a time, cut where blocks of `size` frames end.
+
+    Yields the slice of the block that each piece fills, with its columns.
     """
     start = 0
     for group in groups:
@@ -270,6 +352,7 @@ def _pieces(
 
 
 def _unshared_frames(path: Path, segment: str) -> TableError:
+    """Error of a segment whose frames differ from those of the others."""
     return TableError(f"{path}: segment {segment} does not have the frames of the others; make it again")
 
 
@@ -282,7 +365,7 @@ def _fill(
     *,
     first: bool,
 ) -> None:
-    """Put a segment's columns into those rows of the block; of the first one the frames, too."""
+    """Copy a segment's columns into rows of the block; the first segment also sets the frame numbers."""
     index = block.index(segment)
     if first:
         block.frame[rows] = columns["frame"]
@@ -293,13 +376,13 @@ def _fill(
     for axis, name in enumerate(_NUMBERS):
         if (columns["valid"] & (np.abs(columns[name]) > FARTHEST_MM)).any():  # squares overflow
             raise TableError(f"{path}: column {name} has numbers that no pose has; make it again")
-        numbers = block.position_mm if axis < 3 else block.quaternion
-        numbers[rows, index, axis if axis < 3 else axis - 3] = columns[name]
+        numbers, component = (block.position_mm, axis) if axis < 3 else (block.quaternion, axis - 3)
+        numbers[rows, index, component] = columns[name]
     block.valid[rows, index] = columns["valid"]
 
 
 def _empty(segments: Sequence[str], n_frames: int) -> Poses:
-    """Poses yet to fill in, in memory number by number as the file's columns are; valid nowhere."""
+    """Poses to be filled in, column-major as in the file; valid nowhere."""
     shape = (n_frames, len(segments))
     return Poses(
         tuple(segments),
@@ -312,7 +395,7 @@ def _empty(segments: Sequence[str], n_frames: int) -> Poses:
 
 
 def one_hand(paths: Sequence[Path], subject: str | None, session: str | None, hand: str | None) -> Hand:
-    """Return the hand that all the poses files are of, or the one given where there is no file.
+    """The hand of all poses files, or the given one where there is no file.
 
     Raises InputError where the files disagree with each other or with what is given.
     """
@@ -328,9 +411,9 @@ def one_hand(paths: Sequence[Path], subject: str | None, session: str | None, ha
 
 
 def usable_poses(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """Split poses files into those that hold poses and the reasons why others hold none.
+    """Split poses files into those that hold poses, and the reasons why the others hold none.
 
-    Raises TableError where one is no poses table.
+    Raises TableError where a file is not a poses table.
     """
     usable, reasons = [], []
     for path in paths:

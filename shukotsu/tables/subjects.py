@@ -1,4 +1,4 @@
-"""Whose a row is: a subject, in one session, and one hand; and the names of their folders."""
+"""Identity of a row: subject, session and hand, and the names of their folders."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from shukotsu.tables.limits import NAMES_BYTES
 from shukotsu.translation import tr
 
 REPETITIONS = 20
-"""Snakemake takes a name that ends in so many repetitions for a rule that feeds itself."""
+"""Snakemake takes a name that ends in this many repetitions for a rule that depends on itself."""
 
 
 def path_token(text: str) -> str:
-    """Turn any name into one part of a path: letters (of any script), digits, '-' and '_' stay.
+    """Convert a name to one component of a path: letters (of any script), digits, '-' and '_' are kept.
 
-    Everything else becomes %XX (UTF-8 bytes), so that two names never share a path; the last letter of
-    a name that ends in REPETITIONS of something becomes %%XX.
+    All other characters become %XX (UTF-8 bytes), so that different names have different paths. In a name
+    that ends in REPETITIONS of a sequence the last character becomes %%XX.
     """
     coded = ["".join(f"%{byte:02X}" for byte in letter.encode()) for letter in text]
     safe = [c if c.isalnum() or c in "-_" else code for c, code in zip(text, coded, strict=True)]
@@ -28,7 +28,7 @@ def path_token(text: str) -> str:
 
 
 class SubjectSession(NamedTuple):
-    """A skeleton is of a subject, in one session where the sheet names any; str() names both."""
+    """Subject and session of a skeleton; the session is empty where the study names none."""
 
     subject: str
     session: str = ""
@@ -50,7 +50,7 @@ class SubjectSession(NamedTuple):
 
 @dataclass(frozen=True)
 class Hand:
-    """One subject's hand, in one session where the sheet names any; str() names it."""
+    """One hand of a subject, in one session where the study names any."""
 
     subject: str
     hand: str
@@ -63,7 +63,7 @@ class Hand:
 
     @property
     def folder(self) -> str:
-        """Part of a path below the study's results."""
+        """Folder below the results of the study."""
         return f"sub-{self.who.token}/{self.hand}"
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""Text files: read whole or opened, with a sentence for all that is no text file."""
+"""Text files: read whole or opened for reading, with one clear sentence for anything that is not text."""
 
 from __future__ import annotations
 
@@ -11,22 +11,41 @@ from shukotsu.errors import InputError
 from shukotsu.tables.limits import check_regular, read_whole
 
 _OTHER_KINDS = (
-    (b"%PDF", "is a PDF document"),
-    (b"PK\x03\x04", "is a spreadsheet or another packed file (.xlsx, .ods, .zip)"),
-    (b"\xd0\xcf\x11\xe0", "is an old spreadsheet or document (.xls, .doc)"),
-    (b"\x1f\x8b", "is packed by gzip"),
-    (b"PAR1", "is a Parquet file"),
-    (b"\xff\xfe", "is UTF-16 text"),
-    (b"\xfe\xff", "is UTF-16 text"),
+    (b"%PDF", "is a PDF document", "text"),
+    (b"PK\x03\x04", "is a spreadsheet or another packed file (.xlsx, .ods, .zip)", "CSV"),
+    (b"\xd0\xcf\x11\xe0", "is an old spreadsheet or document (.xls, .doc)", "CSV"),
+    (b"\x1f\x8b", "is packed by gzip", "text"),
+    (b"PAR1", "is a Parquet file", "text"),
+    (b"\xff\xfe", "is UTF-16 text", "UTF-8"),
+    (b"\xfe\xff", "is UTF-16 text", "UTF-8"),
 )
+"""First bytes of other kinds of files, what they are, and the form to save them in instead."""
 
 
 def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: str = "") -> str:
-    """Read a text file in UTF-8, a byte order mark left out, every end of a line a line feed.
+    """Read a UTF-8 text file, without a byte order mark and with all line ends as line feeds.
 
-    expected : what it should be, for the sentences.
-    most_bytes : of a file that is never longer. remedy : how to get an absent one. Raises InputError where
-    the file is absent, too long, of another kind or not in UTF-8.
+    Parameters
+    ----------
+    path : Path
+        The file.
+    expected : str
+        What it should be, for the error message.
+    most_bytes : int, optional
+        Largest accepted size.
+    remedy : str
+        How to obtain the file where it is absent.
+
+    Returns
+    -------
+    str
+        Its text.
+
+    Raises
+    ------
+    InputError
+        Where the file is absent, too large, of another kind or not UTF-8.
+
     """
     with reading(path, expected, remedy):
         text = decode_text(path, read_whole(path, expected, most_bytes), expected)
@@ -34,7 +53,7 @@ def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: 
 
 
 def decode_text(path: Path, data: bytes, expected: str) -> str:
-    """Return the text of a file's bytes. Raises InputError where they are of another kind or not in UTF-8."""
+    """Decode the bytes of a text file. Raises InputError where they are of another kind or not UTF-8."""
     refuse_other_kind(path, data[:8], expected)
     try:
         return data.decode("utf-8-sig")
@@ -44,20 +63,19 @@ def decode_text(path: Path, data: bytes, expected: str) -> str:
 
 
 def undecodable(path: Path, line: int) -> InputError:
-    """Name the first line that is not UTF-8."""
+    """Error that names the first line that is not UTF-8."""
     return InputError(f"{path}: line {line}: is not UTF-8 text; save it as UTF-8")
 
 
 def refuse_other_kind(path: Path, start: bytes, expected: str) -> None:
-    """Raise InputError where a file's first bytes are those of a kind that is no text."""
-    for signature, what in _OTHER_KINDS:
+    """Raise InputError where the first bytes of a file belong to a kind that is not text."""
+    for signature, what, save in _OTHER_KINDS:
         if start.startswith(signature):
-            save = "UTF-8" if "UTF-16" in what else "CSV" if "spreadsheet" in what else "text"
             raise InputError(f"{path}: {what}; expected {expected}: save it as {save}")
 
 
 def open_text(path: Path, expected: str = "a recording") -> BinaryIO:
-    """Open a text file to read its bytes. Raises InputError where it is of another kind, and as `open`."""
+    """Open a text file to read its bytes. Raises InputError where it is of another kind, else as `open`."""
     check_regular(path, expected)
     stream = path.open("rb")
     try:
@@ -71,7 +89,7 @@ def open_text(path: Path, expected: str = "a recording") -> BinaryIO:
 
 @contextmanager
 def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iterator[None]:
-    """Turn what goes wrong when a file is opened or read into a sentence."""
+    """Convert errors of opening or reading a file into an InputError with one sentence."""
     try:
         yield
     except FileNotFoundError as error:
@@ -84,12 +102,12 @@ def reading(path: Path, expected: str = "a recording", remedy: str = "") -> Iter
 
 
 def slash_hint(path: str) -> str:
-    """Return what is wrong with a path that another system writes so; empty for any other."""
+    """Hint for a path with the separators of another system; empty for any other path."""
     return "; folders are separated by / and not by \\" if "\\" in path else ""
 
 
 def replaced_between(page: str, start: str, end: str, text: str) -> str:
-    """The page with what is between its marks replaced; InputError where it lacks a mark."""
+    """The page with the text between two marks replaced; InputError where a mark is missing."""
     before, opened, rest = page.partition(start)
     _, closed, after = rest.partition(end)
     if not (opened and closed):

@@ -1,7 +1,7 @@
-"""Typed Parquet tables: one way to declare, to write and to read them.
+"""Typed Parquet tables: how they are declared, written and read.
 
-A table carries, in the file's own metadata, its name and version, the unit and meaning of every column,
-the hashes of the inputs that it was made from and the program's version. Gaps are nulls, never NaN.
+A table carries in its metadata its name and version, the unit and meaning of every column, the hashes of its
+inputs and the version of the program. Gaps are null, never NaN.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from shukotsu.tables.parquet_files import column_ends, naming_damage, open_parqu
 from shukotsu.tables.whole_files import file_sha256, files_in, replacing
 
 METADATA_KEY = b"shukotsu"
-"""Schema-level metadata: one JSON object, for programs that do not keep Arrow's field metadata."""
+"""Key of the schema-level metadata: one JSON object, for programs that drop Arrow's field metadata."""
 
 ROW_GROUP_ROWS = 1 << 17
 
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its Arrow type, its unit (empty where it has none) and what it means."""
+    """Column of a table: Arrow type, unit (empty where it has none) and meaning."""
 
     name: str
     type: pa.DataType
@@ -45,7 +45,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """One table of the contract: what it holds, its columns and the columns that identify a row."""
+    """Table of the contract: the meaning of a row, the columns, and those that identify a row."""
 
     name: str
     version: int
@@ -59,14 +59,14 @@ class Table:
         assert set(self.key) <= set(names), f"{self.name}: the key names a column that is not there"
 
     def column(self, name: str) -> Column:
-        """Return the column of that name; KeyError where there is none."""
+        """Column by name; KeyError where there is none."""
         for column in self.columns:
             if column.name == name:
                 return column
         raise KeyError(name)
 
     def arrow_schema(self, metadata: Mapping[str, Any]) -> pa.Schema:
-        """Return the Arrow schema, units and meanings in the fields, everything again in one JSON object."""
+        """Arrow schema with units and meanings in the fields, and once more in one JSON object."""
         fields = [
             pa.field(c.name, c.type, c.nullable, {"unit": c.unit, "description": c.description})
             for c in self.columns
@@ -85,16 +85,29 @@ class Table:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Record what a table was made from. Holds no date and no absolute path: same input, same bytes."""
+    """Inputs and parameters that a table was made from; without dates and absolute paths, so bytes repeat."""
 
     inputs: tuple[tuple[str, str], ...] = ()
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
     def of(cls, inputs: Sequence[Path], folder: Path | None = None, **parameters: Any) -> Provenance:
-        """Hash the input files that can be read, all of a folder's; `parameters` are JSON types.
+        """Hash the input files that can be read, for a folder all its files.
 
-        folder : names of files below it are relative to it; others are named without their folders.
+        Parameters
+        ----------
+        inputs : sequence of Path
+            Files and folders.
+        folder : Path, optional
+            Folder to which names of files below it are relative; other files are named without their folders.
+        **parameters : Any
+            JSON types.
+
+        Returns
+        -------
+        Provenance
+            Names with SHA-256, and the parameters.
+
         """
         files = [file for path in inputs for file in (files_in(path) if path.is_dir() else [path])]
         names = {
@@ -106,7 +119,7 @@ class Provenance:
         return cls(hashed, parameters)
 
     def metadata(self) -> dict[str, Any]:
-        """Return the part of a file's metadata that says where it came from."""
+        """Inputs and parameters as part of a file's metadata."""
         return {
             "inputs": [{"file": name, "sha256": digest} for name, digest in self.inputs],
             "parameters": dict(self.parameters),
@@ -121,12 +134,26 @@ def write_table(
     *,
     row_group_rows: int = ROW_GROUP_ROWS,
 ) -> None:
-    """Write the columns as one typed Parquet file, atomically.
+    """Write columns as one typed Parquet file, atomically.
 
-    columns: name -> values, all of one length (arrays, lists or Arrow arrays); NaN becomes null.
-    row_group_rows: the most rows of a row group.
-    Raises ValueError (a bug, not a user's error) where columns are missing, left over or null against
-    the declaration.
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    table : Table
+        Its declaration.
+    columns : mapping
+        Name -> values, all of one length: arrays, lists or Arrow arrays; NaN becomes null.
+    provenance : Provenance
+        What it was made from.
+    row_group_rows : int
+        Most rows in a row group.
+
+    Raises
+    ------
+    ValueError
+        A bug rather than bad input: columns are missing, undeclared, or null against the declaration.
+
     """
     data = arrow_table(table, columns, table.arrow_schema(provenance.metadata()))
     with table_writer(path, table, data.schema) as writer:
@@ -137,10 +164,22 @@ def write_table(
 def write_table_in_parts(
     path: Path, table: Table, parts: Iterable[Mapping[str, Any]], provenance: Provenance
 ) -> int:
-    """Write a table that is too long for memory, atomically; every part becomes a row group.
+    """Write a table that does not fit into memory, atomically; every part becomes a row group.
 
-    parts : columns as in `write_table`, some rows at a time. Gives the number of rows. A part is compressed
-    and written while the next one is made.
+    A part is compressed and written while the next one is computed.
+
+    Parameters
+    ----------
+    path, table, provenance : Path, Table, Provenance
+        As for `write_table`.
+    parts : iterable of mapping
+        Columns as for `write_table`, some rows at a time.
+
+    Returns
+    -------
+    int
+        Number of rows.
+
     """
     from concurrent.futures import Future, ThreadPoolExecutor
 
@@ -160,7 +199,7 @@ def write_table_in_parts(
 
 
 def write_failure(path: Path, table: Table, message: str, provenance: Provenance) -> None:
-    """Write the table without rows, the reason why it has none in its metadata (see `read_table`)."""
+    """Write the table without rows, and the reason in its metadata (see `open_table`)."""
     schema = table.arrow_schema({**provenance.metadata(), "failure": message})
     with table_writer(path, table, schema):
         pass
@@ -168,10 +207,11 @@ def write_failure(path: Path, table: Table, message: str, provenance: Provenance
 
 @dataclass(frozen=True)
 class TableFile:
-    """A table that is open for reading, see `open_table`. What is damaged raises TableError.
+    """Table that is open for reading, see `open_table`; damage raises TableError.
 
-    It is read by row groups and not by a scanner of pyarrow.dataset, which takes an hour of bone poses at
-    twice the time and six times the memory, with all read-ahead off, and trusts a footer without a digest.
+    It is read by row groups rather than with a scanner of pyarrow.dataset: for an hour of bone poses, with
+    all read-ahead off, the scanner takes twice the time and six times the memory, and it trusts a footer that
+    has no digest.
     """
 
     path: Path
@@ -180,29 +220,28 @@ class TableFile:
 
     @cached_property
     def group_rows(self) -> list[int]:
-        """Rows of each row group."""
+        """Number of rows of each row group."""
         return [self.file.metadata.row_group(group).num_rows for group in range(self.file.num_row_groups)]
 
     @cached_property
     def _index(self) -> dict[str, int]:
+        """Index of each column."""
         return {name: index for index, name in enumerate(self.file.schema_arrow.names)}
 
     def read(self, columns: Sequence[str] | None = None, groups: Sequence[int] | None = None) -> pa.Table:
-        """Read some columns, or all, of some row groups, or all."""
+        """Read columns (default: all) of row groups (default: all)."""
         names = None if columns is None else list(columns)
         with naming_damage(self.path):
-            if groups is None:  # threads start more slowly than a few rows are read
+            if groups is None:  # for a few rows, starting threads takes longer than reading
                 threads = self.file.metadata.num_rows > ROW_GROUP_ROWS // 2
                 rows = self.file.read(names, use_threads=threads)
             else:
                 rows = self.file.read_row_groups(list(groups), names, use_threads=False)
-            rows.validate(
-                full=True
-            )  # texts that are no UTF-8 raise where they are looked at, which is anywhere
+            rows.validate(full=True)  # invalid UTF-8 would otherwise raise wherever the text is first used
         return rows
 
     def ends(self, group: int, name: str, *, with_nulls: bool = False) -> tuple[Any, Any] | None:
-        """Return a column's least and largest value in a row group, see `column_ends`."""
+        """Smallest and largest value of a column in a row group, see `column_ends`."""
         return column_ends(self.path, self.file, group, self._index[name], with_nulls=with_nulls)
 
     def rows_with(
@@ -212,15 +251,29 @@ class TableFile:
         between: Mapping[str, tuple[int, int]] | None = None,
         by: str = "",
     ) -> Iterator[tuple[str, pa.Table]]:
-        """Read the rows that have those keys, a row group at a time, for memory.
+        """Read the rows with the given keys, one row group at a time to bound memory.
 
-        between : numbers that some row of a row group must lie between for it to be read. by : a column of
-        which only the value is wanted where it is the same in all of a row group's rows, and which is added
-        to the columns elsewhere. Yields that value, empty where there is none, with the rows.
+        Parameters
+        ----------
+        keys : mapping
+            Key column -> value.
+        columns : sequence of str, optional
+            Columns to read; all if omitted.
+        between : mapping, optional
+            Column -> (low, high): row groups without a value in this range are skipped.
+        by : str, optional
+            Column that is returned as a single value where a row group has only one, and as a column
+            otherwise.
+
+        Yields
+        ------
+        tuple
+            Value of `by` (empty where it is a column) and the rows.
+
         """
         limits = {name: (value, value) for name, value in keys.items()} | dict(between or {})
         for group in range(self.file.num_row_groups):
-            mixed = []  # to read texts costs more than numbers
+            mixed = []  # key columns with several values; text is expensive to read, so only where needed
             for name, limit in limits.items():
                 ends = self.ends(group, name)
                 if ends is not None and (ends[0] > limit[1] or ends[1] < limit[0]):
@@ -242,9 +295,12 @@ class TableFile:
 def open_table(path: Path, table: Table) -> Iterator[TableFile]:
     """Open a table of the contract for reading.
 
-    Raises InputError where the file is absent, is no Parquet file, has not the bytes of its digest, is
-    another table or another version, lacks a column or has one of another type, or records that its own
-    making failed.
+    Raises
+    ------
+    InputError
+        Where the file is absent, not a Parquet file, does not match its digest, is another table or version,
+        lacks a column or has one of another type, or records that its own making failed.
+
     """
     with open_parquet(path, f"a {table.name} table") as file:
         _check_schema(path, table, file.schema_arrow)
@@ -252,51 +308,50 @@ def open_table(path: Path, table: Table) -> Iterator[TableFile]:
 
 
 def read_table(path: Path, table: Table, columns: Sequence[str] | None = None) -> pa.Table:
-    """Read a table of the contract, or only some of its columns; raises InputError as `open_table` does."""
+    """Read a table of the contract, or some of its columns. Raises InputError as `open_table`."""
     with open_table(path, table) as file:
         return file.read(columns)
 
 
 def read_row_groups(path: Path, table: Table, columns: Sequence[str]) -> Iterator[pa.Table]:
-    """Read some columns of a table one row group after another; raises InputError as `open_table` does."""
+    """Read columns of a table, one row group at a time. Raises InputError as `open_table`."""
     with open_table(path, table) as file:
         for group in range(len(file.group_rows)):
             yield file.read(columns, [group])
 
 
 def read_metadata(path: Path, expected: str = f"a table of {PROGRAM}") -> dict[str, Any]:
-    """Return the JSON object that this program wrote into the file; InputError where there is none.
+    """JSON metadata that this program wrote into the file, with all entries present and of the right type.
 
-    All that `Table.arrow_schema` and `Provenance.metadata` write is there, and of its type. expected : what
-    the file should be, for the sentences.
+    expected : what the file should be, for the error message. Raises InputError where there are none.
     """
     with open_parquet(path, expected) as file:
         return _metadata(path, file.schema_arrow)
 
 
 def rows_of(table: pa.Table) -> Iterator[dict[str, Any]]:
-    """Return the rows of a small table as dictionaries, null as None."""
+    """Rows of a small table as dictionaries, null as None."""
     for batch in table.to_batches():
         yield from batch.to_pylist()
 
 
 def column_array(table: pa.Table, name: str) -> npt.NDArray[Any]:
-    """Return a numeric column as a NumPy array; null as NaN."""
+    """Numerical column as a NumPy array, null as NaN."""
     return np.asarray(table.column(name).to_numpy())
 
 
 def vector_columns(prefix: str, vector: npt.NDArray[np.float64], suffix: str = "") -> dict[str, float]:
-    """Return a vector (3,) as the columns of a row that are named by its axes."""
+    """Columns of a row for the components of a vector (3,), named by axis."""
     return {f"{prefix}{axis}{suffix}": float(value) for axis, value in zip("xyz", vector, strict=True)}
 
 
 def vector_of(row: Mapping[str, Any], prefix: str, suffix: str = "") -> npt.NDArray[np.float64]:
-    """Return the columns of a row that are named by the axes of a vector as (3,); null as NaN."""
+    """Vector (3,) from the columns of a row named by axis, null as NaN."""
     return np.array([row[f"{prefix}{axis}{suffix}"] for axis in "xyz"], float)
 
 
 def columns_from_rows(table: Table, rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Turn rows into columns; a nullable column that a row does not name is null there."""
+    """Convert rows to columns; a nullable column missing from a row becomes null."""
     missing = {c.name for c in table.columns if not c.nullable}
     for row in rows:
         if not missing <= row.keys():
@@ -305,6 +360,7 @@ def columns_from_rows(table: Table, rows: Sequence[Mapping[str, Any]]) -> dict[s
 
 
 def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
+    """Values as an Arrow array of the column's type, NaN as null."""
     if isinstance(values, pa.ChunkedArray):
         values = values.combine_chunks()
     if isinstance(values, pa.Array):
@@ -322,7 +378,7 @@ def _arrow_array(table: Table, column: Column, values: Any) -> pa.Array:
 
 
 def arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> pa.Table:
-    """Return columns as one Arrow table of that schema; ValueError where they are not those declared."""
+    """Columns as an Arrow table of the schema; ValueError where they are not the declared ones."""
     if set(columns) != {c.name for c in table.columns}:
         odd = sorted(set(columns) ^ {c.name for c in table.columns})
         raise ValueError(f"{table.name}: columns missing or left over: {', '.join(odd)}")
@@ -332,7 +388,7 @@ def arrow_table(table: Table, columns: Mapping[str, Any], schema: pa.Schema) -> 
 
 @contextmanager
 def table_writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.ParquetWriter]:
-    """Open a Parquet file of the table for writing; it takes its name when it closes."""
+    """Open a Parquet file of the table for writing; it takes its name when it is closed."""
     encodings = {}
     for column in table.columns:
         if pa.types.is_floating(column.type):
@@ -354,6 +410,7 @@ def table_writer(path: Path, table: Table, schema: pa.Schema) -> Iterator[pq.Par
 
 
 def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:
+    """Metadata of a table of this program, checked."""
     key = METADATA_KEY.decode()
     raw = (schema.metadata or {}).get(METADATA_KEY)
     if raw is None:
@@ -376,6 +433,7 @@ def _metadata(path: Path, schema: pa.Schema) -> dict[str, Any]:
 
 
 def _check_schema(path: Path, table: Table, schema: pa.Schema) -> None:
+    """Raise InputError where the file is another table or version, lacks columns, or records a failure."""
     metadata = _metadata(path, schema)
     if metadata["schema"] != table.name:
         raise TableError(f"{path}: is a {metadata['schema']} table; expected {table.name}")

@@ -1,4 +1,4 @@
-"""Files: written whole or not at all, and told apart by their bytes."""
+"""Files: written completely or not at all, and identified by their bytes."""
 
 from __future__ import annotations
 
@@ -15,12 +15,18 @@ from shukotsu.errors import InputError, StorageError
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Return a temporary name beside `path` to write to; it takes the place of `path` at the end.
+    """Yield a temporary path beside `path`, which replaces `path` at the end.
 
-    If writing fails, `path` is left as it was and the temporary file is removed; those of processes that were
-    killed are removed first. What is under the name after a power cut is the file before or the one after,
-    whole: its bytes are on the disk before it takes the name, and the name is before this returns. A file has
-    one writer at a time. Raises StorageError where it cannot be written.
+    If writing fails, `path` is unchanged and the temporary file is removed; temporary files of killed
+    processes are removed first. After a power failure the name holds either the old or the new file,
+    complete: the bytes are synced to disk before the rename, and the folder before this returns. A file must
+    have only one writer at a time.
+
+    Raises
+    ------
+    StorageError
+        Where the file cannot be written.
+
     """
     if not path.name:
         raise InputError(f"{path}: is a folder; expected the name of a file to write")
@@ -35,24 +41,25 @@ def replacing(path: Path) -> Iterator[Path]:
                 if left.fullmatch(beside.name):
                     beside.unlink(missing_ok=True)
         yield temporary
-        _sync(temporary, os.O_RDWR)  # Windows syncs what may be written alone
+        _sync(temporary, os.O_RDWR)  # Windows syncs only files opened for writing
         temporary.replace(path)
         sync_folder(path.parent)
     except OSError as error:
-        why = os.strerror(error.errno) if error.errno else error  # and not in Arrow's words
+        why = os.strerror(error.errno) if error.errno else error  # rather than Arrow's message
         raise StorageError(f"{path}: cannot be written ({why})") from error
     finally:
-        with suppress(OSError):  # a part of the path that is a file was told above
+        with suppress(OSError):  # where a component of the path is a file, that was reported above
             temporary.unlink(missing_ok=True)
 
 
 def sync_folder(path: Path) -> None:
-    """Return when the names in a folder are on the disk, where the system can say so."""
-    with suppress(OSError):  # files are whole under either name
+    """Sync the entries of a folder to disk, where the system supports it."""
+    with suppress(OSError):  # without it, files are still complete under the old or the new name
         _sync(path, os.O_RDONLY)
 
 
 def _sync(path: Path, mode: int) -> None:
+    """Sync a file or folder to disk."""
     descriptor = os.open(path, mode)
     try:
         os.fsync(descriptor)
@@ -61,26 +68,27 @@ def _sync(path: Path, mode: int) -> None:
 
 
 def files_in(folder: Path) -> list[Path]:
-    """Return a folder's files by name; hidden ones, which editors and writers at work leave, do not count."""
+    """Files of a folder by name, without hidden ones, which editors and unfinished writers leave."""
     return sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file (UTF-8, lines ended by a line feed), whole or not at all."""
+    """Write a UTF-8 text file with line feeds, completely or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(text, "utf-8", newline="\n")
 
 
 def file_sha256(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes, read a piece at a time; once for as long as it stays as it is."""
+    """SHA-256 of a file's bytes, read in pieces and cached by the file's state."""
     return _sha256(path.absolute(), *file_state(path))
 
 
 def file_state(path: Path) -> tuple[int, int, int, int, int]:
-    """Return numbers that change when a file does.
+    """Numbers that change whenever a file changes: device, inode, size, and the times of content and of the
+    entry.
 
-    These are device and inode, size, and the times in ns of its content and, last, of its entry, which the
-    system alone sets: it tells a change after which the others were put back.
+    The time of the entry, in ns and last, is set by the system alone; it reveals a change after which the
+    others were restored.
     """
     status = path.stat()
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns

@@ -1,7 +1,8 @@
-"""The streams of an XDF file (XDF 1.0), read by pyxdf.
+"""Streams of an XDF file (XDF 1.0), read by pyxdf.
 
-Where a file is damaged pyxdf goes on and logs it; what is cut off inside a sample it fills with numbers that
-were never recorded. So the file that it is given raises where it ends, and what it logs is a refusal.
+In a damaged file pyxdf logs the damage and continues, and it completes a truncated sample with numbers that
+were never recorded. The file object passed to it therefore raises at the end of the file, and any error that
+pyxdf logs makes the file refused.
 """
 
 from __future__ import annotations
@@ -27,18 +28,18 @@ Floats = npt.NDArray[np.float64]
 
 NUMBERS = ("double64", "float32", "int64", "int32", "int16", "int8")
 TEXT = "string"
-"""Channel formats of numbers, and that of texts."""
+"""Channel formats of numbers, and of text."""
 
 POSITION = ("positionx", "positiony", "positionz")
 QUATERNION = ("orientationa", "orientationb", "orientationc", "orientationd")
-"""A is the scalar; B, C and D are the axial components x, y and z."""
+"""A is the scalar part; B, C and D are the components x, y and z."""
 
 EULER = ("orientationp", "orientationh", "orientationr")
 
 
 @dataclass(frozen=True)
 class Stream:
-    """What a stream's header says of it. rate_hz : nominal, 0 where it is irregular."""
+    """Header of a stream; rate_hz : nominal, 0 where it is irregular."""
 
     number: int
     name: str
@@ -50,7 +51,7 @@ class Stream:
 
 @dataclass(frozen=True)
 class StreamChannel:
-    """What a stream's header says of one channel; empty where it says nothing."""
+    """Description of one channel in a stream's header; fields are empty where the header lacks them."""
 
     index: int
     label: str
@@ -63,8 +64,19 @@ class StreamChannel:
 class StreamSamples:
     """The T samples of a stream.
 
-    time_s : (T,), corrected by the clock offsets where there are any, and not smoothed. values : by sample
-    and channel. offsets : (N, 2), time on the stream's clock, and what is to be added to it, in s.
+    Attributes
+    ----------
+    channels : tuple of StreamChannel
+        Channels in order.
+    time_s : array, shape (T,)
+        Times corrected by the clock offsets, if any; not smoothed.
+    values : array or list
+        By sample and channel.
+    offsets : array, shape (N, 2)
+        Time on the stream's clock and the correction to add to it, s.
+    notes : tuple of str
+        Remarks on the stream, such as a truncated file.
+
     """
 
     channels: tuple[StreamChannel, ...]
@@ -75,13 +87,15 @@ class StreamSamples:
 
 
 def owners(channels: tuple[StreamChannel, ...]) -> list[str]:
-    """Return the markers and objects that have a position or an orientation, in the order of the channels."""
+    """Markers and objects with a position or an orientation, in the order of the channels."""
     posed = (*POSITION, *QUATERNION, *EULER)
     return list(dict.fromkeys(c.owner for c in channels if c.type in posed and c.owner))
 
 
 def pose_channels(where: str, channels: tuple[StreamChannel, ...], owner: str) -> list[StreamChannel]:
-    """Return the channels of x, y, z and A, B, C, D of a marker or object. Raises InputError for others."""
+    """Channels of x, y, z and A, B, C, D of a marker or object. Raises InputError where they are not
+    complete.
+    """
     where = f"{where}, {owner}"
     by_owner = [channel for channel in channels if channel.owner == owner]
     types = [channel.type for channel in by_owner]
@@ -99,7 +113,9 @@ def pose_channels(where: str, channels: tuple[StreamChannel, ...], owner: str) -
 
 
 def read_streams(path: Path) -> list[Stream]:
-    """Return the streams of a file, in its order. Raises InputError where it is no XDF file or is damaged."""
+    """Headers of all streams of a file, in order. Raises InputError where it is not an XDF file or is
+    damaged.
+    """
     import pyxdf
 
     with _open_file(path) as (file, _):
@@ -120,7 +136,7 @@ def read_streams(path: Path) -> list[Stream]:
 
 
 def load_stream(path: Path, stream: Stream) -> StreamSamples:
-    """Return the samples of a stream. Raises InputError where it has none, or is damaged."""
+    """Samples of a stream. Raises InputError where it has none, or is damaged."""
     import pyxdf
 
     where = f"{path}: stream {stream.name}"
@@ -131,7 +147,7 @@ def load_stream(path: Path, stream: Stream) -> StreamSamples:
     time_s, values, notes = np.asarray(loaded["time_stamps"], float), loaded["time_series"], []
     if "footer" not in loaded:
         notes.append("the file is cut off before the stream's end; what comes before it is read")
-        if stream.format == TEXT:  # the last one's letters may lack some
+        if stream.format == TEXT:  # the last text may be truncated
             time_s, values = time_s[:-1], values[:-1]
     if not len(time_s):
         raise InputError(f"{where}: has no samples")
@@ -140,7 +156,7 @@ def load_stream(path: Path, stream: Stream) -> StreamSamples:
 
 
 class _Complete(io.BufferedReader):
-    """A file that raises where it ends within what is asked for."""
+    """File that raises EOFError where it ends within a requested range."""
 
     def readinto(self, buffer: Any) -> int:
         count = super().readinto(buffer)
@@ -151,7 +167,7 @@ class _Complete(io.BufferedReader):
 
 @contextmanager
 def _open_file(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
-    """Open a file, packed by gzip or not; list the damages that pyxdf logs before the file's end."""
+    """Open a file, gzipped or not, with a list of the errors that pyxdf logs before the end of the file."""
     damages: list[str] = []
 
     def note(record: logging.LogRecord) -> bool:
@@ -182,7 +198,7 @@ def _open_file(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
             yield file, damages
     except (InputError, MemoryError):
         raise
-    except Exception as error:  # pyxdf raises whatever its code runs into
+    except Exception as error:  # pyxdf lets any exception through
         raise InputError(f"{path}: is damaged: pyxdf cannot read it ({error}); copy it again") from error
     finally:
         logger.removeFilter(note)
@@ -190,7 +206,7 @@ def _open_file(path: Path) -> Iterator[tuple[_Complete, list[str]]]:
 
 
 def _channels(info: Any) -> tuple[StreamChannel, ...]:
-    """Return what a header says of its channels; pyxdf has every element as a list."""
+    """Channels of a stream's header, in which pyxdf represents every element as a list."""
     described = info.get("desc", [None])[0] or {}
     listed = (described.get("channels", [None])[0] or {}).get("channel", [])
     return tuple(
@@ -206,5 +222,6 @@ def _channels(info: Any) -> tuple[StreamChannel, ...]:
 
 
 def _text(element: Any, tag: str) -> str:
+    """Text of a header element; empty where it is absent."""
     text = element.get(tag, [""])[0] if isinstance(element, dict) else ""
     return text.strip() if isinstance(text, str) else ""
