@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -49,10 +51,17 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
         raise WorkflowError(str(error)) from None
     _note(*notes)
     workflow.global_wildcard_constraints(**WILDCARDS)
-    if workflow.is_main_process and Quietness.RULES in (workflow.output_settings.quiet or ()):
-        logger.addFilter(one_run.FailedJobs(workflow, study.results.folder))  # as `shukotsu run` asks
+    is_quiet = Quietness.RULES in (workflow.output_settings.quiet or ())  # as `shukotsu run` asks
+    if workflow.is_main_process and is_quiet:
+        logger.addFilter(one_run.FailedJobs(workflow, study.results.folder))
+
+    def end(*_: object) -> None:
+        if is_quiet:
+            logging.disable()  # that it was ended, whoever ended it says
+        raise KeyboardInterrupt
 
     def start(_: Any) -> None:
+        signal.signal(signal.SIGTERM, end)  # Snakemake's own handler waits for jobs, and for a lock for ever
         one_run.refuse(workflow, study.results.folder)
         _note(study.what_changed(), study.remove_former())
         study.write_changed_plans()
