@@ -58,6 +58,8 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     def end(*_: object) -> None:
         if is_quiet:
             logging.disable()  # that it was ended, whoever ended it says
+        if not workflow.local_exec:  # what looks after a cluster's jobs, which are cancelled, may sleep for long
+            workflow.scheduler._executor.shutdown = lambda: os._exit(1)
         raise KeyboardInterrupt
 
     def start(_: Any) -> None:
