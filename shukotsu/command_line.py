@@ -117,8 +117,8 @@ def run_command(command: Callable[[], int | None]) -> int:
     """Do a command, the one that another one hands over to too, and return its exit code.
 
     0 or what the command gives; 2, and one sentence on stderr, where it is the input, the configuration or
-    the machine; 130 after Ctrl-C, 143 after SIGTERM and 129 after SIGHUP, with a sentence too; 141 where nobody
-    reads on; anything else is a bug, whose traceback stays.
+    the machine; 130 after Ctrl-C, 143 after SIGTERM and 129 after SIGHUP, with a sentence too; 141 where
+    nobody reads on; anything else is a bug, whose traceback stays.
     """
     try:
         begin()
@@ -192,6 +192,8 @@ def _refuse_odd_text(arguments: argparse.Namespace) -> None:
         option = f"--{name.replace('_', '-')}"
         for each in value if isinstance(value, list | tuple) else [value]:
             text = str(each)
+            if name in ("subject", "task") and not text.strip():
+                raise InputError(f"{option}: is empty; expected a name")
             if any("\ud800" <= letter <= "\udfff" for letter in text):
                 raise InputError(f"{option}: {text}: is not UTF-8 text; write it in UTF-8")
             if not isinstance(each, Path):

@@ -61,7 +61,7 @@ def add_reader(program: Path) -> None:
     new = (
         '    "semicolons": FileFormat((".ssv",), f"{_FORMATS}.semicolons", "read_semicolons", in_parts=True),'
     )
-    edit(formats / "readers.py", line, f"{line}{new}\n")
+    edit(program / "shukotsu" / "study" / "file_formats.py", line, f"{line}{new}\n")
 
 
 def add_export(program: Path) -> None:

@@ -24,8 +24,8 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu check",
         "Read a study file and all that it names as a run would, name what it reads outside its folder, and "
         "say what in its recordings contradicts what was declared. Of a recording: say that, and which "
-        "measurements on the hand would gain most. The exit code is 0 without a finding or with notes alone, 1 "
-        "where something is suspect or refused, 2 where something cannot be read.",
+        "measurements on the hand would gain most. It ends with 0 where there is no finding or notes alone, "
+        "with 1 where something is suspect or refused, with 2 where something cannot be read.",
         "shukotsu check study.yaml\n  shukotsu check rom.csv --hand right\n  "
         "shukotsu check lab.csv --hand right --mapping mapping.yaml",
     )

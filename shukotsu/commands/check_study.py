@@ -25,7 +25,6 @@ from shukotsu.tables.line_printer import progress
 from shukotsu.tables.poses import usable_poses
 from shukotsu.workflow.study_files import StudyFiles, import_options
 
-
 Said = tuple[str, int, str]
 """A recording's name, the exit code that a sentence on it stands for, and the sentence."""
 

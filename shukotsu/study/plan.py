@@ -446,13 +446,9 @@ def read_plan(path: Path) -> SubjectPlan:
         remedy = "run the study to write the subject's plan"
         content = json.loads(read_text(path, "a subject's plan", remedy=remedy))
     except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"{path}: not a subject's plan ({error}); {remedy_of(path)}"
-        ) from error
+        raise InputError(f"{path}: not a subject's plan ({error}); {remedy_of(path)}") from error
     if not isinstance(content, dict) or content.get("plan") != VERSION:
-        raise InputError(
-            f"{path}: not a subject's plan of version {VERSION}; {remedy_of(path)}"
-        )
+        raise InputError(f"{path}: not a subject's plan of version {VERSION}; {remedy_of(path)}")
     try:
         return plan_from_content(content, str(path))
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:

@@ -89,23 +89,25 @@ def open_parquet(
         with reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
             check_regular(path, expected)
             if _digest_holds(path.absolute(), *file_state(path)) is False:
-                raise TableError(f"{path}: damaged Parquet file (not the bytes of its checksum); {remedy or remedy_of(path)}")
+                raise TableError(
+                    f"{path}: damaged Parquet file (not the bytes of its checksum); {remedy or remedy_of(path)}"
+                )
             file = pq.ParquetFile(
                 path,
                 buffer_size=buffer_size,
                 pre_buffer=False,  # not far ahead: some are read in parts
                 page_checksum_verification=True,
             )
-        check_expansion(path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy or remedy_of(path))
+        check_expansion(
+            path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy or remedy_of(path)
+        )
     except InputError as refused:
         raise TableError(refused.message) from refused
     return file
 
 
 @contextmanager
-def naming_damage(
-    path: Path, remedy: str = "", what: str = "damaged Parquet file"
-) -> Iterator[None]:
+def naming_damage(path: Path, remedy: str = "", what: str = "damaged Parquet file") -> Iterator[None]:
     """Turn what goes wrong when a Parquet file is read into a TableError that names it."""
     try:
         yield

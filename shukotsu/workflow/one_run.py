@@ -105,7 +105,9 @@ class FailedJobs(logging.Filter):
         text = record.getMessage()
         if any(f"[Errno {number}]" in text for number in FULL):  # of Snakemake's own files, with a traceback
             if not self.is_full:
-                self._print(record, "no room is left for files (No space left on device); make room and run again", [])
+                self._print(
+                    record, "no room is left for files (No space left on device); make room and run again", []
+                )
             self.is_full = True
             return False
         return not text.startswith(COMMAND_FAILED)

@@ -60,7 +60,7 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     def end(*_: object) -> None:
         if is_quiet:
             logging.disable()  # that it was ended, whoever ended it says
-        if not workflow.local_exec:  # what looks after a cluster's jobs, which are cancelled, may sleep for long
+        if not workflow.local_exec:  # jobs are cancelled then; what looked after them may sleep for long
             workflow.scheduler._executor.shutdown = lambda: os._exit(1)
         raise KeyboardInterrupt
 
@@ -79,8 +79,8 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
 
 
 async def _take_any_time(*_: object) -> None:
-    """Stand in for Snakemake's test after a job, which has no option: it fails one whose input has a later time
-    than its output, as a recording of a tracker whose clock is ahead. Content says what is out of date.
+    """Take the place of Snakemake's test after a job, which has no option: it fails where an input's time is
+    later than an output's, as that of a tracker whose clock is ahead. Content says what is out of date.
     """
 
 
