@@ -97,9 +97,8 @@ def new_study(arguments: argparse.Namespace) -> None:
         write_text(folder / file, text)
         print(folder / file)
     print("".join(f"note: {note}\n" for note in notes), end="")
-    print(
-        f"next: {_next(folder, sheet, list(mappings))}, then: cd {shlex.quote(str(folder))}; shukotsu check; shukotsu run"
-    )
+    there = shlex.quote(str(folder))
+    print(f"next: {_next(folder, sheet, list(mappings))}, then: cd {there}; shukotsu check; shukotsu run")
 
 
 def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:

@@ -92,7 +92,7 @@ def _run(command: list[str], lock: TextIO | None, grace_s: float = GRACE_S) -> i
         if sys.platform == "linux":
             ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
-    def pause(number: int, _: object) -> None:
+    def pause(*_: object) -> None:
         os.killpg(process.pid, signal.SIGSTOP)
         os.kill(os.getpid(), signal.SIGSTOP)  # until the shell has this go on
         os.killpg(process.pid, signal.SIGCONT)
@@ -110,7 +110,6 @@ def _run(command: list[str], lock: TextIO | None, grace_s: float = GRACE_S) -> i
         preexec_fn=begin,
         start_new_session=True,
     )
-    former = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTSTP)]
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)  # also behind a script's `&`
         signal.signal(signal.SIGTSTP, pause)
@@ -128,8 +127,7 @@ def _run(command: list[str], lock: TextIO | None, grace_s: float = GRACE_S) -> i
         number = getattr(asked, "number", signal.SIGINT)
         raise command_line.Ended(number, "the same command goes on from there") from None
     finally:
-        for number, handler in former:
-            signal.signal(number, handler)
+        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
 
 
 def _end_group(process: subprocess.Popen[str], grace_s: float) -> None:

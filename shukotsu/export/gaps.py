@@ -48,9 +48,8 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
     if (count := _count(time_s, fps)) > FILLED_FRAMES:
         wide = int(np.argmax(np.diff(time_s)))
         raise InputError(
-            f"--fps: {fps:g} would make {count} frames of {time_s[-1] - time_s[0]:.0f} s (the longest pause is "
-            f"after frame {motion.frame[wide]}), more than {FILLED_FRAMES}; give a lower rate, or parts by "
-            "--frames"
+            f"--fps: {fps:g} would make {count} frames of {np.ptp(time_s):.0f} s (the longest pause is after "
+            f"frame {motion.frame[wide]}), more than {FILLED_FRAMES}; give a lower rate, or parts by --frames"
         )
     at = np.minimum(time_s[0] + np.arange(count) / fps, time_s[-1])
     before, after, share = bracket(at, time_s)

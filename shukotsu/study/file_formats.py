@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FileFormat:
-    """One file format: the endings that mean it, and the reader's module and function.
+    """One file format: the endings that mean it, and the reader's module in `readers/formats` and function.
 
     in_parts : whether the function gives the recording part by part, as a format can be long.
     """
@@ -18,19 +18,17 @@ class FileFormat:
     in_parts: bool = False
 
 
-_FORMATS = "shukotsu.readers.formats"
-
 FORMATS = {
-    "csv": FileFormat((".csv",), f"{_FORMATS}.tidy", "read_csv", in_parts=True),
-    "parquet": FileFormat((".parquet", ".pq"), f"{_FORMATS}.tidy", "read_parquet", in_parts=True),
-    "capture": FileFormat((".arrows",), f"{_FORMATS}.raw_capture", "read_capture", in_parts=True),
-    "xdf": FileFormat((".xdf", ".xdfz"), f"{_FORMATS}.xdf", "read_xdf"),
-    "sequence": FileFormat((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),
+    "csv": FileFormat((".csv",), "tidy", "read_csv", in_parts=True),
+    "parquet": FileFormat((".parquet", ".pq"), "tidy", "read_parquet", in_parts=True),
+    "capture": FileFormat((".arrows",), "raw_capture", "read_capture", in_parts=True),
+    "xdf": FileFormat((".xdf", ".xdfz"), "xdf", "read_xdf"),
+    "sequence": FileFormat((".mha", ".nrrd"), "sequence", "read_sequence"),
 }
 """Formats that say themselves what their numbers are."""
 MAPPED = {
-    "csv": FileFormat((".csv", ".txt", ".tsv"), f"{_FORMATS}.mapped_csv", "read_mapped_csv"),
-    "c3d": FileFormat((".c3d",), f"{_FORMATS}.c3d", "read_c3d"),
+    "csv": FileFormat((".csv", ".txt", ".tsv"), "mapped_csv", "read_mapped_csv"),
+    "c3d": FileFormat((".c3d",), "c3d", "read_c3d"),
     "capture": FORMATS["capture"],
     "xdf": FORMATS["xdf"],
     "sequence": FORMATS["sequence"],

@@ -89,9 +89,7 @@ def open_parquet(
         with reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
             check_regular(path, expected)
             if _digest_holds(path.absolute(), *file_state(path)) is False:
-                raise TableError(
-                    f"{path}: damaged Parquet file (not the bytes of its checksum); {remedy or remedy_of(path)}"
-                )
+                raise ValueError("not the bytes of its checksum")
             file = pq.ParquetFile(
                 path,
                 buffer_size=buffer_size,

@@ -22,7 +22,8 @@ def replacing(path: Path) -> Iterator[Path]:
     If writing fails, `path` is left as it was and the temporary file is removed; those of processes that were
     killed are removed first. What is under the name after a power cut is the file before or the one after,
     whole: its bytes are on the disk before it takes the name, and the name is before this returns. A file has
-    one writer at a time. Raises StorageError where it cannot be written, InputError where no file can have the name.
+    one writer at a time. Raises StorageError where it cannot be written, InputError where
+    no file can have the name.
     """
     if not path.name:
         raise InputError(f"{path}: is a folder; expected the name of a file to write")
@@ -67,7 +68,7 @@ def _sync(path: Path, mode: int) -> None:
 
 
 def remedy_of(path: Path) -> str:
-    """Say what to do about a damaged table or plan: one beside the plan of a study's run is made again, and any
+    """Say what to do about a damaged table or plan: one beside the plan of a study's run is made again, any
     other may be somebody's recording.
     """
     beside = [folder / "plan.json" for folder in path.absolute().parents[:4]]

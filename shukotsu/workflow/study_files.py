@@ -413,10 +413,10 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
     Return the folders of these subjects and exports. What was written is known by the plan beside it, exports
     by their names; nothing else is touched. present : paths that rules make now.
     """
-    folders = []
-    for former in (paths.exports, paths.new_dataset, paths.tidy_tables):
-        if former.as_posix() not in present and _remove(_exported(former), paths.folder):
-            folders.append(former.name)
+    exports = [
+        f for f in (paths.exports, paths.new_dataset, paths.tidy_tables) if f.as_posix() not in present
+    ]
+    folders = [former.name for former in exports if _remove(_exported(former), paths.folder)]
     for path in sorted(paths.folder.glob("sub-*/plan.json")):
         plan = None
         with suppress(InputError):  # one that cannot be read says nothing of what was made

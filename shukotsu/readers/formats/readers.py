@@ -43,7 +43,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
                 "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
             )
         chosen = FORMATS[name]
-    read = getattr(importlib.import_module(chosen.module), chosen.function)
+    read = getattr(importlib.import_module(f"{__package__}.{chosen.module}"), chosen.function)
     return read if chosen.in_parts else lambda path, layout, mapping: iter([read(path, layout, mapping)])
 
 
