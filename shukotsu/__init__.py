@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from shukotsu.resources import VERSION
-
+TYPE_CHECKING = False  # and not typing's, nor anything else: the command line takes signals when this is read
 if TYPE_CHECKING:
+    from typing import Any
+
     from shukotsu.hand.posing import PosedRecording
     from shukotsu.hand.read_results import bend, pose, read
-
-__version__ = VERSION
 
 __all__ = ["PosedRecording", "bend", "pose", "read"]
 
 _HOME = {
+    "VERSION": "resources",
     "PosedRecording": "hand.posing",
     "bend": "hand.read_results",
     "pose": "hand.read_results",
@@ -26,6 +24,7 @@ def __getattr__(name: str) -> Any:
     """Import what is asked for then and no sooner: the command line starts fast."""
     from importlib import import_module
 
+    name = "VERSION" if name == "__version__" else name
     if name not in _HOME:
         raise AttributeError(f"module 'shukotsu' has no {name!r}; it has {', '.join(__all__)}")
     return getattr(import_module(f"shukotsu.{_HOME[name]}"), name)

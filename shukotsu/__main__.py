@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-import importlib
+import signal
 import sys
-
-from shukotsu import command_line
-from shukotsu.commands import COMMANDS, build_parser
-from shukotsu.errors import InputError
-from shukotsu.left import instead
 
 
 def main(argv: list[str] | None = None) -> int:
     """Hand the arguments after the first to the command that the first one names; return its exit code."""
+    if argv is None and hasattr(signal, "pthread_sigmask"):  # until there is a sentence for it
+        signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGHUP))
+    import importlib
+
+    from shukotsu import command_line
+    from shukotsu.commands import COMMANDS, build_parser
+    from shukotsu.errors import InputError
+    from shukotsu.left import instead
+
     arguments = sys.argv[1:] if argv is None else argv
 
     def command() -> int:
@@ -24,7 +28,9 @@ def main(argv: list[str] | None = None) -> int:
         module = importlib.import_module(COMMANDS[build_parser().parse_args(arguments[:1]).command].module)
         return int(module.main(arguments[1:]))
 
-    return command_line.run_command(command)
+    status = command_line.run_command(command)
+    command_line.block_ending(argv is None)  # nothing is left to be cut short but Python's own end
+    return status
 
 
 if __name__ == "__main__":

@@ -26,12 +26,24 @@ OF_THE_MACHINE = {
     errno.EAGAIN, errno.ESTALE, errno.ETIMEDOUT,
 }  # fmt: skip
 """Errors of the system that come and go with the machine: nothing that a table should say of a subject."""
+ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}
+"""Signals by which a process is asked to end; Windows has no SIGHUP."""
 ONE_THREAD = (
     "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS",
 )  # fmt: skip
 """Variables by which libraries are told how many threads to take, all set to 1 before any is imported: sums
 are added up in one order, whatever the machine has, and small matrices gain nothing from threads."""
+
+
+class Ended(SystemExit):
+    """A signal asked this process to end. then : what its sentence adds, after a semicolon."""
+
+    def __init__(self, number: int, then: str = "") -> None:
+        super().__init__(128 + number)
+        self.number = number
+        how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
+        self.sentence = "; ".join(filter(None, (how, then)))
 
 
 def parser(
@@ -105,10 +117,11 @@ def run_command(command: Callable[[], int | None]) -> int:
     """Do a command, the one that another one hands over to too, and return its exit code.
 
     0 or what the command gives; 2, and one sentence on stderr, where it is the input, the configuration or
-    the machine; 130 after Ctrl-C, 141 where nobody reads on; anything else is a bug, whose traceback stays.
+    the machine; 130 after Ctrl-C, 143 after SIGTERM and 129 after SIGHUP, with a sentence too; 141 where
+    nobody reads on; anything else is a bug, whose traceback stays.
     """
-    begin()
     try:
+        begin()
         try:
             return command() or 0
         finally:
@@ -135,9 +148,11 @@ def run_command(command: Callable[[], int | None]) -> int:
     except BrokenPipeError:  # whoever read what is printed has read enough
         sys.stdout = _nowhere()
         return 128 + _SIGPIPE
-    except KeyboardInterrupt:
-        _print_refusal("interrupted")
-        return 128 + signal.SIGINT
+    except (KeyboardInterrupt, Ended) as asked:
+        block_ending()
+        end = asked if isinstance(asked, Ended) else Ended(signal.SIGINT)
+        _print_refusal(end.sentence)
+        return int(end.code or 0)
     except OSError as error:
         if error.filename is None:
             if error.errno not in OF_THE_MACHINE:
@@ -177,6 +192,8 @@ def _refuse_odd_text(arguments: argparse.Namespace) -> None:
         option = f"--{name.replace('_', '-')}"
         for each in value if isinstance(value, list | tuple) else [value]:
             text = str(each)
+            if name in ("subject", "task") and not text.strip():
+                raise InputError(f"{option}: is empty; expected a name")
             if any("\ud800" <= letter <= "\udfff" for letter in text):
                 raise InputError(f"{option}: {text}: is not UTF-8 text; write it in UTF-8")
             if not isinstance(each, Path):
@@ -256,10 +273,21 @@ def begin() -> None:
             setattr(sys, name, _nowhere())
     if isinstance(sys.stdout, io.TextIOWrapper):  # a name that the terminal's encoding lacks must not end it
         sys.stdout.reconfigure(errors="backslashreplace")
-    for number in {signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}:  # Windows has the first alone
+    for number in ENDING - {signal.SIGINT}:
         with suppress(ValueError):  # not in the main thread
             if signal.getsignal(number) is signal.SIG_DFL:
-                signal.signal(number, lambda number, _: sys.exit(128 + number))
+                signal.signal(number, _end)
+    block_ending(False)
+
+
+def _end(number: int, _: object) -> None:
+    raise Ended(number)
+
+
+def block_ending(blocked: bool = True) -> None:
+    """Have signals that ask for an end wait, or come, those that waited at once."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_BLOCK if blocked else signal.SIG_UNBLOCK, ENDING)
 
 
 def run_script(path: str | Path, argv: Sequence[str]) -> int:

@@ -57,11 +57,9 @@ def add_reader(program: Path) -> None:
         '    commas.write_text(path.read_text().replace(";", ","))\n'
         "    return read_csv(commas, layout, mapping)\n"
     )
-    line = '    "sequence": FileFormat((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),\n'
-    new = (
-        '    "semicolons": FileFormat((".ssv",), f"{_FORMATS}.semicolons", "read_semicolons", in_parts=True),'
-    )
-    edit(formats / "readers.py", line, f"{line}{new}\n")
+    line = '    "sequence": FileFormat((".mha", ".nrrd"), "sequence", "read_sequence"),\n'
+    new = '    "semicolons": FileFormat((".ssv",), "semicolons", "read_semicolons", in_parts=True),'
+    edit(program / "shukotsu" / "study" / "file_formats.py", line, f"{line}{new}\n")
 
 
 def add_export(program: Path) -> None:

@@ -70,7 +70,7 @@ REFUSED = {
     "coach --replay=x.arrows -- --rate=240": "--rate=240: is an option of the recorder",
     "coach --port=x --listen=0.0.0.0:1": "coach --listen left in",
     "coach --port=socket://127.0.0.1:1": "socket://127.0.0.1:1: nothing was recorded",
-    "new 'a b'": "a b: no study can have this name; use letters, digits, - and _",
+    "import --in=r.csv --layout=a --subject= --hand=left --task=rom --out=p": "--subject: is empty",
     "new there": "there/recordings.tsv: is there already; name another folder, or edit that file",
     "new a --recordings absent": "--recordings: absent: no such folder; give the folder of your",
     "new a --recordings there": "--recordings: there: holds no recording; expected files that end",

@@ -24,7 +24,8 @@ def build_parser() -> argparse.ArgumentParser:
         "shukotsu check",
         "Read a study file and all that it names as a run would, name what it reads outside its folder, and "
         "say what in its recordings contradicts what was declared. Of a recording: say that, and which "
-        "measurements on the hand would gain most.",
+        "measurements on the hand would gain most. It ends with 0 where there is no finding or notes alone, "
+        "with 1 where something is suspect or refused, with 2 where something cannot be read.",
         "shukotsu check study.yaml\n  shukotsu check rom.csv --hand right\n  "
         "shukotsu check lab.csv --hand right --mapping mapping.yaml",
     )
@@ -43,21 +44,23 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def check(arguments: argparse.Namespace) -> None:
-    """Check the study or the recording. Raises InputError as a run would."""
+def check(arguments: argparse.Namespace) -> int:
+    """Check the study or the recording; return the exit code. Raises InputError as a run would."""
     if arguments.file.suffix.lower() in STUDY_ENDINGS:
         from shukotsu.commands.check_study import check_study
 
-        check_study(arguments.file)
-    else:
-        check_recording(arguments)
+        return check_study(arguments.file)
+    return check_recording(arguments)
 
 
-def check_recording(arguments: argparse.Namespace) -> None:
-    """Import a recording for the moment; print its findings, or else what would improve its hand."""
+def check_recording(arguments: argparse.Namespace) -> int:
+    """Import a recording for the moment; print its findings, or else what would improve its hand.
+
+    Return 1 where there is more than a note.
+    """
     from shukotsu.checks.checked_subject import checked_poses
     from shukotsu.readers import import_recording
-    from shukotsu.study.findings import SUSPECT, in_quotes
+    from shukotsu.study.findings import NOTE, in_quotes
     from shukotsu.study.layout import read_layout
 
     path, hand, layout, mapping = arguments.file, arguments.hand, arguments.layout, arguments.mapping
@@ -79,11 +82,12 @@ def check_recording(arguments: argparse.Namespace) -> None:
         findings = checked_poses(poses, worn.of_hand(hand)).findings
         for finding in findings:
             print(f"{finding.severity}: {finding.kind}: {in_quotes(finding.message)}")
-        if any(finding.severity == SUSPECT for finding in findings):
-            return  # before that is settled, nothing can be said of joints
+        if any(finding.severity != NOTE for finding in findings):
+            return 1  # before that is settled, nothing can be said of joints
         print("" if findings else "no finding\n", end="")
         for line in _gain_lines(poses, worn, hand):
             print(line)
+        return 0
 
 
 def _gain_lines(poses: Path, layout: Layout, hand: str) -> list[str]:

@@ -13,20 +13,27 @@ from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
 
+from shukotsu import command_line
 from shukotsu.checks.checked_subject import check_subject, copies
 from shukotsu.commands import import_file, read_files
 from shukotsu.errors import InputError, list_names
 from shukotsu.study.config_files import CONFIG_FOLDER
-from shukotsu.study.findings import Finding
+from shukotsu.study.findings import NOTE, Finding
 from shukotsu.study.plan import SubjectPlan
 from shukotsu.study.study import Recording, columns_handed_on, unmatched_rows
 from shukotsu.tables.line_printer import progress
 from shukotsu.tables.poses import usable_poses
 from shukotsu.workflow.study_files import StudyFiles, import_options
 
+Said = tuple[str, int, str]
+"""A recording's name, the exit code that a sentence on it stands for, and the sentence."""
 
-def check_study(path: Path) -> None:
-    """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict."""
+
+def check_study(path: Path) -> int:
+    """Print what a study is, what it reads outside its folder, and what its recordings' poses contradict.
+
+    Return the exit code: 2 where something cannot be read, else 1 where there is more than a note, else 0.
+    """
     files = read_files(path)
     study = files.study
     counts = f"{len(study.subjects)} subjects, {len(study.recordings)} recordings, {len(study.models)} models"
@@ -35,11 +42,14 @@ def check_study(path: Path) -> None:
     for note in (*(row.message for row in study.unusable), *notes):
         print(f"note: {note}")
     recordings_by_finding: dict[str, list[str]] = {}
-    for name, sentence in _findings_of_recordings(files.subjects):
+    status = 2 if study.unusable else 0
+    for name, code, sentence in _findings_of_recordings(files.subjects):
+        status = max(status, code)
         recordings_by_finding.setdefault(sentence, []).append(name)
     for sentence, names in recordings_by_finding.items():
         print(f"{list_names(names)}: {sentence}")
     print("" if recordings_by_finding else "no finding in any recording\n", end="")
+    return status
 
 
 def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
@@ -58,10 +68,10 @@ def _outside(path: Path, files: StudyFiles) -> Iterator[str]:
         yield f"reads {what}, outside the study's folder{names}"
 
 
-def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
-    """Import every recording into a folder that is removed again; return names and what is to say."""
+def _findings_of_recordings(plans: list[SubjectPlan]) -> list[Said]:
+    """Import every recording into a folder that is removed again; return what is to say."""
     total = sum(not recording.exclude for plan in plans for recording in plan.recordings)
-    findings: list[tuple[str, str]] = []
+    findings: list[Said] = []
     digests: list[tuple[Recording, str]] = []
     done = 0
     with progress("recordings read", total) as tell, tempfile.TemporaryDirectory() as folder:
@@ -73,6 +83,8 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
                 argv = ["--record-failure", *import_options(recording), f"--out={file}"]
                 with redirect_stderr(output), redirect_stdout(output):
                     status = import_file.main(argv)
+                if status > 128:
+                    raise command_line.Ended(status - 128)
                 if status:
                     raise InputError(output.getvalue().strip().removeprefix("error: "))
                 done += 1
@@ -81,25 +93,26 @@ def _findings_of_recordings(plans: list[SubjectPlan]) -> list[tuple[str, str]]:
             findings += _findings_of_subject(imported, digests)
             for file in poses.values():
                 file.unlink()
-    return findings + [(_name(recording), _said(finding)) for recording, finding in copies(digests)]
+    return findings + [_said(recording, finding) for recording, finding in copies(digests)]
 
 
-def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[tuple[str, str]]:
+def _findings_of_subject(plan: SubjectPlan, digests: list[tuple[Recording, str]]) -> list[Said]:
     """Findings on a subject's recordings, or why one cannot be read; digests of the poses join the others."""
     findings = [
-        (_name(recording), f"cannot be read: {reason}")
+        (_name(recording), 2, f"cannot be read: {reason}")
         for recording in plan.recordings
         for reason in usable_poses([plan.poses(recording)])[1]
     ]
     for recording, checked in check_subject(plan, Namespace(stage="check_recordings", record_failure=True)):
         accepted = (finding.accept(recording.accept) for finding in checked.findings)
-        findings += [(_name(recording), _said(finding)) for finding in accepted]
+        findings += [_said(recording, finding) for finding in accepted]
         digests.append((recording, checked.digest))
     return findings
 
 
-def _said(finding: Finding) -> str:
-    return f"{finding.severity}: {finding.kind}: {finding.message}"
+def _said(recording: Recording, finding: Finding) -> Said:
+    sentence = f"{finding.severity}: {finding.kind}: {finding.message}"
+    return _name(recording), int(finding.severity != NOTE), sentence
 
 
 def _name(recording: Recording) -> str:

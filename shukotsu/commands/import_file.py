@@ -10,15 +10,23 @@ from shukotsu.readers.import_recording import build_parser, import_recording, re
 
 
 def import_and_check(arguments: argparse.Namespace) -> None:
-    """Import the recording; but in a study, where a rule checks, print what cannot be as declared."""
+    """Import the recording; but in a study, where a rule checks, print what came of it and cannot be so."""
+    import numpy as np
+
     from shukotsu.checks.checked_subject import checked_poses
     from shukotsu.study.findings import in_quotes
     from shukotsu.study.layout import read_layout
+    from shukotsu.study.recording_summary import sum_poses
     from shukotsu.tables.poses import BYTES_A_POSE, KEPT_BYTES, frame_count
 
     import_recording(arguments)
     if arguments.record_failure:
         return
+    n_rows, n_valid, time_s = sum_poses(arguments.out)
+    worn = [count for count in n_valid.values() if count]
+    length = f"{np.ptp(known):.1f} s" if (known := time_s[np.isfinite(time_s)]).size else "no times"
+    gaps = len(time_s) * len(worn) - sum(worn)
+    print(f"{arguments.out}: {n_rows} rows, {len(worn)} receivers, {length}, {gaps} poses of them missing")
     layout = read_layout(arguments.layout).of_hand(arguments.hand)
     if frame_count(arguments.out) * len(layout.measured) * BYTES_A_POSE > KEPT_BYTES // 4:
         print(f"note: {arguments.file}: long; check it with shukotsu stage check_recordings", file=sys.stderr)

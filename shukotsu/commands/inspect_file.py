@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from shukotsu import command_line
 from shukotsu.errors import InputError
+from shukotsu.study.file_formats import FORMATS, MAPPED
 from shukotsu.tables.limits import check_regular
 from shukotsu.tables.text_files import reading
 
@@ -120,7 +121,7 @@ def describe(path: Path, layout: Layout | str) -> Description:
         if not check_regular(path, "a recording"):
             raise InputError(f"{path}: is empty; expected a recording")
     name = path.name.lower()
-    if name.endswith(".arrows"):
+    if name.endswith(FORMATS["capture"].endings):
         from shukotsu.readers.inspection.description import Description
         from shukotsu.tracker.survey import describe as describe_capture
 
@@ -128,15 +129,15 @@ def describe(path: Path, layout: Layout | str) -> Description:
     from shukotsu.study.layout import read_layout
 
     layout = read_layout(layout) if isinstance(layout, str) else layout
-    if name.endswith(".c3d"):
+    if name.endswith(MAPPED["c3d"].endings):
         from shukotsu.readers.inspection.c3d_files import describe_c3d
 
         return describe_c3d(path, layout)
-    if name.endswith((".parquet", ".pq")):
+    if name.endswith(FORMATS["parquet"].endings):
         from shukotsu.readers.inspection.text_tables import describe_parquet
 
         return describe_parquet(path, layout)
-    if name.endswith((".xdf", ".xdfz", ".mha", ".nrrd")):
+    if name.endswith(FORMATS["xdf"].endings + FORMATS["sequence"].endings):
         raise InputError(
             f"{path}: inspect reads text, C3D and this project's files; import it as it is, and "
             "where its names are no segments, write a mapping (docs/mappings.md)"

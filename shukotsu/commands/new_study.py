@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from shukotsu import command_line
 from shukotsu.commands.inspect_file import describe
 from shukotsu.errors import InputError, list_names
+from shukotsu.study.file_formats import FORMATS, MAPPED
 from shukotsu.tables.line_printer import progress
 
 if TYPE_CHECKING:
@@ -24,8 +26,10 @@ STUDY = {"en": "study.yaml", "ja": "study.ja.yaml"}
 COLUMNS = ("subject", "hand", "task", "role", "file")
 MORE_COLUMNS = ("session", "trial", "mapping")
 """Columns that a drafted sheet has where a recording gives them something to hold."""
-RECORDINGS = {".csv", ".tsv", ".parquet", ".arrows", ".c3d", ".xdf", ".mha", ".nrrd"}
-"""Endings of files that may be recordings."""
+RECORDINGS = {
+    ending for form in (*FORMATS.values(), *MAPPED.values()) for ending in form.endings if ending != ".txt"
+}
+"""Endings of files that may be recordings; texts beside them are mostly notes."""
 BESIDE = ("_channels.tsv", "_events.tsv", "_scans.tsv", "participants.tsv")
 """How tables end that stand beside recordings of Motion-BIDS."""
 
@@ -38,7 +42,12 @@ def build_parser() -> argparse.ArgumentParser:
         "is there is kept.",
         "shukotsu new piano --recordings captures",
     )
-    parser.add_argument("folder", type=Path, metavar="FOLDER", help="the folder; its name is the study's")
+    parser.add_argument(
+        "folder",
+        type=Path,
+        metavar="FOLDER",
+        help="the folder; its name is the study's, letters, digits, - and _ of it",
+    )
     parser.add_argument(
         "--recordings",
         type=Path,
@@ -58,22 +67,24 @@ def build_parser() -> argparse.ArgumentParser:
 def new_study(arguments: argparse.Namespace) -> None:
     """Write the three files, and mappings where recordings need them; say what to do with them.
 
-    Raises InputError where one is there, for a name or layout that cannot be, and without a recording.
+    Raises InputError where one is there, for a layout that cannot be, and without a recording.
     """
     from shukotsu.study.config_files import config_path, shipped_names
     from shukotsu.tables.whole_files import write_text
 
     folder: Path = arguments.folder
     name = folder.resolve().name
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
-        raise InputError(f"{folder}: no study can have this name; use letters, digits, - and _")
+    study = (
+        re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-_")[:100] or "study"
+    )  # part of paths and of commands
     template = (TEMPLATES / STUDY[arguments.language]).read_text("utf-8")
     sheet, mappings, notes = _draft_sheet(arguments)
+    notes += [f"the study is called {study}, and results go to results/{study}"] if study != name else []
     subjects = filter(None, dict.fromkeys(row[0] for row in sheet[1:]))
     shipped_layouts, path = shipped_names("layout"), config_path(arguments.layout, "layout", Path())
     layout = arguments.layout if arguments.layout in shipped_layouts else _from(path, folder)
     texts = {
-        "study.yaml": template.replace("{name}", name).replace("{layout}", layout),
+        "study.yaml": template.replace("{name}", study).replace("{layout}", layout),
         "recordings.tsv": "".join("\t".join(row) + "\n" for row in sheet),
         "participants.tsv": "subject\thand_length_mm\thand_breadth_mm\n"
         + "".join(f"{subject}\n" for subject in subjects),
@@ -86,7 +97,8 @@ def new_study(arguments: argparse.Namespace) -> None:
         write_text(folder / file, text)
         print(folder / file)
     print("".join(f"note: {note}\n" for note in notes), end="")
-    print(f"next: {_next(folder, sheet, list(mappings))}, then: cd {folder}; shukotsu check; shukotsu run")
+    there = shlex.quote(str(folder))
+    print(f"next: {_next(folder, sheet, list(mappings))}, then: cd {there}; shukotsu check; shukotsu run")
 
 
 def _draft_sheet(arguments: argparse.Namespace) -> tuple[list[Sequence[str]], dict[str, str], list[str]]:

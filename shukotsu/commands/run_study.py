@@ -10,6 +10,8 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TextIO
@@ -23,6 +25,9 @@ from shukotsu.workflow import one_run
 SNAKEFILE = ROOT / "Snakefile"
 UNWANTED = ("PYTHONPATH", "SNAKEMAKE_PROFILE")
 """Variables of the person's environment that would have a run do something else."""
+
+GRACE_S, CLUSTER_GRACE_S = 1.2, 5.0
+"""So long jobs may take to end by themselves, and where Snakemake may have to cancel those of a cluster."""
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -52,14 +57,16 @@ def run_study(arguments: argparse.Namespace) -> int:
         raise ModuleNotFoundError("No module named 'snakemake'", name="snakemake")
     if arguments.cores != "all" and not (arguments.cores.isdecimal() and int(arguments.cores)):
         raise InputError(f"--cores: is {arguments.cores!r}; expected a number of jobs, or all")
-    one_run.refuse_unwritable([one_run.FOLDER / "log"])
+    plans = [files.results.plan(*who) for who in files.study.sessions]
+    own = [one_run.FOLDER / name / "file" for name in ("log", "metadata", "incomplete")]
+    one_run.refuse_unwritable([*own, files.results.report, *plans])
     lock = None if arguments.dry_run or arguments.more else one_run.hold(files.results.folder)
     command = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
     command += ["--configfile", str(arguments.study)]
     command += ["--quiet", "rules"]  # takes any number of words, so it may not stand before the user's own
     command += ["--cores", arguments.cores, *(["--dry-run"] if arguments.dry_run else []), *arguments.more]
     print(f"$ {shlex.join(command)}", file=sys.stderr, flush=True)
-    status = _run(command, lock)
+    status = _run(command, lock, CLUSTER_GRACE_S if arguments.more else GRACE_S)
     report = files.results.folder / "report.html"
     if status:
         return status if status > 0 else 128 - status
@@ -72,38 +79,68 @@ def run_study(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _run(command: list[str], lock: TextIO | None) -> int:
-    """Run a command to its end, whatever signal comes and whoever stops reading; return its exit code."""
+def _run(command: list[str], lock: TextIO | None, grace_s: float = GRACE_S) -> int:
+    """Run a command to its end, be it that nobody reads on; return its exit code.
 
-    def end_with_parent() -> None:
+    It has a group of its own, which is all that it starts. A signal that asks this process to end is raised
+    (`command_line.Ended`) when that group has ended: by SIGTERM, after grace_s by SIGKILL.
+    """
+
+    def begin() -> None:
         """Have the system end this process, and its jobs, as soon as its parent has ended, however."""
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+        command_line.block_ending(False)
+        if sys.platform == "linux":
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
-    interrupted: list[int] = []
+    def pause(*_: object) -> None:
+        os.killpg(process.pid, signal.SIGSTOP)
+        os.kill(os.getpid(), signal.SIGSTOP)  # until the shell has this go on
+        os.killpg(process.pid, signal.SIGCONT)
+
     printed = None if sys.stdout.isatty() else subprocess.PIPE
     handed = {} if lock is None else {one_run.HANDED: lock.fileno()}
-    with subprocess.Popen(
+    command_line.block_ending()  # from before there is a process until it is known which
+    process = subprocess.Popen(
         command,
         stdout=printed,
         text=True,
         errors="backslashreplace",
         env=_environment() | {name: str(number) for name, number in handed.items()},
         pass_fds=handed.values(),
-        preexec_fn=end_with_parent if sys.platform == "linux" else None,
-    ) as process:
-        signal.signal(signal.SIGINT, lambda number, _: interrupted.append(number))  # reaches Snakemake too
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, lambda *_: process.terminate())
+        preexec_fn=begin,
+        start_new_session=True,
+    )
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # also behind a script's `&`
+        signal.signal(signal.SIGTSTP, pause)
+        command_line.block_ending(False)
         try:
             for line in process.stdout or ():
                 print(line, end="", flush=True)
-        finally:
-            for _ in process.stdout or ():
-                pass
-        status = process.wait()
-    if interrupted:
-        raise KeyboardInterrupt
-    return status
+        except OSError:
+            process.communicate()
+            raise
+        return process.wait()
+    except (KeyboardInterrupt, command_line.Ended) as asked:
+        command_line.block_ending()
+        _end_group(process, grace_s)
+        number = getattr(asked, "number", signal.SIGINT)
+        raise command_line.Ended(number, "the same command goes on from there") from None
+    finally:
+        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+
+
+def _end_group(process: subprocess.Popen[str], grace_s: float) -> None:
+    """End a process and all of its group."""
+    until_s = time.monotonic() + grace_s
+    with suppress(ProcessLookupError):  # nothing of it is left
+        os.killpg(process.pid, signal.SIGTERM)
+        while time.monotonic() < until_s:
+            time.sleep(0.02)
+            process.poll()
+            os.killpg(process.pid, 0)
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
 
 
 def _environment() -> dict[str, str]:

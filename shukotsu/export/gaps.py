@@ -32,7 +32,7 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
     Device times count, not frame numbers. A new frame in a gap that was kept, or between frames that are
     further apart than 1.5 usual intervals and than widest_s, has no pose (NaN). Nothing is filtered: a rate
     below twice the motion's own aliases. Raises InputError where times are missing or do not grow, or where
-    pauses would make more than FILLED_FRAMES.
+    these would be more than FILLED_FRAMES.
     """
     time_s = motion.time_s
     if not np.isfinite(time_s).all():
@@ -45,14 +45,13 @@ def resample_evenly(motion: PosedRecording, fps: float, widest_s: float = 0.0) -
         )
     if len(time_s) < 2:
         return replace(motion, rate_hz=fps)
-    if (pauses := _count(time_s, fps) - len(time_s) * fps / motion.rate_hz) > FILLED_FRAMES:
+    if (count := _count(time_s, fps)) > FILLED_FRAMES:
         wide = int(np.argmax(np.diff(time_s)))
         raise InputError(
-            f"--fps: pauses of the recording, the longest after frame {motion.frame[wide]}, would make "
-            f"{pauses:.0f} frames, more than {FILLED_FRAMES}; export the parts before and after it with "
-            "--frames"
+            f"--fps: {fps:g} would make {count} frames of {np.ptp(time_s):.0f} s (the longest pause is after "
+            f"frame {motion.frame[wide]}), more than {FILLED_FRAMES}; give a lower rate, or parts by --frames"
         )
-    at = np.minimum(time_s[0] + np.arange(_count(time_s, fps)) / fps, time_s[-1])
+    at = np.minimum(time_s[0] + np.arange(count) / fps, time_s[-1])
     before, after, share = bracket(at, time_s)
     share = np.where(at - time_s[before] < _SAME_S, 0.0, np.where(time_s[after] - at < _SAME_S, 1.0, share))
     apart = time_s[after] - time_s[before] > max(_WIDEST_STEPS / motion.rate_hz, widest_s)

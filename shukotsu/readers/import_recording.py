@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shukotsu import command_line
-from shukotsu.readers.formats.readers import AUTO, FORMATS
+from shukotsu.study.file_formats import AUTO, FORMATS
 
 if TYPE_CHECKING:
     from shukotsu.readers.samples import Samples

@@ -30,6 +30,7 @@ from shukotsu.tables.poses import one_hand, recording_name
 from shukotsu.tables.subjects import Hand, SubjectSession, path_token
 from shukotsu.tables.text_files import read_text
 from shukotsu.tables.typed_table import read_table, rows_of
+from shukotsu.tables.whole_files import remedy_of
 
 VERSION = 3
 
@@ -191,7 +192,7 @@ class SubjectPlan:
                 raise TableError(
                     f"{path}: is of {name_in_file}, "
                     + ("which the plan lacks" if recording is None else f"as {files[recording]} is")
-                    + "; remove it and run the study again"
+                    + f"; {remedy_of(path)}"
                 )
             files[recording] = path
         excluded = {recording: path for recording, path in self.poses_files.items() if recording.exclude}
@@ -445,17 +446,13 @@ def read_plan(path: Path) -> SubjectPlan:
         remedy = "run the study to write the subject's plan"
         content = json.loads(read_text(path, "a subject's plan", remedy=remedy))
     except (ValueError, RecursionError) as error:
-        raise InputError(
-            f"{path}: not a subject's plan ({error}); remove it and run the study again"
-        ) from error
+        raise InputError(f"{path}: not a subject's plan ({error}); {remedy_of(path)}") from error
     if not isinstance(content, dict) or content.get("plan") != VERSION:
-        raise InputError(
-            f"{path}: not a subject's plan of version {VERSION}; remove it and run the study again"
-        )
+        raise InputError(f"{path}: not a subject's plan of version {VERSION}; {remedy_of(path)}")
     try:
         return plan_from_content(content, str(path))
     except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        raise InputError(f"{path}: a damaged plan; remove it and run the study again") from error
+        raise InputError(f"{path}: a damaged plan; {remedy_of(path)}") from error
 
 
 def plan_of_results(path: Path) -> SubjectPlan:

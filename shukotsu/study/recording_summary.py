@@ -207,7 +207,7 @@ def recording_row(recording: Recording, poses: Path) -> tuple[Row, list[Finding]
     if recording.exclude:
         return row | {"status": "excluded", "message": recording.exclude}, []
     try:
-        n_rows, n_valid, time_s = _sum_poses(poses)
+        n_rows, n_valid, time_s = sum_poses(poses)
     except InputError as error:
         failed = finding_of_text("recording", REFUSED, str(error))
         return row | {"status": "failed", "message": failed.message}, [failed]
@@ -240,7 +240,7 @@ def _texts(path: Path, parameters: Mapping[str, Any], name: str) -> list[str]:
     return texts
 
 
-def _sum_poses(poses: Path) -> tuple[int, dict[str, int], Array]:
+def sum_poses(poses: Path) -> tuple[int, dict[str, int], Array]:
     """Count rows, and valid ones by segment; return the frames' times (T,), of the first segment with one."""
     n_rows, n_valid, seen, time_s = 0, dict[str, int](), dict[str, int](), np.zeros(0)
     for rows in read_row_groups(poses, POSES, ["segment", "time_s", "valid"]):

@@ -19,6 +19,7 @@ import yaml
 from shukotsu.errors import InputError, list_names
 from shukotsu.left import instead
 from shukotsu.resources import ROOT
+from shukotsu.study.file_formats import AUTO, FORMATS
 from shukotsu.tables import limits
 from shukotsu.tables.text_files import read_text
 
@@ -126,7 +127,13 @@ def _size(name: str) -> Callable[[str], float]:
     return read
 
 
-_READ = {"text": _text, "reason": _reason, "number": _number, "positive": _positive}
+_READ: Mapping[str, Callable[[str], Any]] = {
+    "text": _text,
+    "reason": _reason,
+    "number": _number,
+    "positive": _positive,
+    "format": _one_of(AUTO, *FORMATS),
+}
 
 
 def _sheet(name: str, content: Mapping[str, Any]) -> Sheet:

@@ -12,6 +12,7 @@ from typing import Any
 
 from shukotsu.errors import InputError, guess, list_names
 from shukotsu.study.config_files import REFERENCE, check_config, config_path, read_config
+from shukotsu.study.file_formats import FORMATS
 from shukotsu.study.layout import Layout, read_layout
 from shukotsu.study.model import SkeletonModel, read_model
 from shukotsu.study.sheets import HAND_SHEETS, PARTICIPANTS, RECORDINGS, SHEETS, Row, read_sheet
@@ -395,7 +396,7 @@ def _why_unusable(recording: Recording) -> str:
     return ""
 
 
-OWN_ENDINGS = (".arrows", ".parquet", ".pq")
+OWN_ENDINGS = FORMATS["capture"].endings + FORMATS["parquet"].endings
 """Endings of files that say what their numbers are; no mapping of the study's is for them."""
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from shukotsu import command_line
 from shukotsu.errors import InputError, TableError
 from shukotsu.tables.limits import HAND_SIZES_MM
+from shukotsu.tables.whole_files import remedy_of
 
 if TYPE_CHECKING:
     from shukotsu.study.plan import SubjectPlan
@@ -174,8 +175,7 @@ def poses_files(plan: SubjectPlan) -> list[Path]:
         path, name = plan.poses(recording), recording_name(plan.poses(recording))
         if (name.of_hand, name.task, name.trial) != (recording.hand, recording.task, recording.trial):
             raise TableError(
-                f"{path}: is of {name}; expected {recording.hand}, {recording.name}; remove it and run the "
-                "study again"
+                f"{path}: is of {name}; expected {recording.hand}, {recording.name}; {remedy_of(path)}"
             )
         layout = plan.layouts[recording.hand.hand]
         check_layout(path, layout.name, layout.measured, layout.segments)
@@ -201,7 +201,7 @@ def provenance_of(plan: SubjectPlan, tables: Sequence[Path], files: Sequence[Pat
             if digests.get(entry["file"], entry["sha256"]) != entry["sha256"]:
                 raise TableError(
                     f"{path}: was made from another {entry['file']} than the one that is there; "
-                    "remove it and run the study again"
+                    f"{remedy_of(path)}"
                 )
     return provenance
 

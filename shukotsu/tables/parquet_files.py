@@ -21,7 +21,7 @@ import pyarrow.parquet as pq
 from shukotsu.errors import InputError, TableError
 from shukotsu.tables.limits import check_expansion, check_regular
 from shukotsu.tables.text_files import reading
-from shukotsu.tables.whole_files import file_state
+from shukotsu.tables.whole_files import file_state, remedy_of
 
 _MARK = b"SHUKOTSU SHA-256"
 _DIGEST_BYTES = 32
@@ -78,7 +78,7 @@ def _footer_at(stream: BinaryIO) -> int:
 def open_parquet(
     path: Path,
     expected: str,
-    remedy: str = "remove it and run the study again",
+    remedy: str = "",
     buffer_size: int = 0,
 ) -> pq.ParquetFile:
     """Open a Parquet file for reading in parts.
@@ -107,23 +107,23 @@ def open_parquet(
         with reading(path, expected), naming_damage(path, remedy, "not a readable Parquet file"):
             check_regular(path, expected)
             if _digest_holds(path.absolute(), *file_state(path)) is False:
-                raise TableError(f"{path}: damaged Parquet file (not the bytes of its checksum); {remedy}")
+                raise ValueError("not the bytes of its checksum")
             file = pq.ParquetFile(
                 path,
                 buffer_size=buffer_size,
                 pre_buffer=False,  # no read-ahead: some files are read in parts
                 page_checksum_verification=True,
             )
-        check_expansion(path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy)
+        check_expansion(
+            path, _VALUE_BYTES * file.metadata.num_rows * file.metadata.num_columns, remedy or remedy_of(path)
+        )
     except InputError as refused:
         raise TableError(refused.message) from refused
     return file
 
 
 @contextmanager
-def naming_damage(
-    path: Path, remedy: str = "remove it and run the study again", what: str = "damaged Parquet file"
-) -> Iterator[None]:
+def naming_damage(path: Path, remedy: str = "", what: str = "damaged Parquet file") -> Iterator[None]:
     """Convert errors of reading a Parquet file into a TableError that names the file."""
     try:
         yield
@@ -131,7 +131,7 @@ def naming_damage(
         raise
     except (OSError, ValueError, RuntimeError, pa.ArrowException) as damage:  # pyarrow's C++: RuntimeError
         reason = getattr(damage, "strerror", None) or damage
-        raise TableError(f"{path}: {what} ({reason}); {remedy}") from damage
+        raise TableError(f"{path}: {what} ({reason}); {remedy or remedy_of(path)}") from damage
 
 
 def column_ends(

@@ -32,6 +32,7 @@ from shukotsu.tables.typed_table import (
     rows_of,
     table_writer,
 )
+from shukotsu.tables.whole_files import remedy_of
 
 PARTS_KEY = "shukotsu_parts"
 """Key of the file-level metadata: a JSON list with one object per part."""
@@ -140,8 +141,7 @@ def check_subject(path: Path, subject: str, session: str = "") -> None:
     if subjects and (subject, session) not in subjects:
         names = list_names([SubjectSession(*who).label for who in subjects])
         raise TableError(
-            f"{path}: has no rows of {SubjectSession(subject, session)}, but of {names}; remove it and run "
-            "the study again"
+            f"{path}: has no rows of {SubjectSession(subject, session)}, but of {names}; {remedy_of(path)}"
         )
 
 
@@ -175,7 +175,7 @@ class PartsReader:
     def _keys(self, part: Part) -> dict[str, str]:
         """Key columns of a part; TableError where the table lacks it, InputError where it failed."""
         if part not in self._parts:
-            raise TableError(f"{self._file.path}: has no rows of {part}; remove it and run the study again")
+            raise TableError(f"{self._file.path}: has no rows of {part}; {remedy_of(self._file.path)}")
         if "failure" in self._parts[part]:
             raise InputError(self._parts[part]["failure"])
         return _named_keys(self._file.table, part)
@@ -269,8 +269,8 @@ class PartsReader:
             if n_frames is not None and count != n_frames:
                 where = ", ".join(filter(None, (task, trial, label)))
                 raise TableError(
-                    f"{self._file.path}: {where}: has {count} frames and the recording {n_frames}; remove it "
-                    "and run the study again"
+                    f"{self._file.path}: {where}: has {count} frames and the recording {n_frames}; "
+                    f"{remedy_of(self._file.path)}"
                 )
         return {label: np.concatenate(rows) if rows[1:] else rows[0] for label, rows in pieces.items()}
 
@@ -324,4 +324,4 @@ def _parts_of(file: pq.ParquetFile, path: Path) -> dict[Part, dict[str, Any]]:
             raise TypeError("a name or a reason is no text")
         return parts
     except (KeyError, ValueError, AttributeError, TypeError, RecursionError) as error:
-        raise TableError(f"{path}: does not list its parts; remove it and run the study again") from error
+        raise TableError(f"{path}: does not list its parts; {remedy_of(path)}") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import re
@@ -11,6 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from shukotsu.errors import InputError, StorageError
+from shukotsu.tables.limits import FILE_NAME_BYTES
 
 
 @contextmanager
@@ -26,16 +28,21 @@ def replacing(path: Path) -> Iterator[Path]:
     ------
     StorageError
         Where the file cannot be written.
+    InputError
+        Where no file can have the name.
 
     """
     if not path.name:
         raise InputError(f"{path}: is a folder; expected the name of a file to write")
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    stem = path.name
+    if len(os.fsencode(stem)) > FILE_NAME_BYTES - 20:  # with what stands around it, too long for a file
+        stem = hashlib.sha256(os.fsencode(stem)).hexdigest()
+    temporary = path.with_name(f".{stem}.{os.getpid()}.tmp")
     try:
         if path.exists() and not path.is_file():
             raise StorageError(f"{path}: cannot be written (is a folder or a device); name a file")
         path.parent.mkdir(parents=True, exist_ok=True)
-        left = re.compile(re.escape(f".{path.name}.") + r"\d+\.tmp")
+        left = re.compile(re.escape(f".{stem}.") + r"\d+\.tmp")
         with suppress(OSError):  # a folder that cannot be written to: opening the file will say so
             for beside in path.parent.iterdir():
                 if left.fullmatch(beside.name):
@@ -46,7 +53,8 @@ def replacing(path: Path) -> Iterator[Path]:
         sync_folder(path.parent)
     except OSError as error:
         why = os.strerror(error.errno) if error.errno else error  # rather than Arrow's message
-        raise StorageError(f"{path}: cannot be written ({why})") from error
+        kind = InputError if error.errno == errno.ENAMETOOLONG else StorageError  # no other disk takes it
+        raise kind(f"{path}: cannot be written ({why})") from error
     finally:
         with suppress(OSError):  # where a component of the path is a file, that was reported above
             temporary.unlink(missing_ok=True)
@@ -65,6 +73,15 @@ def _sync(path: Path, mode: int) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def remedy_of(path: Path) -> str:
+    """Say what to do about a damaged table or plan: one beside the plan of a study's run is made again, any
+    other may be somebody's recording.
+    """
+    beside = [folder / "plan.json" for folder in path.absolute().parents[:4]]
+    is_made = any(map(Path.is_file, (*beside, *path.absolute().parent.glob("sub-*/plan.json"))))
+    return "remove it and run the study again" if is_made else "name one that this program made"
 
 
 def files_in(folder: Path) -> list[Path]:

@@ -43,8 +43,14 @@ class FileDigests:
         self._read: dict[str, str] = {}
         self._digests: dict[str, tuple[list[int], int, str]] = {}
         self._last_run: dict[str, dict[str, str]] = {}
-        with suppress(OSError, ValueError):
-            self._digests, self._last_run = json.loads(cache.read_text("utf-8"))
+        with suppress(
+            OSError, ValueError, TypeError, AttributeError, RecursionError
+        ):  # of any other shape: as if there were none
+            digests, runs = json.loads(cache.read_text("utf-8"))
+            self._digests = {
+                path: ([*state], int(at_ns), digest) for path, (state, at_ns, digest) in digests.items()
+            }
+            self._last_run = {study: dict(contents) for study, contents in runs.items()}
 
     def of(self, paths: Iterable[str]) -> str:
         """Digest of the names and the contents of files."""

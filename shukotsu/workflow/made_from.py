@@ -92,11 +92,15 @@ def keep(kept: Path, workflow: Any) -> None:
 
 
 def _read(kept: Path) -> list[dict[str, Any]]:
-    """Return the jobs that are kept; none where the file is absent or damaged."""
-    jobs: list[dict[str, Any]] = []
-    with suppress(OSError, ValueError):
+    """Return the jobs that are kept; none where the file is absent, damaged or of any other shape."""
+    try:
         text = kept.read_text("utf-8")
         for name, path in INSTALLED.items():
             text = text.replace(name, path)
-        jobs = json.loads(text)
+        jobs: list[dict[str, Any]] = json.loads(text)
+        for job in jobs:
+            MetadataRecord(**{name: job[name] for name in COMPARED})
+            job["outputs"] = {path: [str(digest), float(s)] for path, (digest, s) in job["outputs"].items()}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        return []
     return jobs

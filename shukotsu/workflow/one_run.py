@@ -5,13 +5,14 @@ Snakemake's own lock outlives a run that was killed; the profiles that ship leav
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
-import shutil
 import socket
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -63,7 +64,9 @@ def refuse_unwritable(paths: Iterable[str | Path]) -> None:
     """Raise InputError where one of the files or folders may not be written, replaced or made."""
     refused: set[Path] = set()
     for path in map(Path, paths):
-        above = next(folder for folder in path.parents if folder.exists())
+        above = next(folder for folder in path.parents if os.path.lexists(folder))
+        if not above.is_dir():
+            raise InputError(f"{above}: is no folder, and results go into a folder there; move it away")
         refused |= {each for each in (above, path) if each.exists() and not os.access(each, os.W_OK)}
     if refused:
         names = sorted((path.absolute() for path in refused), key=lambda path: (len(path.parts), path))
@@ -77,6 +80,7 @@ def refuse_unwritable(paths: Iterable[str | Path]) -> None:
 COMMAND_FAILED = "RuleException:\nCalledProcessError"
 FULL_BYTES = 1 << 16
 """A disk with less room is full."""
+FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class FailedJobs(logging.Filter):
@@ -85,6 +89,7 @@ class FailedJobs(logging.Filter):
     def __init__(self, workflow: Any, results: Path) -> None:
         super().__init__()
         self.workflow, self.results = workflow, results
+        self.is_full = False
         self.began_s = time.time() - 0.1  # times of files are by a coarser clock
         logging.raiseExceptions = False  # a log that a full disk takes no more is not named line by line
 
@@ -97,7 +102,15 @@ class FailedJobs(logging.Filter):
             self._print_job(record)
         elif getattr(record, "exception", "") == "ProtectedOutputException":
             refuse(self.workflow, self.results)
-        return not record.getMessage().startswith(COMMAND_FAILED)
+        text = record.getMessage()
+        if any(f"[Errno {number}]" in text for number in FULL):  # of Snakemake's own files, with a traceback
+            if not self.is_full:
+                self._print(
+                    record, "no room is left for files (No space left on device); make room and run again", []
+                )
+            self.is_full = True
+            return False
+        return not text.startswith(COMMAND_FAILED)
 
     def _print_job(self, record: logging.LogRecord) -> None:
         """Print why a job failed; nothing of a job of a group that did not, or was not begun."""
@@ -123,16 +136,24 @@ def reason(log: Path, outputs: list[str]) -> str:
         last = on_one_line(text.splitlines()[-1].removeprefix("error: "))
         return f"internal error: {last}" if "Traceback (most" in text else last
     folder = next(path for path in log.parents if path.exists())
-    if shutil.disk_usage(folder).free < FULL_BYTES:
+    disk = os.statvfs(folder)  # some file systems count no files
+    if disk.f_bavail * disk.f_frsize < FULL_BYTES or (disk.f_files and not disk.f_favail):
         return f"{outputs[0]}: cannot be written (No space left on device); make room and run again"
     return ""
 
 
 def refuse(workflow: Any, results: Path) -> None:
     """End the run with 2 where another one holds the study, or an output or log to do may not be written."""
-    try:
+    with ending_in_a_sentence():
         hold(results)
         refuse_unwritable(path for job in workflow.dag.needrun_jobs() for path in (*job.output, *job.log))
+
+
+@contextmanager
+def ending_in_a_sentence() -> Iterator[None]:
+    """End the run with 2 for an InputError, which Snakemake would take for a bug."""
+    try:
+        yield
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
         sys.exit(2)

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import shlex
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -43,6 +43,9 @@ from shukotsu.workflow.file_digests import STAMP, FileDigests
 
 DEMO = Path("config", "demo.yaml")
 """The study of a run that names none."""
+
+EXPORTED = ("sub-", "bids", "tables")
+"""How names of exports begin, in the folders that they are made and collected in."""
 
 Wildcards = Any
 """Snakemake's wildcards: attributes subject (and session), hand, recording, model, as they stand in paths."""
@@ -151,7 +154,7 @@ class StudyFiles:
 
     def remove_former(self) -> str:
         """Remove results that the study has no longer; return whose, empty where there are none."""
-        present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders}
+        present = {*self.plans, *self.tables, *self.subject_pages, *self.export_folders, *self.exports}
         former = remove_former_results(self.results, present)
         return f"removed results of what the study has no longer: {list_names(former)}" if former else ""
 
@@ -405,12 +408,15 @@ class StudyFiles:
 
 
 def remove_former_results(paths: results.Results, present: Collection[str]) -> list[str]:
-    """Remove what was written for subjects, recordings and models that a study has no longer.
+    """Remove what was written for subjects, recordings, models and exports that a study has no longer.
 
-    Return the subjects' folders. What was written is known by the plan beside it; nothing else is touched.
-    present : paths that rules make now.
+    Return the folders of these subjects and exports. What was written is known by the plan beside it, exports
+    by their names; nothing else is touched. present : paths that rules make now.
     """
-    folders = []
+    exports = [
+        f for f in (paths.exports, paths.new_dataset, paths.tidy_tables) if f.as_posix() not in present
+    ]
+    folders = [former.name for former in exports if _remove(_exported(former), paths.folder)]
     for path in sorted(paths.folder.glob("sub-*/plan.json")):
         plan = None
         with suppress(InputError):  # one that cannot be read says nothing of what was made
@@ -418,16 +424,27 @@ def remove_former_results(paths: results.Results, present: Collection[str]) -> l
         if plan is None or plan.folder != path.parent:
             continue
         files = [file for file in _files_of_subject(plan, paths, present) if file.as_posix() not in present]
-        removed = [file for file in files if file.is_file()]
-        for file in removed:
-            file.unlink()
-            with suppress(OSError):  # the first folder that is not empty
-                for folder in file.parents:
-                    if folder == paths.folder:
-                        break
-                    folder.rmdir()
-        folders += [plan.folder.name] if removed else []
+        folders += [plan.folder.name] if _remove(files, paths.folder) else []
     return folders
+
+
+def _remove(files: Iterable[Path], top: Path) -> bool:
+    """Remove those of some files that are there, and folders below the top that are empty then."""
+    removed = [file for file in files if file.is_file()]
+    for file in removed:
+        file.unlink()
+        with suppress(OSError):  # the first folder that is not empty
+            for folder in file.parents:
+                if folder == top:
+                    break
+                folder.rmdir()
+    return bool(removed)
+
+
+def _exported(folder: Path) -> Iterator[Path]:
+    """Files of a folder of exports that were written there."""
+    yield from (f for f in sorted(folder.rglob("*")) if f.relative_to(folder).parts[0].startswith(EXPORTED))
+    yield folder / STAMP
 
 
 def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collection[str]) -> Iterator[Path]:
@@ -442,8 +459,7 @@ def _files_of_subject(plan: SubjectPlan, paths: results.Results, present: Collec
         yield from (paths.recording_page(recording) for recording in plan.recordings)
         yield from (paths.subject_page(*plan.who), pages / results.FAILED_PAGES, pages / STAMP)
     if exports.as_posix() not in present:
-        yield from (f for f in exports.rglob("*") if f.relative_to(exports).parts[0].startswith("sub-"))
-        yield exports / STAMP
+        yield from _exported(exports)
 
 
 def study_file(files: Sequence[Path], config: Mapping[str, Any], is_module: bool) -> Path:

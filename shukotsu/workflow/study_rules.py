@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Any
 
+from snakemake.dag import DAG
 from snakemake.exceptions import WorkflowError
 from snakemake.io import report
 from snakemake.logging import logger
@@ -48,20 +51,37 @@ def begin(workflow: Any, config: dict[str, Any], top: Path) -> StudyFiles:
     except InputError as error:
         raise WorkflowError(str(error)) from None
     _note(*notes)
+    DAG.check_output_mtime = _take_any_time
     workflow.global_wildcard_constraints(**WILDCARDS)
-    if workflow.is_main_process and Quietness.RULES in (workflow.output_settings.quiet or ()):
-        logger.addFilter(one_run.FailedJobs(workflow, study.results.folder))  # as `shukotsu run` asks
+    is_quiet = Quietness.RULES in (workflow.output_settings.quiet or ())  # as `shukotsu run` asks
+    if workflow.is_main_process and is_quiet:
+        logger.addFilter(one_run.FailedJobs(workflow, study.results.folder))
+
+    def end(*_: object) -> None:
+        if is_quiet:
+            logging.disable()  # that it was ended, whoever ended it says
+        if not workflow.local_exec:  # jobs are cancelled then; what looked after them may sleep for long
+            workflow.scheduler._executor.shutdown = lambda: os._exit(1)
+        raise KeyboardInterrupt
 
     def start(_: Any) -> None:
+        signal.signal(signal.SIGTERM, end)  # Snakemake's own handler waits for jobs, and for a lock for ever
         one_run.refuse(workflow, study.results.folder)
-        _note(study.what_changed(), study.remove_former())
-        study.write_changed_plans()
+        with one_run.ending_in_a_sentence():
+            _note(study.what_changed(), study.remove_former())
+            study.write_changed_plans()
         warm_process.start()
 
     workflow.onstart(start)
     workflow.onsuccess(lambda _: made_from.keep(study.kept, workflow))
     workflow.onerror(lambda _: made_from.keep(study.kept, workflow))
     return study
+
+
+async def _take_any_time(*_: object) -> None:
+    """Take the place of Snakemake's test after a job, which has no option: it fails where an input's time is
+    later than an output's, as that of a tracker whose clock is ahead. Content says what is out of date.
+    """
 
 
 def _note(*notes: str) -> None:

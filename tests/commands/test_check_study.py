@@ -57,7 +57,7 @@ def test_a_study_s_recordings_have_the_findings_of_its_run(
     study: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = sorted(Path().rglob("*"))
-    assert check([str(study)]) == 0
+    assert check([str(study)]) == 2
     out, err = capsys.readouterr()
     assert not err
     assert sorted(Path().rglob("*")) == before
@@ -91,8 +91,23 @@ def test_a_study_says_what_its_sheets_do_not_share(
     Path("participants.tsv").write_text("subject\thand_length_mm\n1\t180\n")
     sheets = "recordings: recordings.tsv\nparticipants: participants.tsv\n"
     Path("study.yaml").write_text(f"study: s\n{sheets}layout: liberty16\nmodels: [rigid]\n")
-    assert check([]) == 0
+    assert check([]) == 2
     assert "note: participants.tsv: has no row of '01', and row 2 is of '1'" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("row", "code"),
+    [
+        ("P1 right rom both rom.csv", 0),
+        ("P1 left rom both rom.csv - - - on-video", 0),
+        ("P1 left rom both rom.csv", 1),
+        (f"P1 right old both {'f' * 300}.csv", 2),
+    ],
+)
+def test_the_exit_code_is_that_of_the_worst(study: Path, row: str, code: int) -> None:
+    """An accepted finding is a note; a row that is left out is one that cannot be read."""
+    rows = ["P1 right rom both rom.csv", row] if code == 2 else [row]
+    assert check([str(write_study(study.parent, *rows))]) == code
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +129,7 @@ def test_a_good_recording_has_three_lines_on_what_would_gain(
 
 
 def test_of_the_other_hand_only_that_is_said(rom: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert check([str(rom), "--hand", "left"]) == 0
+    assert check([str(rom), "--hand", "left"]) == 1
     out = capsys.readouterr().out
     assert out.startswith("suspect: wrong-hand: This seems to be a right hand")
     assert "Measuring" not in out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import pytest
@@ -27,10 +28,22 @@ def test_a_new_study_reads_when_a_row_is_written(
     assert "add a row a recording" in capsys.readouterr().err
     with Path("recordings.tsv").open("a") as file:
         file.write(ROW)
-    assert check([]) == 0
+    assert check([]) == 2
     first, last = capsys.readouterr().out.splitlines()
     assert last == "P1 right rom: cannot be read: rom.csv: no such file; expected a recording"
     assert first == "study.yaml: study piano, 1 subjects, 1 recordings, 3 models"
+
+
+@pytest.mark.parametrize(("name", "study"), [("ピアノ 研究", "study"), ("grip's 2", "grip-s-2")])
+def test_a_folder_may_have_any_name(
+    tmp_path: Path, name: str, study: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert new([name]) == 0
+    out = capsys.readouterr().out
+    assert f"note: the study is called {study}, and results go to results/{study}\n" in out
+    assert f"then: cd {shlex.quote(name)}; shukotsu check" in out
+    assert f"\nstudy: {study} " in Path(name, "study.yaml").read_text("utf-8")
 
 
 def sheet(folder: Path) -> list[list[str]]:

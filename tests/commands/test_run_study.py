@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import psutil
@@ -43,6 +44,60 @@ def test_what_it_started_is_killed_with_it() -> None:
         process.send_signal(signal.SIGKILL)
         process.wait()
         assert psutil.wait_procs([child], 60)[1] == []
+
+
+ENDS = {
+    "SIGINT": (130, "interrupted"),
+    "SIGTERM": (143, "ended by SIGTERM"),
+    "SIGHUP": (129, "ended by SIGHUP"),
+}
+
+
+@pytest.mark.parametrize("kill", [os.kill, os.killpg])
+@pytest.mark.parametrize("name", ENDS)
+def test_a_signal_ends_all_that_was_started(name: str, kill: Callable[[int, int], None]) -> None:
+    """Also what takes no SIGTERM: with one sentence, and the code of the signal."""
+    child = (
+        "import signal, subprocess; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+        "subprocess.Popen(['sleep', '600']); print(1, flush=True); signal.pause()"
+    )
+    code = (
+        "import sys; from shukotsu import command_line; from shukotsu.commands.run_study import _run; "
+        f"sys.exit(command_line.run_command(lambda: _run([sys.executable, '-c', {child!r}], None)))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
+        start_new_session=True,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "1\n"
+    started = psutil.Process(process.pid).children(recursive=True)
+    kill(process.pid, getattr(signal, name))
+    status, how = ENDS[name]
+    assert process.communicate()[1] == f"error: {how}; the same command goes on from there\n"
+    assert process.returncode == status
+    assert len(started) == 2
+    assert not [each for each in started if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
+
+
+@pytest.mark.parametrize("name", ENDS)
+@pytest.mark.parametrize("module", ["shukotsu.command_line", "shukotsu.study.study"])
+def test_a_signal_while_modules_are_imported_is_one_sentence(name: str, module: str) -> None:
+    code = (
+        "import os, signal, sys\n"
+        "class Finder:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == {module!r}: os.kill(os.getpid(), signal.{name})\n"
+        "sys.meta_path.insert(0, Finder()); sys.argv = ['shukotsu', 'check', 'none.yaml']\n"
+        "from shukotsu.__main__ import main; sys.exit(main())"
+    )
+    environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment)
+    assert (done.returncode, done.stderr) == (ENDS[name][0], f"error: {ENDS[name][1]}\n")
 
 
 def test_the_lock_is_handed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from moving_fingers import blanked, moving_fingers, timed
 
 from shukotsu.errors import InputError
-from shukotsu.export.gaps import close_gaps, find_gaps, resample_evenly
+from shukotsu.export.gaps import FILLED_FRAMES, close_gaps, find_gaps, resample_evenly
 from shukotsu.export.motion import local_motion
 from shukotsu.hand.posing import PosedRecording
 from shukotsu.hand.rotations import about_axis, angle, conjugate, multiply, unit
@@ -128,6 +128,15 @@ def test_a_constant_angular_velocity_stays_one(
     np.testing.assert_allclose(other.position_mm[:, 3], other.time_s[:, None] * along * 30, atol=1e-9)
     assert (np.sum(other.quaternion[1:] * other.quaternion[:-1], -1) >= -1e-9).all()
     assert other.rate_hz == fps
+
+
+def test_no_more_frames_are_made_than_are_exported() -> None:
+    motion = moving_fingers(100)
+    assert len(resample_evenly(motion, 1e4).frame) < FILLED_FRAMES
+    with pytest.raises(
+        InputError, match=r"--fps: 1e\+06 would make \d{6} frames of .*more than 100000; give a"
+    ):
+        resample_evenly(motion, 1e6)
 
 
 def test_nothing_is_made_between_frames_that_are_far_apart() -> None:

@@ -205,7 +205,7 @@ def test_metacarpals_of_other_poses_are_refused(
     table = read_part(plan.table("metacarpals"), METACARPALS, WHOLE)
     few = changed_metacarpals(tmp_path / "few.parquet", table.filter(pc.less(table["frame"], 101)))
     assert evaluate(plan, tmp_path / "out", "rom", "--record-failure", metacarpals=few) == 2
-    message = "few.parquet: opposition, thumb: has 100 frames and the recording 300; remove it and run"
+    message = "few.parquet: opposition, thumb: has 100 frames and the recording 300; name one that this"
     assert message in capsys.readouterr().err
     assert list((tmp_path / "out").iterdir()) == []
 

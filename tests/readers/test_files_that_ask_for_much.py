@@ -10,7 +10,7 @@ import pytest
 
 from shukotsu.__main__ import main
 from shukotsu.errors import MOST_LETTERS
-from shukotsu.readers.formats.readers import FORMATS
+from shukotsu.study.file_formats import FORMATS
 from shukotsu.tables import limits
 
 HEADER = "frame,time_s,segment,x_mm,y_mm,z_mm,qw,qx,qy,qz\n"

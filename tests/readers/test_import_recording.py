@@ -43,7 +43,8 @@ def test_metadata_say_whose_hand_it_is_and_what_is_absent(
     assert [entry["file"] for entry in metadata["inputs"]] == ["rom.csv", "liberty16.yaml"]
     rows = read_table(out, POSES).to_pylist()
     assert [row["flags"] for row in rows if row["segment"] == "index_distal"] == ["missing", "no-row"]
-    captured = capsys.readouterr().err
+    printed, captured = capsys.readouterr()
+    assert printed == f"{out}: 6 rows, 2 receivers, 0.1 s, 2 poses of them missing\n"
     assert captured.count("no pose of") == 1
     assert "index_distal, middle_proximal" in captured
     assert "(14 of 17 segments)" in captured

@@ -124,7 +124,7 @@ def test_a_table_of_other_inputs_is_refused_in_a_study(tmp_path: Path) -> None:
     subject_stage.check_made_together(table, other)
     with parts_writer(tmp_path / "foreign.parquet", JOINT_CENTRES, Provenance()) as writer:
         writer.rows(Part("right", "rigid", "", "02"), [])
-    with pytest.raises(TableError, match=r"foreign\.parquet: has no rows of subject 01, but of 02; remove"):
+    with pytest.raises(TableError, match=r"foreign\.parquet: has no rows of subject 01, but of 02; name"):
         subject_stage.provenance_of(plan, [table, tmp_path / "foreign.parquet"], [recording])
     poses(recording, "rom", "left")
     with parts_writer(other, JOINT_CENTRES, Provenance.of([recording], plan.folder)):
@@ -248,7 +248,7 @@ def test_what_is_interrupted_leaves_no_file_and_no_traceback(tmp_path: Path, num
         work, preexec_fn=partial(signal.signal, signal.Signals[number], signal.SIG_DFL)
     )  # of whoever ignores it
     assert done.returncode == code
-    assert done.stderr == ("error: interrupted\n" if code == 130 else "")
+    assert done.stderr == ("error: interrupted\n" if code == 130 else f"error: ended by {number}\n")
     assert not list(tmp_path.iterdir())
 
 

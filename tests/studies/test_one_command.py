@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import psutil
 import pytest
 from studies.running import REPOSITORY, record, write_study
 
@@ -60,6 +63,38 @@ def test_from_nothing_to_report_and_exports(tmp_path: Path) -> None:
     exported = shukotsu(folder, "export", "study.yaml", "--formats", "csv", "--out", "out")
     assert exported.returncode == 0, exported.stderr
     assert (folder / "out" / "sub-01_hand-right_task-rom_model-rigid.csv").is_file()
+
+
+@pytest.mark.parametrize("kill", [os.kill, os.killpg])
+@pytest.mark.parametrize("after", ["$ ", "Execute "])
+def test_a_run_that_is_ended_leaves_nothing_at_work(
+    tmp_path: Path, after: str, kill: Callable[[int, int], None]
+) -> None:
+    """As Snakemake is started, and amid jobs, whose warm process ends too; the same command goes on."""
+    file = record(tmp_path / "rom.parquet")
+    write_study(tmp_path, "study", [f"01\tright\trom\tboth\t{file.name}"], ["rigid"])
+    command = [sys.executable, "-P", "-m", "shukotsu", "run"]
+    mark = {"OF_THIS_TEST": str(tmp_path)}
+    for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)):
+        process = subprocess.Popen(
+            command,
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(REPOSITORY)} | mark,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            text=True,
+        )
+        assert process.stderr is not None
+        assert any(line.startswith(after) for line in process.stderr)
+        kill(process.pid, number)
+        said = [line for line in process.communicate()[1].splitlines() if line.startswith(("error", "Work"))]
+        assert process.returncode == code
+        assert len(said) == 1
+        assert said[0].startswith("error: ")
+        environments = (each.info["environ"] or {} for each in psutil.process_iter(["environ"]))
+        assert not [each for each in environments if each.get("OF_THIS_TEST") == str(tmp_path)]
+    assert shukotsu(tmp_path, "run").returncode == 0
 
 
 def test_why_it_cannot_go_on_is_one_sentence(tmp_path: Path) -> None:

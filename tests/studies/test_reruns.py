@@ -339,6 +339,9 @@ def test_what_changed_is_made_again_as_a_fresh_run_makes_it(copy: StudyRun) -> N
     assert subjects({job for job in jobs if job.rule in UP_TO_JOINTS - {"plan", "solve_joints"}}) == {"01"}
 
     (copy.folder / "participants.tsv").write_text("subject\tgroup\n01\tb\n02\tb\n")
+    copy.file.write_text(copy.file.read_text("utf-8").replace("[bvh, bids, csv]", "[bvh]"))
+    for path in (copy.file, copy.folder / "participants.tsv", copy.folder / "01.csv"):  # of a clock ahead
+        os.utime(path, (path.stat().st_mtime + 86400,) * 2)
     sheet = copy.folder / "open.tsv"
     lines = sheet.read_text("utf-8").splitlines(keepends=True)
     sheet.write_text("".join(line for line in lines if not line.startswith("all\t")))
@@ -346,7 +349,7 @@ def test_what_changed_is_made_again_as_a_fresh_run_makes_it(copy: StudyRun) -> N
     notes.write_text("the user's own")
     text = copy.run()
     assert "changed since the last run: " in text
-    assert "removed results of what the study has no longer: sub-all" in text
+    assert "removed results of what the study has no longer: dataset, tidy, sub-all" in text
     assert [path for path in notes.parent.rglob("*") if path.is_file()] == [notes]
     notes.unlink()
     after = hashes(results)

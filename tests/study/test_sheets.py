@@ -63,7 +63,7 @@ def test_a_touch_needs_a_point_or_a_digit_that_it_meets(tmp_path: Path) -> None:
         (RECORDINGS, [RECORDING[0], "01\tright\trom\ttest\tr.csv"],
          "row 2, column role: is 'test'; expected calibration, evaluation or both"),
         (RECORDINGS, [RECORDING[0] + "\tformat", RECORDING[1] + "\tc3d"],
-         "row 2, column format: is 'c3d'; expected auto, csv, parquet, capture or xdf"),
+         "row 2, column format: is 'c3d'; expected auto, csv, parquet, capture, xdf or sequence"),
         (RECORDINGS, [RECORDING[0], "01\tright\tr\x07m\tboth\tr.csv"],
          "column task: holds a control character"),
         (RECORDINGS, [RECORDING[0], "\x9b31m\tright\trom\tboth\tr.csv"],

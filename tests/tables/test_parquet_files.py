@@ -79,3 +79,17 @@ def test_files_that_are_none(tmp_path: Path, content: bytes) -> None:
     path.write_bytes(content)
     with pytest.raises(TableError, match="not a readable Parquet file"):
         open_parquet(path, "a table")
+
+
+@pytest.mark.parametrize("made", [True, False])
+def test_only_what_a_run_made_is_called_removable(tmp_path: Path, made: bool) -> None:
+    """What is beside the plan of a run; anything else may be somebody's recording."""
+    plan = tmp_path / "sub-01" / "plan.json"
+    for path in (plan, plan.parent / "right" / "rom" / "poses.parquet", tmp_path / "gains.parquet"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if made or path != plan:
+            path.write_text("x,y\n1,2\n")
+        if path != plan:
+            cure = "remove it and run the study again" if made else "name one that this program made"
+            with pytest.raises(TableError, match=rf"not a readable Parquet file \(.*\); {cure}$"):
+                open_parquet(path, "a table")

@@ -71,7 +71,7 @@ def test_a_part_that_the_file_lacks_and_one_that_failed(short: Path) -> None:
         Part("right", "rigid", "", "02"),
         Part("right", "rigid", "x", "01"),
     ):
-        with pytest.raises(TableError, match=f"short.parquet: has no rows of {part}; remove it and run"):
+        with pytest.raises(TableError, match=f"short.parquet: has no rows of {part}; name one that this"):
             read_part(short, SHORT, part)
     with pytest.raises(InputError, match=r"^no recording calibrates$") as caught:
         read_part(short, SHORT, WITHOUT)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from shukotsu.errors import StorageError
+from shukotsu.errors import InputError, StorageError
 from shukotsu.tables.typed_table import Provenance
 from shukotsu.tables.whole_files import files_in, write_text
 
@@ -73,6 +73,16 @@ def test_what_a_killed_writer_left_goes_with_the_next_writing(tmp_path: Path) ->
         path.write_text("half")
     write_text(tmp_path / "a.txt", "whole")
     assert sorted(tmp_path.iterdir()) == sorted([tmp_path / "a.txt", *others])
+
+
+@pytest.mark.parametrize("length", [200, 230, 255])
+def test_a_name_may_be_as_long_as_a_file_system_takes(tmp_path: Path, length: int) -> None:
+    """A longer one is bad input, and no trouble of the disk."""
+    write_text(tmp_path / ("a" * length), "text")
+    assert [path.name for path in tmp_path.iterdir()] == ["a" * length]
+    with pytest.raises(InputError, match="File name too long") as caught:
+        write_text(tmp_path / ("a" * 256), "text")
+    assert not isinstance(caught.value, StorageError)
 
 
 def test_hidden_files_are_no_part_of_a_folder(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from shukotsu.resources import VERSION
-from shukotsu.workflow import file_digests
+from shukotsu.workflow import file_digests, made_from
 from shukotsu.workflow.file_digests import FileDigests, program_digest
 
 
@@ -73,6 +73,28 @@ def test_what_changed_since_the_last_run_is_named() -> None:
     again = FileDigests(Path("cache.json"))
     assert again.changes("study", {"a": "1", "b": "2", "d": "1"}) == ["b", "d", "c"]
     assert again.changes("another", {"a": "1"}) == []
+
+
+NOTES = (
+    "{}",
+    "[]",
+    "3",
+    "null",
+    "[1]",
+    "[{}]",
+    '[[], {"a": 1}]',
+    '[{"a": [1, 2, 3]}, {}]',
+    '[{"outputs": 3}]',
+)
+
+
+@pytest.mark.parametrize("text", [*NOTES, "[" * 10**5])
+def test_notes_of_another_shape_are_as_if_there_were_none(text: str) -> None:
+    Path("notes.json").write_text(text)
+    digests = FileDigests(Path("notes.json"))
+    assert digests.changes("study", {"a": digests.sha256("a")}) == []
+    Path("notes.json").write_text(text)
+    assert made_from.recall(Path("notes.json"), ["a"], [], FileDigests(Path("other.json"))) == ["a"]
 
 
 def test_a_program_is_its_version_and_in_a_checkout_its_files(

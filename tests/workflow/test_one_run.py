@@ -5,7 +5,6 @@ Of a failed job its own sentence is printed, of a full disk the file, and no com
 
 import logging
 import os
-import shutil
 import subprocess
 import sys
 from collections import namedtuple
@@ -67,7 +66,7 @@ def test_a_folder_that_cannot_be_written_to_is_left_to_snakemake(monkeypatch: py
     one_run.hold(STUDY)
 
 
-Usage = namedtuple("Usage", ("total", "used", "free"))
+Disk = namedtuple("Disk", ("f_bavail", "f_frsize", "f_files", "f_favail"))
 
 
 @pytest.mark.parametrize(
@@ -81,8 +80,9 @@ Usage = namedtuple("Usage", ("total", "used", "free"))
 def test_a_log_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, why: str) -> None:
     log = tmp_path / "a.log"
     log.write_text(text)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(1, 1, 0))
-    assert reason(log, ["out.parquet"]) == why
+    for disk in (Disk(0, 4096, 9, 9), Disk(99, 4096, 9, 0)):
+        monkeypatch.setattr(os, "statvfs", lambda _, disk=disk: disk)
+        assert reason(log, ["out.parquet"]) == why
 
 
 def test_the_sentence_takes_the_place_of_the_command(
@@ -102,11 +102,18 @@ def test_the_sentence_takes_the_place_of_the_command(
     assert caplog.messages == [f"error: plan: subject 01: no (log: {log})"] * 2
     assert not shown.filter(logging.makeLogRecord({"msg": f"{COMMAND_FAILED} in file"}))
     assert shown.filter(logging.makeLogRecord({"msg": "WorkflowError"}))
+    caplog.clear()
+    full = logging.makeLogRecord({"name": "a", "msg": "Traceback\nOSError: [Errno 28] No space left"})
+    assert (shown.filter(full), shown.filter(full)) == (False, False)
+    assert len(caplog.messages) == 1
+    assert caplog.messages[0].startswith("error: no room is left for files")
 
 
 def test_what_may_not_be_written_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "made").touch()
     one_run.refuse_unwritable([tmp_path / "made", tmp_path / "new" / "file"])
+    with pytest.raises(InputError, match=r"made: is no folder, and results go into a folder there"):
+        one_run.refuse_unwritable([tmp_path / "made" / "new" / "file"])
     monkeypatch.setattr(os, "access", lambda path, _: path != tmp_path / "made")
     with pytest.raises(InputError, match=r"made: may not be written \(by its rights"):
         one_run.refuse_unwritable([tmp_path / "made", tmp_path / "new" / "file"])

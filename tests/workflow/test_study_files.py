@@ -12,6 +12,8 @@ from small_study import write_study
 from shukotsu.errors import InputError
 from shukotsu.study.config_files import CONFIG_FOLDER, REFERENCE
 from shukotsu.study.results import FIT_TABLES
+from shukotsu.tables.whole_files import write_text
+from shukotsu.workflow.file_digests import STAMP
 from shukotsu.workflow.study_files import StudyFiles, study_file
 
 ROWS = (
@@ -160,6 +162,18 @@ def test_what_is_exported(folder: Path) -> None:
     assert (study.exports, study.export_folders) == (["results/test/exports"], folders)
     assert "--models=rigid" in shlex.split(study.export_options)
     assert files(folder, more="exports: [bids]\n").export_folders == ["results/test/dataset"]
+
+
+def test_exports_that_are_no_longer_asked_for_go(folder: Path) -> None:
+    """What the program names so; a person's own stay."""
+    names = ("sub-02.csv", "bids/README", "tables/a.csv", STAMP, "notes.txt")
+    made = [Path("results/test", top, name) for top in ("exports", "dataset", "tidy") for name in names]
+    for path in made:
+        write_text(path, "")
+    said = "removed results of what the study has no longer: "
+    assert files(folder, more="exports: [csv]\n").remove_former() == f"{said}dataset"
+    assert files(folder).remove_former() == f"{said}exports, tidy"
+    assert {path for path in made if path.exists()} == {path for path in made if path.name == "notes.txt"}
 
 
 def test_a_run_or_a_module_is_of_one_study_as_its_file_or_its_keys_say(folder: Path) -> None:

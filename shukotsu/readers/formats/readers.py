@@ -1,15 +1,15 @@
-"""Which format is read by what. A new format is one more line here and one module."""
+"""Find what reads a recording; formats and their readers stand in `study.file_formats`."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shukotsu.errors import InputError
+from shukotsu.study.file_formats import AUTO, FORMATS, MAPPED
 from shukotsu.tables.text_files import open_text
 
 if TYPE_CHECKING:
@@ -20,40 +20,6 @@ if TYPE_CHECKING:
 
     Reader = Callable[[Path, Layout, FileMapping | None], Samples]
     PartsReader = Callable[[Path, Layout, FileMapping | None], Iterator[Samples]]
-
-
-@dataclass(frozen=True)
-class FileFormat:
-    """One file format: the endings that mean it, and the reader's module and function.
-
-    in_parts : whether the function gives the recording part by part, as a format can be long.
-    """
-
-    endings: tuple[str, ...]
-    module: str
-    function: str
-    in_parts: bool = False
-
-
-_FORMATS = "shukotsu.readers.formats"
-
-FORMATS = {
-    "csv": FileFormat((".csv",), f"{_FORMATS}.tidy", "read_csv", in_parts=True),
-    "parquet": FileFormat((".parquet", ".pq"), f"{_FORMATS}.tidy", "read_parquet", in_parts=True),
-    "capture": FileFormat((".arrows",), f"{_FORMATS}.raw_capture", "read_capture", in_parts=True),
-    "xdf": FileFormat((".xdf", ".xdfz"), f"{_FORMATS}.xdf", "read_xdf"),
-    "sequence": FileFormat((".mha", ".nrrd"), f"{_FORMATS}.sequence", "read_sequence"),
-}
-"""Formats that say themselves what their numbers are."""
-MAPPED = {
-    "csv": FileFormat((".csv", ".txt", ".tsv"), f"{_FORMATS}.mapped_csv", "read_mapped_csv"),
-    "c3d": FileFormat((".c3d",), f"{_FORMATS}.c3d", "read_c3d"),
-    "capture": FORMATS["capture"],
-    "xdf": FORMATS["xdf"],
-    "sequence": FORMATS["sequence"],
-}
-"""Formats that are read by a mapping; the mapping says which."""
-AUTO = "auto"
 
 
 def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None) -> PartsReader:
@@ -77,7 +43,7 @@ def find_parts_reader(path: Path, name: str, mapping: FileMapping | None = None)
                 "`shukotsu inspect FILE --write-mapping mapping.yaml` writes one to edit"
             )
         chosen = FORMATS[name]
-    read = getattr(importlib.import_module(chosen.module), chosen.function)
+    read = getattr(importlib.import_module(f"{__package__}.{chosen.module}"), chosen.function)
     return read if chosen.in_parts else lambda path, layout, mapping: iter([read(path, layout, mapping)])
 
 
