@@ -44,7 +44,7 @@ from shukotsu.readers.inspection.description import CHECK, Description, draft, e
 from shukotsu.readers.samples import NUMBERS
 from shukotsu.study.layout import Layout
 from shukotsu.tables.limits import SECONDS_PER_UNIT, UNIT_NAMES
-from shukotsu.tables.text_files import open_text
+from shukotsu.tables.text_files import NO_VALUE, open_text
 from shukotsu.tables.typed_table import read_metadata
 
 READ_LINES = 200
@@ -53,7 +53,7 @@ _HEADER_ROWS = 12
 _COMMENTS = ("#", "%", "//")
 _SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "space": None}
 _NUMBER = {
-    mark: re.compile(rf"[+\u2212-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|na|", re.I)
+    mark: re.compile(rf"[+\u2212-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|{NO_VALUE}", re.I)
     for mark in ".,"
 }
 
@@ -391,9 +391,9 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
 
 def is_tidy(path: Path) -> bool:
     """Return whether a text file's first line has the columns of a tidy recording."""
-    with path.open("rb") as stream:
+    with open_text(path) as stream:
         first = stream.readline(10_000).decode("utf-8", "replace")
-    return _tidy_header([name.strip().strip('"') for name in first.lstrip("\ufeff").split(",")])
+    return _tidy_header([name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))])
 
 
 def _tidy_header(names: Sequence[str]) -> bool:
@@ -443,7 +443,7 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
         return ["it has a header but no rows"]
     frames, time_s = (
         np.concatenate([part.wholes("frame") for part in parts]),
-        np.concatenate([part.reals("time_s") for part in parts]),
+        np.concatenate([part.times_s("time_s", "s") for part in parts]),
     )
     numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
     lines = [f"{len(frames)} rows, frames {frames.min()} to {frames.max()}, {len(np.unique(frames))} of them"]
