@@ -43,7 +43,7 @@ class Cells:
     """N rows of some columns; every method raises InputError that names the row of the first bad cell.
 
     locate : row, counted from 0, to file and line, for messages. empty : of columns of text, what means "no
-    value" beside NO_VALUE, and so does any cell that is the same number; None where the file has number types.
+    value" beside NO_VALUE, and so does any cell that is the same number; None where the file has numbers.
     decimal : the decimal mark of text. empty_rows : how many without any cell were dropped.
     """
 
@@ -84,15 +84,17 @@ class Cells:
         parts = pc.extract_regex(text, _DATE)
         if unit != DATES and parts.null_count == len(parts):
             return self.reals(name, _TIME) * SECONDS_PER_UNIT[unit]
-        part = lambda key: pc.struct_field(parts, key)  # noqa: E731
-        days = pc.strptime(part("day"), "%Y-%m-%d", "s", error_is_null=True)
+        part = {
+            key: pc.struct_field(parts, key) for key in ("day", "h", "m", "s", "sign", "zone_h", "zone_m")
+        }
+        days = pc.strptime(part["day"], "%Y-%m-%d", "s", error_is_null=True)
         odd = pc.and_(pc.is_null(days), pc.is_valid(text))
         self._refuse_first(odd.to_numpy(), name, _A_DATE)
-        clock = (pc.replace_substring(part(key), ",", ".") for key in ("h", "m", "s", "zone_h", "zone_m"))
+        clock = (pc.replace_substring(part[key], ",", ".") for key in ("h", "m", "s", "zone_h", "zone_m"))
         hours, minutes, seconds, zone_h, zone_m = (
             pc.replace_substring_regex(texts, "^$", "0").cast(pa.float64()).to_numpy() for texts in clock
         )
-        sign = np.where(pc.equal(part("sign"), "-").to_numpy(zero_copy_only=False) == True, -1.0, 1.0)  # noqa: E712
+        sign = np.where(pc.fill_null(pc.equal(part["sign"], "-"), False).to_numpy(), -1.0, 1.0)
         whole_s = days.cast(pa.int64()).cast(pa.float64()).to_numpy()
         return np.asarray(whole_s + 3600 * (hours - sign * zone_h) + 60 * (minutes - sign * zone_m) + seconds)
 

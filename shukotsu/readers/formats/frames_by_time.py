@@ -41,6 +41,8 @@ def framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list[
     step_s = float(np.quantile(steps_s, 0.25, method="lower"))  # of which lost rows make many longer
     middle_s = float(np.median(np.concatenate(finite_s)))
     timed, keys_s, turns = {}, [], []
+    notes: list[str] = []
+    losses: list[str] = []
     for segment, track in tracks.items():
         with np.errstate(over="ignore"):
             timed[segment] = track.of(np.abs(track.time_s - middle_s) < _MOST_STEPS * step_s)
@@ -55,7 +57,6 @@ def framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list[
     frames, far = _nearest_together(
         [key_s + 1e-6 * step_s * turn for key_s, turn in zip(keys_s, turns, strict=True)], step_s
     )
-    notes, losses = [], []
     if far > _FEW_FAR:
         frames, doubt = _by_count(keys_s), ""
         if not frames:
@@ -163,7 +164,9 @@ def _ambiguity(keys_s: Sequence[Array], frames: Sequence[Integers]) -> tuple[str
     frame = np.unique(np.concatenate(frames), return_inverse=True)[1]
     count = np.bincount(frame)
     centre_s = np.bincount(frame, every_s) / count
-    off_s, step_s = every_s - centre_s[frame], float(np.median(np.diff(np.sort(centre_s))))
+    step_s = float(np.median(np.diff(np.sort(centre_s))))
+    off = np.split(every_s - centre_s[frame], np.cumsum([len(key_s) for key_s in keys_s])[:-1])
+    off_s = np.concatenate([part - np.median(part) if len(part) else part for part in off])
     scatter_s = math.sqrt(float(off_s @ off_s) / max(1, len(off_s) - len(count)))
     # Two rows in turn changed places, unless times go back in their order; or a lost row is another.
     swapped = all((np.diff(key_s) >= 0).all() for key_s in keys_s) * math.erfc(step_s / (2 * scatter_s))

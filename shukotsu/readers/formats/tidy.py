@@ -31,7 +31,7 @@ _COMMENTS = ("#", "%", "//")
 
 
 def read_csv(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
-    """Read a tidy table as text (commas or tabs, decimal points) in parts. Raises InputError where it is none."""
+    """Read a tidy table as text (commas or tabs, points) in parts. Raises InputError where it is none."""
     table = open_tidy_csv(path)
     wanted = wanted_columns(path, table.header)
     return _parts(table.blocks(wanted), path, layout, table.cut_off(wanted))
