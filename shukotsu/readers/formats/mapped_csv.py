@@ -23,7 +23,7 @@ from shukotsu.readers.formats.mapped import (
     samples_of_tracks,
 )
 from shukotsu.readers.formats.text_table import TextTable, open_table_text
-from shukotsu.readers.samples import Samples, did_you_mean
+from shukotsu.readers.samples import Samples, did_you_mean, unwrapped_frames
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 from shukotsu.tables.limits import SECONDS_PER_UNIT
@@ -191,7 +191,13 @@ def _in_step(
     """
     losses: list[str] = []
     if frames is not None:
-        tracks = {segment: replace(track, frame=frames[track.row]) for segment, track in tracks.items()}
+        worn = {segment: track for segment, track in tracks.items() if len(track.row)}
+        counted, note = unwrapped_frames(
+            [frames[track.row] for track in worn.values()], [track.time_s for track in worn.values()]
+        )
+        notes += filter(None, [note])
+        for (segment, track), frame in zip(worn.items(), counted, strict=True):
+            tracks[segment] = replace(track, frame=frame)
     elif long and any(np.ptp(times_s) > 0 for t in tracks.values() if len(times_s := _finite(t.time_s))):
         tracks, more, losses = framed_by_time(tracks)
         notes += more
