@@ -38,7 +38,7 @@ class FileFormat:
 _FORMATS = "shukotsu.readers.formats"
 
 FORMATS = {
-    "csv": FileFormat((".csv",), f"{_FORMATS}.tidy", "read_csv", in_parts=True),
+    "csv": FileFormat((".csv", ".tsv", ".txt"), f"{_FORMATS}.tidy", "read_csv", in_parts=True),
     "parquet": FileFormat((".parquet", ".pq"), f"{_FORMATS}.tidy", "read_parquet", in_parts=True),
     "capture": FileFormat((".arrows",), f"{_FORMATS}.raw_capture", "read_capture", in_parts=True),
     "xdf": FileFormat((".xdf", ".xdfz"), f"{_FORMATS}.xdf", "read_xdf"),
