@@ -82,7 +82,8 @@ def import_recording(arguments: argparse.Namespace) -> None:
         seen = {s for s, usable in zip(poses.segments, poses.usable, strict=True) if usable} | {*poses.frozen}
         worn = layout.measured if mapping is None else (*mapping.receivers, *mapping.fixed)
         absent = [s for s in layout.expected if s in worn and s not in seen]
-        notes = list(remarks.notes)
+        said = [*remarks.notes, *poses.notes]
+        notes = list(said)
         if absent:
             notes.append(f"no pose of {', '.join(absent)} ({len(absent)} of {len(layout.measured)} segments)")
         notes += [f"segment {name} never moves though its parent does; not used" for name in poses.frozen]
@@ -90,7 +91,7 @@ def import_recording(arguments: argparse.Namespace) -> None:
             print(f"note: {arguments.file}: {note}", file=sys.stderr)
         inputs = [arguments.file, config_path(arguments.layout, "layout", Path())]
         inputs += [] if arguments.mapping is None else [arguments.mapping]
-        parameters = {**_parameters(arguments, layout.name, absent), "notes": list(remarks.notes)}
+        parameters = {**_parameters(arguments, layout.name, absent), "notes": said}
         if mapping is not None:
             declared = {key: mapping.config[key] for key in _DECLARED if key in mapping.config}
             unit = mapping.config.get("csv", {}).get("time_unit")

@@ -22,7 +22,7 @@ import pyarrow as pa
 from shukotsu.errors import InputError
 from shukotsu.readers.hemispheres import sides
 from shukotsu.readers.jumps import OwnSides, breaks, own_sides, spikes
-from shukotsu.readers.samples import NUMBERS, Samples
+from shukotsu.readers.samples import NUMBERS, Samples, unwrapped_frames
 from shukotsu.tables.limits import FARTHEST_MM
 
 FLAGS = {
@@ -93,7 +93,7 @@ class PosesTable:
     segments : those that occur, in the layout's order; usable : of each, how many rows are valid.
     frozen : segments whose rows are flagged so.
     frame : (T,) every frame that occurs with any segment, ascending. breaks : where the recording breaks
-    within itself, with what a finding says of it.
+    within itself, with what a finding says of it. notes : of the whole recording, a sentence each.
     """
 
     segments: tuple[str, ...]
@@ -101,6 +101,7 @@ class PosesTable:
     frozen: tuple[str, ...]
     frame: Integers
     breaks: tuple[dict[str, Any], ...]
+    notes: tuple[str, ...]
     _files: tuple[_RowFile, ...]
 
     def close(self) -> None:
@@ -199,6 +200,7 @@ def poses_table(
             files.setdefault(index, _RowFile(folder)).append(rows[samples.segment == index])
         frames.append(np.unique(samples.frame))
         start += len(samples.segment)
+    notes = _count_on(files, frames)
     frame = np.unique(np.concatenate(frames))
     segments = {names[index]: _check_segment(files[index]) for index in sorted(files)}
     _refuse_nonsense(segments, places)
@@ -215,8 +217,25 @@ def poses_table(
         frozen,
         frame,
         broken,
+        notes,
         tuple(files_by_name.values()),
     )
+
+
+def _count_on(files: Mapping[int, _RowFile], frames: list[Integers]) -> tuple[str, ...]:
+    """Count frames on where their counter is full, in the files and in the list of all; return a note."""
+    if not any((np.diff(file.rows()["frame"]) < 0).any() for file in files.values()):
+        return ()
+    clocks = [tuple(file.rows()[name].copy() for name in ("frame", "time_s")) for file in files.values()]
+    counted, note = unwrapped_frames(*zip(*clocks, strict=True))
+    if not note:
+        return ()
+    for file, frame in zip(files.values(), counted, strict=True):
+        rows = file.rows().copy()
+        rows["frame"] = frame
+        file.replace(rows)
+    frames[:] = map(np.unique, counted)
+    return (note,)
 
 
 def _check_segment(file: _RowFile) -> _Segment:

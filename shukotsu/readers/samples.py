@@ -84,6 +84,41 @@ def join_samples(parts: Iterable[Samples]) -> Samples:
     )
 
 
+def unwrapped_frames(
+    frames: Sequence[npt.NDArray[np.int64]], times_s: Sequence[npt.NDArray[np.float64]]
+) -> tuple[list[npt.NDArray[np.int64]], str]:
+    """Return frame numbers counted on where a counter of 8, 16 or 32 bits began anew, and a note of it.
+
+    frames, times_s : of each receiver, in the order of its rows; the times may be NaN. Where it is not
+    plainly a counter that is full, as the step there is another than elsewhere, they are as they were.
+    """
+    most = max(range(len(frames)), key=lambda receiver: len(frames[receiver]))
+    frame, time_s = frames[most], times_s[most]
+    size = next((1 << bits for bits in (8, 16, 32) if max(map(np.max, frames)) < 1 << bits), 0)
+    steps, steps_s = np.diff(frame), np.diff(time_s)
+    full = steps < -0.75 * size
+    steps = steps + size * full
+    if not size or not full.any() or steps.min() < 0 or frame.min() < 0:
+        return [*frames], ""
+    timed = bool(np.isfinite(time_s).all())
+    rates = steps_s / np.maximum(steps, 1) if timed else steps
+    if not (
+        np.abs(rates[full] / np.median(rates) - 1) < 0.5 if timed else steps[full] < 4 * np.median(steps)
+    ).all():
+        return [*frames], ""
+    counted = frame + size * np.cumsum([0, *full])
+    out = []
+    for other, other_s in zip(frames, times_s, strict=True):
+        turns = np.cumsum([0, *(np.diff(other) < -0.75 * size)])[: len(other)]
+        if timed and np.isfinite(other_s).all():  # it may begin later, or be away for a whole turn
+            turns = np.rint((np.interp(other_s, time_s, counted) - other) / size).astype(np.int64)
+        out.append(other + size * turns)
+    return (
+        out,
+        f"the frame counter begins anew after {size - 1}, {full.sum()} times; its frames are counted on",
+    )
+
+
 def segments_of_names(
     codes: npt.NDArray[np.int64], names: Sequence[str], layout: Layout, locate: Callable[[int], str]
 ) -> npt.NDArray[np.int64]:

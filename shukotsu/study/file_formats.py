@@ -19,7 +19,7 @@ class FileFormat:
 
 
 FORMATS = {
-    "csv": FileFormat((".csv",), "tidy", "read_csv", in_parts=True),
+    "csv": FileFormat((".csv", ".tsv", ".txt"), "tidy", "read_csv", in_parts=True),
     "parquet": FileFormat((".parquet", ".pq"), "tidy", "read_parquet", in_parts=True),
     "capture": FileFormat((".arrows",), "raw_capture", "read_capture", in_parts=True),
     "xdf": FileFormat((".xdf", ".xdfz"), "xdf", "read_xdf"),

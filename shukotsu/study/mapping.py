@@ -191,11 +191,13 @@ def _csv_faults(config: Mapping[str, Any]) -> Iterator[str]:
         columns, kind = group.get("orientation", []), config["orientation"]["kind"]
         if columns and len(columns) != _NUMBERS[kind]:
             yield f"{path}.orientation: has {len(columns)} columns; {kind} means {_NUMBERS[kind]}"
-        for key in ("position", "orientation", "time", "quality", "frame", "receiver"):
+        for key in ("position", "orientation", "time", "nanoseconds", "quality", "frame", "receiver"):
             cell = group.get(key, [])
             for column in cell if isinstance(cell, list) else [cell]:
                 if isinstance(column, str) and not table["header"]:
                     yield f"{path}.{key}: {column!r} is a name; without a header give numbers"
+    if "nanoseconds" in table and table.get("time_unit") != "s":
+        yield "csv.nanoseconds: is added to a time column of whole seconds, with time_unit: s"
     for column, keys in (("time", ["time_unit"]), ("quality", ["quality_above", "quality_below"])):
         paths = [path for path, group in groups if column in group]
         units = [key for key in keys if key in table]

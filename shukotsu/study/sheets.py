@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -21,9 +22,10 @@ from shukotsu.left import instead
 from shukotsu.resources import ROOT
 from shukotsu.study.file_formats import AUTO, FORMATS
 from shukotsu.tables import limits
-from shukotsu.tables.text_files import read_text
+from shukotsu.tables.text_files import NO_VALUE, read_text
 
 MAX_MESSAGES = 5
+_NO_VALUE = re.compile(NO_VALUE, re.I)
 
 _NEAR, _NEAR_LETTERS = 0.75, 2
 """How like a column that is not there a typo of its name is, and by how many letters it is longer."""
@@ -171,7 +173,7 @@ def read_sheet(path: Path | None, sheet: Sheet, more: Collection[str] = ()) -> l
 def sheet_rows(path: Path, text: str, sheet: Sheet, more: Collection[str] = ()) -> list[Row]:
     """Read the text of a sheet as `read_sheet` does; path : what messages call it. Raises as that does."""
     numbered = [
-        (number, [cell.strip() for cell in line.split("\t")])
+        (number, [_unquoted(cell.strip()) for cell in line.split("\t")])
         for number, line in enumerate(text.split("\n"), 1)
         if line.strip()
     ]
@@ -201,6 +203,12 @@ def sheet_rows(path: Path, text: str, sheet: Sheet, more: Collection[str] = ()) 
     return rows
 
 
+def _unquoted(cell: str) -> str:
+    """Return a cell without the quotation marks that spreadsheets put round one with a comma or a quote."""
+    quoted = len(cell) > 1 and cell[0] == cell[-1] == '"'
+    return cell[1:-1].replace('""', '"').strip() if quoted else cell
+
+
 def _header_fault(sheet: Sheet, header: list[str], more: Collection[str]) -> str:
     """Return what is wrong with a header line, in a sentence; empty where nothing is."""
     columns = [cell.name for cell in sheet.cells]
@@ -214,7 +222,7 @@ def _header_fault(sheet: Sheet, header: list[str], more: Collection[str]) -> str
     if missing:
         hint = "; are the columns separated by tabs?" if len(header) == 1 else ""
         return f"column {', '.join(missing)} is missing; found {list_names(header)}{hint}"
-    twice = sorted({name for name in header if header.count(name) > 1})
+    twice = sorted({name for name in header if name and header.count(name) > 1})
     if twice:
         return f"column {list_names(twice)} is given twice"
     if odd and not sheet.more_columns:
@@ -223,13 +231,15 @@ def _header_fault(sheet: Sheet, header: list[str], more: Collection[str]) -> str
 
 
 def _read_row(sheet: Sheet, header: list[str], line: int, cells: list[str]) -> tuple[Row, list[str]]:
-    if len(cells) > len(header):
+    if any(cells[len(header) :]):
         return Row(line, {}), [f"row {line}: has {len(cells)} cells; expected {len(header)}"]
-    texts = dict(zip_longest(header, cells, fillvalue=""))
+    texts = dict(zip_longest(header, cells[: len(header)], fillvalue=""))
     values: dict[str, Any] = {k: v for k, v in texts.items() if k not in {c.name for c in sheet.cells}}
     messages, filled = [], {name for name, text in texts.items() if text}
     for cell in sheet.cells:
         text = texts.get(cell.name, "")
+        if not cell.required and cell.read not in (_text, _reason) and _NO_VALUE.fullmatch(text):
+            text = ""
         try:
             values[cell.name] = cell.read(text) if text or cell.needed(filled) else cell.default
         except ValueError as error:

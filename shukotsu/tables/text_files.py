@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,10 +17,15 @@ _OTHER_KINDS = (
     (b"\xd0\xcf\x11\xe0", "is an old spreadsheet or document (.xls, .doc)", "CSV"),
     (b"\x1f\x8b", "is packed by gzip", "text"),
     (b"PAR1", "is a Parquet file", "text"),
-    (b"\xff\xfe", "is UTF-16 text", "UTF-8"),
-    (b"\xfe\xff", "is UTF-16 text", "UTF-8"),
 )
 """First bytes of other kinds of files, what they are, and the form to save them in instead."""
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+"""First bytes of UTF-16 text, which Excel saves as Unicode text."""
+NO_VALUE = (
+    r"|[+-]?nan(\(\w*\))?|#?n/?a|n\.a\.?|<na>|none|null|nil|nat|missing|\.+|\?|[+-]?1\.#(qnan|snan|ind|nan)\w*"
+    "|#(num|null|value|div/0)!|[-\N{MINUS SIGN}\N{EN DASH}\N{EM DASH}]+"
+)
+"""Spellings of an empty value, in any case, as a pattern of a whole cell."""
 
 
 def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: str = "") -> str:
@@ -55,11 +61,20 @@ def read_text(path: Path, expected: str, most_bytes: int | None = None, remedy: 
 def decode_text(path: Path, data: bytes, expected: str) -> str:
     """Decode the bytes of a text file. Raises InputError where they are of another kind or not UTF-8."""
     refuse_other_kind(path, data[:8], expected)
+    data = utf8_bytes(path, data)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise undecodable(path, line) from error
+
+
+def utf8_bytes(path: Path, data: bytes) -> bytes:
+    """Return the bytes of a text in UTF-8, where they are in UTF-16. Raises InputError where they are not."""
+    try:
+        return data.decode("utf-16").encode() if data.startswith(_UTF_16) else data
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: begins as UTF-16 text and is none; save it as UTF-8") from error
 
 
 def undecodable(path: Path, line: int) -> InputError:
@@ -75,12 +90,19 @@ def refuse_other_kind(path: Path, start: bytes, expected: str) -> None:
 
 
 def open_text(path: Path, expected: str = "a recording") -> BinaryIO:
-    """Open a text file to read its bytes. Raises InputError where it is of another kind, else as `open`."""
+    """Open a text file to read its bytes, as UTF-8.
+
+    Raises InputError where it is of another kind, else as `open`.
+    """
     check_regular(path, expected)
     stream = path.open("rb")
     try:
-        refuse_other_kind(path, stream.read(8), expected)
+        start = stream.read(8)
+        refuse_other_kind(path, start, expected)
         stream.seek(0)
+        if start.startswith(_UTF_16):
+            with stream:
+                return io.BytesIO(utf8_bytes(path, stream.read()))
     except InputError:
         stream.close()
         raise

@@ -119,6 +119,40 @@ def test_a_wide_table_of_quaternions(run: Run) -> None:
     np.testing.assert_allclose(samples.time_s, np.arange(FRAMES) / 120, atol=1e-6)
 
 
+@pytest.mark.parametrize("dates", [False, True])
+def test_seconds_and_nanoseconds_are_one_time_and_so_are_dates(run: Run, dates: bool) -> None:
+    stamps = [f"stamp {1_700_000_000 + t // 30} {t % 30 * 33_333_333}" for t in range(FRAMES)]
+    titles = [
+        "header.stamp.sec",
+        "header.stamp.nanosec",
+        "child_frame_id",
+        "x",
+        "y",
+        "z",
+        "qw",
+        "qx",
+        "qy",
+        "qz",
+    ]
+    if dates:
+        titles[:2], stamps = (
+            ["stamp"],
+            [f"stamp 2023-11-14T22:13:{20 + t / 30:09.6f}Z" for t in range(FRAMES)],
+        )
+    cells = np.concatenate([PLACE, TURNED], 1)
+    rows = [
+        ",".join([*stamp.split()[1:], name, *map(str, row)])
+        for stamp, row in zip(stamps, cells, strict=True)
+        for name in ("forearm", "hand")
+    ]
+    path = run.write("tf.csv", "\n".join([",".join(titles), *rows, ""]))
+    assert ("in s, as its title says, 30 Hz" in run.drafted(path)) != dates
+    samples = run.imported(path, {"position_unit": "m", **FORWARD})
+    hand = of(samples, "hand")
+    np.testing.assert_array_equal(samples.frame[hand], np.arange(FRAMES))
+    np.testing.assert_allclose(samples.time_s[hand] - 1.7e9, np.arange(FRAMES) / 30, atol=2e-6)
+
+
 def test_receivers_by_the_dozen_have_one_line_and_a_glove_is_refused(run: Run) -> None:
     glove = run.table("glove.csv", "t,Thumb_MCP_Flex,Index_MCP_Flex,Index_MCP_Spread", TURNED)
     assert "has angles of joints (Thumb_MCP_Flex, " in run.inspect(glove, code=2)

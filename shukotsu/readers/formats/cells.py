@@ -14,12 +14,21 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from shukotsu.errors import InputError, shorten
+from shukotsu.tables.limits import SECONDS_PER_UNIT
+from shukotsu.tables.text_files import NO_VALUE
 
-EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "null", "NULL")
-"""What people and programs write for "no value"."""
 DAY_S = 86_400.0
 _JITTER_S = 3600.0
 _TIME_OF_DAY = r"^(?P<h>[0-9]{1,2}):(?P<m>[0-5]?[0-9]):(?P<s>[0-5]?[0-9](?:[.,][0-9]*)?)$"
+
+DATES = "iso8601"
+"""The unit of times that are written as dates."""
+_DATE = (
+    r"^(?P<day>\d{4}-\d\d-\d\d)[T ](?P<h>\d\d):(?P<m>\d\d):(?P<s>\d\d(?:[.,]\d*)?)"
+    r" ?(?:Z|z|(?P<sign>[+-])(?P<zone_h>\d\d):?(?P<zone_m>\d\d))?$"
+)
+_A_DATE = "a date as 2026-03-04T10:15:30.120Z (year, month, day)"
+_TIME = f"a number, or {_A_DATE}; a mapping reads times of the day, by time_unit: hh:mm:ss"
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
@@ -33,9 +42,9 @@ _LARGEST_EXACT = 2.0**53
 class Cells:
     """N rows of some columns; every method raises InputError that names the row of the first bad cell.
 
-    locate : row, counted from 0, to file and line, for messages. empty : of columns of text, the texts that
-    mean "no value", and so does any cell that is the same number; None where the file has number types.
-    decimal : the decimal mark of text.
+    locate : row, counted from 0, to file and line, for messages. empty : of columns of text, what means "no
+    value" beside NO_VALUE, and so does any cell that is the same number; None where the file has numbers.
+    decimal : the decimal mark of text. empty_rows : how many without any cell were dropped.
     """
 
     def __init__(
@@ -45,8 +54,10 @@ class Cells:
         locate: Callable[[int], str],
         empty: Sequence[str] | None = None,
         decimal: str = ".",
+        empty_rows: int = 0,
     ) -> None:
         self.locate = locate
+        self.dropped = (f"{empty_rows} rows without any cell are left out",) if empty_rows else ()
         self.rows: int = table.num_rows
         self._path, self._empty, self._decimal = path, empty, decimal
         self._missing = []  # the numbers that stand for no value, whatever their decimal mark
@@ -57,12 +68,35 @@ class Cells:
         self._columns = dict(zip(table.column_names, table.columns, strict=True))
         self._reals: dict[str, npt.NDArray[np.float64]] = {}
 
-    def reals(self, name: str) -> npt.NDArray[np.float64]:
-        """Return numbers, shape (N,); NaN where the cell is empty."""
+    def reals(self, name: str, expected: str = "a number") -> npt.NDArray[np.float64]:
+        """Return numbers, shape (N,); NaN where the cell is empty. expected : for messages."""
         if name not in self._reals:
-            numbers = np.asarray(self._numbers(name).to_numpy(), float)
+            numbers = np.asarray(self._numbers(name, expected).to_numpy(), float)
             self._reals[name] = np.where(np.isin(numbers, self._missing), np.nan, numbers)
         return self._reals[name]
+
+    def times_s(self, name: str, unit: str) -> npt.NDArray[np.float64]:
+        """Return times in s, (N,), NaN where empty: numbers of that unit, or dates (ISO 8601), since 1970."""
+        column = self._columns[name]
+        if self._empty is None or (unit != DATES and _cast(column, pa.float64()) is not None):
+            return self.reals(name) * SECONDS_PER_UNIT.get(unit, 1.0)
+        text = _trim(column.cast(pa.string()), self._empty)
+        parts = pc.extract_regex(text, _DATE)
+        if unit != DATES and parts.null_count == len(parts):
+            return self.reals(name, _TIME) * SECONDS_PER_UNIT[unit]
+        part = {
+            key: pc.struct_field(parts, key) for key in ("day", "h", "m", "s", "sign", "zone_h", "zone_m")
+        }
+        days = pc.strptime(part["day"], "%Y-%m-%d", "s", error_is_null=True)
+        odd = pc.and_(pc.is_null(days), pc.is_valid(text))
+        self._refuse_first(odd.to_numpy(), name, _A_DATE)
+        clock = (pc.replace_substring(part[key], ",", ".") for key in ("h", "m", "s", "zone_h", "zone_m"))
+        hours, minutes, seconds, zone_h, zone_m = (
+            pc.replace_substring_regex(texts, "^$", "0").cast(pa.float64()).to_numpy() for texts in clock
+        )
+        sign = np.where(pc.fill_null(pc.equal(part["sign"], "-"), False).to_numpy(), -1.0, 1.0)
+        whole_s = days.cast(pa.int64()).cast(pa.float64()).to_numpy()
+        return np.asarray(whole_s + 3600 * (hours - sign * zone_h) + 60 * (minutes - sign * zone_m) + seconds)
 
     def times_of_day_s(self, name: str) -> npt.NDArray[np.float64]:
         """Read times as hh:mm:ss, with or without decimals, (N,) in s since midnight; NaN where empty."""
@@ -75,11 +109,16 @@ class Cells:
         return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
 
     def wholes(self, name: str) -> npt.NDArray[np.int64]:
-        """Return whole numbers, shape (N,), 3.0 among them; an empty cell is refused."""
+        """Return whole numbers, shape (N,), 3.0 and 1,001 among them; an empty cell is refused."""
         column = self._columns[name]
         exact = None
         if self._empty is not None or pa.types.is_integer(column.type):
             exact = _cast(column, pa.int64())
+        if exact is None and self._empty is not None:
+            mark = "[.'\u00a0\u202f]" if self._decimal == "," else "[,'\u00a0\u202f]"
+            thousands = pc.match_substring_regex(column, rf"^\s*[+-]?\d{{1,3}}({mark}\d{{3}})+\s*$")
+            column = pc.if_else(thousands, pc.replace_substring_regex(column, mark, ""), column)
+            self._columns[name], exact = column, _cast(column, pa.int64())
         if exact is not None and not exact.null_count:
             wholes = np.asarray(exact.to_numpy(), np.int64)
             large = (wholes > _LARGEST_EXACT) | (wholes < -_LARGEST_EXACT)
@@ -97,12 +136,13 @@ class Cells:
         if not any(is_text(kind) for is_text in _IS_TEXT):
             raise InputError(f"{self._path}: column {name} is {kind}; expected text")
         encoded = column.cast(kind).cast(pa.string()).dictionary_encode().combine_chunks()
-        trimmed = _trim(encoded.dictionary, self._empty or [])
+        trimmed = pc.utf8_trim_whitespace(encoded.dictionary)  # a name may be None, or NA
+        trimmed = pc.if_else(pc.is_in(trimmed, pa.array(["", *(self._empty or ())])), None, trimmed)
         codes = pc.take(trimmed.dictionary_encode(), encoded.indices)
         self._refuse_first(pc.is_null(codes).to_numpy(zero_copy_only=False), name, "a name")
         return np.asarray(codes.indices.to_numpy(), np.int64), codes.dictionary.to_pylist()
 
-    def _numbers(self, name: str) -> pa.ChunkedArray:
+    def _numbers(self, name: str, expected: str) -> pa.ChunkedArray:
         text = column = self._columns[name]
         if self._empty is None:
             if pa.types.is_duration(column.type) or pa.types.is_timestamp(column.type):
@@ -126,7 +166,7 @@ class Cells:
                 range(len(text)), True, key=lambda row: _cast(text[: row + 1], pa.float64()) is None
             )
             comma = _DECIMAL_COMMA.fullmatch(text[row].as_py())
-            raise self._refusal(name, row, "a number" + " with a decimal point, not a comma" * bool(comma))
+            raise self._refusal(name, row, expected + " with a decimal point, not a comma" * bool(comma))
         return numbers
 
     def _refuse_first(self, bad: npt.NDArray[np.bool_], name: str, expected: str) -> None:
@@ -166,4 +206,6 @@ def _cast(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray | None:
 
 def _trim(text: pa.Array, empty: Sequence[str]) -> pa.Array:
     bare = pc.utf8_trim_whitespace(text)
-    return pc.if_else(pc.is_in(bare, pa.array(empty, pa.string())), pa.scalar(None, pa.string()), bare)
+    nothing = pc.match_substring_regex(bare, f"^({NO_VALUE})$", ignore_case=True)
+    nothing = pc.or_(nothing, pc.is_in(bare, pa.array(empty, pa.string())))
+    return pc.if_else(nothing, pa.scalar(None, pa.string()), bare)

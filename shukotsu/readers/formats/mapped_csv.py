@@ -13,6 +13,7 @@ import pyarrow as pa
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import Array
 from shukotsu.readers.formats.cells import Cells, unwrapped_s
+from shukotsu.readers.formats.frames_by_time import framed_by_time
 from shukotsu.readers.formats.mapped import (
     Integers,
     Track,
@@ -22,7 +23,7 @@ from shukotsu.readers.formats.mapped import (
     samples_of_tracks,
 )
 from shukotsu.readers.formats.text_table import TextTable, open_table_text
-from shukotsu.readers.samples import Samples, did_you_mean
+from shukotsu.readers.samples import Samples, did_you_mean, unwrapped_frames
 from shukotsu.study.layout import Layout
 from shukotsu.study.mapping import FileMapping
 from shukotsu.tables.limits import SECONDS_PER_UNIT
@@ -31,8 +32,6 @@ TIME_OF_DAY = "hh:mm:ss"
 
 _MOST_FRAMES = 2.0**40
 """From the middle of a recording; a hundred years at 240 Hz, and frames are still told apart."""
-_MOST_STEPS = 2.0**30
-"""Steps from the middle, of rows that times put into frames: 50 days at 240 Hz, a millionth still counts."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,8 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
     mapped_segments(mapping, layout)
     table = mapping.details
     text, where = open_table_text(path, table), f"{mapping.where}: csv"
-    frame, receiver, time = (_title(text, table, key, where) for key in ("frame", "receiver", "time"))
+    keys = ("frame", "receiver", "time", "nanoseconds")
+    frame, receiver, time, nanoseconds = (_title(text, table, key, where) for key in keys)
     if table["rows"] == "long":
         sources = dict.fromkeys(mapping.receivers, _source(text, table, where, time))
     else:
@@ -66,10 +66,10 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
             segment: _source(text, group, f"{mapping.where}: receivers.{segment}", time)
             for segment, group in mapping.receivers.items()
         }
-    titles = [title for title in (frame, receiver) if title is not None]
+    titles = [title for title in (frame, receiver, nanoseconds) if title is not None]
     titles += [title for source in sources.values() for title in source.titles]
     cells = text.cells(titles)
-    notes: list[str] = []
+    notes = [*cells.dropped]
     every = np.arange(cells.rows)  # shared by all receivers
     if receiver is None:
         users: dict[str, list[str]] = {}
@@ -86,12 +86,12 @@ def read_mapped_csv(path: Path, layout: Layout, mapping: FileMapping | None) -> 
         rows = _rows_of_receivers(cells, receiver, mapping, notes)
     sources = {segment: replace(source, rows=rows[segment]) for segment, source in sources.items()}
     tracks = {segment: _rows_of_source(cells, source, mapping, every) for segment, source in sources.items()}
-    times_s = _times(cells, sources, mapping)
+    times_s = _times(cells, sources, mapping, nanoseconds)
     tracks = {segment: replace(track, time_s=times_s[segment]) for segment, track in tracks.items()}
     losses = list(filter(None, [text.cut_off(titles)]))
     if table["in_step"]:
         frames = None if frame is None else cells.wholes(frame)
-        placed, lost = _in_step(tracks, frames, receiver is not None, path, mapping)
+        placed, lost = _in_step(tracks, frames, receiver is not None, path, mapping, notes)
         losses += lost
     else:
         placed = _on_grid(tracks, path, mapping.rate_hz or np.nan, notes)
@@ -155,8 +155,13 @@ def _rows_of_source(cells: Cells, source: _Source, mapping: FileMapping, every: 
     return Track(rows, every[: len(rows)], none, numbers, {"low-quality": low})
 
 
-def _times(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -> dict[str, Array]:
-    """Return times in s of each receiver's rows; NaN: none. Each clock's day begins at midnight."""
+def _times(
+    cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping, nanoseconds: str | None
+) -> dict[str, Array]:
+    """Return times in s of each receiver's rows; NaN: none. Each clock's day begins at midnight.
+
+    nanoseconds : the column of those that are added to all times.
+    """
     times_s: dict[str, Array] = {}
     start_s = np.nan
     for segment, source in sources.items():
@@ -167,21 +172,35 @@ def _times(cells: Cells, sources: Mapping[str, _Source], mapping: FileMapping) -
             times_s[segment] = unwrapped_s(of_day_s, start_s)
             start_s = float(next(iter(_finite(of_day_s)), np.nan)) if np.isnan(start_s) else start_s
         else:
-            times_s[segment] = cells.reals(source.time)[source.rows] * SECONDS_PER_UNIT[unit]
+            times_s[segment] = cells.times_s(source.time, unit)[source.rows]
+        if nanoseconds is not None:
+            times_s[segment] += cells.reals(nanoseconds)[source.rows] * SECONDS_PER_UNIT["ns"]
     return times_s
 
 
 def _in_step(
-    tracks: dict[str, Track], frames: Integers | None, long: bool, path: Path, mapping: FileMapping
+    tracks: dict[str, Track],
+    frames: Integers | None,
+    long: bool,
+    path: Path,
+    mapping: FileMapping,
+    notes: list[str],
 ) -> tuple[list[Track], list[str]]:
     """Return rows as frames, and what is lost, a sentence each: as they are numbered by frames (N,), of long
     rows as their times say, else as they come.
     """
     losses: list[str] = []
     if frames is not None:
-        tracks = {segment: replace(track, frame=frames[track.row]) for segment, track in tracks.items()}
+        worn = {segment: track for segment, track in tracks.items() if len(track.row)}
+        counted, note = unwrapped_frames(
+            [frames[track.row] for track in worn.values()], [track.time_s for track in worn.values()]
+        )
+        notes += filter(None, [note])
+        for (segment, track), frame in zip(worn.items(), counted, strict=True):
+            tracks[segment] = replace(track, frame=frame)
     elif long and any(np.ptp(times_s) > 0 for t in tracks.values() if len(times_s := _finite(t.time_s))):
-        tracks, losses = _framed_by_time(tracks)
+        tracks, more, losses = framed_by_time(tracks)
+        notes += more
     elif long and (rounds := _rounds(tracks, mapping)):
         tracks = rounds
     elif long:  # they belong together only where every receiver has as many
@@ -205,56 +224,6 @@ def _in_step(
 
 def _finite(time_s: Array) -> Array:
     return time_s[np.isfinite(time_s)]
-
-
-def _framed_by_time(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], list[str]]:
-    """Number long rows by their times: a frame is a sample of one receiver and what is nearest to it.
-
-    That receiver is the one with most samples. What is half a step or more off all of its samples is put
-    into frames of its own in the same way. Samples whose time is none, or far off all others, are left out.
-    """
-    finite_s = [_finite(track.time_s) for track in tracks.values()]
-    steps_s = np.concatenate([np.diff(np.unique(times_s)) for times_s in finite_s])
-    step_s = float(np.quantile(steps_s, 0.25, method="lower"))  # of which lost rows make many longer
-    middle_s = float(np.median(np.concatenate(finite_s)))
-    timed, keys_s, lost = {}, [], 0
-    for segment, track in tracks.items():
-        with np.errstate(over="ignore"):
-            timed[segment] = track.of(np.abs(track.time_s - middle_s) < _MOST_STEPS * step_s)
-        lost += len(track.row) - len(timed[segment].row)
-        # The second of two samples of one time belongs with the second of another receiver's two.
-        times_s = timed[segment].time_s
-        order, turns = np.argsort(times_s, kind="stable"), np.empty(len(times_s))
-        turns[order] = np.arange(len(times_s)) - np.searchsorted(times_s[order], times_s[order])
-        keys_s.append(times_s - middle_s + 1e-6 * step_s * turns)
-    pairs = zip(timed.items(), _nearest_together(keys_s, step_s), strict=True)
-    framed = {segment: replace(track, frame=frame) for (segment, track), frame in pairs}
-    losses = [f"{lost} rows are left out, since without a time nothing says to which frame they belong"]
-    return framed, losses if lost else []
-
-
-def _nearest_together(keys_s: Sequence[Array], step_s: float) -> list[Integers]:
-    """Number the frames that samples of several receivers make, see `_framed_by_time`."""
-    frames = [np.zeros(len(keys), np.int64) for keys in keys_s]
-    left = [np.arange(len(keys)) for keys in keys_s]
-    centres_s: list[Array] = []
-    count = 0
-    while any(map(len, left)):
-        most = max(range(len(left)), key=lambda receiver: len(left[receiver]))
-        centre_s = np.sort(keys_s[most][left[most]])
-        middles_s = (centre_s[1:] + centre_s[:-1]) / 2
-        for receiver, samples in enumerate(left):
-            nearest = np.searchsorted(middles_s, keys_s[receiver][samples])
-            off_s = np.abs(keys_s[receiver][samples] - centre_s[nearest])
-            order = np.lexsort((off_s, nearest))
-            taken = order[np.unique(nearest[order], return_index=True)[1]]
-            taken = taken[off_s[taken] < step_s / 2]
-            frames[receiver][samples[taken]] = count + nearest[taken]
-            left[receiver] = np.delete(samples, taken)
-        centres_s.append(centre_s)
-        count += len(centre_s)
-    number = np.argsort(np.argsort(np.concatenate(centres_s), kind="stable"))
-    return [number[frame] for frame in frames]
 
 
 def _rounds(tracks: Mapping[str, Track], mapping: FileMapping) -> dict[str, Track]:

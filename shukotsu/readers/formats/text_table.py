@@ -6,6 +6,7 @@ What is wrong with its lines is looked for when something is.
 from __future__ import annotations
 
 import csv
+import functools
 import io
 import itertools
 import re
@@ -17,15 +18,25 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from shukotsu.errors import InputError, list_names
 from shukotsu.left import instead
-from shukotsu.readers.formats.cells import EMPTY, Cells
+from shukotsu.readers.formats.cells import Cells
 from shukotsu.readers.samples import did_you_mean
 from shukotsu.tables.limits import LINE_LETTERS, read_whole
-from shukotsu.tables.text_files import decode_text, open_text, reading, refuse_other_kind, undecodable
+from shukotsu.tables.text_files import (
+    decode_text,
+    open_text,
+    reading,
+    refuse_other_kind,
+    undecodable,
+    utf8_bytes,
+)
 
 READ_BYTES = 8 << 20
 """How much text is parsed at a time: some ten thousand rows, and more than the longest line."""
@@ -39,7 +50,7 @@ class TextTable:
 
     open : gives its bytes from the start. header : names of the columns, their numbers from 1 where the text
     names none; titles : what they go by, no two the same. header_lines : up to and with the header.
-    expected : how many cells a row must have, in words. empty : the texts that mean "no value". ended :
+    expected : how many cells a row must have, in words. empty : further texts that mean "no value". ended :
     whether the last line has its end.
     """
 
@@ -50,7 +61,7 @@ class TextTable:
     titles: tuple[str, ...]
     header_lines: int
     expected: str
-    empty: tuple[str, ...] = EMPTY
+    empty: tuple[str, ...] = ()
     decimal: str = "."
     ended: bool = True
 
@@ -77,10 +88,11 @@ class TextTable:
     def cells(self, wanted: Sequence[str]) -> Cells:
         """Read the columns of those titles. Raises InputError as `blocks` does, and where there is no row."""
         tables = list(self._tables(list(dict.fromkeys(wanted)), READ_BYTES))
-        if not sum(table.num_rows for table in tables):
+        filled = np.concatenate([[], *(~_empty_rows(table) for table in tables)])
+        if not filled.any():
             why = self.cut_off(wanted) or "expected one a frame, or a receiver and frame"
             raise InputError(f"{self.path}: has no rows; {why}")
-        return self._cells(pa.concat_tables(tables))
+        return self._cells(pa.concat_tables(tables), np.arange(np.flatnonzero(filled)[-1] + 1))
 
     def blocks(self, wanted: Sequence[str], read_bytes: int = READ_BYTES) -> Iterator[Cells]:
         """Read the columns of those titles, so much text at a time.
@@ -89,11 +101,17 @@ class TextTable:
         """
         start = 0
         for table in self._tables(list(wanted), read_bytes):
-            yield self._cells(table, start)
+            yield self._cells(table, np.flatnonzero(~_empty_rows(table)), start)
             start += table.num_rows
 
-    def _cells(self, table: pa.Table, start: int = 0) -> Cells:
-        return Cells(self.path, table, lambda row: self._place(start + row), self.empty, self.decimal)
+    def _cells(self, table: pa.Table, rows: npt.NDArray[np.int64], start: int = 0) -> Cells:
+        """Return those rows of a table that starts with that row of the file; the others are empty."""
+        empty_rows = table.num_rows - len(rows)
+        table, locate = (
+            table.take(rows) if empty_rows else table,
+            lambda row: self._place(start + int(rows[row])),
+        )
+        return Cells(self.path, table, locate, self.empty, self.decimal, empty_rows)
 
     def _tables(self, wanted: Sequence[str], read_bytes: int) -> Iterator[pa.Table]:
         last = 1 if self.cut_off(wanted) else 0
@@ -109,9 +127,10 @@ class TextTable:
             include_columns=wanted,
             column_types=dict.fromkeys(wanted, pa.string()),
             strings_can_be_null=True,
-            null_values=self.empty,
+            null_values=("", *self.empty),
         )
         with reading(self.path), self.open() as stream:
+            self._refuse_long_lines(stream)
             # no Python in what pyarrow reads, which aborts a process that ends while it reads on
             text = stream.getvalue() if isinstance(stream, io.BytesIO) else None
             held: list[pa.Table] = []
@@ -124,6 +143,15 @@ class TextTable:
                 except pa.ArrowInvalid as error:
                     self._refuse_lines(error)
             yield from (table.slice(0, table.num_rows - last) for table in held)
+
+    def _refuse_long_lines(self, stream: BinaryIO) -> None:
+        letters, line = 0, 1
+        for piece in iter(partial(stream.read, LINE_LETTERS), b""):
+            first = re.search(rb"[\r\n]", piece)
+            if letters + (first.start() if first else len(piece)) > LINE_LETTERS:
+                raise InputError(f"{self.path}: line {line}: has more than {LINE_LETTERS} letters")
+            last = max(piece.rfind(b"\n"), piece.rfind(b"\r"))
+            letters, line = len(piece) - last - 1 + letters * (last < 0), line + piece.count(b"\n")
 
     def _records(self) -> Iterator[tuple[int, list[str]]]:
         """Return every row, without empty lines, with the number of its (last) line."""
@@ -176,6 +204,11 @@ def text_records(stream: BinaryIO, separator: str) -> Iterator[tuple[int, list[s
         yield from ((reader.line_num, record) for record in reader if record)
 
 
+def _empty_rows(table: pa.Table) -> npt.NDArray[np.bool_]:
+    """Return which rows have no cell that is not empty, (N,), as an editor leaves them below a table."""
+    return np.asarray(functools.reduce(pc.and_, map(pc.is_null, table.columns)).to_numpy())
+
+
 def _undecodable(path: Path, stream: BinaryIO) -> InputError:
     """Name the first line that is not UTF-8."""
     with stream:
@@ -188,20 +221,24 @@ def _undecodable(path: Path, stream: BinaryIO) -> InputError:
 
 
 def open_tidy_csv(path: Path) -> TextTable:
-    """Open a CSV file in UTF-8 with a header, commas and decimal points.
+    """Open a table as text with a header, commas or tabs, and decimal points.
 
     Raises InputError where the file cannot be read, is empty or is not UTF-8.
     """
-    line, header = next(iter(_first_records(path, partial(open_text, path), ",", 1)), (0, []))
+    with reading(path), open_text(path) as stream:
+        first = stream.readline(LINE_LETTERS)
+    separator = "\t" if b"\t" in first and b"," not in first else ","
+    line, header = next(iter(_first_records(path, partial(open_text, path), separator, 1)), (0, []))
     if not header or not any(map(str.strip, header)):
         raise InputError(f"{path}: is empty; expected a tidy recording with a header line")
     expected = (
         f"{len(header)} as in the header (a cut-off line, or decimal commas: numbers need a decimal point)"
     )
     names = [name.strip() for name in header]
-    table = TextTable(path, partial(open_text, path), ",", tuple(names), _titles(names), line, expected)
+    titles = _titles(names)
+    table = TextTable(path, partial(open_text, path), separator, tuple(names), titles, line, expected)
     with open_text(path) as stream:
-        stream.seek(max(0, path.stat().st_size - 1))
+        stream.seek(max(0, stream.seek(0, io.SEEK_END) - 1))
         return replace(table, ended=is_ended(stream.read()))
 
 
@@ -244,7 +281,7 @@ def open_table_text(path: Path, details: Mapping[str, Any]) -> TextTable:
         _titles(names),
         records[0][0] if details["header"] else 0,
         expected,
-        (*EMPTY, *map(str.strip, details["missing"])),
+        tuple(map(str.strip, details["missing"])),
         details["decimal"],
         ended=ended,
     )
@@ -274,6 +311,7 @@ def _first_records(
 def _normalise(path: Path, data: bytes, details: Mapping[str, Any]) -> bytes:
     """Return the text without indents, skipped lines and comments emptied, so that lines keep numbers."""
     refuse_other_kind(path, data[:8], "a table as text")
+    data = utf8_bytes(path, data)
     if not data.isascii():  # else the text would only take memory
         decode_text(path, data, "a table as text")
     data = data.removeprefix(b"\xef\xbb\xbf")

@@ -31,7 +31,7 @@ _COMMENTS = ("#", "%", "//")
 
 
 def read_csv(path: Path, layout: Layout, _mapping: FileMapping | None) -> Iterator[Samples]:
-    """Read a tidy CSV file (UTF-8, commas, decimal points) in parts. Raises InputError where it is none."""
+    """Read a tidy table as text (commas or tabs, points) in parts. Raises InputError where it is none."""
     table = open_tidy_csv(path)
     wanted = wanted_columns(path, table.header)
     return _parts(table.blocks(wanted), path, layout, table.cut_off(wanted))
@@ -74,6 +74,7 @@ def _parts(
     empty, losses = True, (loss,) if loss else ()
     for cells in blocks:
         if cells.rows:
+            notes += cells.dropped
             yield replace(read_samples(cells, path, layout), notes=(*losses, *notes), losses=losses)
             empty, losses, notes = False, (), ()
     if empty:
@@ -91,9 +92,8 @@ def wanted_columns(path: Path, header: Sequence[str]) -> list[str]:
     if SEGMENT not in header and RECEIVER not in header:
         missing.append(f"{SEGMENT} (or {RECEIVER})")
     if missing:
-        forms = {";": "the cells are separated by semicolons", "\t": "the cells are separated by tabs"}
         what, do = "", "save with commas, and points in the numbers"
-        what = next((what for mark, what in forms.items() if mark in "".join(header)), "")
+        what = "the cells are separated by semicolons" if ";" in "".join(header) else ""
         if "".join(header).lstrip().startswith(_COMMENTS):
             what, do = "the first line is a comment", "take it out"
         if what:
@@ -128,7 +128,7 @@ def read_samples(cells: Cells, path: Path, layout: Layout) -> Samples:
         layout.measured,
         segment,
         cells.wholes("frame"),
-        cells.reals("time_s"),
+        cells.times_s("time_s", "s"),
         np.stack([cells.reals(name) for name in NUMBERS]).T,
         cells.locate,
     )

@@ -91,10 +91,12 @@ class Roles:
     quaternions, matrices, angles, positions : groups of four, nine, three and three titles in the order of
     the table, but azimuth, elevation and roll in this one. quality : of each receiver, or of all.
     aside : numbers that are none of these; text : columns that hold no numbers.
+    nanoseconds : within the second that `time` has.
     guessed : titles of which neither name nor numbers say what they are, only their place in the table.
     """
 
     time: str | None = None
+    nanoseconds: str | None = None
     frame: str | None = None
     receiver: str | None = None
     quaternions: list[list[str]] = field(default_factory=list)
@@ -129,6 +131,9 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     split = {t: split_title(t) for t in unnamed}
     times = [t for t in unnamed if split[t].unit in TIME_UNITS or any(map(_TIME.search, (t, split[t].name)))]
     time = next((t for t in times if _grows(numbers[t])), None)
+    within = {t: re.sub(r"n(?:ano)?(secs?)$", r"\1", t, flags=re.I) for t in unnamed}
+    nanoseconds = next((t for t, seconds in within.items() if seconds != t and seconds in unnamed), None)
+    time = within[nanoseconds] if nanoseconds else time
     counts = [t for t in numeric if _grows(numbers[t]) and (numbers[t] == np.floor(numbers[t])).all()]
     frame = next((t for t in counts if t != time and _FRAME.search(t)), None)
     wide = len({id(group) for group in named.values() if len(group) == 4}) > 1
@@ -146,7 +151,7 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     guessed = {titles[0]} if station and receiver is None else set()
     receiver = receiver or next(iter(guessed), None)
     text = [title for title in titles if title not in numbers and title != receiver]
-    left = [title for title in numeric if title not in (time, frame, receiver)]
+    left = [title for title in numeric if title not in (time, nanoseconds, frame, receiver)]
     free = [t for t in left if t not in named and not _ASIDE.search(t) and len(numbers[t]) > 1]
     growing = [title for title in free if (np.diff(numbers[title]) > 0).all()]
     if time is None and growing and growing == left[:1]:  # and no other that no name puts in a group
@@ -155,7 +160,9 @@ def find_roles(titles: Sequence[str], numbers: Mapping[str, Array]) -> Roles:
     quality = [title for title in left if _QUALITY.search(title) and title not in named]
     others = [t for t in left if t in times or not named.get(t, not _counts(t, numbers[t]))]
     aside = [title for title in left if title in (*aside, *others) and title not in quality]
-    roles = Roles(time, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed)
+    roles = Roles(
+        time, nanoseconds, frame, receiver, quality=quality, aside=aside, text=text, guessed=guessed
+    )
     _sort([title for title in left if title not in (*quality, *aside)], numbers, named, roles)
     roles.angles[:] = [by_azimuth(group) or group for group in roles.angles]
     roles.quaternions[:] = [by_scalar(group) or group for group in roles.quaternions]

@@ -17,7 +17,7 @@ import numpy as np
 from shukotsu.errors import InputError
 from shukotsu.hand.rotations import Array
 from shukotsu.left import instead
-from shukotsu.readers.formats.cells import Cells, unwrapped_s
+from shukotsu.readers.formats.cells import DATES, Cells, unwrapped_s
 from shukotsu.readers.formats.mapped import snake_case, without_marks
 from shukotsu.readers.formats.mapped_csv import TIME_OF_DAY
 from shukotsu.readers.formats.text_table import open_table_text, open_tidy_csv
@@ -44,7 +44,7 @@ from shukotsu.readers.inspection.description import CHECK, Description, draft, e
 from shukotsu.readers.samples import NUMBERS
 from shukotsu.study.layout import Layout
 from shukotsu.tables.limits import SECONDS_PER_UNIT, UNIT_NAMES
-from shukotsu.tables.text_files import open_text
+from shukotsu.tables.text_files import NO_VALUE, open_text
 from shukotsu.tables.typed_table import read_metadata
 
 READ_LINES = 200
@@ -53,7 +53,7 @@ _HEADER_ROWS = 12
 _COMMENTS = ("#", "%", "//")
 _SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "space": None}
 _NUMBER = {
-    mark: re.compile(rf"[+\u2212-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|nan|na|", re.I)
+    mark: re.compile(rf"[+\u2212-]?(\d+[{mark}]?\d*|[{mark}]\d+)([eE][+-]?\d+)?|{NO_VALUE}", re.I)
     for mark in ".,"
 }
 
@@ -173,7 +173,11 @@ def describe_table(path: Path, layout: Layout) -> Description:
     cells = text.cells(text.titles)
     of_day = _numbers(lambda title: unwrapped_s(cells.times_of_day_s(title)), text.titles)
     numbers = _numbers(lambda title: without_marks(cells.reals(title)), text.titles) | of_day
+    dates = _numbers(lambda title: cells.times_s(title, DATES), [t for t in text.titles if t not in numbers])
+    numbers |= dates
     roles = find_roles(text.titles, numbers)
+    if roles.time and roles.nanoseconds:
+        numbers[roles.time] = numbers[roles.time] + 1e-9 * numbers[roles.nanoseconds]
     joint_angles = [title for title in text.titles if _JOINT_ANGLE.search(title)]
     if len(joint_angles) > 2 and not roles.orientations[1]:
         raise InputError(
@@ -189,9 +193,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     if roles.time:
         stated = units.time.stated
         meant = ([stated], "as its title says") if stated else (SECONDS_PER_UNIT, "")
-        lines.append(rate_line(f"time column {roles.time}", numbers[roles.time], *meant))
-    if roles.time and "nanosec" in roles.time:
-        lines.append(f"{roles.time} counts within a second: make one column of it and of the seconds")
+        and_nanoseconds = f" and {roles.nanoseconds}" if roles.nanoseconds else ""
+        lines.append(rate_line(f"time column {roles.time}{and_nanoseconds}", numbers[roles.time], *meant))
     lines += [f"frame column {roles.frame}: {_range(numbers[roles.frame])}"] if roles.frame else []
     receivers: list[str] = []
     if roles.receiver:
@@ -231,8 +234,8 @@ def describe_table(path: Path, layout: Layout) -> Description:
     named = f"by segment of layout {layout.name}: {', '.join(layout.measured)}"
     config["receivers"] = (drafted or {CHECK: {}}, named)
     config["csv"] = _csv(form, roles, units.time, asynchronous)
-    if roles.time in of_day:
-        config["csv"]["time_unit"] = TIME_OF_DAY
+    if roles.time in of_day or roles.time in dates:
+        config["csv"]["time_unit"] = TIME_OF_DAY if roles.time in of_day else DATES
     return Description(tuple(lines), draft(path, config))
 
 
@@ -372,6 +375,8 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
     if roles.time:
         config["time"] = (_column(roles.time), _doubt(roles, [roles.time]))
         config["time_unit"] = time[:2]
+    if roles.nanoseconds:
+        config["nanoseconds"] = _column(roles.nanoseconds)
     if roles.frame and not asynchronous:
         config["frame"] = _column(roles.frame)
     if asynchronous:
@@ -391,9 +396,9 @@ def _csv(form: TextForm, roles: Roles, time: Unit, asynchronous: bool) -> dict[s
 
 def is_tidy(path: Path) -> bool:
     """Return whether a text file's first line has the columns of a tidy recording."""
-    with path.open("rb") as stream:
+    with open_text(path) as stream:
         first = stream.readline(10_000).decode("utf-8", "replace")
-    return _tidy_header([name.strip().strip('"') for name in first.lstrip("\ufeff").split(",")])
+    return _tidy_header([name.strip().strip('"') for name in re.split("[,\t]", first.lstrip("\ufeff"))])
 
 
 def _tidy_header(names: Sequence[str]) -> bool:
@@ -443,7 +448,7 @@ def _tidy(blocks: Iterable[Cells], layout: Layout) -> list[str]:
         return ["it has a header but no rows"]
     frames, time_s = (
         np.concatenate([part.wholes("frame") for part in parts]),
-        np.concatenate([part.reals("time_s") for part in parts]),
+        np.concatenate([part.times_s("time_s", "s") for part in parts]),
     )
     numbers = np.concatenate([np.stack([part.reals(name) for name in NUMBERS], -1) for part in parts])
     lines = [f"{len(frames)} rows, frames {frames.min()} to {frames.max()}, {len(np.unique(frames))} of them"]

@@ -1,5 +1,6 @@
 """Tables as text by mapping: every dress a program gives them, and each fault named where it stands."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,8 @@ import pytest
 import recording_files
 from recording_files import ARM, of
 
+from shukotsu.readers.formats.frames_by_time import framed_by_time
+from shukotsu.readers.formats.mapped import Track
 from shukotsu.readers.samples import Samples
 
 ANGLES = {"kind": "euler", "axes": "ZYX", "unit": "deg"}
@@ -198,6 +201,57 @@ def test_a_pose_without_a_quality_is_of_low_quality(tmp_path: Path) -> None:
     lines = [f"{line},{end}\n" for line, end in zip(LONG_TEXT.splitlines(), ("e", "1", "", "3"), strict=True)]
     samples = read(tmp_path, "".join(lines), mapping)
     np.testing.assert_array_equal(samples.flags["low-quality"], [True, False, True])
+
+
+@pytest.mark.parametrize("order", ["time", "receiver"])
+@pytest.mark.parametrize(("rate_hz", "sd_ms"), [(120, 0.3), (120, 1.5), (120, 3.0), (240, 0.3), (240, 1.5)])
+@pytest.mark.parametrize("lost", [0.0, 0.03])
+def test_frames_of_rows_that_arrive_late(lost: float, rate_hz: float, sd_ms: float, order: str) -> None:
+    """As many frames as there were; what is a frame off was foreseen, and of rows in their order is little."""
+    random, tracks = np.random.default_rng(4), {}
+    for segment in map(str, range(12)):
+        frame = np.flatnonzero(random.random(900) >= lost)
+        time_s = frame / rate_hz + random.normal(0, sd_ms / 1000, len(frame))
+        rows = np.argsort(time_s) if order == "time" else np.arange(len(frame))
+        tracks[segment] = Track(rows, frame[rows], time_s[rows], np.zeros((len(rows), 7)))
+    framed, notes, losses = framed_by_time(tracks)
+    frames = np.concatenate([track.frame for track in framed.values()])
+    assert len(np.unique(frames)) == 900
+    off = int(np.count_nonzero(frames != np.concatenate([track.frame for track in tracks.values()])))
+    said = re.search(r"about (\d+) may be a frame off$", " ".join((*notes, *losses)))
+    assert off <= (2 * int(said[1]) + 10 if said else 0)
+    assert bool(said) == (sd_ms / 1000 > 0.05 / rate_hz)
+    assert order == "time" or off <= 0.5 * lost * len(frames)
+
+
+@pytest.mark.parametrize("rows", ["long", "wide"])
+@pytest.mark.parametrize(("bits", "apart"), [(8, 1), (16, 200), (32, 10**7)])
+def test_a_full_counter_is_counted_on(tmp_path: Path, bits: int, apart: int, rows: str) -> None:
+    """One receiver begins later, after the counter was full once; two takes are not one."""
+    frames = 2**bits - 20 * apart + apart * np.arange(4 * 2**bits // apart // 3 if bits == 8 else 60)
+    cells = [f"{n % 2**bits},{{}},{n - frames[0]},0,0,0,0,0,1" for n in frames]
+    lines = [line.format(sensor) for sensor in (1, 2) for line in (cells if sensor == 1 else cells[30:])]
+    mapping = changed(LONG, {"time": "x", "time_unit": "ms"})
+    if rows == "wide":
+        lines = [f"{line},{line}" for line in cells]
+    samples = read(tmp_path, "\n".join([LONG_TEXT.splitlines()[0], *lines, ""]), mapping)
+    forearm, hand = (samples.frame[of(samples, segment)] for segment in ("forearm", "hand"))
+    np.testing.assert_array_equal(forearm - forearm[0], frames - frames[0])
+    np.testing.assert_array_equal(hand, forearm[30:])
+    assert "the frame counter begins anew after" in samples.notes[0]
+
+
+def test_nanoseconds_are_added_and_dates_are_read(tmp_path: Path) -> None:
+    text = TIMES.format("2026-03-04T10:15:30.120Z", "2026-03-04 09:15:31,5-01:00")
+    for unit in ("s", "iso8601"):
+        times_s = read(tmp_path, text, changed(WIDE, {"time_unit": unit})).time_s
+        np.testing.assert_allclose(times_s[:2] - 1772619330, [0.12, 1.5], atol=1e-6)
+    odd = TIMES.format("04.03.2026 10:15:30", "")
+    refuse(tmp_path, odd, WIDE, "expected a number, or a date as 2026-03-04T10:15:30.120Z")
+    mapping = changed(WIDE, {"time_unit": "s", "nanoseconds": "x1"})
+    np.testing.assert_allclose(
+        read(tmp_path, HEADER + ROWS, mapping).time_s[:2], [1e-9, 4.5 + 1.5e-9], rtol=1e-12
+    )
 
 
 def test_long_rows_that_times_put_into_other_frames_than_counts(tmp_path: Path) -> None:

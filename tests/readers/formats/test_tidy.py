@@ -46,8 +46,25 @@ def refuse(path: Path, message: str, layout: Layout = LIBERTY) -> None:
         TWO_ROWS.replace(",", " , "),
         TWO_ROWS.replace("7,", "7.0,"),
         TWO_ROWS.replace("\n", ',"a ""note"""\n').replace(',"a ""note"""', ",note", 1),
+        TWO_ROWS.replace(",", "\t").encode("utf-16"),
+        TWO_ROWS.replace("\n8", "\n,,,,,,,,,\n8") + ",,,,,,,,,\n" * 9,
+        TWO_ROWS.replace(",0.5,", ",1970-01-01 01:00:00.5+01:00,"),
     ],
-    ids=["plain", "bom", "crlf", "cr", "blank-lines", "spaces", "7.0", "more-columns"],
+    ids=[
+        *[
+            "plain",
+            "bom",
+            "crlf",
+            "cr",
+            "blank-lines",
+            "spaces",
+            "7.0",
+            "more-columns",
+            "utf-16-tabs",
+            "empty-rows",
+            "dates",
+        ]
+    ],
 )
 def test_the_same_recording_however_it_is_saved(tmp_path: Path, content: str) -> None:
     samples = read(write(tmp_path, content))
@@ -56,6 +73,33 @@ def test_the_same_recording_however_it_is_saved(tmp_path: Path, content: str) ->
     np.testing.assert_array_equal(samples.frame, [7, 8])
     np.testing.assert_array_equal(samples.time_s, [0.5, 0.5])
     np.testing.assert_array_equal(samples.numbers, [[1, 2, 3, 1, 0, 0, 0]] * 2)
+    assert samples.notes == (("10 rows without any cell are left out",) if ",,,,,," in str(content) else ())
+    assert samples.locate(1).endswith("line 4" if samples.notes else "line 3") or content.count("\n") != 3
+
+
+@pytest.mark.parametrize(
+    "nothing",
+    [
+        "n/a",
+        "N/A",
+        "NA",
+        "#N/A",
+        "None",
+        "-",
+        "--",
+        "1.#QNAN",
+        "-1.#IND00",
+        "NULL",
+        "nan",
+        "-nan(ind)",
+        ".",
+        "<NA>",
+    ],
+)
+def test_a_cell_with_a_usual_name_of_nothing_is_a_gap(tmp_path: Path, nothing: str) -> None:
+    samples = read(write(tmp_path, row_with("x_mm", nothing).replace("9,1.5", '"1,009",')))
+    np.testing.assert_array_equal(samples.numbers[:, 0], [1, 1, np.nan])
+    np.testing.assert_array_equal(samples.frame, [7, 8, 1009])
 
 
 def test_station_numbers_are_mapped_by_the_layout(tmp_path: Path) -> None:
@@ -114,7 +158,7 @@ def test_a_bad_cell_is_named_by_the_line_an_editor_shows(
         (TWO_ROWS.replace("x_mm", "x"), "column x_mm is missing; found frame, time_s, segment, x, "),
         (TWO_ROWS.replace("segment", "name"), r"column segment \(or receiver\) is missing"),
         (TWO_ROWS.replace(",", ";"), "separated by semicolons: save with commas"),
-        (TWO_ROWS.replace(",", "\t"), "separated by tabs"),
+        (TWO_ROWS + "a" * 10**6 + TWO_ROWS[-20:], "line 4: has more than 1000000 letters"),
         (TWO_ROWS.replace("qw", "QW"), "lower case"),
         (TWO_ROWS.replace("qx", "qw"), "column qx is missing"),
         (TWO_ROWS.replace("\n", ",9\n").replace(",9", ",qw", 1), "column qw is given twice"),
