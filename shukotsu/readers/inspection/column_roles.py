@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import functools
 import operator
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from os.path import commonprefix
 from typing import NamedTuple
 
 import numpy as np
@@ -201,19 +201,30 @@ def pair_receivers(roles: Roles) -> list[tuple[list[str], list[str]]]:
 
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^\W0-9_A-Za-z]+")
-_KINDS = frozenset(
-    {"pos", "position", "loc", "location", "trans", "translation", "rot", "rotation", "q", "quat"}
-)
-_KINDS |= {"quaternion", "ori", "orientation", "att", "attitude", "euler", "ang", "angle", "mat", "matrix"}
+_KINDS = frozenset({"pos", "position", "loc", "location", "trans", "translation", "rot", "rotation", "mat"})
+_KINDS |= {
+    "quat",
+    "quaternion",
+    "q",
+    "ori",
+    "orientation",
+    "att",
+    "attitude",
+    "euler",
+    "ang",
+    "angle",
+    "matrix",
+}
 _LETTERS = frozenset("ptrmo")
 """What titles call a position or an orientation, in words and where these do not tell in letters."""
 
 
 def _shared_words(titles: Sequence[str], ignored: frozenset[str]) -> tuple[str, ...]:
-    """Return the words, in lower case, that all of a receiver's titles have, or begin with; not the ignored."""
+    """Return the words, in lower case, that all of a receiver's titles have, or else how they begin."""
     names = [split_title(title).name for title in titles]
     every = (Counter(word.lower() for word in _WORD.findall(name)) for name in names)
-    shared = functools.reduce(operator.and_, every) or Counter([commonprefix(names).lower().rstrip("q")])
+    begins = os.path.commonprefix(names).lower().rstrip("q")  # noqa: RUF071 : letters, as of handx and handqx
+    shared = functools.reduce(operator.and_, every) or Counter([begins])
     return tuple(sorted(word for word in shared.elements() if word not in {"", *ignored}))
 
 
