@@ -84,6 +84,7 @@ _AXIS = re.compile(
     r"(?P<after>[\W_]*(mm|cm|m|in|inch|deg|rad)?[\W_]*\d*[\W_]*)",
     re.I,
 )
+_AXIS_WITHIN = re.compile(r"(?P<before>(.*[\W_])?[a-z]?)(?P<axis>[wxyz])(?P<after>[\W_].*)", re.I)
 """A title's axis, and what the titles of the same receiver share before and after it."""
 _NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
 
@@ -254,7 +255,7 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
     spellings = {split_title(title).name.lower() for title in titles}
     for title in titles:
         name, unit = _spell_title(title, spellings)
-        if match := _AXIS.fullmatch(name):
+        if match := _AXIS.fullmatch(name) or _AXIS_WITHIN.fullmatch(name):
             axes = alike.setdefault((match["before"].lower(), match["after"].lower(), unit), {})
             axes.setdefault(match["axis"][0].lower(), title)
     groups: dict[str, list[str]] = {}
@@ -316,7 +317,11 @@ def by_scalar(titles: Sequence[str]) -> list[str]:
 def _by_axis(titles: Sequence[str], axes: str) -> list[str]:
     spellings = {split_title(title).name.lower() for title in titles}
     named = {_spell_title(title, spellings).name: title for title in titles}
-    by_axis = {match["axis"][0].lower(): named[name] for name in named if (match := _AXIS.fullmatch(name))}
+    by_axis = {
+        match["axis"][0].lower(): named[name]
+        for name in named
+        if (match := _AXIS.fullmatch(name) or _AXIS_WITHIN.fullmatch(name))
+    }
     return [by_axis[axis] for axis in axes] if by_axis.keys() == {*axes} else []
 
 

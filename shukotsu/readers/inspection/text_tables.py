@@ -215,7 +215,6 @@ def describe_table(path: Path, layout: Layout) -> Description:
     lines += [f"quality {title}: {_range(numbers[title])}" for title in roles.quality]
     lines += [f"other numbers: {', '.join(roles.aside)} (quality?)"] if roles.aside else []
     lines += [f"text: {', '.join(roles.text)}"] if roles.text else []
-    lines += [f"empty: {', '.join(roles.empty)}"] if roles.empty else []
     repeated = 0.0 if roles.receiver else _repeats(roles, numbers, lines)
     if roles.orientations[1] and not roles.positions:
         lines.append("no positions were found")
@@ -223,15 +222,15 @@ def describe_table(path: Path, layout: Layout) -> Description:
         lines.append("no orientations were found, which receivers need")
     asynchronous = repeated > REPEATED_SHARE and roles.time is not None
     pairs = [] if roles.receiver else pair_receivers(roles)
-    alone = [
+    remarks = [f"empty: {', '.join(roles.empty)}"] if roles.empty else []
+    remarks += [
         f"{' '.join(position + turning)}: no {'orientation' if position else 'position'} goes with it by its "
         "name; it is left out of the mapping"
         for position, turning in pairs
-        if not (position and turning)
-        if roles.orientations[1] and roles.positions
+        if not (position and turning) and roles.orientations[1] and roles.positions
     ]
-    lines += alone
-    whole = [pair for pair in pairs if all(pair)] if alone else pairs
+    lines += remarks
+    whole = [pair for pair in pairs if all(pair) or not roles.orientations[1]]
     drafted = _receivers(roles, receivers, whole, layout)
     # the mapping but for its `csv` group
     config: dict[str, Any] = {"format": "csv", "position_unit": units.position[:2]}
@@ -246,7 +245,7 @@ def describe_table(path: Path, layout: Layout) -> Description:
     config["csv"] = _csv(form, roles, units.time, asynchronous)
     if roles.time in of_day:
         config["csv"]["time_unit"] = TIME_OF_DAY
-    return Description(tuple(lines), draft(path, config, (f"# {line}" for line in alone)))
+    return Description(tuple(lines), draft(path, config, (f"# {line}" for line in remarks)))
 
 
 def _numbers(read: Callable[[str], Array], titles: Sequence[str]) -> dict[str, Array]:
@@ -355,9 +354,7 @@ def _receivers(
 
 
 def _doubt(roles: Roles, titles: Sequence[str]) -> str:
-    empty = [title for title in titles if title in roles.empty]
-    doubts = [GUESSED] if roles.guessed & {*titles} else []
-    return "; ".join(doubts + [f"empty in this file: {', '.join(empty)}"] * bool(empty))
+    return "" if roles.guessed.isdisjoint(titles) else GUESSED
 
 
 def _segment(title: str, layout: Layout, titles: Iterable[str]) -> str:
