@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.compute as pc
@@ -34,7 +35,29 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     declared = Declared.of(parameters.get("mapping"), parameters.get("orientation", ""))
     side = hand or recording_name(path).hand
     poses, broken = read_poses(path, layout.measured), parameters.get("breaks", ())
-    return check_recording(poses, layout, side, declared, _left_out(path), broken)
+    checked = check_recording(poses, layout, side, declared, _left_out(path), broken)
+    loose = [_loose_cluster(cluster) for cluster in parameters.get("clusters", ())]
+    dead = [s for s, valid in zip(poses.segments, poses.valid.T, strict=True) if not valid.any()]
+    mapping, absent = parameters.get("mapping"), parameters.get("absent", [])
+    dead = [s for s in dead if s in layout.expected and s not in (mapping or {}).get("fixed", ())]
+    unmapped = [s for s in dead if mapping is not None and s not in absent]
+    missing = [
+        Finding("receivers-absent", NOTE, variant, {"segments": segments})
+        for variant, segments in (("", [s for s in dead if s not in unmapped]), ("unmapped", unmapped))
+        if segments
+    ]
+    return replace(checked, findings=(*loose, *checked.findings, *missing))
+
+
+LOOSE_PERCENT = 1.0
+"""Percent of a cluster's frames: more that do not fit are no slips of labels where its markers move apart."""
+
+
+def _loose_cluster(cluster: Mapping[str, Any]) -> Finding:
+    values = {**cluster, "groups": " or ".join(cluster["groups"])}
+    if cluster["whole"] or cluster["percent"] < LOOSE_PERCENT:
+        return Finding("cluster-not-rigid", NOTE, "some", values)
+    return Finding("cluster-not-rigid", SUSPECT, "" if cluster["groups"] else "apart", values)
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:
