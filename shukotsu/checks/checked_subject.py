@@ -36,7 +36,7 @@ def checked_poses(path: Path, layout: Layout, hand: str | None = None) -> Checke
     side = hand or recording_name(path).hand
     poses, broken = read_poses(path, layout.measured), parameters.get("breaks", ())
     checked = check_recording(poses, layout, side, declared, _left_out(path), broken)
-    loose = [_loose_cluster(cluster) for cluster in parameters.get("clusters", ())]
+    loose = _loose_clusters(parameters.get("clusters", ()))
     dead = [s for s, valid in zip(poses.segments, poses.valid.T, strict=True) if not valid.any()]
     mapping, absent = parameters.get("mapping"), parameters.get("absent", [])
     dead = [s for s in dead if s in layout.expected and s not in (mapping or {}).get("fixed", ())]
@@ -53,11 +53,16 @@ LOOSE_PERCENT = 1.0
 """Percent of a cluster's frames: more that do not fit are no slips of labels where its markers move apart."""
 
 
-def _loose_cluster(cluster: Mapping[str, Any]) -> Finding:
-    values = {**cluster, "groups": " or ".join(cluster["groups"])}
-    if cluster["whole"] or cluster["percent"] < LOOSE_PERCENT:
-        return Finding("cluster-not-rigid", NOTE, "some", values)
-    return Finding("cluster-not-rigid", SUSPECT, "" if cluster["groups"] else "apart", values)
+def _loose_clusters(clusters: Sequence[Mapping[str, Any]]) -> list[Finding]:
+    """Name clusters of which more than slips of labels are left out, and all others in one note."""
+    loose = [each for each in clusters if not each["whole"] and each["percent"] >= LOOSE_PERCENT]
+    findings = [
+        Finding("cluster-not-rigid", SUSPECT, "" if each["groups"] else "apart", each)
+        for each in ({**each, "groups": " or ".join(each["groups"])} for each in loose)
+    ]
+    slips = {each["segment"]: each["count"] for each in clusters if each not in loose}
+    seen = {"count": sum(slips.values()), "of": [*slips], "counts": [*slips.values()]}
+    return findings + [Finding("cluster-not-rigid", NOTE, "some", seen)] * bool(slips)
 
 
 def _left_out(path: Path) -> dict[str, Counter[str]]:
