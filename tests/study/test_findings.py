@@ -205,7 +205,7 @@ def test_kinds_are_those_of_the_contract() -> None:
         "quaternion-order, quaternion-inverse, euler-order, units, time-unit, clock, hemisphere, "
         "receiver-stuck, sudden-change, spikes, receivers-swapped, digits-swapped, wrong-hand, "
         "axes-mirrored, receiver-turned, other-person, same-file, too-short, zeros, receivers-alike, "
-        "unchecked"
+        "cluster-not-rigid, receivers-absent, unchecked"
     )
     assert ", ".join(kinds()) == expected
 

@@ -103,7 +103,7 @@ def read_c3d(path: Path, layout: Layout, mapping: FileMapping | None) -> Samples
 
 
 RIGID_VARIATION = 0.06
-"""Each distance in a rigid group varies by less than this share of it, noise apart, and of how far it moves."""
+"""Each distance in a rigid group varies, noise apart, by less than this share of it and of its ends' ways."""
 _FRAMES, _MARKERS, _DISTANCES = 100, 200, 2_000_000
 _NOISE_WIDTH = 4.1
 """So many sd of noise lie between the percentiles 2 and 98."""
