@@ -387,13 +387,13 @@ def _of_cluster(
         return poses, misfit, note, []
     groups = rigid_groups(points_mm)
     rigid = [f"[{', '.join(markers[index] for index in group)}]" for group in groups]
-    loose = {
+    seen = {
         "segment": segment,
         "count": int(odd.sum()),
         "percent": 100 * odd.sum() / np.isfinite(misfit).sum(),
     }
-    whole = len(groups[0]) == len(markers) if groups else False
-    return poses, misfit, note, [{**loose, "groups": rigid, "whole": whole}]
+    whole = [*map(len, groups)] == [len(markers)]
+    return poses, misfit, note, [{**seen, "groups": rigid, "whole": whole}]
 
 
 def _of_rotation(

@@ -86,6 +86,12 @@ _AXIS = re.compile(
 )
 _AXIS_WITHIN = re.compile(r"(?P<before>(.*[\W_])?[a-z]?)(?P<axis>[wxyz])(?P<after>[\W_].*)", re.I)
 """A title's axis, and what the titles of the same receiver share before and after it."""
+
+
+def _axis_in(name: str) -> re.Match[str] | None:
+    return _AXIS.fullmatch(name) or _AXIS_WITHIN.fullmatch(name)
+
+
 _NAMED_GROUPS = (("w", "x", "y", "z"), ("x", "y", "z"), ("a", "e", "r"))
 
 
@@ -180,7 +186,7 @@ def pair_receivers(roles: Roles) -> list[tuple[list[str], list[str]]]:
     """
     groups = roles.positions, roles.orientations[1]
     partner: dict[int, int] = {}  # orientation by position
-    for ignored in (_KINDS, _KINDS | _LETTERS):
+    for ignored in (_KINDS, _KINDS + "|[ptrmo]"):
         words = [[_shared_words(titles, ignored) for titles in alike] for alike in groups]
         left = [at for at in range(len(groups[0])) if at not in partner]
         free = [at for at in range(len(groups[1])) if at not in partner.values()]
@@ -202,31 +208,20 @@ def pair_receivers(roles: Roles) -> list[tuple[list[str], list[str]]]:
 
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^\W0-9_A-Za-z]+")
-_KINDS = frozenset({"pos", "position", "loc", "location", "trans", "translation", "rot", "rotation", "mat"})
-_KINDS |= {
-    "quat",
-    "quaternion",
-    "q",
-    "ori",
-    "orientation",
-    "att",
-    "attitude",
-    "euler",
-    "ang",
-    "angle",
-    "matrix",
-}
-_LETTERS = frozenset("ptrmo")
-"""What titles call a position or an orientation, in words and where these do not tell in letters."""
+_KINDS = (
+    "pos(ition)?|loc(ation)?|trans(lation)?|rot(ation)?|q(uat(ernion)?)?|ori(entation)?|att(itude)?|euler"
+    "|ang(le)?|mat(rix)?"
+)
+"""What titles call a position or an orientation, in words; where these do not tell, in letters, too."""
 
 
-def _shared_words(titles: Sequence[str], ignored: frozenset[str]) -> tuple[str, ...]:
+def _shared_words(titles: Sequence[str], ignored: str) -> tuple[str, ...]:
     """Return the words, in lower case, that all of a receiver's titles have, or else how they begin."""
     names = [split_title(title).name for title in titles]
     every = (Counter(word.lower() for word in _WORD.findall(name)) for name in names)
     begins = os.path.commonprefix(names).lower().rstrip("q")  # noqa: RUF071 : letters, as of handx and handqx
     shared = functools.reduce(operator.and_, every) or Counter([begins])
-    return tuple(sorted(word for word in shared.elements() if word not in {"", *ignored}))
+    return tuple(sorted(word for word in shared.elements() if not re.fullmatch(f"({ignored})?", word)))
 
 
 def _counts(title: str, values: Array) -> bool:
@@ -255,7 +250,7 @@ def _named_groups(titles: Sequence[str], numbers: Mapping[str, Array]) -> dict[s
     spellings = {split_title(title).name.lower() for title in titles}
     for title in titles:
         name, unit = _spell_title(title, spellings)
-        if match := _AXIS.fullmatch(name) or _AXIS_WITHIN.fullmatch(name):
+        if match := _axis_in(name):
             axes = alike.setdefault((match["before"].lower(), match["after"].lower(), unit), {})
             axes.setdefault(match["axis"][0].lower(), title)
     groups: dict[str, list[str]] = {}
@@ -317,11 +312,7 @@ def by_scalar(titles: Sequence[str]) -> list[str]:
 def _by_axis(titles: Sequence[str], axes: str) -> list[str]:
     spellings = {split_title(title).name.lower() for title in titles}
     named = {_spell_title(title, spellings).name: title for title in titles}
-    by_axis = {
-        match["axis"][0].lower(): named[name]
-        for name in named
-        if (match := _AXIS.fullmatch(name) or _AXIS_WITHIN.fullmatch(name))
-    }
+    by_axis = {match["axis"][0].lower(): named[name] for name in named if (match := _axis_in(name))}
     return [by_axis[axis] for axis in axes] if by_axis.keys() == {*axes} else []
 
 
